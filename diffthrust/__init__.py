@@ -1,0 +1,57 @@
+"""Differentiable models of underwater thrusters and small vessels, with batch estimation.
+
+    log -> simulate -> compare -> diagnose -> model + effect -> fit -> compare ...
+
+Importing the package switches JAX to double precision (``jax_enable_x64``): in single precision a
+fit cannot tell a stationary point from rounding.
+"""
+
+import os as _os
+
+import jax as _jax
+
+_jax.config.update("jax_enable_x64", True)
+# XLA compiles a loop on the CPU as one kernel only while its body is small; models with effects
+# are above its limit and run up to ten times slower. The flag is read when JAX first computes.
+if "xla_backend_extra_options" not in _os.environ.get("XLA_FLAGS", ""):
+    _os.environ["XLA_FLAGS"] = (
+        _os.environ.get("XLA_FLAGS", "")
+        + " --xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=1000000"
+    ).strip()
+
+from diffthrust import effects as effects  # noqa: E402
+from diffthrust import models as models  # noqa: E402
+from diffthrust._compare import Comparison as Comparison  # noqa: E402
+from diffthrust._compare import compare as compare  # noqa: E402
+from diffthrust._effect import Effect as Effect  # noqa: E402
+from diffthrust._errors import InputError as InputError  # noqa: E402
+from diffthrust._fit import fit as fit  # noqa: E402
+from diffthrust._log import Log as Log  # noqa: E402
+from diffthrust._metrics import Errors as Errors  # noqa: E402
+from diffthrust._model import Model as Model  # noqa: E402
+from diffthrust._parameters import Normal as Normal  # noqa: E402
+from diffthrust._parameters import Parameter as Parameter  # noqa: E402
+from diffthrust._parameters import parameter as parameter  # noqa: E402
+from diffthrust._physical import Quantity as Quantity  # noqa: E402
+from diffthrust._physical import derived as derived  # noqa: E402
+from diffthrust._physical import physical as physical  # noqa: E402
+from diffthrust._read import Column as Column  # noqa: E402
+from diffthrust._read import read_log as read_log  # noqa: E402
+from diffthrust._result import Estimate as Estimate  # noqa: E402
+from diffthrust._result import Fit as Fit  # noqa: E402
+from diffthrust._signals import Ports as Ports  # noqa: E402
+from diffthrust._signals import Relaxing as Relaxing  # noqa: E402
+from diffthrust._signals import Signals as Signals  # noqa: E402
+from diffthrust._simulate import simulate as simulate  # noqa: E402
+from diffthrust._status import Checks as Checks  # noqa: E402
+from diffthrust._status import Status as Status  # noqa: E402
+from diffthrust._step_check import CoarseStepWarning as CoarseStepWarning  # noqa: E402
+from diffthrust._step_check import choose_substeps as choose_substeps  # noqa: E402
+from diffthrust._step_check import step_error as step_error  # noqa: E402
+from diffthrust.models import AxisVehicle as AxisVehicle  # noqa: E402
+from diffthrust.models import DCMotorThruster as DCMotorThruster  # noqa: E402
+from diffthrust.models import LinearSensor as LinearSensor  # noqa: E402
+from diffthrust.models import Thruster as Thruster  # noqa: E402
+from diffthrust.models import Vessel as Vessel  # noqa: E402
+
+__version__ = "0.1.0"

@@ -1,0 +1,73 @@
+"""Checks of what a caller gives to `fit`, before any work is done."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Sequence
+from typing import Any
+
+from diffthrust._errors import InputError
+from diffthrust._intake import inputs_of
+from diffthrust._log import Log
+from diffthrust._model import Model
+
+
+def listed(logs: Any) -> tuple[Log, ...]:
+    """One log or several as a tuple.
+
+    Raises:
+        InputError: something else than logs.
+    """
+    found = (logs,) if isinstance(logs, Log) else logs
+    if not isinstance(found, Sequence) or not all(isinstance(log, Log) for log in found):
+        raise InputError(
+            f"Expected a Log or a sequence of them, found {type(logs).__name__}.",
+            "Read a file with dft.read_log, or make a dft.Log.",
+        )
+    return tuple(found)
+
+
+def check_arguments(
+    model: Any,
+    logs: Sequence[Log],
+    unseen: Sequence[Log],
+    starts: Any,
+    seed: Any,
+    substeps: Any,
+    loss: str,
+    initial: str,
+) -> None:
+    """Raise `InputError` for an argument of `fit` that cannot be meant."""
+    if not isinstance(model, Model):
+        raise InputError(
+            f"Expected a model, found {model!r}.", "Give an instance, such as dft.Thruster()."
+        )
+    for what, value, known in (
+        ("loss", loss, ("gaussian", "student_t")),
+        ("initial", initial, ("auto", "estimate", "measured")),
+    ):
+        if value not in known:
+            raise InputError(
+                f"{what}: expected one of {', '.join(known)}, found {value!r}.", "Correct it."
+            )
+    for what, value, least in (("starts", starts, 1), ("seed", seed, 0), ("substeps", substeps, 1)):
+        if what == "substeps" and value is None:
+            continue
+        try:
+            fine = operator.index(value) >= least
+        except TypeError:
+            fine = False
+        if not fine:
+            raise InputError(
+                f"{what}: expected at least {least}, a whole number, found {value!r}.",
+                "Correct it.",
+            )
+    for log in unseen:  # before the work, not after it
+        inputs_of(model, log)
+    if not logs:
+        raise InputError("A fit needs at least one log, found none.", "Give at least one log.")
+    if all(p.fixed for p in model.parameters.values()):
+        raise InputError(
+            f"Every parameter of '{model}' is fixed: there is nothing to fit.",
+            "Free at least one, or use compare.",
+        )

@@ -1,0 +1,52 @@
+"""JAX's persistent compilation cache, as the command line sets it up."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+
+def enable_compilation_cache() -> Path | None:
+    """Keep compiled code between processes, so that only the first run of a kind compiles.
+
+    The folder is the user's cache folder for the package; the environment variable
+    ``DIFFTHRUST_CACHE`` names another, and an empty one or ``off`` switches the cache off. A
+    folder that cannot be written to switches it off as well: a cache is never worth a failure.
+    ``JAX_COMPILATION_CACHE_DIR``, where set, is left to JAX.
+
+    Returns:
+        The folder, or ``None`` where there is no cache.
+    """
+    # Code that can raise from inside is never cached; NaN does as well where status is checked.
+    os.environ.setdefault("EQX_ON_ERROR", "nan")
+    named = os.environ.get("DIFFTHRUST_CACHE")
+    if named is not None and named.strip().lower() in ("", "off"):
+        return None
+    if named is None and "JAX_COMPILATION_CACHE_DIR" in os.environ:
+        return Path(os.environ["JAX_COMPILATION_CACHE_DIR"])
+    folder = _writable(named)
+    if folder is None:
+        return None
+    import jax
+
+    jax.config.update("jax_compilation_cache_dir", str(folder))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+    jax.config.update("jax_raise_persistent_cache_errors", False)
+    return folder
+
+
+def _writable(named: str | None) -> Path | None:
+    try:
+        if named is None:
+            import platformdirs
+
+            folder = Path(platformdirs.user_cache_dir("diffthrust", appauthor=False))
+        else:
+            folder = Path(named).expanduser()
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return folder.resolve()
+    except (OSError, RuntimeError):
+        return None

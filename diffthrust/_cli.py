@@ -1,0 +1,257 @@
+"""The command line: fit, compare, check, demo, effects."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from diffthrust._errors import InputError
+from diffthrust._session import CHECK_FAILED, DONE, session
+
+if TYPE_CHECKING:
+    from diffthrust._compare import Comparison
+    from diffthrust._result import Fit
+    from diffthrust._spec import Spec
+
+app = typer.Typer(
+    name="diffthrust",
+    help="Fit models of underwater thrusters and small vessels to logs, and see what they lack.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+SpecPath = Annotated[
+    Path, typer.Argument(metavar="SPEC", help="A spec file (TOML), or a folder with a fit.toml.")
+]
+JsonPath = Annotated[
+    Path | None, typer.Option("--json", metavar="FILE", help="Write the results as JSON.")
+]
+ReportPath = Annotated[
+    Path | None,
+    typer.Option("--report", metavar="FILE.html", help="Write a page with tables and figures."),
+]
+
+
+def main() -> None:
+    """Entry point of the ``diffthrust`` command."""
+    app()
+
+
+@app.callback(invoke_without_command=True)
+def _start(
+    version: Annotated[bool, typer.Option("--version", help="Show the version.")] = False,
+) -> None:
+    if version:
+        from diffthrust import __version__
+
+        typer.echo(f"diffthrust {__version__}")
+        raise typer.Exit(DONE)
+
+
+@app.command()
+def fit(spec: SpecPath, json: JsonPath = None, report: ReportPath = None) -> None:
+    """Estimate the free parameters of a model from logs, and try it on unseen ones."""
+    with session() as progress:
+        loaded = _load(spec)
+        train, holdout = loaded.train_logs(), loaded.holdout_logs()
+        found = loaded.fit(progress, train=train, holdout=holdout)
+        if json:
+            _write_json(json, found.to_json())
+        if report:
+            _write_report(report, loaded, found, _comparisons(loaded, found, train, holdout))
+    from diffthrust._display import fit_table
+
+    _show(fit_table(found))
+    _written(json, report)
+
+
+@app.command()
+def compare(
+    spec: SpecPath,
+    no_fit: Annotated[
+        bool, typer.Option("--no-fit", help="Take the parameters as the spec gives them.")
+    ] = False,
+    json: JsonPath = None,
+    report: ReportPath = None,
+    figure: Annotated[
+        Path | None,
+        typer.Option("--figure", metavar="FILE.png", help="Draw the unseen logs, or all if none."),
+    ] = None,
+) -> None:
+    """Hold a model against its logs, run by run, after a fit or as it stands."""
+    with session() as progress:
+        loaded = _load(spec)
+        train, holdout = loaded.train_logs(), loaded.holdout_logs()
+        found = None if no_fit else loaded.fit(progress, train=train, holdout=holdout)
+        comparisons = _comparisons(loaded, found, train, holdout)
+        if json:
+            parts = {name.split()[0]: c.to_json() for name, c in comparisons.items()}
+            head = {k: next(iter(parts.values()))[k] for k in ("schema", "model", "effects")}
+            short = {k: {n: v[n] for n in ("errors", "runs")} for k, v in parts.items()}
+            short = {"train": short["training"], "holdout": short.get("unseen")}
+            status = found.status.value if found else None
+            _write_json(json, {**head, "status": status, **short})
+        if report:
+            _write_report(report, loaded, found, comparisons)
+        if figure:
+            _write_figure(figure, list(comparisons.values())[-1])
+    from diffthrust._display import comparison_table
+
+    if found:
+        _show(f"Status: {found.status.value}. {found.message}")
+    for name, comparison in comparisons.items():
+        _show(comparison_table(comparison, name))
+    _written(json, report, figure)
+
+
+@app.command()
+def check(
+    directory: Annotated[Path, typer.Argument(metavar="DIR", help="The folder of the fits.")],
+    update: Annotated[
+        bool, typer.Option("--update", help="Write what was found as what is expected.")
+    ] = False,
+    json: JsonPath = None,
+) -> None:
+    """Run every DIR/NAME/fit.toml again; exit status 1 where one has moved."""
+    with session() as progress:
+        from diffthrust._check import check as run_check
+
+        checked = run_check(directory, update, progress)
+        if json:
+            _write_json(json, checked.to_json())
+    from diffthrust._display import check_table
+
+    _show(check_table(checked))
+    _written(json)
+    if not checked.ok:
+        raise typer.Exit(CHECK_FAILED)
+
+
+@app.command()
+def demo(
+    output: Annotated[
+        Path, typer.Option("--output", metavar="DIR", help="Where to put the figure.")
+    ] = Path("demo_output"),
+) -> None:
+    """Fit the thruster to a log that comes with the package, and try it on an unseen one."""
+    with session() as progress:
+        loaded = _load(demo_folder())
+        train, holdout = loaded.train_logs(), loaded.holdout_logs()
+        found = loaded.fit(progress, train=train, holdout=holdout)
+        try:
+            output.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(
+                f"{output}: the folder cannot be made ({error.strerror}).",
+                "Name another: diffthrust demo --output DIR.",
+            ) from None
+        figure = output / "comparison.png"
+        _write_figure(figure, _comparisons(loaded, found, train, holdout)["unseen logs"])
+    from diffthrust._display import fit_table
+
+    _show(fit_table(found))
+    assert found.holdout is not None
+    _show(f"Error on the unseen log: NRMSE {found.holdout.nrmse:.4f}.")
+    _written(figure)
+
+
+@app.command()
+def effects() -> None:
+    """List the effects that a model can be given: what each does, where, and its parameters."""
+    with session():
+        from diffthrust._display import effects_table
+        from diffthrust.effects import EFFECTS
+        from diffthrust.models import MODELS
+
+        table = effects_table(EFFECTS.values(), MODELS.values())
+    _show(table)
+
+
+def demo_folder() -> Path:
+    """The folder of the demo's spec and logs, in a wheel or in a checkout.
+
+    Raises:
+        InputError: neither place has it.
+    """
+    here = Path(__file__).resolve().parent
+    places = (here / "_demo", here.parent / "fits" / "jason_thruster")
+    for place in places:
+        if (place / "fit.toml").is_file():
+            return place
+    raise InputError(
+        f"The demo's log is missing; it is looked for in {places[0]} and {places[1]}.",
+        "Install the package again.",
+    )
+
+
+def _load(path: Path) -> Spec:
+    from diffthrust._spec import load_spec
+
+    return load_spec(path)
+
+
+def _comparisons(
+    loaded: Spec, found: Fit | None, train: Any, holdout: Any
+) -> dict[str, Comparison]:
+    from diffthrust._compare import compare as hold
+
+    if found is None:
+        out = {"training logs": hold(loaded.model, train)}
+    else:
+        usable = found.status.value != "simulation_failed"
+        out = {"training logs": hold(found, train, initial=found.initial if usable else None)}
+    if holdout:
+        out["unseen logs"] = hold(found or loaded.model, holdout)
+    return out
+
+
+def _write_json(path: Path, data: dict[str, Any]) -> None:
+    from diffthrust._files import write_json
+
+    write_json(path, data)
+
+
+def _write_report(
+    path: Path, loaded: Spec, found: Fit | None, comparisons: dict[str, Comparison]
+) -> None:
+    from diffthrust._report import write_report
+
+    write_report(path, title=loaded.name, spec=loaded.text, comparisons=comparisons, fit=found)
+
+
+def _write_figure(path: Path, comparison: Comparison) -> None:
+    from io import BytesIO
+
+    from diffthrust._files import write_whole
+
+    kind = path.suffix.lower().removeprefix(".")
+    if kind not in ("png", "svg", "pdf"):
+        raise InputError(
+            f"{path}: expected a figure ending in .png, .svg or .pdf.", "Change the ending."
+        )
+    out = BytesIO()
+    comparison.plot().savefig(out, format=kind, dpi=120)
+    write_whole(path, out.getvalue())
+
+
+def _show(thing: Any) -> None:
+    from rich.console import Console
+
+    # files and pipes have no width: let no table be folded there
+    console = Console(width=None if sys.stdout.isatty() else 140, highlight=False)
+    console.print(thing)
+
+
+def _written(*paths: Path | None) -> None:
+    for path in paths:
+        if path:
+            typer.echo(f"Written: {path}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,211 @@
+"""Results as tables for people (rich)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from io import StringIO
+from typing import TYPE_CHECKING
+
+from rich.console import Console, Group, RenderableType
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+from diffthrust._effect import Effect
+from diffthrust._metrics import Errors
+from diffthrust._model import Model
+
+if TYPE_CHECKING:
+    from diffthrust._check import Checked
+    from diffthrust._compare import Comparison
+    from diffthrust._result import Estimate, Fit
+
+
+def rendered(thing: RenderableType, width: int = 100) -> str:
+    """A table as plain text, without colours."""
+    out = StringIO()
+    Console(file=out, width=width, force_terminal=False, color_system=None).print(thing)
+    return "\n".join(line.rstrip() for line in out.getvalue().splitlines()) + "\n"
+
+
+def fit_table(fit: Fit) -> RenderableType:
+    """Status, parameters with their uncertainty, errors on training and unseen logs, notes."""
+    status = Text.assemble(
+        ("Status: ", "bold"),
+        (fit.status.value, "bold green" if fit.status.ok else "bold red"),
+    )
+    parts: list[RenderableType] = [
+        Text(str(fit.model), style="bold"),
+        status,
+        Text(fit.message),
+        Text(),
+        parameter_table(fit.parameters),
+        Text(),
+        error_table([("training", fit.train), ("unseen", fit.holdout)], units(fit.model)),
+        *(Text(f"Note: {note}") for note in fit.notes),
+    ]
+    return Group(*parts)
+
+
+def parameter_table(parameters: Mapping[str, Estimate]) -> Table:
+    """One row for each parameter; numbers end at the second digit of their standard error."""
+    table = _table("Parameter", "Value", "Std error", "Unit", "", numbers=(1, 2))
+    for name, e in parameters.items():
+        if e.fixed:
+            remark = "fixed"
+        elif e.at_bound:
+            remark = "at its bound"
+        else:
+            remark = "" if e.std_error is not None else "not determined by these logs"
+        value, error = with_error(e.value, e.std_error)
+        table.add_row(escape(name), value, error, escape(e.unit), remark)
+    return table
+
+
+def error_table(errors: Iterable[tuple[str, Errors | None]], unit: Mapping[str, str]) -> Table:
+    """Errors by log and channel, and over all channels."""
+    table = _table("Logs", "Channel", "RMSE", "Unit", "NRMSE", "Fit %", "Samples")
+    for column in (2, 4, 5, 6):
+        table.columns[column].justify = "right"
+    for logs, error in errors:
+        if error is None:
+            continue
+        for name, e in error.channels.items():
+            table.add_row(
+                escape(logs),
+                escape(name),
+                number(e.rmse),
+                escape(unit.get(name, "")),
+                number(e.nrmse),
+                f"{round(e.fit_percent, 1) + 0.0:.1f}",
+                str(e.samples),
+            )
+        if len(error.channels) > 1:
+            table.add_row(escape(logs), "all", "", "", number(error.nrmse), "", "", style="bold")
+        table.add_section()
+    return table
+
+
+def comparison_table(comparison: Comparison, title: str = "") -> RenderableType:
+    """Errors of each run, and pooled over the runs."""
+    errors = [(run.name, run.errors) for run in comparison.runs]
+    if len(errors) > 1:
+        errors.append(("all runs", comparison.errors))
+    heading = f"{comparison.model}{f', {title}' if title else ''}"
+    return Group(Text(heading, style="bold"), error_table(errors, units(comparison.model)))
+
+
+def check_table(checked: Checked) -> RenderableType:
+    """What moved, line by line, and a summary for each fit that did not."""
+    table = _table("Fit", "Quantity", "Expected", "Found", "Tolerance", "", numbers=(2, 3, 4))
+    mends: list[RenderableType] = []
+    for fit in checked.fits:
+        rows = [row for row in checked.rows if row.fit == fit]
+        for row in rows:
+            wordy = isinstance(row.found, str) and " " in row.found
+            table.add_row(
+                escape(fit),
+                escape(row.quantity),
+                _cell(row.expected),
+                "see below" if wordy else _cell(row.found),
+                "" if row.tolerance is None else f"{row.tolerance:.2g}",
+                Text("ok", "green") if row.ok else Text("FAILED", "bold red"),
+            )
+            if wordy:
+                mends.append(Text(f"{fit}: {row.found}"))
+            if row.mend:
+                mends.append(Text(f"{fit}, {row.quantity}. Mend: {row.mend}"))
+        table.add_section()
+    failed = [fit for fit in checked.fits if any(r.fit == fit and not r.ok for r in checked.rows)]
+    total = len(checked.fits)
+    fits = f"{total} fit{'s' if total > 1 else ''}"
+    if failed:
+        summary = Text(f"{len(failed)} of {fits} failed: {', '.join(failed)}.", "bold red")
+    elif checked.updated:
+        summary = Text(f"{fits} run; written anew: {', '.join(checked.updated)}.", "bold green")
+    else:
+        summary = Text(f"{fits} checked, none moved.", "bold green")
+    return Group(table, *mends, summary)
+
+
+def effects_table(effects: Iterable[type[Effect]], models: Iterable[type[Model]]) -> RenderableType:
+    """The catalogue: what each effect does, where, with which parameters, for which models."""
+    parts: list[RenderableType] = []
+    models = tuple(models)
+    for effect in sorted(effects, key=lambda e: (e.port, e.name)):
+        suits = [model.name for model in models if _suits(model(), effect())]
+        first = (effect.__doc__ or "").strip().splitlines()
+        table = Table(box=None, show_header=False, padding=(0, 1), pad_edge=False)
+        table.add_column(style="dim", no_wrap=True)
+        table.add_column()
+        table.add_row("  port", effect.port)
+        for name, p in effect.declared.items():
+            start = f"{name} [{p.unit or '-'}]" + (" (fixed)" if p.fixed else "")
+            null = f", null {p.null:g}" if p.null is not None else ""
+            table.add_row("  parameter", escape(f"{start}, starts at {p.value:g}{null}"))
+        table.add_row("  needs", ", ".join(effect.needs) or "nothing besides the model's channels")
+        table.add_row("  models", ", ".join(suits) or "none of the catalogue")
+        title = Text.assemble((effect.name, "bold cyan"), f": {first[0] if first else ''}")
+        parts += [title, table, Text()]
+    return Group(*parts)
+
+
+def _suits(model: Model, effect: Effect) -> bool:
+    try:
+        _ = model + effect
+    except ValueError:
+        return False
+    return True
+
+
+def units(model: Model) -> dict[str, str]:
+    """The unit of each channel that the model puts out."""
+    return dict(model.outputs)
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """A number with some significant digits, ``-`` where there is none.
+
+    Example:
+        >>> number(0.0123456)
+        '0.01235'
+    """
+    if value is None or math.isnan(value):
+        return "-"
+    if value == 0 or 1e-4 <= abs(value) < 1e6:
+        places = digits - 1 - (math.floor(math.log10(abs(value))) if value else 0)
+        return f"{value:.{min(max(places, 0), digits + 3)}f}"
+    return f"{value:.{digits - 1}e}" if math.isfinite(value) else f"{value}"
+
+
+def with_error(value: float, error: float | None) -> tuple[str, str]:
+    """A value and its standard error, both to the second digit of the error.
+
+    Example:
+        >>> with_error(0.0370107, 3.0357e-05)
+        ('0.037011', '0.000030')
+    """
+    if error is None or not error > 0 or not math.isfinite(value):
+        return number(value), "-" if error is None else number(error, 2)
+    places = 1 - math.floor(math.log10(error))
+    if 0 <= places <= 8 and abs(value) < 1e6:
+        return f"{value:.{places}f}", f"{error:.{places}f}"
+    digits = 2
+    if value:
+        digits = max(2, 2 + math.floor(math.log10(abs(value))) - math.floor(math.log10(error)))
+    return f"{value:.{min(digits, 12) - 1}e}", f"{error:.1e}"
+
+
+def _cell(value: float | str | None) -> str:
+    if isinstance(value, str):
+        return escape(value)
+    return "-" if value is None else number(value, 6)
+
+
+def _table(*headings: str, numbers: Iterable[int] = ()) -> Table:
+    table = Table(box=None, padding=(0, 1), pad_edge=False, header_style="dim")
+    for i, heading in enumerate(headings):
+        justify = "right" if i in tuple(numbers) else "left"
+        table.add_column(heading, justify=justify, overflow="fold")
+    return table

@@ -1,0 +1,299 @@
+"""Fitting a model to logs."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
+from diffthrust._arguments import check_arguments, listed
+from diffthrust._compare import Comparison, compare
+from diffthrust._errors import InputError
+from diffthrust._log import Log
+from diffthrust._model import Model
+from diffthrust._problem import Problem, build, restarts
+from diffthrust._result import Estimate, Fit
+from diffthrust._solver import solve
+from diffthrust._starts import Progress, Search, draw, search
+from diffthrust._status import Checks, Local, Status, examine, judge
+from diffthrust._step_check import CoarseStepWarning, choose_substeps
+
+CORRELATED = 0.5
+"""Residuals with a larger lag-one correlation are reported as coloured."""
+GROWTH = 1.1
+"""Whole runs are fitted where they raise no channel's noise by more than this factor."""
+
+
+def fit(
+    model: Model,
+    logs: Log | Sequence[Log],
+    *,
+    holdout: Log | Sequence[Log] | None = None,
+    starts: int = 8,
+    seed: int = 0,
+    horizon: float | Sequence[float | None] | Literal["auto"] | None = "auto",
+    loss: Literal["gaussian", "student_t"] = "gaussian",
+    initial: Literal["auto", "estimate", "measured"] = "auto",
+    substeps: int | None = None,
+    progress: Progress | None = None,
+) -> Fit:
+    """Estimate the free parameters of a model from logs.
+
+    Maximum likelihood of the simulation error: every log is simulated, and the differences to the
+    measurements are taken as noise whose level is estimated for each channel where the log does
+    not give it. Levenberg-Marquardt in scaled coordinates, within the bounds, from several starts.
+
+    Args:
+        model: the model with its effects; its parameter values are the first guess.
+        logs: training logs. Each has its own initial state.
+        holdout: unseen logs, only compared.
+        starts: number of starts; the first is the model's own values.
+        seed: of the other starts.
+        horizon: the simulation is set to the measured state again every so many seconds. A
+            sequence is gone through from the first to the last, each stage from the result of the
+            one before; ``None`` means whole runs. "auto" uses whole runs, except for models with a
+            ``horizon`` of their own (vessels) and logs of more than twice that length: these are
+            fitted on segments of a tenth, a third and all of that length (the shorter, the fewer
+            false minima), and then on whole runs if the errors over them are no larger.
+        loss: "gaussian", or "student_t" (4 degrees of freedom), which forgives outliers.
+        initial: "estimate" the initial value of measured states, or take it as "measured". "auto"
+            estimates it for whole runs and takes it as measured for segments, all of which then
+            begin alike: a model that lacks something would abuse free initial states to hide it.
+        substeps: integrator steps per sample; chosen by halving the step where ``None``.
+        progress: called with a message and the share done.
+
+    Returns:
+        A `Fit`. Look at ``status`` first: it is earned by checks, not assumed.
+
+    Raises:
+        InputError: a log that does not fit the model, or arguments out of range.
+
+    Example:
+        >>> fit = dft.fit(dft.Thruster(), train, holdout=unseen)
+        >>> print(fit.report())
+    """
+    logs = listed(logs)
+    unseen = listed(holdout) if holdout is not None else ()
+    check_arguments(model, logs, unseen, starts, seed, substeps, loss, initial)
+    rng = np.random.default_rng(seed)
+    chosen = substeps or 1  # the first guess may need more than the optimum does
+    horizons = _schedule(model, logs, horizon)
+    whole = horizon == "auto" and horizons != (None,)
+    refitted = False
+    while True:
+        notes: list[str] = []  # of this pass: a refit tells its own
+        problem = build(
+            model,
+            logs,
+            substeps=chosen,
+            initial="measured" if initial == "measured" else "estimate",
+            segmented=any(h is not None for h in horizons),
+            loss=loss,
+        )
+        if horizons != (None,) and not any(grid.restarted for grid in problem.layout.grids):
+            horizons, whole = (None,), False
+            notes.append("No state is measured as it is: whole runs are fitted, not segments.")
+        problem, silent = _without_silent(problem, rng)
+        found, final = _search(problem, horizons, initial == "auto", starts, rng, progress)
+        length = horizons[-1]
+        if whole:
+            found, final, length = _whole_runs(found, final, length, notes)
+        model_found = problem.model.replace(problem.values(found.best.z))
+        needed = _substeps(model_found, logs)
+        if needed <= chosen or refitted or substeps:
+            break
+        model, chosen, refitted = _unfixed(model_found, silent), needed, True
+    if refitted:
+        notes.append(
+            f"The integration step was too coarse at the optimum: refitted with {chosen} steps per "
+            "sample."
+        )
+    if silent:
+        notes.append(f"These logs say nothing about {', '.join(silent)}: held at the value given.")
+    if needed > chosen:
+        notes.append(
+            f"At the optimum the model needs {needed} integrator steps per sample, but {chosen} "
+            "were used: parameters and errors are off by more than the sensor noise explains."
+        )
+        warnings.warn(notes[-1], CoarseStepWarning, stacklevel=2)
+    best = found.best
+    local = examine(final, best.z, best.quadratic)
+    status, message = judge(
+        local, float(best.quadratic.cost), found.begun, found.agreeing, found.rivals(final)
+    )
+    states = tuple(final.initial_states(best.z))
+    failed = status is Status.SIMULATION_FAILED
+    train = compare(model_found, logs, initial=None if failed else states, substeps=chosen)
+    notes += _coloured(train)
+    steps = chosen if failed else substeps
+    return Fit(
+        model=_unfixed(model_found, silent),
+        parameters=_estimates(final, best.z, local),
+        covariance=local.covariance,
+        free=final.free,
+        status=status,
+        message=message,
+        checks=Checks(
+            local.gradient, local.rank, local.columns, local.condition, found.begun, found.agreeing
+        ),
+        noise=dict(zip(final.layout.channels, map(float, best.quadratic.sigma), strict=True)),
+        train=train.errors,
+        holdout=compare(model_found, unseen, substeps=steps).errors if unseen else None,
+        log_likelihood=-float(best.quadratic.cost),
+        initial=states,
+        horizon=length,
+        substeps=chosen,
+        notes=(*notes, *(f"{log.name}: {note}" for log in logs for note in log.notes)),
+    )
+
+
+def _substeps(model: Model, logs: Sequence[Log]) -> int:
+    """What the log with the longest step needs."""
+    coarsest = max(logs, key=lambda log: (log.step, len(log)))
+    return choose_substeps(model, coarsest, warn=False)
+
+
+def _coloured(comparison: Comparison) -> list[str]:
+    """A word on residuals that are correlated in time, which no standard error here allows for."""
+    strongest: dict[str, float] = {}
+    for run in comparison.runs:
+        for name, trace in run.channels.items():
+            rest = trace.residual[np.isfinite(trace.residual)]
+            if rest.size > 20 and np.std(rest) > 0:
+                lag = float(np.corrcoef(rest[:-1], rest[1:])[0, 1])
+                strongest[name] = max(lag, strongest.get(name, -1.0))
+    found = {name: lag for name, lag in strongest.items() if lag > CORRELATED}
+    if not found:
+        return []
+    told = ", ".join(f"{name} {lag:.2f}" for name, lag in found.items())
+    return [
+        f"Residuals are correlated from sample to sample ({told}): something is missing from the "
+        "model, or the noise is coloured. The standard errors assume white noise and are too small."
+    ]
+
+
+def _schedule(
+    model: Model, logs: Sequence[Log], horizon: float | Sequence[float | None] | str | None
+) -> tuple[float | None, ...]:
+    if isinstance(horizon, str):
+        if horizon != "auto":
+            raise InputError(f"horizon: expected seconds or 'auto', found {horizon!r}.", "")
+        longest = max(log.duration for log in logs)
+        restartable = all(any(n in log.measured for n in model.states) for log in logs)
+        if model.horizon is None or longest <= 2 * model.horizon or not restartable:
+            return (None,)
+        return (model.horizon / 10, model.horizon / 3, model.horizon)
+    stages = horizon if isinstance(horizon, Sequence) else (horizon,)
+    least = max(log.step for log in logs)
+    for seconds in stages or ("nothing",):
+        number = isinstance(seconds, int | float) and math.isfinite(seconds)
+        if seconds is not None and not (number and float(seconds) > least):
+            raise InputError(
+                f"horizon: expected a positive number of seconds above the step of {least:g} s, "
+                f"found {seconds!r}.",
+                "Give seconds, a list of seconds, or None for whole runs.",
+            )
+    return tuple(stages)
+
+
+def _without_silent(problem: Problem, rng: np.random.Generator) -> tuple[Problem, tuple[str, ...]]:
+    """Hold parameters that no measured channel depends on, at the guess or near it."""
+    points = draw(problem, 3, rng)
+    seen = np.zeros(points.shape[1])
+    for z in points:
+        information = solve(problem, z, budget=1).quadratic.information
+        seen += np.nan_to_num(np.diagonal(information), nan=1.0, posinf=1.0)
+    silent = tuple(
+        name for i, name in enumerate(problem.free) if seen[i] == 0 and _idle(problem, points, i)
+    )
+    if not silent or len(silent) == len(problem.free):
+        return problem, ()
+    grid = problem.layout.grids[0]
+    held = build(
+        problem.model.fix(*silent),
+        problem.logs,
+        substeps=grid.substeps,
+        initial="estimate" if problem.layout.starts else "measured",
+        segmented=bool(grid.restarted),
+        loss=problem.layout.loss,
+    )
+    return held, silent
+
+
+def _idle(problem: Problem, points: np.ndarray, i: int) -> bool:
+    """Whether moving a coordinate changes nothing: a zero derivative may be that of a step."""
+    moved = points.copy()
+    moved[:, i] += 0.5
+    pairs = zip(points, np.clip(moved, *problem.limits()), strict=True)
+    costs = [[float(solve(problem, z, budget=1).quadratic.cost) for z in pair] for pair in pairs]
+    return all(a == b or not np.isfinite([a, b]).all() for a, b in costs)
+
+
+def _search(
+    problem: Problem,
+    horizons: Sequence[float | None],
+    hold: bool,
+    starts: int,
+    rng: np.random.Generator,
+    progress: Progress | None,
+) -> tuple[Search, Problem]:
+    """Search at the first horizon, then follow the optimum as the horizon grows.
+
+    With ``hold``, segments begin at the measured state throughout.
+    """
+    stage = restarts(problem, horizons[0], hold=hold and horizons[0] is not None)
+    found = search(stage, starts, rng, progress)
+    for horizon in horizons[1:]:
+        stage = restarts(problem, horizon, hold=hold and horizon is not None)
+        if progress:
+            progress(f"segments of {horizon:g} s" if horizon else "whole runs", 1.0)
+        found = found.followed(stage)
+    return found, stage
+
+
+def _whole_runs(
+    found: Search, stage: Problem, horizon: float | None, notes: list[str]
+) -> tuple[Search, Problem, float | None]:
+    """Go on to whole runs where the model holds over them as well as over segments.
+
+    Where it does not, the error of whole runs is mostly what accumulates from a missing effect or
+    from random forces, and fitting it would bend the parameters.
+    """
+    if not np.isfinite(found.best.quadratic.cost):
+        return found, stage, horizon
+    entire = restarts(stage, None)
+    further = found.followed(entire)
+    growth = further.best.quadratic.sigma / found.best.quadratic.sigma
+    if np.isfinite(further.best.quadratic.cost) and np.all(growth <= GROWTH):
+        return further, entire, None
+    worst = int(np.argmax(np.nan_to_num(growth, nan=np.inf)))
+    notes.append(
+        f"Fitted on segments of {horizon:g} s: over whole runs the error of "
+        f"'{stage.layout.channels[worst]}' is {growth[worst]:.1f} times as large, so something is "
+        "missing from the model or random forces act."
+    )
+    return found, stage, horizon
+
+
+def _unfixed(model: Model, silent: Sequence[str]) -> Model:
+    return model.free(*silent) if silent else model
+
+
+def _estimates(problem: Problem, z: np.ndarray, local: Local) -> dict[str, Estimate]:
+    spread = np.sqrt(np.diagonal(local.covariance))
+    errors = dict(zip(problem.free, spread, strict=True))
+    values = problem.values(z)
+    out = {}
+    for name, p in problem.model.parameters.items():
+        error = errors.get(name, math.nan)
+        out[name] = Estimate(
+            value=values[name],
+            std_error=float(error) if math.isfinite(error) else None,
+            unit=p.unit,
+            fixed=p.fixed,
+            at_bound=name in local.at_bound,
+        )
+    return out

@@ -1,0 +1,174 @@
+"""The simulation-error likelihood, with its gradient and information by one forward-mode pass.
+
+A likelihood turns coordinates into a `Quadratic`: its negative logarithm, the gradient, and the
+Gauss-Newton (Fisher) information. That is all the optimiser and the checks see, so another
+likelihood takes its place by returning the same three.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from diffthrust._problem import Layout
+from diffthrust._simulate import trajectory
+
+TAIL = 4.0
+"""Degrees of freedom of the Student-t law behind ``loss="student_t"``."""
+
+
+class Quadratic(NamedTuple):
+    """A likelihood near some coordinates.
+
+    Args:
+        cost: negative log-likelihood without constants; infinite where the simulation fails.
+        gradient: of the cost, ``(n,)``.
+        information: Gauss-Newton approximation of the cost's Hessian, ``(n, n)``.
+        energy: weighted sum of squared residuals, which sets the scale of the gradient.
+        sigma: noise standard deviation of each channel, known or estimated, ``(C,)``.
+    """
+
+    cost: Any
+    gradient: Any
+    information: Any
+    energy: Any
+    sigma: Any
+
+
+def named_values(layout: Layout, arrays: Any, z: Any) -> dict[str, Any]:
+    """Parameter values at coordinates; traceable twin of `Problem.values`."""
+    free = {}
+    for i, (name, transform) in enumerate(zip(layout.free, layout.transforms, strict=True)):
+        free[name] = jnp.exp(z[i]) if transform == "log" else z[i] * arrays["scales"][i]
+    return {**arrays["values"], **free}
+
+
+def residuals(layout: Layout, index: int, arrays: Any, log: Any, z: Any, start: Any) -> Any:
+    """Measured minus simulated, ``(C, T)``; zero where nothing was measured."""
+    grid = layout.grids[index]
+    model = layout.key.model.bind(named_values(layout, arrays, z))
+    states = {**log["held"], **{n: start[i] for i, n in enumerate(layout.starts)}}
+    anew = {n: (log["restart_" + n], log["sign_" + n]) for n in grid.restarted}
+    outputs, _ = trajectory(model, grid, log["time"], log["inputs"], states, anew)
+    rows = []
+    for i, name in enumerate(layout.channels):
+        modelled, measured = outputs[name], log["measured"][i]
+        modelled = jnp.where(log["unsigned"][i], jnp.abs(modelled), modelled)
+        rest = jnp.where(jnp.isnan(measured), 0.0, measured) - modelled
+        if name in model.angles:
+            rest = rest - 2 * jnp.pi * jnp.round(rest / (2 * jnp.pi))
+        rows.append(jnp.where(jnp.isnan(measured), 0.0, rest))
+    return jnp.stack(rows)
+
+
+def _with_jacobian(layout: Layout, index: int, arrays: Any, z: Any) -> tuple[Any, Any]:
+    """Residuals ``(B, C, T)`` and their derivatives ``(B, n + m, C, T)`` of one batch of logs."""
+    batch = arrays["batches"][index]
+    size = z.shape[0] + len(layout.starts)
+
+    def one(log: Any) -> tuple[Any, Any]:
+        point = jnp.concatenate([z, log["start"]])
+
+        def fn(p: Any) -> Any:
+            return residuals(layout, index, arrays, log, p[: z.shape[0]], p[z.shape[0] :])
+
+        def push(tangent: Any) -> tuple[Any, Any]:
+            return jax.jvp(fn, (point,), (tangent,))
+
+        return jax.vmap(push, out_axes=(None, 0))(jnp.eye(size))
+
+    count = batch["time"].shape[0]
+    if count == 1:
+        first = jax.tree.map(lambda a: a[0], batch)
+        return jax.tree.map(lambda a: a[None], one(first))
+    return jax.lax.map(one, batch)
+
+
+def evaluate(layout: Layout, arrays: Any, z: Any) -> Quadratic:
+    """Simulation-error likelihood of all logs at coordinates ``z``: parameters, then starts."""
+    n, m = len(layout.free), len(layout.starts)
+    at, passes = n, []
+    for index, batch in enumerate(arrays["batches"]):
+        count = batch["time"].shape[0]
+        starts = z[at : at + count * m].reshape(count, m)
+        at += count * m
+        local = {**arrays, "batches": list(arrays["batches"])}
+        local["batches"][index] = {**batch, "start": starts}
+        passes.append(_with_jacobian(layout, index, local, z[:n]))
+    cost, sigma = _noise(layout, arrays, [r for r, _ in passes])
+    return _assemble(layout, arrays, z[:n], passes, cost, sigma, n, m)
+
+
+def _noise(layout: Layout, arrays: Any, rests: list[Any]) -> tuple[Any, Any]:
+    """Negative log-likelihood, and the noise level of each channel.
+
+    Where the level is not known it is estimated, in closed form for the Gaussian law and as the
+    fixed point of its reweighting for the Student-t law.
+    """
+    counts = arrays["counts"]
+    squares = sum(jnp.sum(r**2, axis=(0, 2)) for r in rests)
+    pooled = jnp.sqrt(squares / counts + arrays["floor"])
+    known = jnp.asarray(layout.known_noise)
+    if layout.loss == "gaussian":
+        sigma = jnp.where(known, arrays["noise"], pooled)
+        cost = jnp.where(known, 0.5 * squares / sigma**2, counts * jnp.log(pooled))
+        return jnp.sum(cost), sigma
+    sigma = jnp.where(known, arrays["noise"], pooled)
+
+    def again(_: int, s: Any) -> Any:
+        weighted = sum(jnp.sum(r**2 * _weights(layout, r, s), axis=(0, 2)) for r in rests)
+        return jnp.where(known, s, jnp.sqrt(weighted / counts + arrays["floor"]))
+
+    sigma = jax.lax.fori_loop(0, 60, again, sigma)
+    scaled = sum(
+        jnp.sum(jnp.log1p(r**2 / (TAIL * sigma[None, :, None] ** 2)), axis=(0, 2)) for r in rests
+    )
+    return jnp.sum(0.5 * (TAIL + 1) * scaled + counts * jnp.log(sigma)), sigma
+
+
+def _weights(layout: Layout, rest: Any, sigma: Any) -> Any:
+    if layout.loss == "gaussian":
+        return jnp.ones_like(rest)
+    return (TAIL + 1) / (TAIL + rest**2 / sigma[None, :, None] ** 2)
+
+
+def _assemble(
+    layout: Layout, arrays: Any, z: Any, passes: Any, cost: Any, sigma: Any, n: int, m: int
+) -> Quadratic:
+    gradient, information, energy = jnp.zeros(n), jnp.zeros((n, n)), jnp.zeros(())
+    local, cross, own = [], [], []
+    for rest, jacobian in passes:
+        root = jnp.sqrt(_weights(layout, rest, sigma)) / sigma[None, :, None]
+        flat = (rest * root).reshape(rest.shape[0], -1)
+        rows = (jacobian * root[:, None]).reshape(*jacobian.shape[:2], -1)
+        slope = jnp.einsum("bit,bt->bi", rows, flat)
+        gram = jnp.einsum("bit,bjt->bij", rows, rows)
+        gradient += slope[:, :n].sum(0)
+        information += gram[:, :n, :n].sum(0)
+        energy += jnp.sum(flat**2)
+        local.append(slope[:, n:].reshape(-1))
+        cross.append(gram[:, :n, n:].transpose(1, 0, 2).reshape(n, -1))
+        own.append(gram[:, n:, n:])
+    for name, (mean, std) in arrays["prior"].items():
+        i = layout.free.index(name)
+
+        def away(p: Any, name: str = name, mean: Any = mean, std: Any = std) -> Any:
+            return (named_values(layout, arrays, p)[name] - mean) / std
+
+        rest, slope = jax.jvp(away, (z,), (jnp.zeros(n).at[i].set(1.0),))
+        cost += 0.5 * rest**2
+        gradient = gradient.at[i].add(rest * slope)
+        information = information.at[i, i].add(slope**2)
+    whole = information
+    if m:
+        blocks = jnp.concatenate(own)
+        count = blocks.shape[0]
+        diagonal = jnp.zeros((count, m, count, m))
+        diagonal = diagonal.at[jnp.arange(count), :, jnp.arange(count), :].set(blocks)
+        side = jnp.concatenate(cross, axis=1)
+        whole = jnp.block([[information, side], [side.T, diagonal.reshape(count * m, count * m)]])
+        gradient = jnp.concatenate([gradient, *local])
+    fine = jnp.isfinite(cost) & jnp.all(jnp.isfinite(gradient)) & jnp.all(jnp.isfinite(whole))
+    return Quadratic(jnp.where(fine, cost, jnp.inf), gradient, whole, energy, sigma)

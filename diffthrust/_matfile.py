@@ -1,0 +1,179 @@
+"""The contents of a MATLAB file, level 4 or 5 (what MATLAB saves up to '-v7').
+
+SciPy's reader can bring the interpreter down on a damaged file; a log must end in a message.
+This one takes what logs need, numbers and structs, and names whatever else it meets.
+The layout is that of MathWorks' "MAT-File Format".
+"""
+
+import math
+import struct
+import zlib
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+_NUMBERS = {
+    1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8",
+}  # fmt: skip
+_LEVEL_4 = ("f8", "f4", "i4", "i2", "u2", "u1")
+_MATRIX, _COMPRESSED = 14, 15
+_CELL, _STRUCT, _OBJECT, _TEXT, _SPARSE, _FIRST_NUMERIC, _LAST_NUMERIC = 1, 2, 3, 4, 5, 6, 15
+_FUNCTION, _OPAQUE = 16, 17
+_OTHER = {
+    _CELL: "a cell array",
+    _OBJECT: "an object",
+    _TEXT: "text",
+    _SPARSE: "a sparse matrix",
+    _FUNCTION: "a function",
+}
+_COMPLEX = 0x0800
+_DEEPEST = 20
+_LARGEST = 2**32
+
+# A variable is an array, a struct as a dict, or words for what is neither.
+Variable = Any
+
+
+def parse(data: bytes) -> list[tuple[str, Variable]]:
+    """Read all variables of a MATLAB file.
+
+    Args:
+        data: the whole file.
+
+    Returns:
+        Names and variables in the order of the file. Numbers come as an array with the shape that
+        they have in MATLAB, a struct as a dict, anything else as words that say what it is.
+
+    Raises:
+        ValueError: the file is damaged, or not a MATLAB file.
+    """
+    try:
+        if len(data) >= 128 and data[126:128] in (b"IM", b"MI"):
+            order = "<" if data[126:128] == b"IM" else ">"
+            return list(_level_5(data[128:], order))
+        if 0 in data[:4]:
+            return list(_level_4(data))
+    except (struct.error, zlib.error, UnicodeError) as error:
+        raise ValueError(str(error)) from None
+    raise ValueError("it does not begin as a MATLAB file does")
+
+
+def _level_5(data: bytes, order: str) -> Iterator[tuple[str, Variable]]:
+    for kind, content in _elements(memoryview(data), order):
+        if kind == _COMPRESSED:
+            inflater = zlib.decompressobj()
+            inflated = inflater.decompress(content, _LARGEST)
+            if not inflater.eof:
+                raise ValueError("a compressed variable is cut short")
+            kind, content = next(_elements(memoryview(inflated), order), (0, memoryview(b"")))
+        if kind != _MATRIX:
+            raise ValueError(f"expected a variable, found an element of kind {kind}")
+        name, variable = _matrix(content, order, 0)
+        if name:  # the workspace of functions has no name
+            yield name, variable
+
+
+def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
+    """Walk over the elements of one level: a kind, a length and that many bytes each."""
+    at = 0
+    while at < len(data):
+        kind, length = struct.unpack_from(order + "II", data, at)
+        begin = at + 8
+        if kind >> 16:  # a short element keeps its length and its bytes in one place
+            kind, length, begin = kind & 0xFFFF, kind >> 16, at + 4
+            if length > 4:
+                raise ValueError("a short element is too long")
+            at += 8
+        else:
+            at = begin + length + (-length % 8 if kind != _COMPRESSED else 0)
+        if begin + length > len(data):
+            raise ValueError("the file is cut short")
+        yield kind, data[begin : begin + length]
+
+
+def _next(elements: Iterator[tuple[int, memoryview]]) -> tuple[int, memoryview]:
+    element = next(elements, None)
+    if element is None:
+        raise ValueError("a variable is cut short")
+    return element
+
+
+def _numbers(element: tuple[int, memoryview], order: str) -> np.ndarray:
+    kind, content = element
+    if kind not in _NUMBERS:
+        raise ValueError(f"expected numbers, found an element of kind {kind}")
+    return np.frombuffer(content, dtype=np.dtype(order + _NUMBERS[kind]))
+
+
+def _text(element: tuple[int, memoryview]) -> str:
+    return bytes(element[1]).decode("latin-1").rstrip("\0")
+
+
+def _matrix(content: memoryview, order: str, depth: int) -> tuple[str, Variable]:
+    if len(content) == 0:
+        return "", np.zeros((0, 0))
+    if depth > _DEEPEST:
+        raise ValueError("the structs are nested too deep")
+    elements = _elements(content, order)
+    flags = int(_numbers(_next(elements), order)[:1].sum())
+    kind = flags & 0xFF
+    if kind == _OPAQUE:  # a timetable or dates: no size, and a content of MATLAB's own
+        return _text(_next(elements)), "an object (such as a table or dates)"
+    shape = tuple(int(size) for size in _numbers(_next(elements), order))
+    if len(shape) < 2 or min(shape) < 0:
+        raise ValueError("a variable has no valid size")
+    name = _text(_next(elements))
+    if kind == _STRUCT:
+        if math.prod(shape) != 1:
+            return name, "an array of structs"
+        return name, _struct(elements, order, depth)
+    if not _FIRST_NUMERIC <= kind <= _LAST_NUMERIC:
+        return name, _OTHER.get(kind, "an unknown kind of variable")
+    if flags & _COMPLEX:
+        return name, "complex numbers"
+    numbers = _numbers(_next(elements), order)
+    if numbers.size != math.prod(shape):
+        raise ValueError(f"variable {name!r} does not have the size that it says")
+    return name, numbers.reshape(shape, order="F")
+
+
+def _struct(
+    elements: Iterator[tuple[int, memoryview]], order: str, depth: int
+) -> dict[str, Variable]:
+    width = int(_numbers(_next(elements), order)[:1].sum())
+    packed = bytes(_next(elements)[1])
+    if width <= 0 and packed:
+        raise ValueError("the fields of a struct have no valid names")
+    fields: dict[str, Variable] = {}
+    for at in range(0, len(packed), max(width, 1)):
+        field = packed[at : at + width].split(b"\0")[0].decode("latin-1")
+        kind, content = _next(elements)
+        if kind != _MATRIX:
+            raise ValueError(f"expected the field {field!r}, found an element of kind {kind}")
+        fields[field] = _matrix(content, order, depth + 1)[1]
+    return fields
+
+
+def _level_4(data: bytes) -> Iterator[tuple[str, Variable]]:
+    at = 0
+    while at < len(data):
+        order = "<" if 0 <= struct.unpack_from("<i", data, at)[0] < 5000 else ">"
+        code, rows, columns, imaginary, length = struct.unpack_from(order + "5i", data, at)
+        precision, kind = code // 10 % 10, code % 10
+        if code // 1000 not in (0, 1) or precision >= len(_LEVEL_4) or min(rows, columns) < 0:
+            raise ValueError("it does not begin as a MATLAB file does")
+        if not 0 < length <= 1000:
+            raise ValueError("a variable has no valid name")
+        name = data[at + 20 : at + 20 + length].split(b"\0")[0].decode("latin-1")
+        dtype = np.dtype(order + _LEVEL_4[precision])
+        begin = at + 20 + length
+        size = rows * columns * dtype.itemsize
+        at = begin + size * (2 if imaginary else 1)
+        if at > len(data):
+            raise ValueError("the file is cut short")
+        if kind != 0 or imaginary:
+            yield name, "complex numbers" if imaginary else "text or a sparse matrix"
+        else:
+            numbers = np.frombuffer(data, dtype=dtype, count=rows * columns, offset=begin)
+            yield name, numbers.reshape((rows, columns), order="F")

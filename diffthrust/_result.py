@@ -1,0 +1,91 @@
+"""The result of a fit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from diffthrust._metrics import Errors
+from diffthrust._model import Model
+from diffthrust._status import Checks, Status
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One parameter after a fit.
+
+    Args:
+        value: the value, in ``unit``.
+        std_error: standard deviation of the estimate; ``None`` where the parameter was fixed, lies
+            at a bound, or cannot be told apart from others.
+        unit: unit of both.
+        fixed: it was not estimated.
+        at_bound: the data hold it at one of its bounds.
+    """
+
+    value: float
+    std_error: float | None
+    unit: str
+    fixed: bool
+    at_bound: bool
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The result of a fit.
+
+    Args:
+        model: the model at the estimated parameters.
+        parameters: an `Estimate` for each parameter, by full name.
+        covariance: of the parameters in ``free``, ``(k, k)``, in their units; NaN where undefined.
+        free: names of the rows of the covariance.
+        status: what may be claimed; ``message`` says why in a sentence.
+        checks: the figures behind the status.
+        noise: standard deviation of each measured channel's noise, given or estimated.
+        train: errors on the training logs, each simulated over its whole length.
+        holdout: the same on unseen logs, or ``None``.
+        log_likelihood: of the training logs, with any priors, without constants of the noise law:
+            comparable between models on the same logs, not between losses.
+        initial: estimated initial states of each training log.
+        horizon: length [s] of the segments of the last stage; ``None`` for whole runs.
+        substeps: integrator steps per sample that were used.
+        notes: what the user should know besides.
+    """
+
+    model: Model
+    parameters: Mapping[str, Estimate]
+    covariance: np.ndarray = field(repr=False)
+    free: tuple[str, ...]
+    status: Status
+    message: str
+    checks: Checks
+    noise: Mapping[str, float]
+    train: Errors
+    holdout: Errors | None
+    log_likelihood: float
+    initial: tuple[Mapping[str, float], ...] = field(repr=False)
+    horizon: float | None
+    substeps: int
+    notes: tuple[str, ...]
+
+    def report(self) -> str:
+        """Parameters, errors, status and notes as text for people."""
+        from diffthrust._display import fit_table, rendered
+
+        return rendered(fit_table(self))
+
+    def to_json(self) -> dict[str, Any]:
+        """The fit as plain data, in the form that ``diffthrust fit --json`` writes."""
+        return {
+            "schema": 1,
+            "model": self.model.name,
+            "effects": [effect.name for effect in self.model.effects],
+            "status": self.status.value,
+            "parameters": {name: dict(vars(e)) for name, e in self.parameters.items()},
+            "train": self.train.to_json(),
+            "holdout": self.holdout.to_json() if self.holdout else None,
+            "checks": dict(vars(self.checks)),
+        }

@@ -1,0 +1,242 @@
+"""Simulation of a model over a log: effects on the inputs, integration, outputs, sensors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from diffthrust._channels import listing
+from diffthrust._errors import InputError
+from diffthrust._intake import bridged, hold_of, inputs_of, measured_start
+from diffthrust._integrate import integrate
+from diffthrust._log import Log
+from diffthrust._model import Model
+from diffthrust._signals import Ports, Signals, elementwise, expect
+
+
+@dataclass(frozen=True)
+class Grid:
+    """How a log is integrated; fixes the compiled code.
+
+    Args:
+        hold: for each input "zero" (held over the sample) or "linear".
+        substeps: steps of the integrator per sample.
+        restarted: measured states that may be set anew.
+    """
+
+    hold: tuple[tuple[str, str], ...]
+    substeps: int = 1
+    restarted: tuple[str, ...] = ()
+
+
+def trajectory(
+    model: Model,
+    grid: Grid,
+    time: Any,
+    inputs: Mapping[str, Any],
+    start: Mapping[str, Any],
+    restart: Mapping[str, tuple[Any, Any]],
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Simulate one log; traceable, the core of everything that simulates.
+
+    Args:
+        model: the model with (possibly traced) parameter values.
+        grid: how to integrate.
+        time: time stamps [s], ``(T,)``.
+        inputs: input series in the model's units, ``(T,)`` each.
+        start: initial values of some states; the others follow from `Model.initial`.
+        restart: for the states named in ``grid.restarted``, values ``(T,)`` that the state is set
+            to, NaN where it runs on, and whether its sensor is unsigned.
+
+    Returns:
+        Outputs and states at the time stamps, ``(T,)`` each.
+
+    Raises:
+        InputError: equations or rates that are incomplete, or not elementwise.
+    """
+    series, first = _driven(model, time, inputs)
+    states = _start(model, first, start)
+
+    def rates(state: Mapping[str, Any], u: Mapping[str, Any]) -> dict[str, Any]:
+        s = Signals({**state, **u})
+        port = Ports(model.effects, s)
+        own, _ = _equations(model, s, port)
+        found = {**own, **port.rates}
+        expect(f"{type(model).__name__}.equations", "rate of the state", state, found)
+        return {name: found[name] for name in state}
+
+    held = dict(grid.hold)
+    per_step = {
+        name: _per_step(value, held.get(name, "linear"), grid.substeps)
+        for name, value in {**series, "time": time}.items()
+    }
+    steps = jnp.repeat(jnp.diff(time) / grid.substeps, grid.substeps)
+    anew = {
+        name: (_sparse(restart[name][0][:-1], grid.substeps), restart[name][1])
+        for name in grid.restarted
+    }
+    path = integrate(rates, states, per_step, steps, anew)
+    path = {name: value[:: grid.substeps] for name, value in path.items()}
+    s = Signals({**path, **series, "time": time})
+    _, found = _equations(model, s, Ports(model.effects, s))
+    expect(f"{type(model).__name__}.equations", "output", model.outputs, found)
+    outputs = {name: jnp.broadcast_to(found[name], time.shape) for name in model.outputs}
+    sensor = Ports(model.effects, s.also(outputs))
+    return {name: sensor(name, value) for name, value in outputs.items()}, path
+
+
+def _driven(model: Model, time: Any, inputs: Mapping[str, Any]) -> tuple[dict[str, Any], Signals]:
+    """The input series that reach the model through the effects on them, and the first samples."""
+    outer = Ports(model.effects, Signals({**inputs, "time": time}))
+    series = {name: outer(name, value) for name, value in inputs.items()}
+    return series, Signals({**{n: value[0] for n, value in series.items()}, "time": time[0]})
+
+
+def _equations(model: Model, s: Signals, port: Ports) -> tuple[Mapping[str, Any], ...]:
+    where = f"{type(model).__name__}.equations"
+    with elementwise(where):
+        found = model.equations(s, port)
+    pair = isinstance(found, tuple) and len(found) == 2
+    if not (pair and all(isinstance(part, Mapping) for part in found)):
+        kind = [type(part).__name__ for part in found] if isinstance(found, tuple) else found
+        raise InputError(
+            f"{where}: expected two mappings, of the rates and of the outputs; found {kind}.",
+            "Write return {state: rate}, {output: value}.",
+        )
+    return found
+
+
+def _start(model: Model, first: Signals, given: Mapping[str, Any]) -> dict[str, Any]:
+    own = [name for name in model.states if name not in first]
+    default = model.initial(first) if own else {}
+    states = {name: given.get(name, default.get(name, 0.0)) for name in own}
+    s = first.also({**{n: 0.0 for n in model.all_states if n not in first}, **states})
+    port = Ports(model.effects, s, starting=True)
+    _equations(model, s, port)
+    return {**states, **port.initial}
+
+
+def _per_step(series: Any, hold: str, substeps: int) -> tuple[Any, ...]:
+    if hold == "zero":
+        return (jnp.repeat(series[:-1], substeps),)
+    if substeps == 1:
+        return series[:-1], series[1:]
+    share = (jnp.arange(substeps) / substeps)[None, :]
+    rise = jnp.diff(series)[:, None]
+    begin = (series[:-1, None] + rise * share).reshape(-1)
+    end = (series[:-1, None] + rise * (share + 1 / substeps)).reshape(-1)
+    return begin, end
+
+
+def _sparse(values: Any, substeps: int) -> Any:
+    """Restart values at the first substep of each sample only."""
+    if substeps == 1:
+        return values
+    return jnp.full((values.shape[0], substeps), jnp.nan).at[:, 0].set(values).reshape(-1)
+
+
+class Key:
+    """A model as a static argument of compiled code: equal where the structure is equal."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.structure = model.structure
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Key) and self.structure == other.structure
+
+    def __hash__(self) -> int:
+        return hash(self.structure)
+
+
+@partial(jax.jit, static_argnums=(0, 1))
+def _compiled(key: Key, grid: Grid, values: Any, time: Any, inputs: Any, start: Any) -> Any:
+    return trajectory(key.model.bind(values), grid, time, inputs, start, {})
+
+
+def simulate(
+    model: Model,
+    log: Log,
+    *,
+    initial: Mapping[str, float] | None = None,
+    substeps: int | None = None,
+) -> dict[str, np.ndarray]:
+    """Simulate a model with the inputs of a log.
+
+    Args:
+        model: the model, with its effects.
+        log: inputs and time stamps; its measurements are used for the initial state only.
+        initial: initial states by name, in the model's units. By default measured states start
+            from their first measurement, all others from the model's own initial state.
+        substeps: integrator steps per sample; ``None`` chooses them (see `choose_substeps`).
+
+    Returns:
+        Outputs and states by name at the log's time stamps, ``(n,)`` each, in the model's units.
+
+    Raises:
+        InputError: the log lacks an input, or a unit has the wrong dimension.
+
+    Example:
+        >>> thrust = dft.simulate(dft.Thruster(), log)["thrust"]
+    """
+    if substeps is None:
+        from diffthrust._step_check import choose_substeps
+
+        substeps = choose_substeps(model, log, initial=initial)
+    start = {**measured_start(model, log), **_checked_initial(model, initial)}
+    log, original = bridged(log)
+    inputs = inputs_of(model, log)
+    outputs, states = _compiled(
+        Key(model),
+        Grid(hold_of(log, inputs), substeps),
+        {name: jnp.asarray(p.value) for name, p in model.parameters.items()},
+        jnp.asarray(log.time),
+        {name: jnp.asarray(value) for name, value in inputs.items()},
+        {name: jnp.asarray(value) for name, value in start.items()},
+    )
+    return {name: np.asarray(value)[original] for name, value in {**states, **outputs}.items()}
+
+
+def _checked_initial(model: Model, initial: Any) -> dict[str, float]:
+    if initial is None:
+        return {}
+    if not isinstance(initial, Mapping):
+        raise InputError(
+            f"initial: expected a mapping from states to values, found {initial!r}.",
+            f"Write initial={{'{next(iter(model.all_states), 'state')}': 0.0}}.",
+        )
+    unknown = [name for name in initial if name not in model.all_states]
+    if unknown:
+        raise InputError(
+            f"The model '{model}' has no state {listing(unknown)}; "
+            f"it has {listing(model.all_states)}.",
+            "Correct the names under initial.",
+        )
+    start = {}
+    for name, value in initial.items():
+        try:
+            start[name] = math.nan if isinstance(value, bool | str) else float(value)
+        except (TypeError, ValueError):
+            start[name] = math.nan
+        if not math.isfinite(start[name]):
+            raise InputError(
+                f"initial: expected a finite number for the state '{name}', found {value!r}.",
+                f"Give a number in {model.all_states[name] or 'no unit'}.",
+            )
+    return start
+
+
+def starting_states(model: Model, log: Log) -> dict[str, float]:
+    """Where every integrated state begins: first measurement, or the model's own initial value."""
+    inputs = inputs_of(model, log)
+    _, first = _driven(model, log.time, inputs)
+    own = [name for name in model.states if name not in inputs]
+    start = {**(model.initial(first) if own else {}), **measured_start(model, log)}
+    return {name: float(start.get(name, 0.0)) for name in own}

@@ -1,0 +1,154 @@
+"""Levenberg-Marquardt within bounds, as an Optimistix minimiser."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+
+from diffthrust._likelihood import Quadratic, evaluate
+from diffthrust._problem import Problem
+
+MOST_STEPS = 300
+_CONTACT = 1e-9  # a coordinate this near to its bound counts as lying on it
+
+
+class _State(eqx.Module):
+    trial: Any
+    quadratic: Quadratic
+    damping: Any
+    predicted: Any
+    steps: Any
+    done: Any
+    failed: Any
+
+
+class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
+    """Levenberg-Marquardt on a likelihood given as a `Quadratic`, within a box.
+
+    The objective returns ``(cost, Quadratic)``, so that one evaluation serves value, gradient and
+    information. Damping is by the information's diagonal (Marquardt's scaling, Moré 1978), which
+    makes the steps independent of the parameters' units. Coordinates at a bound that the gradient
+    pushes outward are held (Bertsekas 1982); the step of the others is clipped to the box. The
+    iteration ends where a full Gauss-Newton step would gain less than ``atol`` in log-likelihood.
+    A trial whose cost is not finite is rejected like any other bad trial.
+    """
+
+    rtol: float
+    atol: float
+    lower: Any
+    upper: Any
+    norm: Callable[[Any], Any] = optx.max_norm
+
+    def init(
+        self, fn: Any, y: Any, args: Any, options: Any, f_struct: Any, aux_struct: Any, tags: Any
+    ) -> _State:
+        zeros = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), aux_struct)
+        zeros = zeros._replace(cost=jnp.full_like(zeros.cost, jnp.inf))
+        no = jnp.array(False)
+        return _State(y, zeros, jnp.array(1e-3), jnp.array(jnp.inf), jnp.array(0), no, no)
+
+    def step(
+        self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any
+    ) -> tuple[Any, _State, Any]:
+        _, new = fn(state.trial, args)
+        old = state.quadratic
+        gain = old.cost - new.cost
+        first = state.steps == 0
+        accept = (first | (gain > 1e-4 * state.predicted)) & jnp.isfinite(new.cost)
+        y = jnp.where(accept, state.trial, y)
+        q = jax.tree.map(lambda a, b: jnp.where(accept, a, b), new, old)
+        good = accept & (gain > 0.7 * state.predicted)
+        factor = jnp.where(good, 0.1, jnp.where(accept, 0.5, 5.0))
+        damping = jnp.where(first, state.damping, jnp.clip(state.damping * factor, 1e-12, 1e14))
+        move, left = self._move(y, q, damping)
+        predicted = -(q.gradient @ move + 0.5 * move @ q.information @ move)
+        stuck = (damping >= 1e13) & ~accept
+        done = jnp.isfinite(q.cost) & (left < self.atol)
+        failed = ~jnp.isfinite(q.cost) | stuck | (state.steps >= args[1])
+        return y, _State(y + move, q, damping, predicted, state.steps + 1, done, failed), q
+
+    def _move(self, y: Any, q: Quadratic, damping: Any) -> tuple[Any, Any]:
+        """The damped step within the box, and what an undamped one would still gain."""
+        low, high = y <= self.lower + _CONTACT, y >= self.upper - _CONTACT
+        outward = (low & (q.gradient > 0)) | (high & (q.gradient < 0))
+        gradient = jnp.where(outward, 0.0, q.gradient)
+        scale = jnp.sqrt(jnp.diagonal(q.information))
+        held = outward | (scale == 0) | ~jnp.isfinite(scale)
+        scale = jnp.where(held, 1.0, scale)
+        scaled = q.information / scale[:, None] / scale[None, :]
+        scaled = jnp.where(held[:, None] | held[None, :], 0.0, scaled)
+        scaled = jnp.where(jnp.isfinite(scaled), scaled, 0.0)
+        slope = jnp.where(held, 0.0, gradient / scale)
+        values, vectors = jnp.linalg.eigh(scaled)
+        along = vectors.T @ slope
+        move = -vectors @ (along / (jnp.maximum(values, 0.0) + damping)) / scale
+        left = 0.5 * jnp.sum(along**2 / (jnp.maximum(values, 0.0) + 1e-10))
+        return jnp.clip(y + move, self.lower, self.upper) - y, left
+
+    def terminate(
+        self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any
+    ) -> tuple[Any, Any]:
+        result = optx.RESULTS.where(
+            state.failed & ~state.done,
+            optx.RESULTS.nonlinear_divergence,
+            optx.RESULTS.successful,
+        )
+        return state.done | state.failed, result
+
+    def postprocess(
+        self,
+        fn: Any,
+        y: Any,
+        aux: Any,
+        args: Any,
+        options: Any,
+        state: _State,
+        tags: Any,
+        result: Any,
+    ) -> tuple[Any, Any, dict[str, Any]]:
+        return y, state.quadratic, {}
+
+
+class Solved(NamedTuple):
+    """One start, carried as far as its budget went."""
+
+    z: np.ndarray
+    quadratic: Quadratic
+    done: bool
+    steps: int
+
+
+@partial(jax.jit, static_argnums=0)
+def _solve(layout: Any, arrays: Any, z: Any, low: Any, high: Any, budget: Any) -> Any:
+    solver = BoundedLevenbergMarquardt(rtol=0.0, atol=1e-9, lower=low, upper=high)
+
+    def objective(y: Any, args: Any) -> tuple[Any, Quadratic]:
+        q = evaluate(layout, args[0], y)
+        return q.cost, q
+
+    solution = optx.minimise(
+        objective, solver, z, (arrays, budget), has_aux=True, max_steps=MOST_STEPS, throw=False
+    )
+    return solution.value, solution.aux, solution.state.done, solution.stats["num_steps"]
+
+
+def solve(problem: Problem, z: np.ndarray, budget: int = MOST_STEPS) -> Solved:
+    """Minimise the negative log-likelihood from ``z`` in at most ``budget`` steps."""
+    low, high = problem.limits()
+    value, quadratic, done, steps = _solve(
+        problem.layout,
+        problem.arrays,
+        jnp.asarray(np.clip(z, low, high)),
+        jnp.asarray(low),
+        jnp.asarray(high),
+        jnp.asarray(budget - 1),
+    )
+    quadratic = Quadratic(*(np.asarray(part) for part in quadratic))
+    return Solved(np.asarray(value), quadratic, bool(done), int(steps))

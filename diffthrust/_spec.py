@@ -1,0 +1,299 @@
+"""Spec files: a model, its effects and its logs, written down."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from glob import glob, has_magic
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from diffthrust._channels import listing, nearest
+from diffthrust._errors import InputError
+from diffthrust._log import Log
+from diffthrust._lookup import effect_class, made, model_class
+from diffthrust._model import Model
+from diffthrust._parameters import Normal
+from diffthrust._read import Column, read_log
+from diffthrust._spec_file import (
+    NAME,
+    ChannelPart,
+    ParameterPart,
+    SpecFile,
+    parse_spec,
+    place,
+    read_spec_text,
+)
+
+if TYPE_CHECKING:
+    from diffthrust._result import Fit
+
+
+@dataclass(frozen=True)
+class Spec:
+    """A spec file, read and checked.
+
+    Args:
+        path: where the file lies; paths inside it are relative to its folder.
+        text: the file as it is written.
+        file: what it holds.
+        model: the model with its effects and with the parameters as given.
+        inputs: the columns of the channels that drive the model.
+        measured: the columns of the channels that are compared.
+        train: files of the training logs.
+        holdout: files of the unseen logs.
+    """
+
+    path: Path
+    text: str = field(repr=False)
+    file: SpecFile = field(repr=False)
+    model: Model
+    inputs: Mapping[str, Column]
+    measured: Mapping[str, Column]
+    train: tuple[Path, ...]
+    holdout: tuple[Path, ...]
+
+    @property
+    def name(self) -> str:
+        """A name for people: the folder of a ``fit.toml``, the file's own name otherwise."""
+        path = self.path.resolve()
+        return path.parent.name if path.name == NAME else path.stem
+
+    def train_logs(self) -> tuple[Log, ...]:
+        """The training logs, read now."""
+        return tuple(self._read(path) for path in self.train)
+
+    def holdout_logs(self) -> tuple[Log, ...]:
+        """The unseen logs, read now; there may be none."""
+        return tuple(self._read(path) for path in self.holdout)
+
+    def _read(self, path: Path) -> Log:
+        logs = self.file.logs
+        files = [*self.train, *self.holdout]
+        alone = sum(other.name == path.name for other in files) == 1
+        return read_log(
+            path,
+            time=Column(logs.time.column, unit=logs.time.unit) if logs.time else None,
+            inputs=self.inputs,
+            measured=self.measured,
+            missing_values=[str(word) for word in logs.missing_values],
+            interpolate_inputs=logs.interpolate_inputs,
+            start=logs.start,
+            stop=logs.stop,
+            name=path.name if alone else f"{path.parent.name}/{path.name}",
+        )
+
+    def fit(
+        self,
+        progress: Callable[[str, float], None] | None = None,
+        *,
+        train: tuple[Log, ...] | None = None,
+        holdout: tuple[Log, ...] | None = None,
+    ) -> Fit:
+        """Fit as ``[fit]`` says.
+
+        Args:
+            progress: called with a message and the share done.
+            train: the training logs, where they have been read already.
+            holdout: the unseen logs, where they have been read already.
+        """
+        from diffthrust._fit import fit
+
+        unseen = self.holdout_logs() if holdout is None else holdout
+        return fit(
+            self.model,
+            self.train_logs() if train is None else train,
+            holdout=unseen or None,
+            progress=progress,
+            **self.file.fit.model_dump(exclude_unset=True),
+        )
+
+
+def load_spec(path: Path | str) -> Spec:
+    """Read a spec file and build its model; the logs are read when asked for.
+
+    Args:
+        path: a TOML file, or a folder that holds a ``fit.toml``.
+
+    Raises:
+        InputError: the file, a key or a name in it cannot be used. The message names file, line
+            and key, what was expected and found, and the mend.
+
+    Example:
+        >>> spec = load_spec("fits/jason_thruster/fit.toml")
+        >>> fit = spec.fit()
+    """
+    path = Path(path)
+    if path.is_dir():
+        path = path / NAME
+    text = read_spec_text(path)
+    file = parse_spec(text, path)
+    model = _model(file, text, path)
+    roles = _roles(model, file, text, path)
+    train = _files(file.logs.train, "train", text, path)
+    holdout = _files(file.logs.holdout, "holdout", text, path)
+    both = [a.name for a in train if a.resolve() in {b.resolve() for b in holdout}]
+    if both:
+        raise InputError(
+            f"{place(text, path, ('logs', 'holdout'))}: {listing(both)} is also a training log; "
+            "an unseen log must not be one.",
+            "Take it out of one of the two lists.",
+        )
+    return Spec(
+        path=path,
+        text=text,
+        file=file,
+        model=model,
+        inputs=_columns(file, "input", roles),
+        measured=_columns(file, "measured", roles),
+        train=train,
+        holdout=holdout,
+    )
+
+
+def _at(text: str, path: Path, loc: Iterable[Any], error: InputError) -> InputError:
+    """The same error with the place in the spec file before it."""
+    return InputError(f"{place(text, path, loc)}: {error.problem}", error.mend)
+
+
+def _model(file: SpecFile, text: str, path: Path) -> Model:
+    loc: tuple[str, ...] = ("model",)
+    try:
+        cls = model_class(file.model, path.parent)
+        loc = ("options", *list(file.options)[:1])
+        options = dict(file.options)
+        if "drive" in cls.options and {"left_force", "right_force"} & set(file.channels):
+            options.setdefault("drive", "twin")
+        model = made(cls, options)
+        loc = ("effects",)
+        for name in file.effects:
+            model = model + effect_class(name, path.parent)()
+        for name, part in file.parameters.items():
+            loc = ("parameters", name)
+            model = model.replace({name: _fields(part)})
+    except InputError as error:
+        raise _at(text, path, loc, error) from None
+    return model
+
+
+def _fields(part: ParameterPart) -> dict[str, Any]:
+    fields: dict[str, Any] = {}
+    if part.value is not None:
+        fields["value"] = part.value
+    if part.bounds is not None:
+        low, high = part.bounds
+        infinite = float("inf")
+        fields["bounds"] = (None if low == -infinite else low, None if high == infinite else high)
+    if part.fixed is not None:
+        fields["fixed"] = part.fixed
+    if part.prior is not None:
+        fields["prior"] = Normal(part.prior.mean, part.prior.std)
+    return fields
+
+
+def _roles(model: Model, file: SpecFile, text: str, path: Path) -> dict[str, str]:
+    """Which channels drive the model and which are compared; the model decides."""
+    needs = [name for effect in model.effects for name in effect.needs]
+    inputs = {*model.inputs, *model.optional_inputs, *model.states, *needs}
+    # without what drives it, a state that may be an input is one
+    undriven = bool(model.inputs) and not set(model.inputs) & set(file.channels)
+    roles = {}
+    for name, part in file.channels.items():
+        loc = ("channels", name)
+        if name not in inputs and name not in model.outputs:
+            known = [n for n in (*model.inputs, *model.optional_inputs, *needs, *model.outputs)]
+            near = nearest(name, known)
+            raise InputError(
+                f"{place(text, path, loc)}: the model '{model}' has no channel {name!r}"
+                f"{'; ' + near if near else ''}.",
+                "Name the column under [logs] time."
+                if name == "time"
+                else f"Correct the name; there are {listing(dict.fromkeys(known))}.",
+            )
+        if part.role is None:
+            driving = name in model.inputs or name in needs or name not in model.outputs
+            driving = driving or (undriven and name in model.optional_inputs)
+            roles[name] = "input" if driving else "measured"
+        else:
+            roles[name] = part.role
+            if name not in (inputs if part.role == "input" else model.outputs):
+                raise InputError(
+                    f"{place(text, path, (*loc, 'role'))}: the model '{model}' does not "
+                    f"{'read' if part.role == 'input' else 'put out'} the channel {name!r}.",
+                    "Remove the role.",
+                )
+        _suits(part, roles[name], text, path, loc)
+    _complete(model, roles, text, path)
+    return roles
+
+
+def _suits(part: ChannelPart, role: str, text: str, path: Path, loc: tuple[str, ...]) -> None:
+    for key in ("unsigned", "noise") if role == "input" else ("hold",):
+        if getattr(part, key) not in (None, False):
+            other = "measured channel" if role == "input" else "input"
+            kind = "an input" if role == "input" else "a measured channel"
+            raise InputError(
+                f"{place(text, path, (*loc, key))}: this channel is {kind}, and {key!r} says "
+                f"something of {'an' if other == 'input' else 'a'} {other}.",
+                f'Remove {key}, or give role = "{other.split()[0]}".',
+            )
+
+
+def _complete(model: Model, roles: Mapping[str, str], text: str, path: Path) -> None:
+    given = [name for name, role in roles.items() if role == "input"]
+    prescribed = [name for name in given if name in model.states]
+    missing = [name for name in model.inputs if name not in given]
+    if missing and not prescribed:
+        name = missing[0]
+        raise InputError(
+            f"{place(text, path, ('channels',))}: the model '{model}' needs the input {name!r}; "
+            f"given are {listing(given) if given else 'no inputs'}.",
+            f"Add [channels.{name}] with its column.",
+        )
+    for effect in model.effects:
+        for name in effect.needs:
+            if name not in given:
+                raise InputError(
+                    f"{place(text, path, ('channels',))}: the effect '{effect.name}' needs the "
+                    f"input {name!r}, which has no column.",
+                    f"Add [channels.{name}], or leave the effect out.",
+                )
+    if "measured" not in roles.values():
+        raise InputError(
+            f"{place(text, path, ('channels',))}: nothing is measured; the model '{model}' puts "
+            f"out {listing(name for name in model.outputs if name not in given)}.",
+            "Add the channel of one of these.",
+        )
+
+
+def _columns(file: SpecFile, role: str, roles: Mapping[str, str]) -> dict[str, Column]:
+    return {
+        name: Column(
+            part.column,
+            unit=part.unit,
+            unsigned=bool(part.unsigned),
+            noise=part.noise,
+            hold=part.hold or "zero",
+            scale=part.scale,
+        )
+        for name, part in file.channels.items()
+        if roles[name] == role
+    }
+
+
+def _files(patterns: Iterable[str], key: str, text: str, path: Path) -> tuple[Path, ...]:
+    found: list[Path] = []
+    for pattern in patterns:
+        if has_magic(pattern):
+            matches = sorted(glob(pattern, root_dir=path.parent, recursive=True))
+        else:
+            matches = [pattern] if (path.parent / pattern).is_file() else []
+        if not matches:
+            near = nearest(pattern, (p.name for p in path.parent.iterdir() if p.is_file()))
+            raise InputError(
+                f"{place(text, path, ('logs', key))}: expected the file {pattern!r} in "
+                f"{path.parent.resolve()}, found none{'; ' + near if near else ''}.",
+                "Correct the name; paths are relative to the spec file.",
+            )
+        found += [path.parent / match for match in matches]
+    return tuple(dict.fromkeys(found))

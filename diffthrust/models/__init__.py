@@ -1,0 +1,12 @@
+"""One system per file; `MODELS` finds them by the names that spec files use."""
+
+from diffthrust._model import Model as Model
+from diffthrust.models._axis_vehicle import AxisVehicle as AxisVehicle
+from diffthrust.models._dc_motor import DCMotorThruster as DCMotorThruster
+from diffthrust.models._linear_sensor import LinearSensor as LinearSensor
+from diffthrust.models._thruster import Thruster as Thruster
+from diffthrust.models._vessel import Vessel as Vessel
+
+MODELS: dict[str, type[Model]] = {
+    model.name: model for model in (Thruster, Vessel, DCMotorThruster, AxisVehicle, LinearSensor)
+}

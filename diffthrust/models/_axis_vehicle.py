@@ -1,0 +1,41 @@
+"""A vehicle that moves along one axis."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import jax.numpy as jnp
+
+from diffthrust._model import Model
+from diffthrust._parameters import parameter
+from diffthrust._signals import Ports, Signals
+
+
+class AxisVehicle(Model):
+    """One degree of freedom of an underwater vehicle with quadratic drag.
+
+        mass * d(velocity)/dt = thrust - drag * velocity |velocity|
+        d(position)/dt        = velocity
+
+    ``mass`` includes the added mass. Source: Yoerger, Cooke & Slotine 1990, section IV; the
+    defaults are one axis of Jason Jr.
+
+    Example:
+        >>> fit = dft.fit(dft.AxisVehicle(), log)     # input thrust, measured position or velocity
+    """
+
+    name = "axis_vehicle"
+    inputs = {"thrust": "N"}
+    states = {"position": "m", "velocity": "m/s"}
+    outputs = {"position": "m", "velocity": "m/s"}
+    ports = {"hull": "force of the water on the hull [N]", "force": "net force [N]"}
+    time_scales = (0.05, 40.0)
+
+    mass: float = parameter(340.0, "kg", bounds=(0, None))
+    drag: float = parameter(67.0, "N s^2/m^2", bounds=(0, None))
+
+    def equations(self, s: Signals, port: Ports) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+        """Yoerger et al. 1990, section IV."""
+        hull = port("hull", -self.drag * s.velocity * jnp.abs(s.velocity))
+        force = port("force", s.thrust + hull)
+        rates = {"position": s.velocity, "velocity": force / self.mass}
+        return rates, {"position": s.position, "velocity": s.velocity}

@@ -1,0 +1,31 @@
+"""A sensor that reads along a straight line."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from diffthrust._model import Model
+from diffthrust._parameters import parameter
+from diffthrust._signals import Ports, Signals
+
+
+class LinearSensor(Model):
+    """A depth sensor with a straight calibration line: reading = slope * depth + offset.
+
+    A static model: its log may be a table without time. Source: Aras et al. 2013; the defaults
+    are the datasheet line of that paper, which its own table 4 contradicts.
+
+    Example:
+        >>> fit = dft.fit(dft.LinearSensor(), dft.read_log("table.csv", time=None, ...))
+    """
+
+    name = "linear_sensor"
+    inputs = {"depth": "m"}
+    outputs = {"reading": "V"}
+    ports = {"line": "reading of the sensor [V]"}
+
+    slope: float = parameter(0.1901, "V/m", size=0.1)
+    offset: float = parameter(-0.0973, "V", size=1.0)
+
+    def equations(self, s: Signals, port: Ports) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+        """Aras et al. 2013, calibration of the depth sensor."""
+        return {}, {"reading": port("line", self.slope * s.depth + self.offset)}

@@ -1,0 +1,58 @@
+"""The torque-driven thruster."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import jax.numpy as jnp
+
+from diffthrust._model import Model
+from diffthrust._parameters import parameter
+from diffthrust._signals import Ports, Signals
+
+
+class Thruster(Model):
+    """A propeller in a duct, driven by a torque that follows the command.
+
+        d(speed)/dt = beta * command - alpha * speed |speed|
+        thrust      = ct * speed |speed|
+
+    Steady thrust is proportional to the command, and small steps settle more slowly than large
+    ones. With ``speed`` given as an input of the log, the thrust part alone is simulated. The
+    optional ``inflow`` and ``supply_voltage`` are there for effects; these equations do not read
+    them.
+
+    Source: Yoerger, Cooke & Slotine 1990, section II C; the defaults are the dynamic test of the
+    Jason thruster, figure 10.
+
+    Example:
+        >>> model = dft.Thruster(alpha=0.03)
+        >>> speed = dft.simulate(model, log)["speed"]
+    """
+
+    name = "thruster"
+    inputs = {"command": "V"}
+    optional_inputs = {"speed": "rad/s", "inflow": "m/s", "supply_voltage": "V"}
+    states = {"speed": "rad/s"}
+    outputs = {"speed": "rad/s", "thrust": "N"}
+    ports = {
+        "drive": "acceleration of the shaft by the motor's torque [rad/s^2]",
+        "load": "deceleration of the shaft by the propeller's torque [rad/s^2]",
+        "shaft": "net acceleration of the shaft [rad/s^2]",
+        "propeller": "thrust of the propeller [N]",
+    }
+    time_scales = (0.005, 4.0)
+
+    alpha: float = parameter(0.037, "1/rad", bounds=(0, None), doc="propeller load")
+    beta: float = parameter(42.0, "rad/(V s^2)", bounds=(0, None), doc="drive by the command")
+    ct: float = parameter(0.019, "N s^2/rad^2", bounds=(0, None), doc="thrust")
+
+    def equations(self, s: Signals, port: Ports) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+        """Yoerger et al. 1990, section II C."""
+        swept = s.speed * jnp.abs(s.speed)
+        thrust = port("propeller", self.ct * swept)
+        outputs = {"speed": s.speed, "thrust": thrust}
+        if "command" not in s:  # the speed is prescribed by the log: nothing drives the shaft
+            return {}, outputs
+        drive = port("drive", self.beta * s.command)
+        load = port("load", self.alpha * swept)
+        return {"speed": port("shaft", drive - load)}, outputs

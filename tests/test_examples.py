@@ -1,0 +1,157 @@
+"""The examples run from top to bottom and print what they promise."""
+
+import ast
+import io
+import os
+import re
+import subprocess
+import sys
+import tokenize
+from pathlib import Path
+
+import pytest
+from shared_data import data_folder
+
+from diffthrust._spec import load_spec
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+
+def run(name: str, folder: Path, **environment: str) -> str:
+    """Run an example as its reader would, in a folder of its own, and give what it prints."""
+    done = subprocess.run(
+        [sys.executable, str(EXAMPLES / f"{name}.py"), str(folder / "figures")],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(EXAMPLES.parent), **environment},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
+    return done.stdout
+
+
+def unseen(text: str) -> dict[str, float]:
+    """NRMSE of the unseen logs by channel, from the printed table."""
+    rows = re.findall(r"^unseen +(\w+) +\S+ +\S+ +(\S+) +\S+ +\d+$", text, re.MULTILINE)
+    return {channel: float(nrmse) for channel, nrmse in rows}
+
+
+def figure(folder: Path, name: str) -> Path:
+    path = folder / "figures" / name
+    assert path.stat().st_size > 10_000
+    return path
+
+
+def test_fit_thruster(tmp_path):
+    text = run("fit_thruster", tmp_path)
+    errors = unseen(text)
+    assert "Status: converged" in text
+    assert errors["speed"] < 0.01
+    assert errors["thrust"] < 0.02
+    assert figure(tmp_path, "jason_unseen.png").stat().st_size < 150_000
+
+
+def test_own_model(tmp_path):
+    data_folder("emps")
+    text = run("own_model", tmp_path)
+    found = re.search(r"without dry friction (\S+), with it (\S+)\.$", text, re.MULTILINE)
+    assert found
+    before, after = map(float, found.groups())
+    assert after < 0.6 * before
+    published = {"mass": 95.11, "viscous": 203.5, "offset": -3.165, "dry_friction.level": 20.39}
+    for name, value in published.items():
+        found = re.search(rf"^{re.escape(name)} +(\S+)", text, re.MULTILINE)
+        assert found
+        assert float(found[1]) == pytest.approx(value, rel=0.06)
+    figure(tmp_path, "emps_unseen.png")
+
+
+def test_own_model_in_a_spec_file(tmp_path):
+    folder = os.path.relpath(data_folder("emps"), tmp_path)
+    script = os.path.relpath(EXAMPLES / "own_model.py", tmp_path)
+    (tmp_path / "fit.toml").write_text(
+        f"""
+        model = "{script}:Axis"
+        effects = ["{script}:DryFriction"]
+        [logs]
+        train = ["{folder}/DATA_EMPS_SC.csv"]
+        time = "time_exp"
+        stop = 4.0
+        [channels]
+        force = {{ column = "u_in", unit = "N", scale = 35.15, hold = "linear" }}
+        position = {{ column = "q_meas", unit = "m", scale = 0.125 }}
+        [parameters]
+        "dry_friction.level" = {{ value = 10.0 }}
+        """
+    )
+    fit = load_spec(tmp_path).fit()
+    assert fit.status.ok, fit.message
+    assert fit.parameters["mass"].value == pytest.approx(95.11, rel=0.1)
+
+
+def test_ngs_thruster(tmp_path):
+    data_folder("ngs_thruster")
+    text = run("ngs_thruster", tmp_path)
+    assert "Status: converged" in text
+    assert float(re.findall(r"speed: RMSE (\S+) rad/s", text)[0]) == pytest.approx(19.0, abs=1.5)
+    assert unseen(text)["speed"] > 1  # the basic model fails, and the figures say so
+    assert re.search(r"thrust: RMSE .* backwards", text)
+    figure(tmp_path, "ngs_unseen.png")
+
+
+def test_blueboat(tmp_path):
+    data_folder("blueboat")
+    text = run("blueboat", tmp_path)
+    errors = unseen(text)
+    assert errors["surge"] < 1
+    assert errors["yaw_rate"] > 1  # the basic model fails, and the figures say so
+    assert "12 of 486 samples are missing" in text
+    figure(tmp_path, "blueboat_unseen.png")
+
+
+def test_esso_osaka(tmp_path):
+    data_folder("esso_osaka")
+    text = run("esso_osaka", tmp_path)
+    errors = unseen(text)
+    assert "Status: converged" in text
+    assert errors["surge"] <= 0.31
+    assert errors["sway"] <= 0.80
+    assert errors["yaw_rate"] <= 0.48
+    figure(tmp_path, "esso_unseen.png")
+
+
+@pytest.mark.parametrize("name", ["own_model", "ngs_thruster", "blueboat", "esso_osaka"])
+def test_absent_logs_end_in_one_sentence(name, tmp_path):
+    text = run(name, tmp_path, DIFFTHRUST_DATA=str(tmp_path / "nowhere"))
+    assert text.count("\n") == 1
+    assert "DIFFTHRUST_DATA" in text
+
+
+def code_lines(source: str) -> int:
+    """Lines of a script without blank lines, comments and docstrings."""
+    skip = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT}
+    skip |= {tokenize.ENDMARKER, tokenize.ENCODING}
+    lines: set[int] = set()
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type not in skip:
+            lines |= set(range(token.start[0], token.end[0] + 1))
+    for node in ast.walk(ast.parse(source)):
+        documented = isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)
+        if documented and ast.get_docstring(node):
+            first = node.body[0]
+            lines -= set(range(first.lineno, (first.end_lineno or first.lineno) + 1))
+    return len(lines)
+
+
+def test_own_model_is_short():
+    assert code_lines((EXAMPLES / "own_model.py").read_text()) <= 40
+
+
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.stem)
+def test_examples_say_what_they_show(path):
+    assert ast.get_docstring(ast.parse(path.read_text()))
+    if not path.stem.startswith("_"):
+        assert code_lines(path.read_text()) <= 65

@@ -1,0 +1,103 @@
+"""Tables for people: honest digits, and every channel with its unit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import diffthrust as dft
+from diffthrust._check import Checked
+from diffthrust._display import (
+    check_table,
+    comparison_table,
+    effects_table,
+    fit_table,
+    number,
+    rendered,
+    with_error,
+)
+from diffthrust._expected import Row
+from diffthrust.effects import EFFECTS
+from diffthrust.models import MODELS
+
+
+@pytest.fixture(scope="module")
+def line() -> dft.Log:
+    depth = np.linspace(0.0, 4.0, 20)
+    noise = 0.01 * np.sin(37.0 * np.arange(20))
+    return dft.Log(
+        time=np.arange(20),
+        inputs={"depth": depth},
+        measured={"reading": 0.16 * depth + 1.6 + noise},
+        name="table",
+    )
+
+
+@pytest.fixture(scope="module")
+def fit(line: dft.Log) -> dft.Fit:
+    return dft.fit(dft.LinearSensor(), line, holdout=line)
+
+
+def test_the_table_of_a_fit(fit):
+    text = rendered(fit_table(fit))
+    for word in ("linear_sensor", "Status: converged", "slope", "V/m", "training", "unseen"):
+        assert word in text
+    assert "all" not in text.split("Logs")[1]  # one channel needs no sum
+    assert max(map(len, text.splitlines())) <= 100
+
+
+def test_fixed_parameters_have_no_error(line):
+    text = rendered(fit_table(dft.fit(dft.LinearSensor(offset=1.6).fix("offset"), line)))
+    (row,) = [row for row in text.splitlines() if row.startswith("offset")]
+    assert row.split() == ["offset", "1.600", "-", "V", "fixed"]
+    assert "unseen" not in text
+
+
+def test_the_table_of_a_comparison(fit, line):
+    text = rendered(comparison_table(dft.compare(fit, [line, line.slice(0, 9)])))
+    assert text.count("table ") == 2
+    assert "all runs" in text
+
+
+def test_the_table_of_a_check():
+    good = Row("one", "alpha", 1.0, 1.0, 0.1, True)
+    bad = Row("two [x]", "beta", 1.0, 2.0, 0.1, False)
+    broken = Row("three", "cannot be run", None, "line 3 is bad", None, False, "Mend it.")
+    assert "1 fit checked, none moved." in rendered(check_table(Checked((good,))))
+    text = rendered(check_table(Checked((good, bad, broken))))
+    assert "2 of 3 fits failed: two [x], three." in text
+    assert "line 3 is bad" in text
+    assert "Mend it." in text
+
+
+def test_the_catalogue_of_effects():
+    text = rendered(effects_table(EFFECTS.values(), MODELS.values()))
+    for name, effect in EFFECTS.items():
+        assert name in text
+        assert (effect.__doc__ or "").strip().splitlines()[0] in text
+    assert "thruster, dc_motor_thruster" in text
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "shown"),
+    [
+        (0.0370107, 3.0357e-05, ("0.037011", "0.000030")),
+        (41.98507, 0.02067, ("41.985", "0.021")),
+        (5.0, None, ("5.000", "-")),
+        (1234.5, 67.0, ("1234", "67")),
+        (7.2019e-12, 1e-15, ("7.2019e-12", "1.0e-15")),
+        (123456.0, 5000.0, ("1.235e+05", "5.0e+03")),
+        (0.0, 0.1, ("0.00", "0.10")),
+    ],
+)
+def test_a_value_ends_with_its_error(value, error, shown):
+    assert with_error(value, error) == shown
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [(0.0, "0.000"), (0.0123456, "0.01235"), (1e-9, "1.000e-09"), (123456.0, "123456"),
+     (float("nan"), "-"), (None, "-"), (float("inf"), "inf"), (-2.5, "-2.500")],
+)  # fmt: skip
+def test_numbers(value, shown):
+    assert number(value) == shown
