@@ -12,11 +12,12 @@ import jax as _jax
 
 _jax.config.update("jax_enable_x64", True)
 # XLA compiles a loop on the CPU as one kernel only while its body is small; models with effects
-# are above its limit and run up to ten times slower. The flag is read when JAX first computes.
+# are above its limit and run up to ten times slower. The flag is read when JAX first computes; it goes
+# in front of the user's, because XLA ignores all that follows a word without leading dashes.
 if "xla_backend_extra_options" not in _os.environ.get("XLA_FLAGS", ""):
     _os.environ["XLA_FLAGS"] = (
-        _os.environ.get("XLA_FLAGS", "")
-        + " --xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=1000000"
+        "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=1000000 "
+        + _os.environ.get("XLA_FLAGS", "")
     ).strip()
 
 from diffthrust import effects as effects  # noqa: E402
