@@ -12,8 +12,8 @@ import jax as _jax
 
 _jax.config.update("jax_enable_x64", True)
 # XLA compiles a loop on the CPU as one kernel only while its body is small; models with effects
-# are above its limit and run up to ten times slower. The flag is read when JAX first computes; it goes
-# in front of the user's, because XLA ignores all that follows a word without leading dashes.
+# are above its limit and run up to ten times slower. The flag is read when JAX first computes. It
+# goes in front of the user's: XLA ignores all that follows a word without leading dashes.
 if "xla_backend_extra_options" not in _os.environ.get("XLA_FLAGS", ""):
     _os.environ["XLA_FLAGS"] = (
         "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=1000000 "
@@ -33,6 +33,7 @@ from diffthrust._model import Model as Model  # noqa: E402
 from diffthrust._parameters import Normal as Normal  # noqa: E402
 from diffthrust._parameters import Parameter as Parameter  # noqa: E402
 from diffthrust._parameters import parameter as parameter  # noqa: E402
+from diffthrust._parameters import relative_to as relative_to  # noqa: E402
 from diffthrust._physical import Quantity as Quantity  # noqa: E402
 from diffthrust._physical import derived as derived  # noqa: E402
 from diffthrust._physical import physical as physical  # noqa: E402

@@ -139,7 +139,7 @@ def effects_table(effects: Iterable[type[Effect]], models: Iterable[type[Model]]
         table = Table(box=None, show_header=False, padding=(0, 1), pad_edge=False)
         table.add_column(style="dim", no_wrap=True)
         table.add_column()
-        table.add_row("  port", effect.port)
+        table.add_row("  port", ", ".join(effect.ports))
         for name, p in effect.declared.items():
             start = f"{name} [{p.unit or '-'}]" + (" (fixed)" if p.fixed else "")
             null = f", null {p.null:g}" if p.null is not None else ""

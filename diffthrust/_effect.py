@@ -18,6 +18,9 @@ class Effect(Component):
     that the log must have as inputs), declares its parameters with their ``null`` values, and
     implements ``__call__``. An effect with states of its own names them in ``states`` (name to
     unit) and implements ``rates``; its states are then read from the signals by their names.
+    An effect on a channel that reads other samples than the present one (a delay, a rate limit)
+    sets ``memory``. An effect that acts at several places lists them in ``ports`` and implements
+    `at` instead of ``__call__``.
 
     Example:
         >>> class ViscousFriction(Effect):
@@ -34,9 +37,15 @@ class Effect(Component):
     port: ClassVar[str] = ""
     needs: ClassVar[tuple[str, ...]] = ()
     states: ClassVar[Mapping[str, str]] = {}
+    memory: ClassVar[bool] = False
+    ports: ClassVar[tuple[str, ...]] = ()
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
+        if cls.ports:
+            cls.port = cls.ports[0]
+        elif cls.port:
+            cls.ports = (cls.port,)
         missing = [field for field in ("name", "port") if not getattr(cls, field)]
         if missing:
             raise InputError(
@@ -49,6 +58,10 @@ class Effect(Component):
         raise InputError(
             f"Effect '{self.name}' has no __call__.", "Define def __call__(self, value, s): ..."
         )
+
+    def at(self, port: str, value: Any, s: Signals) -> Any:
+        """The value that leaves one of ``ports``; the effect's ``__call__`` where it has one port."""
+        return self(value, s)
 
     def rates(self, value: Any, s: Signals) -> Mapping[str, Any]:
         """Time derivatives of the effect's own states (a number or `Relaxing` for each)."""

@@ -167,19 +167,20 @@ class Model(Component):
                 f'Take it out first: model - "{other.name}".',
             )
         places = [*self.ports, *self.inputs, *self.optional_inputs, *self.outputs]
-        if other.port not in places:
-            raise InputError(
-                f"Effect '{other.name}' acts at the port '{other.port}', which the model "
-                f"'{self.name}' does not have; it has {listing(places)}.",
-                "Use an effect made for one of these ports.",
-            )
-        if other.states and other.port not in self.ports:
-            raise InputError(
-                f"Effect '{other.name}' has states of its own and acts on the channel "
-                f"'{other.port}'; states are integrated at ports inside the model only: "
-                f"{listing(self.ports)}.",
-                "Let it act at one of these ports.",
-            )
+        for port in other.ports:
+            if port not in places:
+                raise InputError(
+                    f"Effect '{other.name}' acts at the port '{port}', which the model "
+                    f"'{self.name}' does not have; it has {listing(places)}.",
+                    "Use an effect made for one of these ports.",
+                )
+            if other.states and port not in self.ports:
+                raise InputError(
+                    f"Effect '{other.name}' has states of its own and acts on the channel "
+                    f"'{port}'; states are integrated at ports inside the model only: "
+                    f"{listing(self.ports)}.",
+                    "Let it act at one of these ports.",
+                )
         return self._copy(effects=(*self.effects, other))
 
     def __sub__(self, name: str) -> Self:

@@ -32,6 +32,35 @@ class Normal:
 
 
 @dataclass(frozen=True)
+class Relative:
+    """Trial values as multiples of a signal's level in the logs; made by `relative_to`."""
+
+    signal: str
+    factors: tuple[float, ...]
+    power: float = 1.0
+
+
+def relative_to(signal: str, *factors: float, power: float = 1.0) -> Relative:
+    """Trial values of an effect's parameter that follow the size of a signal in the logs.
+
+    A diagnosis tries the parameter at each factor times ``level ** power``, where the level is the
+    90th percentile of the signal's absolute value over the logs.
+
+    Args:
+        signal: an input, state or output of the model, the value at one of its ports, or
+            "duration" (the length of the longest log [s]).
+        *factors: multiples of the level; give both signs where both are possible.
+        power: exponent of the level; -1 for a parameter that multiplies the signal.
+
+    Example:
+        >>> level: float = parameter(
+        ...     1.0, "rad/s^2", null=0.0, probes=relative_to("drive", 0.02, 0.1)
+        ... )
+    """
+    return Relative(signal, factors, power)
+
+
+@dataclass(frozen=True)
 class Parameter:
     """One number of a model or an effect, and all that the library needs to know of it.
 
@@ -45,6 +74,8 @@ class Parameter:
             (the optimiser moves their logarithm), "linear" for all others.
         size: a typical magnitude, used to draw starts of a "linear" parameter without bounds.
         null: the value at which an effect does nothing; ``None`` for a model's parameter.
+        probes: trial values of an effect's parameter, numbers or `relative_to` a signal, from
+            which a diagnosis starts.
         doc: one line for people.
 
     Raises:
@@ -65,6 +96,7 @@ class Parameter:
     size: float | None = None
     null: float | None = None
     doc: str = ""
+    probes: Relative | tuple[float, ...] = ()
 
     def check(self, name: str) -> None:
         """Raise `InputError` where the description contradicts itself."""
@@ -169,6 +201,7 @@ def parameter(
     size: float | None = None,
     null: float | None = None,
     doc: str = "",
+    probes: Relative | tuple[float, ...] = (),
 ) -> Any:
     """Declare a parameter in the body of a `Model` or an `Effect`.
 
@@ -184,4 +217,4 @@ def parameter(
         positive = _number(low) and _number(value) and low >= 0 and value > 0
         transform = "log" if positive and null is None else "linear"
     value = float(value) if _number(value) else value  # `Parameter.check` refuses what is none
-    return Parameter(value, unit, bounds, fixed, prior, transform, size, null, doc)
+    return Parameter(value, unit, bounds, fixed, prior, transform, size, null, doc, probes)

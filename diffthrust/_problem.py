@@ -229,7 +229,7 @@ def _device(array: np.ndarray | dict[str, np.ndarray]) -> Any:
 
 def trusted(model: Model) -> tuple[str, ...]:
     """States that a sensor reads as they are: no effect acts between the state and its channel."""
-    return tuple(n for n in model.states if all(effect.port != n for effect in model.effects))
+    return tuple(n for n in model.states if all(n not in effect.ports for effect in model.effects))
 
 
 def _reads(log: Log, state: str) -> bool:

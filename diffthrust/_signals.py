@@ -108,15 +108,15 @@ class Ports:
 
     def __call__(self, port: str, value: Any) -> Any:
         for effect in self._effects:
-            if effect.port == port:
-                value = self._through(effect, value)
+            if port in effect.ports:
+                value = self._through(effect, port, value)
         return value
 
-    def _through(self, effect: Effect, value: Any) -> Any:
+    def _through(self, effect: Effect, port: str, value: Any) -> Any:
         where = type(effect).__name__
         if not effect.states:
             with elementwise(where):
-                return effect(value, self._signals)
+                return effect.at(port, value, self._signals)
         own = {name: f"{effect.name}.{name}" for name in effect.states}
         if self._starting:
             start = effect.initial(value, self._signals)
@@ -126,7 +126,7 @@ class Ports:
             signals = self._signals.also({name: self._signals[own[name]] for name in own})
         with elementwise(where):
             rates = effect.rates(value, signals)
-            leaving = effect(value, signals)
+            leaving = effect.at(port, value, signals)
         expect(f"{where}.rates", "rate of the state", own, rates)
         self.rates.update({own[name]: rates[name] for name in own})
         return leaving
