@@ -42,7 +42,7 @@ class Effect(Component):
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
-        if cls.ports:
+        if "ports" in vars(cls):
             cls.port = cls.ports[0]
         elif cls.port:
             cls.ports = (cls.port,)
@@ -60,7 +60,7 @@ class Effect(Component):
         )
 
     def at(self, port: str, value: Any, s: Signals) -> Any:
-        """The value that leaves one of ``ports``; the effect's ``__call__`` where it has one port."""
+        """The value that leaves one of ``ports``: that of ``__call__`` where there is one."""
         return self(value, s)
 
     def rates(self, value: Any, s: Signals) -> Mapping[str, Any]:
