@@ -106,6 +106,10 @@ class Ports:
         self.rates: dict[str, Any] = {}
         self.initial: dict[str, Any] = {}
 
+    def tell(self, **signals: Any) -> None:
+        """Let the effects at the ports that follow read what the model has worked out."""
+        self._signals = self._signals.also(signals)
+
     def __call__(self, port: str, value: Any) -> Any:
         for effect in self._effects:
             if port in effect.ports:

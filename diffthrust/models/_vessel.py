@@ -11,6 +11,27 @@ from diffthrust._model import Model
 from diffthrust._parameters import Parameter, parameter
 from diffthrust._signals import Ports, Signals
 
+_INPUTS = {
+    "propeller": {"propeller_speed": "rev/s", "rudder_angle": "rad"},
+    "twin": {"left_force": "N", "right_force": "N"},
+}
+_PORTS = {
+    "surge_through_water": "speed through the water along x, which the forces depend on [m/s]",
+    "sway_through_water": "speed through the water along y [m/s]",
+    "propeller": "speed at which the propeller turns [rev/s]",
+    "rudder": "angle at which the propeller or rudder stands [rad]",
+    "thrust": "force of the drive along its axis, in units of A (twin: the sum)",
+    "side": "force of the drive across, at the lever arm behind, in units of A",
+    "surge_force": "force along x, in units of A",
+    "sway_force": "force along y, in units of A",
+    "yaw_moment": "moment about z, in units of A m",
+    "surge_acceleration": "rate of the speed over ground along x [m/s^2]",
+    "sway_acceleration": "rate of the speed over ground along y [m/s^2]",
+    "yaw_acceleration": "rate of the yaw rate [rad/s^2]",
+}
+_HINGED = ("propeller", "rudder", "side")
+"""Ports that a vessel with two fixed thrusters does not have."""
+
 
 class Vessel(Model):
     """Surge, sway and yaw of a small surface vessel, in the ratios to the propulsion constant A.
@@ -53,11 +74,7 @@ class Vessel(Model):
         "heading": "rad",
     }
     outputs = states
-    ports = {
-        "surge_force": "force along x, in units of A",
-        "sway_force": "force along y, in units of A",
-        "yaw_moment": "moment about z, in units of A m",
-    }
+    ports: Mapping[str, str] = _PORTS  # pyright: ignore[reportIncompatibleVariableOverride]
     angles = ("heading",)
     time_scales = (0.05, 20.0)
     horizon = 20.0
@@ -82,7 +99,9 @@ class Vessel(Model):
             raise InputError(
                 f"Vessel: expected drive 'propeller' or 'twin', found {drive!r}.", "Correct it."
             )
-        self._set(drive=drive, inputs=_INPUTS[drive])
+        absent = _HINGED if drive == "twin" else ()
+        ports = {name: text for name, text in _PORTS.items() if name not in absent}
+        self._set(drive=drive, inputs=_INPUTS[drive], ports=ports)
         super().__init__(**parameters)
         described = self._parameters
         if drive == "twin":  # forces are given: no power law is left to estimate
@@ -94,43 +113,38 @@ class Vessel(Model):
             described = {**described, **units}
         self._set(_parameters=described)
 
-    @property
-    def forces(self) -> Any:
-        """The function from signals to the forces of the drive, before the ports."""
-        return self._propeller if self.drive == "propeller" else self._twin
-
-    def _propeller(self, s: Signals) -> tuple[Any, Any, Any]:
-        n = s.propeller_speed
+    def _propeller(self, s: Signals, port: Ports) -> tuple[Any, Any, Any]:
+        n = port("propeller", s.propeller_speed)
+        angle = port("rudder", s.rudder_angle)
         turning = n != 0
         strength = jnp.sign(n) * jnp.where(turning, jnp.abs(n), 1.0) ** self.exponent
-        force = jnp.where(turning, strength, 0.0)
-        side = force * jnp.sin(s.rudder_angle)
-        return force * jnp.cos(s.rudder_angle), side, -self.lever_arm * side
+        thrust = port("thrust", jnp.where(turning, strength, 0.0))
+        port.tell(thrust=thrust, rudder=angle)
+        side = port("side", thrust * jnp.sin(angle))
+        return thrust * jnp.cos(angle), side, -self.lever_arm * side
 
-    def _twin(self, s: Signals) -> tuple[Any, Any, Any]:
-        total = s.left_force + s.right_force
-        return total, 0.0 * total, self.lever_arm * (s.left_force - s.right_force)
+    def _twin(self, s: Signals, port: Ports) -> tuple[Any, Any, Any]:
+        thrust = port("thrust", s.left_force + s.right_force)
+        return thrust, 0.0 * thrust, self.lever_arm * (s.left_force - s.right_force)
 
     def equations(self, s: Signals, port: Ports) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
         """Siramdasu & Fahimi 2013, equations (1) to (5), (15) and (16)."""
-        u, v, r = s.surge, s.sway, s.yaw_rate
-        surge, sway, yaw = self.forces(s)
+        u = port("surge_through_water", s.surge)
+        v = port("sway_through_water", s.sway)
+        r = s.yaw_rate
+        port.tell(surge_through_water=u, sway_through_water=v, m22=self.m22, i33=self.i33)
+        surge, sway, yaw = (self._propeller if self.drive == "propeller" else self._twin)(s, port)
         surge = port("surge_force", surge + self.m22 * v * r - self.d11 * u)
         sway = port("sway_force", sway - self.m11 * u * r - self.d22 * v)
         yaw = port("yaw_moment", yaw - (self.m22 - self.m11) * u * v - self.d33 * r)
+        port.tell(sway_force=sway, yaw_moment=yaw)
         cos, sin = jnp.cos(s.heading), jnp.sin(s.heading)
         rates = {
-            "surge": surge / self.m11,
-            "sway": sway / self.m22,
-            "yaw_rate": yaw / self.i33,
-            "north": u * cos - v * sin,
-            "east": u * sin + v * cos,
+            "surge": port("surge_acceleration", surge / self.m11),
+            "sway": port("sway_acceleration", sway / self.m22),
+            "yaw_rate": port("yaw_acceleration", yaw / self.i33),
+            "north": s.surge * cos - s.sway * sin,
+            "east": s.surge * sin + s.sway * cos,
             "heading": r,
         }
         return rates, {name: s[name] for name in self.outputs}
-
-
-_INPUTS = {
-    "propeller": {"propeller_speed": "rev/s", "rudder_angle": "rad"},
-    "twin": {"left_force": "N", "right_force": "N"},
-}
