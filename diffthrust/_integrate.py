@@ -25,6 +25,8 @@ from diffthrust._signals import Relaxing
 
 Rates = Callable[[Mapping[str, Any], Mapping[str, Any]], Mapping[str, Any]]
 """From states and inputs at one instant to the rate of each state."""
+Correct = Callable[[dict[str, Any], Mapping[str, Any], Any], dict[str, Any]]
+"""From states, inputs and a row of other series at one instant to the corrected states."""
 
 
 def integrate(
@@ -33,6 +35,8 @@ def integrate(
     inputs: Mapping[str, tuple[Any, ...]],
     steps: Any,
     restart: Mapping[str, tuple[Any, Any]],
+    correct: Correct | None = None,
+    rows: Any = None,
 ) -> dict[str, Any]:
     """Integrate a system of first-order equations over given steps.
 
@@ -44,9 +48,12 @@ def integrate(
         steps: step lengths [s], ``(N,)``.
         restart: for some states ``(values, unsigned)``: where a value, ``(N,)``, is finite, the
             state is set to it before the step (with the state's own sign where unsigned).
+        correct: changes the states before each step, from them, the inputs at the start of the
+            step and this step's row of ``rows``.
+        rows: series that ``correct`` reads, ``(N,)`` each.
 
     Returns:
-        Each state after every step, ``(N + 1,)`` with the start in front.
+        Each state after every step, before any correction, ``(N + 1,)`` with the start in front.
     """
     if not start:
         return {}
@@ -60,14 +67,16 @@ def integrate(
     }
 
     def body(state: dict[str, Any], x: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        given, step, anew, weights = x
+        given, step, anew, weights, row = x
         for name, value in anew.items():
             signed = jnp.where(restart[name][1] & (state[name] < 0), -value, value)
             state = {**state, name: jnp.where(jnp.isnan(value), state[name], signed)}
+        if correct:
+            state = correct(state, {name: value[0] for name, value in given.items()}, row)
         state = _step(rates, state, given, step, weights)
         return state, state
 
-    _, after = jax.lax.scan(body, first, (dict(inputs), steps, values, fast))
+    _, after = jax.lax.scan(body, first, (dict(inputs), steps, values, fast, rows))
     return {name: jnp.concatenate([first[name][None], after[name]]) for name in first}
 
 

@@ -1,4 +1,6 @@
-"""The simulation-error likelihood, with its gradient and information by one forward-mode pass.
+"""The likelihoods, with their gradient and information by one forward-mode pass.
+
+That of the simulation error, and that of the innovations where the layout has an observer.
 
 A likelihood turns coordinates into a `Quadratic`: its negative logarithm, the gradient, and the
 Gauss-Newton (Fisher) information. That is all the optimiser and the checks see, so another
@@ -12,6 +14,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
+from diffthrust._observer import innovations
 from diffthrust._problem import Layout
 from diffthrust._simulate import trajectory
 
@@ -39,17 +42,27 @@ class Quadratic(NamedTuple):
 
 def named_values(layout: Layout, arrays: Any, z: Any) -> dict[str, Any]:
     """Parameter values at coordinates; traceable twin of `Problem.values`."""
+    if layout.width is not None:
+        spread = jnp.zeros(len(layout.free) + 1)
+        moved = spread.at[arrays["chosen"]].set(1.0) > 0
+        z = spread.at[arrays["chosen"]].set(z)
     free = {}
     for i, (name, transform) in enumerate(zip(layout.free, layout.transforms, strict=True)):
         free[name] = jnp.exp(z[i]) if transform == "log" else z[i] * arrays["scales"][i]
+        if layout.width is not None:
+            free[name] = jnp.where(moved[i], free[name], arrays["values"][name])
     return {**arrays["values"], **free}
 
 
 def residuals(layout: Layout, index: int, arrays: Any, log: Any, z: Any, start: Any) -> Any:
-    """Measured minus simulated, ``(C, T)``; zero where nothing was measured."""
+    """Measured minus simulated or predicted, ``(C, T)``; zero where nothing was measured."""
     grid = layout.grids[index]
-    model = layout.key.model.bind(named_values(layout, arrays, z))
+    values = named_values(layout, arrays, z)
+    model = layout.key.model.bind(values)
     states = {**log["held"], **{n: start[i] for i, n in enumerate(layout.starts)}}
+    if layout.observer is not None:
+        told = {**log, "clip": arrays["clip"]}
+        return innovations(layout.observer, model, grid, values, told, states)[0]
     anew = {n: (log["restart_" + n], log["sign_" + n]) for n in grid.restarted}
     outputs, _ = trajectory(model, grid, log["time"], log["inputs"], states, anew)
     rows = []
@@ -88,7 +101,7 @@ def _with_jacobian(layout: Layout, index: int, arrays: Any, z: Any) -> tuple[Any
 
 def evaluate(layout: Layout, arrays: Any, z: Any) -> Quadratic:
     """Simulation-error likelihood of all logs at coordinates ``z``: parameters, then starts."""
-    n, m = len(layout.free), len(layout.starts)
+    n, m = layout.width or len(layout.free), len(layout.starts)
     at, passes = n, []
     for index, batch in enumerate(arrays["batches"]):
         count = batch["time"].shape[0]
@@ -152,15 +165,14 @@ def _assemble(
         cross.append(gram[:, :n, n:].transpose(1, 0, 2).reshape(n, -1))
         own.append(gram[:, n:, n:])
     for name, (mean, std) in arrays["prior"].items():
-        i = layout.free.index(name)
 
         def away(p: Any, name: str = name, mean: Any = mean, std: Any = std) -> Any:
             return (named_values(layout, arrays, p)[name] - mean) / std
 
-        rest, slope = jax.jvp(away, (z,), (jnp.zeros(n).at[i].set(1.0),))
+        rest, slope = away(z), jax.jacfwd(away)(z)
         cost += 0.5 * rest**2
-        gradient = gradient.at[i].add(rest * slope)
-        information = information.at[i, i].add(slope**2)
+        gradient += rest * slope
+        information += slope[:, None] * slope[None, :]
     whole = information
     if m:
         blocks = jnp.concatenate(own)

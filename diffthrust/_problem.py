@@ -15,6 +15,8 @@ from diffthrust._intake import bridged, hold_of, inputs_of
 from diffthrust._log import Log
 from diffthrust._metrics import unwrapped
 from diffthrust._model import Model
+from diffthrust._observer import Observer, observer_of
+from diffthrust._parameters import Parameter
 from diffthrust._simulate import Grid, Key, starting_states
 from diffthrust._step_check import sensor_noise
 
@@ -24,7 +26,12 @@ WASTE = 1.25
 
 @dataclass(frozen=True)
 class Layout:
-    """What fixes the compiled code of a problem; equal layouts share it."""
+    """What fixes the compiled code of a problem; equal layouts share it.
+
+    With an ``observer`` the likelihood is that of the innovations. With a ``width`` only so many
+    coordinates are moved at a time, and which ones is a matter of numbers: many selections of
+    parameters (see `Problem.focus`) then share one compilation.
+    """
 
     key: Key
     free: tuple[str, ...]
@@ -34,6 +41,8 @@ class Layout:
     starts: tuple[str, ...]
     grids: tuple[Grid, ...]
     loss: str
+    observer: Observer | None = None
+    width: int | None = None
 
 
 @dataclass(frozen=True)
@@ -47,6 +56,8 @@ class Problem:
         arrays: the numeric part, a pytree of arrays.
         order: for each batch, the indices of its logs.
         held: initial states stay at their measured values.
+        nuisance: parameters of the observer, estimated with the model's.
+        chosen: the coordinates that are moved, where the layout has a width.
     """
 
     model: Model
@@ -55,11 +66,32 @@ class Problem:
     arrays: Mapping[str, Any] = field(repr=False)
     order: tuple[tuple[int, ...], ...] = ()
     held: bool = False
+    nuisance: Mapping[str, Parameter] = field(default_factory=dict, repr=False)
+    chosen: tuple[str, ...] | None = None
 
     @property
     def free(self) -> tuple[str, ...]:
         """Full names of the estimated parameters."""
-        return self.layout.free
+        return self.layout.free if self.chosen is None else self.chosen
+
+    @property
+    def named(self) -> dict[str, Parameter]:
+        """The parameters of the model and of the observer, by full name."""
+        return {**self.model.parameters, **self.nuisance}
+
+    def focus(self, names: Sequence[str], values: Mapping[str, float]) -> Problem:
+        """The same problem with other values, in which only these parameters are moved."""
+        layout, named = self.layout, self.named
+        assert layout.width is not None
+        assert len(names) <= layout.width
+        where = [layout.free.index(n) for n in names]
+        spare = len(layout.free)  # a coordinate that nothing depends on
+        chosen = where + [spare] * (layout.width - len(where))
+        nuisance = {n: p.with_value(values.get(n, p.value)) for n, p in self.nuisance.items()}
+        model = self.model.replace({n: values[n] for n in self.model.parameters if n in values})
+        rest = {n: jnp.asarray(values.get(n, p.value)) for n, p in named.items()}
+        arrays = {**self.arrays, "chosen": jnp.asarray(chosen), "values": rest}
+        return replace(self, model=model, arrays=arrays, nuisance=nuisance, chosen=tuple(names))
 
     @property
     def local(self) -> int:
@@ -79,24 +111,29 @@ class Problem:
 
     def start(self) -> np.ndarray:
         """Coordinates of the model's present values and of the measured initial states."""
-        named = self.model.parameters
+        named = self.named
         ahead = [float(named[n].to_coordinate(named[n].value)) for n in self.free]
         states = [np.asarray(batch["start"]).reshape(-1) for batch in self.arrays["batches"]]
-        return np.concatenate([np.asarray(ahead, float), *states])
+        return np.concatenate([np.asarray(ahead, float), *states, np.zeros(self._spare)])
 
     def limits(self) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper limits of the coordinates."""
-        named = self.model.parameters
+        named = self.named
         pairs = [named[n].coordinate_limits() for n in self.free]
-        pairs += [(-np.inf, np.inf)] * self.local
+        pairs += [(-np.inf, np.inf)] * self.local + [(0.0, 0.0)] * self._spare
         low, high = np.array(pairs, float).reshape(-1, 2).T
         if self.held:
             low[len(self.free) :] = high[len(self.free) :] = self.start()[len(self.free) :]
         return low, high
 
+    @property
+    def _spare(self) -> int:
+        """Coordinates without a parameter, which fill the width."""
+        return 0 if self.chosen is None else (self.layout.width or 0) - len(self.chosen)
+
     def values(self, z: np.ndarray) -> dict[str, float]:
         """Values of all parameters at some coordinates."""
-        named = self.model.parameters
+        named = self.named
         out = {name: p.value for name, p in named.items()}
         for name, coordinate in zip(self.free, z, strict=False):
             low, high = named[name].limits
@@ -105,7 +142,7 @@ class Problem:
 
     def slopes(self, z: np.ndarray) -> np.ndarray:
         """d(value)/d(coordinate) of the free parameters."""
-        named, values = self.model.parameters, self.values(z)
+        named, values = self.named, self.values(z)
         return np.array(
             [values[n] if named[n].transform == "log" else named[n].scale for n in self.free]
         )
@@ -129,8 +166,13 @@ def build(
     initial: str = "estimate",
     segmented: bool = False,
     loss: str = "gaussian",
+    innovations: bool = False,
+    width: int | None = None,
 ) -> Problem:
     """Arrange a model and its logs for estimation.
+
+    With ``innovations`` the likelihood is that of the one-step predictions, where a state is
+    measured.
 
     Raises:
         InputError: no measured channel that the model puts out, a missing input, or a unit of the
@@ -144,8 +186,14 @@ def build(
             f"{listing(model.outputs)}, found {listing(found) or 'none'}.",
             "Map a column to one of these channels.",
         )
-    named = model.parameters
     logs = tuple(bridged(log)[0] for log in logs)
+    observer = observer_of(model, logs[0], channels) if innovations else None
+    nuisance: dict[str, Parameter] = {}
+    if observer:
+        longest, step = max(log.duration for log in logs), min(log.step for log in logs)
+        nuisance = observer.parameters(longest, step)
+        initial = "measured"
+    named = {**model.parameters, **nuisance}
     free = tuple(name for name, p in named.items() if not p.fixed)
     free_states = tuple(n for n in model.states if not any(n in log.inputs for log in logs))
     starts = free_states if initial == "estimate" else ()
@@ -170,6 +218,8 @@ def build(
         starts=starts,
         grids=tuple(grids),
         loss=loss,
+        observer=observer,
+        width=width,
     )
     priors = {n: named[n].prior for n in free if named[n].prior is not None}
     arrays = {
@@ -179,9 +229,10 @@ def build(
         "noise": jnp.asarray([1.0 if s is None else s for s in noise]),
         "floor": jnp.asarray([(1e-8 * s) ** 2 for s in spread]),
         "counts": jnp.asarray(counts, float),
+        "clip": jnp.full(len(channels), jnp.inf),
         "prior": {n: (jnp.asarray(p.mean), jnp.asarray(p.std)) for n, p in priors.items() if p},
     }
-    return Problem(model, tuple(logs), layout, arrays, tuple(order))
+    return Problem(model, tuple(logs), layout, arrays, tuple(order), nuisance=nuisance)
 
 
 def restarts(problem: Problem, horizon: float | None, *, hold: bool = False) -> Problem:

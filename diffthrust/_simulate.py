@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 import jax
 import jax.numpy as jnp
@@ -61,17 +61,36 @@ def trajectory(
     Raises:
         InputError: equations or rates that are incomplete, or not elementwise.
     """
+    series, path = march(model, grid, time, inputs, start, restart)
+    return read_out(model, Signals({**path, **series, "time": time})), path
+
+
+def march(
+    model: Model,
+    grid: Grid,
+    time: Any,
+    inputs: Mapping[str, Any],
+    start: Mapping[str, Any],
+    restart: Mapping[str, tuple[Any, Any]],
+    observe: Observe | None = None,
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The input series as they reach the model, and the states at the time stamps.
+
+    With ``observe`` the states are corrected at each sample before they go on; those returned are
+    the ones before the correction, with the observer's own states among them.
+    """
     series, first = _driven(model, time, inputs)
     states = _start(model, first, start)
 
     def rates(state: Mapping[str, Any], u: Mapping[str, Any]) -> dict[str, Any]:
         s = Signals({**state, **u})
         port = Ports(model.effects, s)
-        own, _ = _equations(model, s, port)
+        own, _ = equations_of(model, s, port)
         found = {**own, **port.rates}
-        expect(f"{type(model).__name__}.equations", "rate of the state", state, found)
-        return {name: found[name] for name in state}
+        expect(f"{type(model).__name__}.equations", "rate of the state", states, found)
+        return found if observe is None else observe.rates(found, state)
 
+    begin = states if observe is None else {**states, **observe.start}
     held = dict(grid.hold)
     per_step = {
         name: _per_step(value, held.get(name, "linear"), grid.substeps)
@@ -82,14 +101,43 @@ def trajectory(
         name: (_sparse(restart[name][0][:-1], grid.substeps), restart[name][1])
         for name in grid.restarted
     }
-    path = integrate(rates, states, per_step, steps, anew)
-    path = {name: value[:: grid.substeps] for name, value in path.items()}
-    s = Signals({**path, **series, "time": time})
-    _, found = _equations(model, s, Ports(model.effects, s))
+    correct, rows = None, None
+    if observe is not None:
+        correct = observe.correct
+        rows = {
+            name: _sparse(row[:-1], grid.substeps, observe.between.get(name, math.nan))
+            for name, row in observe.rows.items()
+        }
+    path = integrate(rates, begin, per_step, steps, anew, correct, rows)
+    return series, {name: value[:: grid.substeps] for name, value in path.items()}
+
+
+def read_out(model: Model, s: Signals) -> dict[str, Any]:
+    """What the sensors report, from the states and inputs over a whole log."""
+    _, found = equations_of(model, s, Ports(model.effects, s))
     expect(f"{type(model).__name__}.equations", "output", model.outputs, found)
-    outputs = {name: jnp.broadcast_to(found[name], time.shape) for name in model.outputs}
+    outputs = {name: jnp.broadcast_to(found[name], s["time"].shape) for name in model.outputs}
     sensor = Ports(model.effects, s.also(outputs))
-    return {name: sensor(name, value) for name, value in outputs.items()}, path
+    return {name: sensor(name, value) for name, value in outputs.items()}
+
+
+class Observe(Protocol):
+    """What corrects a simulation by its measurements; see `_observer`."""
+
+    start: Mapping[str, Any]
+    """The observer's own states at the start."""
+    rows: Mapping[str, Any]
+    """What it reads at each sample, ``(T,)`` each."""
+    between: Mapping[str, float]
+    """What it reads between samples instead; NaN where not named."""
+
+    def rates(self, found: dict[str, Any], state: Mapping[str, Any]) -> dict[str, Any]:
+        """The rates with what the observer adds, and those of its own states."""
+        ...
+
+    def correct(self, state: dict[str, Any], u: Mapping[str, Any], row: Any) -> dict[str, Any]:
+        """The states after a sample has been read."""
+        ...
 
 
 def _driven(model: Model, time: Any, inputs: Mapping[str, Any]) -> tuple[dict[str, Any], Signals]:
@@ -99,7 +147,8 @@ def _driven(model: Model, time: Any, inputs: Mapping[str, Any]) -> tuple[dict[st
     return series, Signals({**{n: value[0] for n, value in series.items()}, "time": time[0]})
 
 
-def _equations(model: Model, s: Signals, port: Ports) -> tuple[Mapping[str, Any], ...]:
+def equations_of(model: Model, s: Signals, port: Ports) -> tuple[Mapping[str, Any], ...]:
+    """The rates and outputs of a model's equations, checked for their form."""
     where = f"{type(model).__name__}.equations"
     with elementwise(where):
         found = model.equations(s, port)
@@ -119,7 +168,7 @@ def _start(model: Model, first: Signals, given: Mapping[str, Any]) -> dict[str, 
     states = {name: given.get(name, default.get(name, 0.0)) for name in own}
     s = first.also({**{n: 0.0 for n in model.all_states if n not in first}, **states})
     port = Ports(model.effects, s, starting=True)
-    _equations(model, s, port)
+    equations_of(model, s, port)
     return {**states, **port.initial}
 
 
@@ -135,11 +184,11 @@ def _per_step(series: Any, hold: str, substeps: int) -> tuple[Any, ...]:
     return begin, end
 
 
-def _sparse(values: Any, substeps: int) -> Any:
-    """Restart values at the first substep of each sample only."""
+def _sparse(values: Any, substeps: int, between: float = math.nan) -> Any:
+    """Values at the first substep of each sample only."""
     if substeps == 1:
         return values
-    return jnp.full((values.shape[0], substeps), jnp.nan).at[:, 0].set(values).reshape(-1)
+    return jnp.full((values.shape[0], substeps), between).at[:, 0].set(values).reshape(-1)
 
 
 class Key:

@@ -71,7 +71,7 @@ def draw(problem: Problem, count: int, rng: np.random.Generator) -> np.ndarray:
     low, high = problem.limits()
     guess = problem.start()
     out = np.repeat(guess[None], count, axis=0)
-    named = problem.model.parameters
+    named = problem.named
     for i, name in enumerate(problem.free):
         p = named[name]
         if p.transform == "log":

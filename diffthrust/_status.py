@@ -87,7 +87,7 @@ def examine(problem: Problem, z: np.ndarray, q: Quadratic) -> Local:
     # a logarithm that ran far below its start has no bound to touch: the value is zero to all ends
     vanished = np.zeros(z.size, bool)
     for i, name in enumerate(problem.free):
-        p = problem.model.parameters[name]
+        p = problem.named[name]
         vanished[i] = p.transform == "log" and z[i] < np.log(p.value) - 23.0
     bound = at_low | at_high | vanished
     # an initial state that nothing measured depends on is no unknown of the fit
@@ -144,7 +144,7 @@ def _inflation(problem: Problem, samples: float, columns: int) -> float:
 
 def _combination(problem: Problem, inside: np.ndarray, direction: np.ndarray) -> str:
     """A direction that changes nothing that was measured, in words."""
-    k, named = len(problem.free), problem.model.parameters
+    k, named = len(problem.free), problem.named
     size = np.max(np.abs(direction)) or 1.0
     parts = []
     for i, change in zip(inside, direction / size, strict=True):

@@ -1,0 +1,238 @@
+"""The innovations form of a simulation: at each sample the states are corrected by its error.
+
+A simulation over a whole run accumulates what random forces do, and its residuals are long and
+correlated. The innovations form (Ljung 1999, section 7.3; Kristensen, Madsen & Jorgensen 2004)
+predicts each sample from all earlier ones. Beside the model run, for each measured state,
+
+- a **drift**: a random acceleration with a memory, which the past errors reveal,
+- a **colour**: a part of the sensor's error that lasts from one sample to the next,
+
+and each error moves the state, its drift and its colour by constant gains. Gains and memories are
+estimated with the model's parameters by maximum likelihood, so that they come out as large as the
+logs ask: without random forces the gains vanish, and the simulation error is left. Outputs that
+are not states (a thrust) are read from the corrected states and have a colour only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from diffthrust._intake import inputs_of
+from diffthrust._log import Log
+from diffthrust._model import Model
+from diffthrust._parameters import Parameter
+from diffthrust._signals import Ports, Signals
+from diffthrust._simulate import Grid, equations_of, march, read_out
+
+CLIP = 4.0
+"""An error of more than so many standard deviations corrects as much as one of that size."""
+
+
+@dataclass(frozen=True)
+class Observer:
+    """What is corrected by what; fixes the compiled code.
+
+    Args:
+        channels: all measured channels.
+        fed: those that are states and correct them.
+        corrected: for each state, the channels that correct it.
+        forced: states on which random forces act.
+    """
+
+    channels: tuple[str, ...]
+    fed: tuple[str, ...]
+    corrected: tuple[tuple[str, tuple[str, ...]], ...]
+    forced: tuple[str, ...]
+
+    def parameters(self, duration: float, step: float) -> dict[str, Parameter]:
+        """The gains and memories, by name, with values to start from."""
+        found: dict[str, Parameter] = {}
+        longest = (0.5 * step, 10.0 * duration)
+
+        def gain(value: float, own: bool = True) -> Parameter:
+            low = 0.0 if own else None
+            return Parameter(value if own else 0.0, "", (low, 1.0), size=0.3)
+
+        def memory(seconds: float) -> Parameter:
+            value = min(max(seconds, 2 * step), 0.5 * duration)
+            return Parameter(value, "s", longest, transform="log")
+
+        for state, sources in self.corrected:
+            for c in sources:
+                found[f"noise.{state}.gain.{c}"] = gain(0.2, state == c)
+                if state in self.forced:
+                    found[f"noise.{state}.drift.{c}"] = gain(0.05, state == c)
+            if state in self.forced:
+                found[f"noise.{state}.memory"] = memory(1.0)
+        for c in self.channels:
+            found[f"noise.{c}.colour"] = gain(0.2)
+            found[f"noise.{c}.correlation"] = memory(5 * step)
+        return found
+
+
+def observer_of(model: Model, log: Log, channels: Sequence[str]) -> Observer | None:
+    """The observer of a model for some measured channels; ``None`` where no state is measured.
+
+    A measured state is corrected by its own channel. A state that is not measured, but drives one
+    that is, is corrected by all. Random forces act on the states whose rates pass a port (in a
+    model without ports: on all).
+    """
+    remembering = {port for e in model.effects if e.memory for port in e.ports}
+    own = [n for n in model.states if n not in log.inputs]
+    fed = tuple(n for n in own if n in channels and n not in remembering)
+    if not fed:
+        return None
+    drives, forced = _structure(model, log, own)
+    corrected = tuple(
+        (n, (n,) if n in fed else fed) for n in own if n in fed or any(drives[n, m] for m in fed)
+    )
+    names = [n for n, _ in corrected]
+    return Observer(tuple(channels), fed, corrected, tuple(n for n in forced if n in names))
+
+
+def _structure(
+    model: Model, log: Log, states: Sequence[str]
+) -> tuple[dict[tuple[str, str], bool], list[str]]:
+    """Which state drives which, and which have a rate that passes a port; tried at one point."""
+    rng = np.random.default_rng(0)
+    inputs = {n: jnp.asarray(np.nanmean(np.abs(v)) + 0.1) for n, v in inputs_of(model, log).items()}
+    at = {n: jnp.asarray(rng.uniform(0.3, 0.7)) for n in model.all_states if n not in inputs}
+
+    def rates(x: dict[str, Any], push: dict[str, Any]) -> dict[str, Any]:
+        s = Signals({**inputs, "time": jnp.zeros(()), **x})
+        port = Pushed(model.effects, s, push)
+        found, _ = equations_of(model, s, port)
+        return {n: jnp.asarray(found[n], float) for n in states}
+
+    still = dict.fromkeys(model.ports, jnp.zeros(()))
+    slopes = jax.jacfwd(rates, argnums=(0, 1))(at, still)  # by rate, then by argument
+    drives = {(n, m): bool(slopes[m][0][n] != 0) for n in states for m in states if m != n}
+    pushed = [n for n in states if not model.ports or any(v != 0 for v in slopes[n][1].values())]
+    return drives, pushed
+
+
+class Pushed(Ports):
+    """Ports with something added to the value that leaves each."""
+
+    def __init__(self, effects: Any, signals: Signals, push: Mapping[str, Any]) -> None:
+        super().__init__(effects, signals)
+        self.push = push
+
+    def __call__(self, port: str, value: Any) -> Any:
+        return super().__call__(port, value) + self.push.get(port, 0.0)
+
+
+class Correction:
+    """One run of an observer over one log; the `Observe` of `march`."""
+
+    def __init__(
+        self, observer: Observer, model: Model, values: Mapping[str, Any], time: Any, log: Any
+    ) -> None:
+        self.observer, self.model, self.values = observer, model, values
+        self.unsigned, self.clip = log["unsigned"], log["clip"]
+        step = jnp.diff(time, append=time[-1:])
+        kept = {f"drift.{n}": values[f"noise.{n}.memory"] for n in observer.forced}
+        kept |= {f"colour.{c}": values[f"noise.{c}.correlation"] for c in observer.channels}
+        self.rows: Mapping[str, Any] = {
+            name: jnp.exp(-step / memory) for name, memory in kept.items()
+        }
+        self.between: Mapping[str, float] = {**dict.fromkeys(kept, 1.0), "rate": 0.0}
+        rate = jnp.where(step > 0, 1.0 / jnp.where(step > 0, step, 1.0), 0.0)
+        measured = {c: log["measured"][i] for i, c in enumerate(observer.channels)}
+        self.rows = {**self.rows, **measured, "rate": rate}
+        self.start: Mapping[str, Any] = {f"drift.{n}": 0.0 for n in observer.forced}
+        self.start = {**self.start, **{f"colour.{c}": 0.0 for c in observer.fed}}
+
+    def rates(self, found: dict[str, Any], state: Mapping[str, Any]) -> dict[str, Any]:
+        """Random accelerations on the forced states; the observer's own states wait."""
+        pushed = {n: found[n] + state[f"drift.{n}"] for n in self.observer.forced}
+        return {**found, **pushed, **dict.fromkeys(self.start, 0.0)}
+
+    def error(self, channel: str, modelled: Any, measured: Any, colour: Any) -> Any:
+        """Measured minus predicted; zero where nothing was measured."""
+        unsigned = self.unsigned[self.observer.channels.index(channel)]
+        modelled = jnp.where(unsigned, jnp.abs(modelled), modelled)
+        rest = jnp.where(jnp.isnan(measured), 0.0, measured) - modelled - colour
+        if channel in self.model.angles:
+            rest = rest - 2 * jnp.pi * jnp.round(rest / (2 * jnp.pi))
+        return jnp.where(jnp.isnan(measured), 0.0, rest)
+
+    def correct(self, state: dict[str, Any], u: Mapping[str, Any], row: Any) -> dict[str, Any]:
+        """The states after a sample; elementwise, for one sample or a whole log."""
+        o, v = self.observer, self.values
+        s = Signals({**state, **u})
+        _, outputs = equations_of(self.model, s, Ports(self.model.effects, s))
+        sensor = Ports(self.model.effects, s.also(outputs))
+        told, errors = {}, {}
+        for c in o.fed:
+            modelled = sensor(c, outputs[c])
+            e = self.error(c, modelled, row[c], state[f"colour.{c}"])
+            limit = self.clip[o.channels.index(c)]
+            told[c] = jnp.clip(e, -limit, limit)
+            turned = self.unsigned[o.channels.index(c)] & (modelled < 0)
+            errors[c] = jnp.where(turned, -told[c], told[c])
+        new = dict(state)
+        for name, sources in o.corrected:
+            own = name in o.fed
+            pace = 1.0 if own else row["rate"]
+            new[name] = new[name] + pace * sum(
+                v[f"noise.{name}.gain.{c}"] * errors[c] for c in sources
+            )
+            if name in o.forced:
+                pace = row["rate"] if own else row["rate"] ** 2
+                drift = sum(v[f"noise.{name}.drift.{c}"] * errors[c] for c in sources)
+                new[f"drift.{name}"] = row[f"drift.{name}"] * (
+                    state[f"drift.{name}"] + pace * drift
+                )
+        for c in o.fed:
+            held = state[f"colour.{c}"] + v[f"noise.{c}.colour"] * told[c]
+            new[f"colour.{c}"] = row[f"colour.{c}"] * held
+        return new
+
+
+def innovations(
+    observer: Observer, model: Model, grid: Grid, values: Mapping[str, Any], log: Any, start: Any
+) -> tuple[Any, dict[str, Any]]:
+    """Errors of the one-step predictions, ``(C, T)``, and the states before each correction.
+
+    Args:
+        observer: what is corrected by what.
+        model: the model with (possibly traced) parameter values.
+        grid: how to integrate.
+        values: gains and memories by name.
+        log: arrays of one log: time, inputs, measured ``(C, T)``, unsigned and clip ``(C,)``.
+        start: initial states.
+    """
+    run = Correction(observer, model, values, log["time"], log)
+    series, path = march(model, grid, log["time"], log["inputs"], start, {}, run)
+    signals = {**series, "time": log["time"]}
+    ahead = read_out(model, Signals({**path, **signals}))
+    after = read_out(model, Signals({**run.correct(path, signals, run.rows), **signals}))
+    errors = []
+    for c in observer.channels:
+        if c in observer.fed:
+            errors.append(run.error(c, ahead[c], run.rows[c], path[f"colour.{c}"]))
+        else:
+            rest = run.error(c, after[c], run.rows[c], 0.0)
+            gain, limit = values[f"noise.{c}.colour"], run.clip[observer.channels.index(c)]
+            errors.append(_whitened(rest, run.rows[c], gain, run.rows[f"colour.{c}"], limit))
+    return jnp.stack(errors), path
+
+
+def _whitened(rest: Any, measured: Any, gain: Any, kept: Any, limit: Any) -> Any:
+    """What remains of a residual after its own past has predicted it."""
+
+    def body(colour: Any, x: Any) -> tuple[Any, Any]:
+        r, seen, keep = x
+        e = jnp.where(seen, r - colour, 0.0)
+        return keep * (colour + gain * jnp.clip(e, -limit, limit)), e
+
+    seen = ~jnp.isnan(measured)
+    _, errors = jax.lax.scan(body, jnp.zeros(()), (rest, seen, kept))
+    return errors
