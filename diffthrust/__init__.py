@@ -26,6 +26,8 @@ from diffthrust._compare import Comparison as Comparison  # noqa: E402
 from diffthrust._compare import compare as compare  # noqa: E402
 from diffthrust._effect import Effect as Effect  # noqa: E402
 from diffthrust._errors import InputError as InputError  # noqa: E402
+from diffthrust._experiment import Experiment as Experiment  # noqa: E402
+from diffthrust._experiment import suggest_experiment as suggest_experiment  # noqa: E402
 from diffthrust._fit import fit as fit  # noqa: E402
 from diffthrust._log import Log as Log  # noqa: E402
 from diffthrust._metrics import Errors as Errors  # noqa: E402

@@ -1,0 +1,290 @@
+"""Families of command sequences for an experiment, within limits, rates and rests."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Field:
+    """What a sequence may do.
+
+    Args:
+        time: sample instants [s], ``(T,)``, evenly spaced.
+        limits: lowest and highest value of each input that is moved.
+        rates: largest change per second of some of them.
+        rest: length of the rest at the start and at the end [s].
+        seed: of the random sequences.
+    """
+
+    time: Array
+    limits: Mapping[str, tuple[float, float]]
+    rates: Mapping[str, float]
+    rest: float
+    seed: int
+
+    @property
+    def step(self) -> float:
+        """Time between samples [s]."""
+        return float(self.time[1] - self.time[0])
+
+    @property
+    def active(self) -> float:
+        """Time between the two rests [s]."""
+        return float(self.time[-1] - self.time[0]) - 2 * self.rest
+
+    def resting(self, name: str) -> float:
+        """The value at rest: zero, or the limit nearest to it."""
+        low, high = self.limits[name]
+        return float(np.clip(0.0, low, high))
+
+
+@dataclass(frozen=True)
+class Design:
+    """One sequence: a kind, how fast, how large, and which inputs take part.
+
+    Args:
+        kind: a key of `KINDS`.
+        moved: the inputs that follow the sequence, each with the sign in which it does.
+        share: how much of the way from rest to the limits is used, above 0 and at most 1.
+        hold: time per level [s]; of chirps and multisines half the shortest period.
+        bias: how much of the way to the upper limit the other inputs are held at.
+    """
+
+    kind: str
+    moved: Mapping[str, int] = field(hash=False)
+    share: float
+    hold: float
+    bias: float = 0.0
+
+    def levels(self, name: str, space: Field) -> tuple[float, float]:
+        """Lowest and highest value that an input takes (both the same where it is held)."""
+        (low, high), rest = space.limits[name], space.resting(name)
+        if name not in self.moved:
+            value = rest + self.bias * (high - rest)
+            return value, value
+        bottom, top = rest + self.share * (low - rest), rest + self.share * (high - rest)
+        if self.kind == "step up":
+            return rest, top
+        if self.kind == "step down":
+            return bottom, rest
+        return bottom, top
+
+    def changed(self, faster: float, larger: float, space: Field) -> Design:
+        """A neighbour: another time and another size, within what is possible."""
+        hold = _whole(self.hold / faster, space)
+        return replace(self, hold=hold, share=float(np.clip(self.share * larger, 0.01, 1.0)))
+
+
+def sequence(design: Design, space: Field) -> dict[str, Array]:
+    """The values of every moved input at the sample instants.
+
+    The sequence keeps the limits and the rate limits exactly, and begins and ends at rest.
+    """
+    since = space.time - space.time[0] - space.rest
+    on = (since > -1e-9 * space.step) & (since < space.active - 1e-6 * space.step)
+    shape = KINDS[design.kind].shape(np.where(on, since, 0.0), design.hold, space)
+    out = {}
+    for name, (low, high) in space.limits.items():
+        rest, (bottom, top) = space.resting(name), design.levels(name, space)
+        sign = design.moved.get(name, 1)
+        if design.kind == "pulses":  # out of rest, to either side
+            values = rest + np.where(sign * shape > 0, top - rest, rest - bottom) * sign * shape
+        elif sign > 0:
+            values = bottom + (top - bottom) * 0.5 * (1.0 + shape)
+        else:
+            values = top - (top - bottom) * 0.5 * (1.0 + shape)
+        values = np.clip(np.where(on, values, rest), low, high)
+        out[name] = _within_rate(values, space.rates.get(name, np.inf), space.step, rest)
+    return out
+
+
+def _within_rate(values: Array, rate: float, step: float, rest: float) -> Array:
+    """Follow the values as fast as the rate allows, and be back at rest in time for the end."""
+    if not np.isfinite(rate):
+        return values
+    most = rate * step * (1.0 - 1e-9)  # rounding must not break the limit
+    out = values.copy()
+    out[0] = out[-1] = rest
+    for k in range(1, out.size):
+        out[k] = np.clip(out[k], out[k - 1] - most, out[k - 1] + most)
+    out[-1] = rest
+    for k in range(out.size - 2, -1, -1):
+        out[k] = np.clip(out[k], out[k + 1] - most, out[k + 1] + most)
+    return out
+
+
+# -- shapes, from -1 to 1 over the time since the rest --------------------------------------------
+
+
+def _count(t: Array, hold: float) -> Array:
+    return np.floor(t / hold + 1e-6).astype(int)
+
+
+def _up(t: Array, hold: float, space: Field) -> Array:
+    return np.ones_like(t)
+
+
+def _down(t: Array, hold: float, space: Field) -> Array:
+    return -np.ones_like(t)
+
+
+def _reversals(t: Array, hold: float, space: Field) -> Array:
+    return np.where(_count(t, hold) % 2 == 0, 1.0, -1.0)
+
+
+def _pulses(t: Array, hold: float, space: Field) -> Array:
+    """A pulse every four holds, to either side in turn."""
+    k = _count(t, hold)
+    return np.where(k % 4 == 0, np.where(k % 8 == 0, 1.0, -1.0), 0.0)
+
+
+def _staircase(t: Array, hold: float, space: Field) -> Array:
+    """Nine levels from the middle up, down and up again."""
+    return _triangle((_count(t, hold) % 16) / 16)
+
+
+def _random_staircase(t: Array, hold: float, space: Field) -> Array:
+    levels = np.random.default_rng(space.seed).uniform(-1.0, 1.0, _count(t, hold).max() + 1)
+    return levels[_count(t, hold)] / np.abs(levels).max()
+
+
+def _ramps(t: Array, hold: float, space: Field) -> Array:
+    return _triangle((t / (4.0 * hold)) % 1.0)
+
+
+def _triangle(turn: Array) -> Array:
+    """Zero, up to one, down to minus one and back to zero over one turn."""
+    return 1.0 - np.abs(4.0 * ((turn + 0.75) % 1.0) - 2.0)
+
+
+def _chirp(t: Array, hold: float, space: Field) -> Array:
+    """Exponential sweep from one period in the whole test to the shortest."""
+    first, last = 1.0 / space.active, 0.5 / hold
+    growth = max(last / first, 1.0 + 1e-6)
+    turns = first * space.active / np.log(growth) * (growth ** (t / space.active) - 1.0)
+    return np.sin(2.0 * np.pi * turns)
+
+
+def _multisine(t: Array, hold: float, space: Field) -> Array:
+    """Eight harmonics, evenly spread on a logarithmic scale, with random phases."""
+    highest = max(0.5 * space.active / hold, 1.0)
+    harmonics = np.unique(np.round(np.geomspace(1.0, highest, 8)))
+    phases = np.random.default_rng(space.seed + 1).uniform(0.0, 2.0 * np.pi, harmonics.size)
+    waves = np.sin(2.0 * np.pi * np.outer(t / space.active, harmonics) + phases).sum(axis=1)
+    return waves / np.abs(waves).max()
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A family of sequences: its shape, its words, and the shares of the test that it is held."""
+
+    shape: Callable[[Array, float, Field], Array]
+    words: str
+    holds: tuple[float, ...]
+
+
+_SHORT, _MIDDLE, _LONG = 1 / 160, 1 / 40, 1 / 10
+KINDS: dict[str, Kind] = {
+    "step up": Kind(_up, "Step", (1.0,)),
+    "step down": Kind(_down, "Step", (1.0,)),
+    "reversals": Kind(_reversals, "Reversals", (_SHORT, _MIDDLE, _LONG)),
+    "pulses": Kind(_pulses, "Pulses", (_SHORT, _MIDDLE)),
+    "staircase": Kind(_staircase, "Staircase", (_MIDDLE, 1 / 16)),
+    "random staircase": Kind(_random_staircase, "Random staircase", (_SHORT, _MIDDLE, _LONG)),
+    "ramps": Kind(_ramps, "Ramps", (_MIDDLE, 1 / 4)),
+    "chirp": Kind(_chirp, "Chirp", (_SHORT, _MIDDLE)),
+    "multisine": Kind(_multisine, "Multisine", (_SHORT, _MIDDLE)),
+}
+"""Steps, reversals, pulses, staircases, ramps, chirps and multisines; one ramp is a slow one that
+takes the whole test, as a yardstick."""
+_SHARES = (1.0, 0.4, 0.1)
+_FEWER = ("step up", "step down", "reversals", "staircase", "random staircase")
+
+
+def grid(space: Field) -> list[Design]:
+    """The designs that are tried first: some 50 for one input, 80 for two."""
+    names = tuple(space.limits)
+    ways: list[tuple[Mapping[str, int], float]] = [({names[0]: 1}, 0.0)]
+    kinds, shares = KINDS, _SHARES
+    if len(names) > 1:
+        alternating = {name: 1 if i % 2 == 0 else -1 for i, name in enumerate(names)}
+        ways = [({name: 1}, 0.6) for name in names]
+        ways += [({name: 1}, 0.0) for name in names]
+        ways += [(dict.fromkeys(names, 1), 0.0), (alternating, 0.0)]
+        kinds, shares = {kind: KINDS[kind] for kind in _FEWER}, _SHARES[:2]
+    found: dict[tuple[object, ...], Design] = {}
+    for moved, bias in ways:
+        for kind, described in kinds.items():
+            holds = described.holds if len(names) == 1 else described.holds[-2:]
+            for hold in holds:
+                for share in shares:
+                    design = Design(kind, moved, share, _whole(hold * space.active, space), bias)
+                    found.setdefault(identity(design), design)
+    return list(found.values())
+
+
+def identity(design: Design) -> tuple[object, ...]:
+    """What makes a design the same as another."""
+    moved = tuple(sorted(design.moved.items()))
+    return (design.kind, moved, design.bias, round(design.share, 6), round(design.hold, 9))
+
+
+def _whole(hold: float, space: Field) -> float:
+    """A hold of whole samples, two at least."""
+    samples = round(float(np.clip(hold, 0.0, space.active)) / space.step)
+    return float(max(samples, 2) * space.step)
+
+
+def described(design: Design, space: Field, units: Mapping[str, str]) -> str:
+    """A design in words.
+
+    Example:
+        >>> described(design, space, {"command": "V"})
+        'Staircase of command between -2 V and 2 V, each level held 1.5 s'
+    """
+    ranges = [
+        f"{name} {_between(*design.levels(name, space), space.resting(name), units[name], kind)}"
+        for kind in (design.kind,)
+        for name in design.moved
+    ]
+    joined = " and of ".join(ranges)
+    if len(set(design.moved.values())) > 1:
+        joined += " in opposite senses"
+    text = f"{KINDS[design.kind].words} of {joined}{_tempo(design, space)}"
+    held = [n for n in space.limits if n not in design.moved]
+    values = [f"{n} at {_number(design.levels(n, space)[0], units[n])}" for n in held]
+    return f"{text}, with {_and(values)}" if values else text
+
+
+def _between(low: float, high: float, rest: float, unit: str, kind: str) -> str:
+    if kind in ("step up", "step down"):
+        goal = high if kind == "step up" else low
+        return f"from {_number(rest, unit)} to {_number(goal, unit)}"
+    return f"between {_number(low, unit)} and {_number(high, unit)}"
+
+
+def _tempo(design: Design, space: Field) -> str:
+    hold = f"{design.hold:.3g} s"
+    return {
+        "step up": "",
+        "step down": "",
+        "reversals": f", each side held {hold}",
+        "pulses": f", each {hold} long, one every {4 * design.hold:.3g} s",
+        "ramps": f", each way in {2 * design.hold:.3g} s",
+        "chirp": f", from {1 / space.active:.2g} to {0.5 / design.hold:.3g} Hz",
+        "multisine": f", up to {0.5 / design.hold:.3g} Hz",
+    }.get(design.kind, f", each level held {hold}")
+
+
+def _number(value: float, unit: str) -> str:
+    return f"{value + 0.0:.3g} {unit}".rstrip()
+
+
+def _and(parts: Sequence[str]) -> str:
+    return " and ".join(parts)

@@ -1,0 +1,274 @@
+"""How well a test tells two models apart, after one had the chance to imitate the other.
+
+The separation of a truth A from an imitator B under some inputs is
+
+    min over theta of  sum |y_A - y_B(theta)|^2 / sigma^2 + (theta - theta_B)' P (theta - theta_B)
+
+over all channels and samples, with P the information of the logs to which B was fitted: the
+T-criterion of Atkinson & Fedorov 1975 (Biometrika 62, 57 and 289), with what is already known of
+the imitator's parameters. Half of it is the expected log-likelihood ratio. The minimum is found by
+Gauss-Newton steps whose Jacobians are those of forward mode; since every accepted step is verified
+by simulation, the figure is that of an imitation that exists.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from diffthrust._model import Model
+from diffthrust._simulate import Grid, Key, trajectory
+
+Array = np.ndarray
+
+CHUNK = 16
+"""Designs are simulated so many at a time, whatever their number: one compilation serves all."""
+_STEPS = 12
+_SETTLED = 1e-3
+"""The imitation is done where a step gains less than this, relative and in the criterion."""
+
+
+@dataclass(frozen=True)
+class Rival:
+    """A model that may be the right one.
+
+    Args:
+        model: at its estimated values.
+        free: the parameters that it may move to imitate another.
+        precision: what is known of them: the inverse covariance in the optimiser's coordinates,
+            ``(k, k)``; zero where nothing is known.
+    """
+
+    model: Model
+    free: tuple[str, ...]
+    precision: Array = field(repr=False)
+
+    @property
+    def start(self) -> Array:
+        """Coordinates of the estimated values, ``(k,)``."""
+        named = self.model.parameters
+        return np.array([float(named[n].to_coordinate(named[n].value)) for n in self.free])
+
+    @property
+    def limits(self) -> tuple[Array, Array]:
+        """Lower and upper limits of the coordinates."""
+        pairs = [self.model.parameters[n].coordinate_limits() for n in self.free]
+        low, high = np.array(pairs, float).reshape(-1, 2).T
+        return low, high
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What all designs have in common.
+
+    Args:
+        time: sample instants [s], ``(T,)``.
+        noise: standard deviation of each measured channel.
+        unsigned: channels whose sensor reports the absolute value.
+        substeps: integrator steps per sample.
+        correlation: of the noise from one sample to the next.
+    """
+
+    time: Array
+    noise: Mapping[str, float]
+    unsigned: frozenset[str]
+    substeps: int
+    correlation: float
+
+
+class _Layout(NamedTuple):
+    """The static part, which fixes the compiled code."""
+
+    key: Key
+    grid: Grid
+    free: tuple[str, ...]
+    transforms: tuple[str, ...]
+    channels: tuple[str, ...]
+    unsigned: frozenset[str]
+
+
+class Pass(NamedTuple):
+    """A model held against targets: outputs, criterion, slope and Gram matrix for each design.
+
+    Args:
+        outputs: ``(D, C, T)``.
+        cost: sum of squared whitened differences, ``(D,)``; infinite where a simulation failed.
+        slope: J' r, ``(D, k)``.
+        gram: J' J, ``(D, k, k)``.
+    """
+
+    outputs: Array
+    cost: Array
+    slope: Array
+    gram: Array
+
+
+def against(rival: Rival, setting: Setting, inputs: Any, z: Array, target: Array) -> Pass:
+    """Simulate a rival under every design, and compare it to targets.
+
+    Args:
+        rival: the model.
+        setting: time stamps and noise.
+        inputs: all input series by name, ``(D, T)`` each.
+        z: coordinates of the free parameters for each design, ``(D, k)``.
+        target: outputs to be imitated, ``(D, C, T)``.
+    """
+    named = rival.model.parameters
+    hold = tuple((name, "zero") for name in sorted(inputs))
+    layout = _Layout(
+        Key(rival.model.bind({})),
+        Grid(hold, setting.substeps),
+        rival.free,
+        tuple(named[n].transform for n in rival.free),
+        tuple(setting.noise),
+        setting.unsigned,
+    )
+    arrays = {
+        "values": {n: jnp.asarray(p.value, float) for n, p in named.items()},
+        "scales": jnp.asarray([named[n].scale for n in rival.free], float),
+        "time": jnp.asarray(setting.time),
+        "sigma": jnp.asarray(list(setting.noise.values()), float),
+        "correlation": jnp.asarray(setting.correlation, float),
+    }
+    count, passes = z.shape[0], []
+    for begin in range(0, count, CHUNK):
+        rows = np.minimum(np.arange(begin, begin + CHUNK), count - 1)
+        given = {name: jnp.asarray(values[rows]) for name, values in inputs.items()}
+        found = _chunk(layout, arrays, given, jnp.asarray(z[rows]), jnp.asarray(target[rows]))
+        passes.append([np.asarray(part)[: count - begin] for part in found])
+    outputs, cost, slope, gram = (np.concatenate(parts) for parts in zip(*passes, strict=True))
+    fine = np.isfinite(cost) & np.isfinite(gram).all(axis=(1, 2)) & np.isfinite(slope).all(axis=1)
+    return Pass(outputs, np.where(fine, cost, np.inf), slope, gram)
+
+
+@partial(jax.jit, static_argnums=0)
+def _chunk(layout: _Layout, arrays: Any, inputs: Any, z: Any, target: Any) -> tuple[Any, ...]:
+    def one(design: Any) -> tuple[Any, ...]:
+        given, point, goal = design
+        steps = jnp.eye(point.shape[0])
+
+        def fn(p: Any) -> Any:
+            return _outputs(layout, arrays, given, p)
+
+        if layout.free:
+            y, slopes = jax.vmap(lambda v: jax.jvp(fn, (point,), (v,)), out_axes=(None, 0))(steps)
+        else:
+            y = fn(point)
+            slopes = jnp.zeros((0, *y.shape))
+        rest = _white(arrays, _differences(layout, goal, y)).reshape(-1)
+        rows = jax.vmap(partial(_white, arrays))(slopes).reshape(len(layout.free), -1)
+        return y, rest @ rest, rows @ rest, rows @ rows.T
+
+    return jax.lax.map(one, (inputs, z, target))
+
+
+def _outputs(layout: _Layout, arrays: Any, inputs: Any, z: Any) -> Any:
+    values = dict(arrays["values"])
+    for i, (name, transform) in enumerate(zip(layout.free, layout.transforms, strict=True)):
+        values[name] = jnp.exp(z[i]) if transform == "log" else z[i] * arrays["scales"][i]
+    model = layout.key.model.bind(values)
+    found, _ = trajectory(model, layout.grid, arrays["time"], inputs, {}, {})
+    rows = [jnp.abs(found[n]) if n in layout.unsigned else found[n] for n in layout.channels]
+    return jnp.stack(rows)
+
+
+def _differences(layout: _Layout, goal: Any, y: Any) -> Any:
+    """Goal less outputs; angles modulo a full turn."""
+    turn, rest = 2 * jnp.pi, goal - y
+    angles = layout.key.model.angles
+    rows = [
+        row - turn * jnp.round(row / turn) if name in angles else row
+        for name, row in zip(layout.channels, rest, strict=True)
+    ]
+    return jnp.stack(rows)
+
+
+def _white(arrays: Any, series: Any) -> Any:
+    """What is left of ``(C, T)`` when the noise, of first order, is made white and of unit size."""
+    phi = arrays["correlation"]
+    later = (series[:, 1:] - phi * series[:, :-1]) / jnp.sqrt(1.0 - phi**2)
+    return jnp.concatenate([series[:, :1], later], axis=1) / arrays["sigma"][:, None]
+
+
+class Imitation(NamedTuple):
+    """The best imitation of a truth under each design.
+
+    Args:
+        separation: what is left, ``(D,)``; NaN where a simulation failed.
+        outputs: of the imitator at its best, ``(D, C, T)``.
+    """
+
+    separation: Array
+    outputs: Array
+
+
+def imitated(rival: Rival, setting: Setting, inputs: Any, truth: Array) -> Imitation:
+    """Let a rival imitate outputs, ``(D, C, T)``, by moving its parameters; each design alone."""
+    start, (low, high) = rival.start, rival.limits
+    precision = rival.precision
+    count, size = truth.shape[0], start.size
+    z = np.tile(start, (count, 1))
+    now = against(rival, setting, inputs, z, truth)
+    cost, best = now.cost.copy(), now
+    damping = np.full(count, 1e-8)
+    busy = np.isfinite(cost)
+    for _ in range(_STEPS if size else 0):
+        if not busy.any():
+            break
+        slope = np.nan_to_num(best.slope - (z - start) @ precision)
+        normal = np.nan_to_num(best.gram + precision)
+        held = ((z <= low) & (slope < 0)) | ((z >= high) & (slope > 0))
+        move = _newton(normal, np.where(held, 0.0, slope), held, damping)
+        busy &= np.sum(move * slope, axis=1) > 0.1 * _SETTLED * (1.0 + cost)
+        trial = np.where(busy[:, None], np.clip(z + move, low, high), z)
+        new = against(rival, setting, inputs, trial, truth)
+        away = trial - start
+        price = new.cost + np.einsum("di,ij,dj->d", away, precision, away)
+        better = busy & (price < cost)
+        gain = np.where(better, cost - price, 0.0)
+        busy &= ~(better & (gain < _SETTLED * (1.0 + price)))
+        damping = np.where(better, damping * 0.1, np.maximum(damping * 30.0, 1e-3))
+        busy &= damping < 1e6
+        cost, z = np.where(better, price, cost), np.where(better[:, None], trial, z)
+        best = Pass(*(_chosen(better, a, b) for a, b in zip(new, best, strict=True)))
+    return Imitation(np.where(np.isfinite(cost), cost, np.nan), best.outputs)
+
+
+def _newton(normal: Array, slope: Array, held: Array, damping: Array) -> Array:
+    """Damped Gauss-Newton moves ``(D, k)``; coordinates held at a bound stay."""
+    size = slope.shape[1]
+    free = ~held[:, :, None] & ~held[:, None, :]
+    diagonal = np.maximum(np.einsum("dii->di", normal), 1e-300)
+    unit = 1.0 / np.sqrt(diagonal)
+    scaled = np.where(free, normal * unit[:, :, None] * unit[:, None, :], 0.0)
+    scaled = scaled + (damping[:, None, None] + held[:, :, None]) * np.eye(size)
+    return np.linalg.solve(scaled, (slope * unit)[:, :, None])[:, :, 0] * unit
+
+
+def _chosen(mask: Array, new: Array, old: Array) -> Array:
+    return np.where(mask.reshape(-1, *[1] * (new.ndim - 1)), new, old)
+
+
+def separations(
+    rivals: Sequence[Rival], setting: Setting, inputs: Any
+) -> tuple[list[Array], dict[tuple[int, int], Imitation]]:
+    """Every rival as the truth, imitated by every other.
+
+    Returns:
+        Outputs of the rivals as they are, ``(D, C, T)`` each, and the imitations by the indices of
+        truth and imitator.
+    """
+    count = next(iter(inputs.values())).shape[0]
+    blank = np.zeros((count, len(setting.noise), setting.time.size))
+    truths = []
+    for rival in rivals:
+        z = np.tile(rival.start, (count, 1))
+        truths.append(against(rival, setting, inputs, z, blank).outputs)
+    pairs = [(i, j) for i in range(len(rivals)) for j in range(len(rivals)) if i != j]
+    return truths, {(i, j): imitated(rivals[j], setting, inputs, truths[i]) for i, j in pairs}
