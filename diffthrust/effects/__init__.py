@@ -5,6 +5,22 @@ A new effect is one class in the file of its place, imported here.
 
 from diffthrust._effect import Effect as Effect
 from diffthrust.effects._command import CommandDeadband as CommandDeadband
+from diffthrust.effects._drive import DifferentialGain as DifferentialGain
+from diffthrust.effects._drive import PropellerInflow as PropellerInflow
+from diffthrust.effects._drive import PropellerLag as PropellerLag
+from diffthrust.effects._drive import PropellerWalk as PropellerWalk
+from diffthrust.effects._drive import ReversePropellerAsymmetry as ReversePropellerAsymmetry
+from diffthrust.effects._drive import RudderInflow as RudderInflow
+from diffthrust.effects._drive import RudderLag as RudderLag
+from diffthrust.effects._drive import RudderOffset as RudderOffset
+from diffthrust.effects._drive import RudderRateLimit as RudderRateLimit
+from diffthrust.effects._drive import SwappedThrusters as SwappedThrusters
+from diffthrust.effects._environment import WaterCurrent as WaterCurrent
+from diffthrust.effects._environment import Wind as Wind
+from diffthrust.effects._hull import QuadraticSurgeDrag as QuadraticSurgeDrag
+from diffthrust.effects._hull import QuadraticSwayDrag as QuadraticSwayDrag
+from diffthrust.effects._hull import QuadraticYawDrag as QuadraticYawDrag
+from diffthrust.effects._hull import SwayYawCoupling as SwayYawCoupling
 from diffthrust.effects._propeller import ReverseThrustAsymmetry as ReverseThrustAsymmetry
 from diffthrust.effects._shaft import ActuatorLag as ActuatorLag
 

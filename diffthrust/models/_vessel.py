@@ -18,10 +18,10 @@ _INPUTS = {
 _PORTS = {
     "surge_through_water": "speed through the water along x, which the forces depend on [m/s]",
     "sway_through_water": "speed through the water along y [m/s]",
-    "propeller": "speed at which the propeller turns [rev/s]",
+    "revolutions": "speed at which the propeller turns [rev/s]",
     "rudder": "angle at which the propeller or rudder stands [rad]",
-    "thrust": "force of the drive along its axis, in units of A (twin: the sum)",
-    "side": "force of the drive across, at the lever arm behind, in units of A",
+    "propulsion": "force of the drive along its axis, in units of A (twin: the sum)",
+    "steering": "force of the drive across, at the lever arm behind, in units of A",
     "surge_force": "force along x, in units of A",
     "sway_force": "force along y, in units of A",
     "yaw_moment": "moment about z, in units of A m",
@@ -29,7 +29,7 @@ _PORTS = {
     "sway_acceleration": "rate of the speed over ground along y [m/s^2]",
     "yaw_acceleration": "rate of the yaw rate [rad/s^2]",
 }
-_HINGED = ("propeller", "rudder", "side")
+_HINGED = ("revolutions", "rudder", "steering")
 """Ports that a vessel with two fixed thrusters does not have."""
 
 
@@ -114,17 +114,17 @@ class Vessel(Model):
         self._set(_parameters=described)
 
     def _propeller(self, s: Signals, port: Ports) -> tuple[Any, Any, Any]:
-        n = port("propeller", s.propeller_speed)
+        n = port("revolutions", s.propeller_speed)
         angle = port("rudder", s.rudder_angle)
         turning = n != 0
         strength = jnp.sign(n) * jnp.where(turning, jnp.abs(n), 1.0) ** self.exponent
-        thrust = port("thrust", jnp.where(turning, strength, 0.0))
-        port.tell(thrust=thrust, rudder=angle)
-        side = port("side", thrust * jnp.sin(angle))
+        thrust = port("propulsion", jnp.where(turning, strength, 0.0))
+        port.tell(propulsion=thrust)
+        side = port("steering", thrust * jnp.sin(angle))
         return thrust * jnp.cos(angle), side, -self.lever_arm * side
 
     def _twin(self, s: Signals, port: Ports) -> tuple[Any, Any, Any]:
-        thrust = port("thrust", s.left_force + s.right_force)
+        thrust = port("propulsion", s.left_force + s.right_force)
         return thrust, 0.0 * thrust, self.lever_arm * (s.left_force - s.right_force)
 
     def equations(self, s: Signals, port: Ports) -> tuple[Mapping[str, Any], Mapping[str, Any]]:

@@ -1,0 +1,209 @@
+"""Effects in the propulsion and steering of a vessel."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from diffthrust._effect import Effect
+from diffthrust._parameters import parameter, relative_to
+from diffthrust._signals import Signals
+from diffthrust.effects._shaft import ActuatorLag
+
+
+class PropellerLag(ActuatorLag):
+    """The propeller reaches the commanded speed as a first-order lag.
+
+    Acts on the propeller speed [rev/s]: time_constant * d(response)/dt = speed - response, settled
+    when the log begins. Null: time_constant = 0. Source: Fossen 2011, section 12.3 (actuators under
+    low-level control, as first-order lags).
+    """
+
+    name = "propeller_lag"
+    port = "revolutions"
+    states = {"response": "rev/s"}
+    time_constant: float = parameter(
+        0.3, "s", bounds=(0, None), null=0.0, size=0.5, probes=(0.1, 0.5, 1.5)
+    )
+
+
+class RudderLag(ActuatorLag):
+    """The rudder, or the hinge of the propeller, follows its command as a first-order lag.
+
+    Acts on the rudder angle [rad]: time_constant * d(response)/dt = angle - response, settled when
+    the log begins. Null: time_constant = 0. Source: Van Amerongen 1982, Adaptive steering of ships
+    (model of the steering machine).
+    """
+
+    name = "rudder_lag"
+    port = "rudder"
+    states = {"response": "rad"}
+    time_constant: float = parameter(
+        0.3, "s", bounds=(0, None), null=0.0, size=0.5, probes=(0.1, 0.5, 1.5)
+    )
+
+
+class RudderRateLimit(Effect):
+    """The servo of the rudder turns no faster than a largest rate.
+
+    Acts on the recorded rudder angle [rad], from sample to sample: it moves towards the commanded
+    angle by at most ``rate`` [rad/s] times the time between them. Null: rate = infinite.
+    Source: Van Amerongen 1982, Adaptive steering of ships (model of the steering machine).
+    """
+
+    name = "rudder_rate_limit"
+    port = "rudder_angle"
+    memory = True
+    rate: float = parameter(
+        0.5,
+        "rad/s",
+        bounds=(0, None),
+        transform="log",
+        null=float("inf"),
+        probes=relative_to("rudder_angle", 0.1, 0.5, 2.0),
+    )
+
+    def __call__(self, value: Any, s: Signals) -> Any:
+        """The angle that the servo reaches at each sample."""
+        step = jnp.maximum(jnp.diff(s.time, prepend=s.time[:1]), 1e-9)  # infinite times zero is nan
+
+        def turn(angle: Any, x: Any) -> tuple[Any, Any]:
+            command, most = x
+            angle = jnp.clip(command, angle - most, angle + most)
+            return angle, angle
+
+        return jax.lax.scan(turn, value[0], (value, self.rate * step))[1]
+
+
+class RudderOffset(Effect):
+    """The rudder stands off centre when its command is zero.
+
+    Acts on the rudder angle [rad]: angle + offset, positive where the offset alone pushes the
+    stern to starboard. Null: offset = 0. Source: a servo horn mounted a tooth off, common in
+    models; where the propeller walks, it looks much like the neutral rudder angle of ship trials.
+    """
+
+    name = "rudder_offset"
+    port = "rudder"
+    offset: float = parameter(
+        0.05, "rad", bounds=(-0.8, 0.8), null=0.0, size=0.1, probes=(-0.1, 0.1)
+    )
+
+    def __call__(self, value: Any, s: Signals) -> Any:
+        """The angle at which the rudder stands."""
+        return value + self.offset
+
+
+class RudderInflow(Effect):
+    """The rudder pushes harder the faster the water comes at it.
+
+    Acts on the side force at the stern: force * (1 + gain * u), with u [m/s] the surge speed
+    through the water, which adds to the race of the propeller; ``gain`` [s/m] is the relative
+    growth of the force. Null: gain = 0. Source: Yasukawa & Yoshimura 2015, rudder normal force
+    proportional to the square of the inflow speed, here to first order in u.
+    """
+
+    name = "rudder_inflow"
+    port = "steering"
+    gain: float = parameter(
+        0.3, "s/m", null=0.0, size=1.0, probes=relative_to("surge", -0.3, 0.3, 1.0, power=-1)
+    )
+
+    def __call__(self, value: Any, s: Signals) -> Any:
+        """The side force with the inflow of the vessel's own speed."""
+        return value * (1.0 + self.gain * s.surge_through_water)
+
+
+class PropellerInflow(Effect):
+    """The propeller loses thrust as the vessel gains speed.
+
+    Acts on the thrust: thrust - loss * |thrust| * u, with u [m/s] the surge speed through the
+    water; ``loss`` [s/m] is the relative fall for each metre per second. A propeller that turns
+    backwards pulls harder while the vessel still runs ahead.
+    Null: loss = 0. Source: Fossen 1994, bilinear thruster model T = T_|n|n |n| n - T_|n|u |n| u,
+    here in proportion to the thrust, whose law in n the vessel leaves open.
+    """
+
+    name = "propeller_inflow"
+    port = "propulsion"
+    loss: float = parameter(
+        0.1,
+        "s/m",
+        bounds=(0, None),
+        null=0.0,
+        size=0.5,
+        probes=relative_to("surge", 0.1, 0.5, power=-1),
+    )
+
+    def __call__(self, value: Any, s: Signals) -> Any:
+        """The thrust at the vessel's speed."""
+        return value - self.loss * jnp.abs(value) * s.surge_through_water
+
+
+class PropellerWalk(Effect):
+    """The turning propeller also pushes the stern aside, to the other side in reverse.
+
+    Acts on the side force at the stern: force + share * thrust; a positive ``share`` pushes the
+    stern to starboard when the propeller drives ahead, as one that turns clockwise (seen from
+    astern) does. Null: share = 0. Source: Brix 1993, Manoeuvring technical manual.
+    """
+
+    name = "propeller_walk"
+    port = "steering"
+    share: float = parameter(0.05, bounds=(-1, 1), null=0.0, size=0.1, probes=(-0.1, 0.1))
+
+    def __call__(self, value: Any, s: Signals) -> Any:
+        """The side force with that of the propeller's rotation."""
+        return value + self.share * s.propulsion
+
+
+class ReversePropellerAsymmetry(Effect):
+    """The propeller pushes less (or more) when it drives astern.
+
+    Acts on the thrust: multiplied by 1 + change where it is negative. Null: change = 0.
+    Source: van Lammeren, van Manen & Oosterveld 1969, the B-screw series in all four quadrants.
+    """
+
+    name = "reverse_propeller_asymmetry"
+    port = "propulsion"
+    change: float = parameter(-0.2, bounds=(-1, None), null=0.0, size=0.3, probes=(-0.3, 0.3))
+
+    def __call__(self, value: Any, s: Signals) -> Any:
+        """The thrust with its reverse direction changed."""
+        return value * (1.0 + jnp.where(value < 0, self.change, 0.0))
+
+
+class DifferentialGain(Effect):
+    """The left and the right thruster do not give the same force.
+
+    Acts on the recorded forces [N]: left * (1 + gain), right * (1 - gain). Null: gain = 0.
+    Source: thrusters of one type differ by some per cent (blade damage, mounting, the map from
+    command to force); their mean belongs to the other parameters.
+    """
+
+    name = "differential_gain"
+    ports = ("left_force", "right_force")
+    gain: float = parameter(0.05, bounds=(-1, 1), null=0.0, size=0.2, probes=(-0.2, 0.2))
+
+    def at(self, port: str, value: Any, s: Signals) -> Any:
+        """The force that this thruster gives."""
+        return value * (1.0 + self.gain if port == "left_force" else 1.0 - self.gain)
+
+
+class SwappedThrusters(Effect):
+    """The channels of the left and the right thruster are exchanged.
+
+    Acts on the recorded forces [N]: left + share * (right - left) and the reverse, so that at
+    share = 1 each has the other's. Between the two, the forces are mixed and the vessel steers with
+    1 - 2 * share of the moment. Null: share = 0. Source: two plugs, or a sign convention of yaw
+    other than clockwise from above, look the same.
+    """
+
+    name = "swapped_thrusters"
+    ports = ("left_force", "right_force")
+    share: float = parameter(1.0, bounds=(0, 1), null=0.0, size=0.5, probes=(1.0,))
+
+    def at(self, port: str, value: Any, s: Signals) -> Any:
+        """The force that this thruster gives."""
+        other = s.right_force if port == "left_force" else s.left_force
+        return value + self.share * (other - value)

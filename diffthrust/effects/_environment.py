@@ -1,0 +1,97 @@
+"""Effects of the wind and of a current on a vessel."""
+
+import math
+from typing import Any
+
+import jax.numpy as jnp
+
+from diffthrust._effect import Effect
+from diffthrust._parameters import parameter, relative_to
+from diffthrust._signals import Signals
+
+
+class WaterCurrent(Effect):
+    """The water moves over ground with a constant velocity.
+
+    Hull and drive feel the speeds through the water: surge and sway over ground less the current's
+    components ahead and to starboard. The states stay speeds over ground, whose accelerations
+    gain what the turning axes make of a constant velocity. ``to_north`` and ``to_east`` [m/s] say
+    where the water goes. In logs that do not measure the heading it counts from the first sample,
+    and north is where the bow points then. Null: to_north = 0, to_east = 0.
+    Source: Fossen 2011, section 8.3 (irrotational constant current).
+    """
+
+    name = "water_current"
+    ports = (
+        "surge_through_water",
+        "sway_through_water",
+        "surge_acceleration",
+        "sway_acceleration",
+    )
+    to_north: float = parameter(
+        0.1, "m/s", null=0.0, size=0.3, probes=relative_to("surge", -0.2, 0.2)
+    )
+    to_east: float = parameter(
+        0.1, "m/s", null=0.0, size=0.3, probes=relative_to("surge", -0.2, 0.2)
+    )
+
+    def at(self, port: str, value: Any, s: Signals) -> Any:
+        """Speeds through the water, accelerations over ground."""
+        cos, sin = jnp.cos(s.heading), jnp.sin(s.heading)
+        ahead = self.to_north * cos + self.to_east * sin
+        aside = self.to_east * cos - self.to_north * sin
+        if port == "surge_through_water":
+            return value - ahead
+        if port == "sway_through_water":
+            return value - aside
+        return value + s.yaw_rate * (aside if port == "surge_acceleration" else -ahead)
+
+
+class Wind(Effect):
+    """The wind pushes on what stands above the water.
+
+    With a and b [m/s] the components ahead and to starboard of the velocity of the air relative to
+    the vessel, and V their length:
+
+        surge force + along a V,   sway force + across b V,   yaw moment + turning b V
+
+    ``along`` and ``across`` are in N s^2/m^2, ``turning`` in N s^2/m, divided by A where the
+    vessel's parameters are. Where the log has ``wind_speed`` [m/s] and ``wind_direction`` [rad]
+    (over ground, from where it blows, clockwise from north), ``direction`` is the misalignment of
+    the vane. Where it has not, a constant wind of ``speed`` blows from ``direction``; the speed is
+    held at what was given, because only its square times the other three can be told. Directions
+    count from the first heading in logs that do not measure it.
+    Null: along = 0, across = 0, turning = 0 (the direction then has no influence).
+    Source: Fossen 2011, section 8.1.
+    """
+
+    name = "wind"
+    ports = ("surge_force", "sway_force", "yaw_moment")
+    along: float = parameter(
+        0.01,
+        "N s^2/m^2",
+        bounds=(0, None),
+        null=0.0,
+        size=0.05,
+        probes=(0.01, 0.1),
+    )
+    across: float = parameter(
+        0.02, "N s^2/m^2", bounds=(0, None), null=0.0, size=0.1, probes=(0.02, 0.2)
+    )
+    turning: float = parameter(0.0, "N s^2/m", null=0.0, size=0.05, probes=(-0.02, 0.02))
+    direction: float = parameter(
+        0.0, "rad", bounds=(-math.pi, math.pi), size=1.0, probes=(-2.4, -0.8, 0.8, 2.4)
+    )
+    speed: float = parameter(5.0, "m/s", bounds=(0, None), fixed=True)
+
+    def at(self, port: str, value: Any, s: Signals) -> Any:
+        """The force or moment with that of the wind."""
+        measured = "wind_speed" in s
+        speed = s.wind_speed if measured else self.speed
+        origin = self.direction + (s.wind_direction if measured else 0.0) - s.heading
+        a = -speed * jnp.cos(origin) - s.surge
+        b = -speed * jnp.sin(origin) - s.sway
+        length = jnp.sqrt(a * a + b * b + 1e-12)
+        if port == "surge_force":
+            return value + self.along * a * length
+        return value + (self.across if port == "sway_force" else self.turning) * b * length

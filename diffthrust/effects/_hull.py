@@ -1,0 +1,120 @@
+"""Effects between the water and the hull."""
+
+from typing import Any
+
+import jax.numpy as jnp
+
+from diffthrust._effect import Effect
+from diffthrust._parameters import parameter, relative_to
+from diffthrust._signals import Signals
+
+
+class QuadraticSurgeDrag(Effect):
+    """The resistance ahead grows faster than the speed.
+
+    Acts on the surge force: force - drag * u |u|, with u [m/s] the surge speed through the water.
+    ``drag`` is in N s^2/m^2, divided by A where the vessel's parameters are. Null: drag = 0.
+    Source: Fossen 2011, section 7.1, nonlinear damping -X_|u|u |u| u.
+    """
+
+    name = "quadratic_surge_drag"
+    port = "surge_force"
+    drag: float = parameter(
+        1.0,
+        "N s^2/m^2",
+        bounds=(0, None),
+        null=0.0,
+        size=2.0,
+        probes=relative_to("surge", 0.5, 5.0, power=-1),
+    )
+
+    def __call__(self, value: Any, s: Signals) -> Any:
+        """The force less the quadratic drag."""
+        u = s.surge_through_water
+        return value - self.drag * u * jnp.abs(u)
+
+
+class QuadraticSwayDrag(Effect):
+    """The hull resists sideways motion by cross-flow drag.
+
+    Acts on the sway force: force - drag * v |v|, with v [m/s] the sway speed through the water.
+    ``drag`` is in N s^2/m^2, divided by A where the vessel's parameters are. Null: drag = 0.
+    Source: Fossen 2011, section 7.1, nonlinear damping -Y_|v|v |v| v.
+    """
+
+    name = "quadratic_sway_drag"
+    port = "sway_force"
+    drag: float = parameter(
+        2.0,
+        "N s^2/m^2",
+        bounds=(0, None),
+        null=0.0,
+        size=5.0,
+        probes=relative_to("sway", 0.5, 5.0, power=-1),
+    )
+
+    def __call__(self, value: Any, s: Signals) -> Any:
+        """The force less the quadratic drag."""
+        v = s.sway_through_water
+        return value - self.drag * v * jnp.abs(v)
+
+
+class QuadraticYawDrag(Effect):
+    """The hull resists fast turning by cross-flow drag at its ends.
+
+    Acts on the yaw moment: moment - drag * r |r|, with r [rad/s] the yaw rate. ``drag`` is in
+    N m s^2/rad^2, divided by A where the vessel's parameters are. Null: drag = 0.
+    Source: Fossen 2011, section 7.1, nonlinear damping -N_|r|r |r| r.
+    """
+
+    name = "quadratic_yaw_drag"
+    port = "yaw_moment"
+    drag: float = parameter(
+        0.5,
+        "N m s^2/rad^2",
+        bounds=(0, None),
+        null=0.0,
+        size=1.0,
+        probes=relative_to("yaw_rate", 0.1, 1.0, power=-1),
+    )
+
+    def __call__(self, value: Any, s: Signals) -> Any:
+        """The moment less the quadratic drag."""
+        return value - self.drag * s.yaw_rate * jnp.abs(s.yaw_rate)
+
+
+class SwayYawCoupling(Effect):
+    """Sway and yaw act on each other: fore and aft of the vessel are not alike.
+
+    With ``mass`` [kg m] off the diagonal of the mass matrix (centre of gravity or added mass away
+    from the origin) and ``damping`` [N s] off that of the damping matrix, both symmetric and
+    divided by A where the vessel's parameters are:
+
+        surge force + mass r^2
+        m22 v' + mass r' = sway force - damping r
+        mass v' + i33 r' = yaw moment - damping v - mass u r
+
+    The last two are solved for v' and r', so the effect acts on forces and accelerations. It needs
+    mass^2 < m22 i33, as any body has. Null: mass = 0, damping = 0.
+    Source: Fossen 2011, section 7.1 (mass, Coriolis and damping matrices in three degrees of
+    freedom).
+    """
+
+    name = "sway_yaw_coupling"
+    ports = ("surge_force", "sway_force", "yaw_moment", "sway_acceleration", "yaw_acceleration")
+    mass: float = parameter(0.1, "kg m", null=0.0, size=0.5, probes=(-0.3, 0.3))
+    damping: float = parameter(0.1, "N s", null=0.0, size=0.5, probes=(-0.5, 0.5))
+
+    def at(self, port: str, value: Any, s: Signals) -> Any:
+        """Forces with the off-diagonal terms, then accelerations by the coupled masses."""
+        u, v, r = s.surge_through_water, s.sway_through_water, s.yaw_rate
+        if port == "surge_force":
+            return value + self.mass * r * r
+        if port == "sway_force":
+            return value - self.damping * r
+        if port == "yaw_moment":
+            return value - self.damping * v - self.mass * u * r
+        share = self.mass / (s.m22 * s.i33 - self.mass**2)
+        if port == "sway_acceleration":
+            return value - share * (s.yaw_moment - self.mass * s.sway_force / s.m22)
+        return value - share * (s.sway_force - self.mass * s.yaw_moment / s.i33)
