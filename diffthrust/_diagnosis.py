@@ -1,0 +1,212 @@
+"""The result of a diagnosis: what a model lacks, how sure that is, and what would make it surer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from diffthrust._compare import Comparison
+from diffthrust._effect import Effect
+from diffthrust._metrics import Errors
+from diffthrust._model import Model
+from diffthrust._result import Fit
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from diffthrust._experiment import Experiment
+
+Verdict = Literal["adequate", "effects_found", "unexplained"]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect tried at one stage.
+
+    Args:
+        stage: the number of the stage to which it would be added, from 0.
+        effect: its name.
+        likelihood_ratio: twice the gain of log-likelihood of the innovations by adding it.
+        delta_bic: its Bayesian information criterion less that of the stage: negative is better.
+        p_value: of the score test, robust to correlation and outliers, for this effect alone.
+        holdout_gain: gain of log-likelihood of the innovations on the unseen logs; NaN without any.
+        train_nrmse: simulation error on the training logs, where it was refitted in full.
+        holdout_nrmse: the same on the unseen logs.
+        parameters: its estimated parameters, name to value and unit.
+    """
+
+    stage: int
+    effect: str
+    likelihood_ratio: float
+    delta_bic: float
+    p_value: float
+    holdout_gain: float
+    train_nrmse: float | None
+    holdout_nrmse: float | None
+    parameters: Mapping[str, tuple[float, str]]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One round: the effects in the model, and its fit."""
+
+    effects: tuple[str, ...]
+    fit: Fit
+
+    @property
+    def train(self) -> Errors:
+        """Simulation errors on the training logs."""
+        return self.fit.train
+
+    @property
+    def holdout(self) -> Errors | None:
+        """Simulation errors on the unseen logs."""
+        return self.fit.holdout
+
+
+@dataclass(frozen=True)
+class Missing:
+    """The signal that is missing at one port, estimated without assuming its form.
+
+    Args:
+        port: the port; ``unit`` that of the signal there.
+        runs: for each training log the time stamps, the signal and its standard error, ``(T,)``.
+        depends_on: the model's signal on which it depends most, ``None`` where on none.
+        dependence_unit: the unit of that signal.
+        share: share of the missing signal's variance that the dependence explains.
+        p_value: of the test that it depends on nothing, allowing for all signals tried.
+        curve: its mean as a function of that signal: abscissa, mean and standard error, each
+            ``(K,)``; empty without a dependence.
+    """
+
+    port: str
+    unit: str
+    runs: tuple[tuple[np.ndarray, np.ndarray, np.ndarray], ...] = field(repr=False)
+    depends_on: str | None
+    dependence_unit: str
+    share: float
+    p_value: float
+    curve: tuple[np.ndarray, np.ndarray, np.ndarray] = field(repr=False)
+
+
+@dataclass(frozen=True)
+class Remaining:
+    """Structure that no known effect explains.
+
+    Args:
+        port: where it enters.
+        depends_on: the signal on which it depends.
+        share: share of the squared one-step errors at that place that it explains.
+    """
+
+    port: str
+    depends_on: str
+    share: float
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What is missing from a model.
+
+    Args:
+        verdict: "adequate", "effects_found", or "unexplained" (structure remains; effects may
+            still have been added).
+        model: the model that was diagnosed, as it was given.
+        best: the effects that were added, at their estimated parameters: ``model + diag.best``.
+        groups: for each added effect, all effects that these logs cannot tell from it.
+        stages: the model as given, then with one effect after the other.
+        ranking: the effects tried at each stage, the best first.
+        remaining: structure that no known effect explains.
+        untestable: effects that these logs cannot test, with the reason.
+        dropped: effects that a later one made superfluous.
+        before: the model as given, held against the logs (unseen ones, if any): where it fails.
+        after: the last stage, held against the same.
+        missing: the missing signals of the model as given, the one that explains most first.
+        experiment: the test that would best separate the first group of several, if there is one.
+        seconds: time spent, by part of the work.
+    """
+
+    verdict: Verdict
+    model: Model
+    best: tuple[Effect, ...]
+    groups: tuple[tuple[str, ...], ...]
+    stages: tuple[Stage, ...]
+    ranking: tuple[Candidate, ...]
+    remaining: Remaining | None
+    untestable: Mapping[str, str]
+    dropped: tuple[str, ...]
+    before: Comparison
+    after: Comparison
+    missing: tuple[Missing, ...]
+    experiment: Experiment | None
+    seconds: Mapping[str, float]
+
+    @property
+    def added(self) -> tuple[str, ...]:
+        """Names of the added effects."""
+        return tuple(effect.name for effect in self.best)
+
+    @property
+    def fit(self) -> Fit:
+        """The fit of the last stage."""
+        return self.stages[-1].fit
+
+    @property
+    def summary(self) -> str:
+        """The outcome in a few plain sentences."""
+        from diffthrust._diagnosis_words import summary
+
+        return summary(self)
+
+    def report(self) -> str:
+        """The diagnosis as text for people: summary, stages, ranking, groups, what remains."""
+        from diffthrust._diagnosis_tables import diagnosis_table
+        from diffthrust._display import rendered
+
+        return rendered(diagnosis_table(self))
+
+    def plot(self) -> Figure:
+        """The stages: training and held-out error falling, and the last model on the logs."""
+        from diffthrust._diagnosis_plots import stages_figure
+
+        return stages_figure(self)
+
+    def save(self, path: str) -> None:
+        """Write the report as one HTML file that can be read without the library."""
+        from diffthrust._diagnosis_report import write_report
+
+        write_report(self, path)
+
+    def to_json(self) -> dict[str, Any]:
+        """The diagnosis as plain data, in the form that ``diffthrust diagnose --json`` writes."""
+        left = self.remaining
+        return {
+            "schema": 1,
+            "verdict": self.verdict,
+            "added": list(self.added),
+            "groups": [list(group) for group in self.groups],
+            "stages": [
+                {
+                    "effects": list(stage.effects),
+                    "train": stage.train.to_json(),
+                    "holdout": stage.holdout.to_json() if stage.holdout else None,
+                }
+                for stage in self.stages
+            ],
+            "ranking": [
+                {
+                    "stage": c.stage,
+                    "effect": c.effect,
+                    "delta_bic": c.delta_bic,
+                    "p_value": c.p_value,
+                    "train_nrmse": c.train_nrmse,
+                    "holdout_nrmse": c.holdout_nrmse,
+                }
+                for c in self.ranking
+            ],
+            "remaining": dict(vars(left)) if left else None,
+            "untestable": dict(self.untestable),
+        }
