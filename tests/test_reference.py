@@ -463,7 +463,7 @@ VESSEL_CASES = {
     "reverse_propeller_asymmetry": -0.3,
     "propeller_inflow": 0.2,
     "rudder_inflow": 0.5,
-    "propeller_walk": 0.002,
+    "propeller_walk": 0.05,
     "quadratic_surge_drag": 0.5,
     "quadratic_sway_drag": 2.0,
     "quadratic_yaw_drag": 0.5,
@@ -528,9 +528,12 @@ def forces_in_words(n, angle):
     a, b = turn @ (5.0 * np.array([np.cos(0.5 + np.pi), np.sin(0.5 + np.pi)])) - [u, v]
     blow = np.hypot(a, b) * np.array([0.02 * a, 0.05 * b, 0.01 * b])
     return {
-        "propeller_inflow": -0.2 * u * force * np.array([np.cos(angle), *stern(np.sin(angle))]),
+        "propeller_inflow": -0.2
+        * u
+        * abs(force)
+        * np.array([np.cos(angle), *stern(np.sin(angle))]),
         "rudder_inflow": 0.5 * u * force * np.array([0.0, *stern(np.sin(angle))]),
-        "propeller_walk": 0.002 * abs(n) * np.array([0.0, *stern(1.0)]),
+        "propeller_walk": 0.05 * force * np.array([0.0, *stern(1.0)]),
         "reverse_propeller_asymmetry": (-0.3 if n < 0 else 0.0)
         * force
         * np.array([np.cos(angle), *stern(np.sin(angle))]),

@@ -143,18 +143,18 @@ class PropellerInflow(Effect):
 class PropellerWalk(Effect):
     """The turning propeller also pushes the stern aside, to the other side in reverse.
 
-    Acts on the side force at the stern: force + share * thrust; a positive ``share`` pushes the
+    Acts on the side force at the stern: force + fraction * thrust; a positive one pushes the
     stern to starboard when the propeller drives ahead, as one that turns clockwise (seen from
-    astern) does. Null: share = 0. Source: Brix 1993, Manoeuvring technical manual.
+    astern) does. Null: fraction = 0. Source: Brix 1993, Manoeuvring technical manual.
     """
 
     name = "propeller_walk"
     port = "steering"
-    share: float = parameter(0.05, bounds=(-1, 1), null=0.0, size=0.1, probes=(-0.1, 0.1))
+    fraction: float = parameter(0.05, bounds=(-1, 1), null=0.0, size=0.1, probes=(-0.1, 0.1))
 
     def __call__(self, value: Any, s: Signals) -> Any:
         """The side force with that of the propeller's rotation."""
-        return value + self.share * s.propulsion
+        return value + self.fraction * s.propulsion
 
 
 class ReversePropellerAsymmetry(Effect):

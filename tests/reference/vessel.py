@@ -58,6 +58,7 @@ class Signals:
         "surge_over_ground",
         "sway",
         "sway_over_ground",
+        "thrust",
         "time",
         "wind_direction",
         "wind_speed",
@@ -118,6 +119,7 @@ def simulate(
         s.propeller_speed = n = chain.follow("propeller", n, s, owns, out)
         s.rudder_angle = angle = chain.follow("rudder", angle, s, owns, out)
         force = chain.follow("thrust", math.copysign(abs(n) ** p["exponent"], n), s, owns, out)
+        s.thrust = force
         side = chain.follow("side", force * math.sin(angle), s, owns, out)
         return force * math.cos(angle), side, -p["lever_arm"] * side
 

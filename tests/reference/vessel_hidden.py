@@ -63,8 +63,11 @@ def reverse_propeller_asymmetry(force, s, *, change=0.0):
 
 
 def propeller_inflow(force, s, *, loss=0.0):
-    """Thrust falls by the fraction ``loss`` for each m/s of surge."""
-    return force * (1.0 - loss * s.surge)
+    """Thrust falls by the fraction ``loss`` of its size for each m/s of surge.
+
+    T = T_nn |n| n - T_nu |n| u (Fossen 1994): in reverse it grows while the vessel runs ahead.
+    """
+    return force - loss * abs(force) * s.surge
 
 
 def rudder_inflow(force, s, *, gain=0.0):
@@ -73,8 +76,11 @@ def rudder_inflow(force, s, *, gain=0.0):
 
 
 def propeller_walk(force, s, *, fraction=0.0):
-    """The rotating propeller pushes the stern aside with ``fraction`` of |speed|."""
-    return force + fraction * abs(s.propeller_speed)
+    """The rotating propeller pushes the stern aside with ``fraction`` of its thrust.
+
+    In reverse it pushes to the other side, as its blades do.
+    """
+    return force + fraction * s.thrust
 
 
 def quadratic_surge_drag(forces, s, *, drag=0.0):
