@@ -124,7 +124,8 @@ class Parameter:
                 f"Parameter '{name}': the lower bound {low:g} is not below the upper one {high:g}.",
                 "Swap the bounds; to hold a parameter at a value, give fixed = true.",
             )
-        if not math.isfinite(self.value) or not low <= self.value <= high:
+        infinite = not math.isfinite(self.value) and self.value != self.null
+        if infinite or not low <= self.value <= high:
             raise InputError(
                 f"Parameter '{name}': expected a value within {self.range_text()}, "
                 f"found {self.value:g}.",

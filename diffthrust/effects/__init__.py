@@ -5,6 +5,10 @@ A new effect is one class in the file of its place, imported here.
 
 from diffthrust._effect import Effect as Effect
 from diffthrust.effects._command import CommandDeadband as CommandDeadband
+from diffthrust.effects._command import CommandDelay as CommandDelay
+from diffthrust.effects._command import CommandOffset as CommandOffset
+from diffthrust.effects._command import CommandRateLimit as CommandRateLimit
+from diffthrust.effects._command import CommandSaturation as CommandSaturation
 from diffthrust.effects._drive import DifferentialGain as DifferentialGain
 from diffthrust.effects._drive import PropellerInflow as PropellerInflow
 from diffthrust.effects._drive import PropellerLag as PropellerLag
@@ -21,8 +25,25 @@ from diffthrust.effects._hull import QuadraticSurgeDrag as QuadraticSurgeDrag
 from diffthrust.effects._hull import QuadraticSwayDrag as QuadraticSwayDrag
 from diffthrust.effects._hull import QuadraticYawDrag as QuadraticYawDrag
 from diffthrust.effects._hull import SwayYawCoupling as SwayYawCoupling
+from diffthrust.effects._propeller import AxialFlow as AxialFlow
+from diffthrust.effects._propeller import Cavitation as Cavitation
+from diffthrust.effects._propeller import InflowThrustLoss as InflowThrustLoss
 from diffthrust.effects._propeller import ReverseThrustAsymmetry as ReverseThrustAsymmetry
+from diffthrust.effects._propeller import ThrustDegradation as ThrustDegradation
+from diffthrust.effects._sensor import SpeedSensorOffset as SpeedSensorOffset
+from diffthrust.effects._sensor import SpeedSensorScale as SpeedSensorScale
+from diffthrust.effects._sensor import ThrustSensorDelay as ThrustSensorDelay
+from diffthrust.effects._sensor import ThrustSensorLag as ThrustSensorLag
+from diffthrust.effects._sensor import ThrustSensorOffset as ThrustSensorOffset
+from diffthrust.effects._sensor import ThrustSensorScale as ThrustSensorScale
 from diffthrust.effects._shaft import ActuatorLag as ActuatorLag
+from diffthrust.effects._shaft import CoulombFriction as CoulombFriction
+from diffthrust.effects._shaft import InflowLoadRelief as InflowLoadRelief
+from diffthrust.effects._shaft import LinearDamping as LinearDamping
+from diffthrust.effects._shaft import ReverseDriveAsymmetry as ReverseDriveAsymmetry
+from diffthrust.effects._shaft import ReverseLoadAsymmetry as ReverseLoadAsymmetry
+from diffthrust.effects._shaft import StaticFriction as StaticFriction
+from diffthrust.effects._shaft import SupplyVoltageSag as SupplyVoltageSag
 
 EFFECTS: dict[str, type[Effect]] = {
     effect.name: effect

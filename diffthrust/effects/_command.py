@@ -1,12 +1,17 @@
-"""Effects between the recorded command and the motor."""
+"""Effects between the recorded command and the motor.
 
+All act on the recorded samples of the command, before any interpolation between them.
+"""
+
+import math
 from typing import Any
 
 import jax.numpy as jnp
 
 from diffthrust._effect import Effect
-from diffthrust._parameters import parameter
+from diffthrust._parameters import parameter, relative_to
 from diffthrust._signals import Signals
+from diffthrust.effects._series import delayed, rate_limited
 
 
 class CommandDeadband(Effect):
@@ -23,7 +28,9 @@ class CommandDeadband(Effect):
 
     name = "command_deadband"
     port = "command"
-    width: float = parameter(0.05, "V", bounds=(0, None), null=0.0, size=0.2)
+    width: float = parameter(
+        0.05, "V", bounds=(0, None), null=0.0, size=0.2, probes=relative_to("command", 0.05, 0.2)
+    )
     restored: float = parameter(0.0, bounds=(0, 1), fixed=True)
 
     def __call__(self, value: Any, s: Signals) -> Any:
@@ -32,3 +39,89 @@ class CommandDeadband(Effect):
         edge = jnp.clip(beyond / (0.1 * self.width + 1e-12), 0.0, 1.0)
         left = jnp.maximum(beyond, 0.0) + self.restored * self.width * edge
         return jnp.sign(value) * left
+
+
+class CommandSaturation(Effect):
+    """The amplifier gives no more than a largest voltage.
+
+    Acts on the recorded command [V]: held within -limit and limit. Null: limit infinite.
+    Source: the saturation of Slotine & Li 1991, section 5.2.
+    """
+
+    name = "command_saturation"
+    port = "command"
+    limit: float = parameter(
+        2.0,
+        "V",
+        bounds=(0, None),
+        null=math.inf,
+        transform="log",
+        probes=relative_to("command", 0.5, 0.8),
+    )
+
+    def __call__(self, value: Any, s: Signals) -> Any:
+        """The command that the amplifier can give."""
+        return jnp.clip(value, -self.limit, self.limit)
+
+
+class CommandRateLimit(Effect):
+    """The motor controller ramps its command.
+
+    Acts on the recorded command [V]: the command that arrives follows the recorded one by at most
+    rate [V/s], updated at each sample. Null: rate infinite. Source: the slew rate limit of Goodwin,
+    Graebe & Salgado 2001, chapter 11.
+    """
+
+    name = "command_rate_limit"
+    port = "command"
+    memory = True
+    rate: float = parameter(
+        10.0,
+        "V/s",
+        bounds=(0, None),
+        null=math.inf,
+        transform="log",
+        probes=relative_to("command", 1.0, 4.0, 12.0),
+    )
+
+    def __call__(self, value: Any, s: Signals) -> Any:
+        """The ramped command."""
+        return rate_limited(s.time, value, self.rate)
+
+
+class CommandDelay(Effect):
+    """The command arrives late.
+
+    Acts on the recorded command [V]: command(time - delay), linear between the samples; before
+    the log the first command. Null: delay = 0. Source: Åström & Wittenmark 1997, chapter 2
+    (sampling of systems with a time delay).
+    """
+
+    name = "command_delay"
+    port = "command"
+    memory = True
+    delay: float = parameter(
+        0.05, "s", bounds=(0, None), null=0.0, size=0.1, probes=(0.02, 0.08, 0.25)
+    )
+
+    def __call__(self, value: Any, s: Signals) -> Any:
+        """The command as it was."""
+        return delayed(s.time, value, self.delay)
+
+
+class CommandOffset(Effect):
+    """The zero of the motor controller is off.
+
+    Acts on the recorded command [V]: command + offset. Null: offset = 0. Source: Ljung 1999,
+    section 14.1 (offsets of recorded signals).
+    """
+
+    name = "command_offset"
+    port = "command"
+    offset: float = parameter(
+        0.1, "V", null=0.0, size=0.2, probes=relative_to("command", -0.1, 0.1)
+    )
+
+    def __call__(self, value: Any, s: Signals) -> Any:
+        """The command with its zero moved."""
+        return value + self.offset

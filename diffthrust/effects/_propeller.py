@@ -1,11 +1,12 @@
 """Effects between the speed of the propeller and its thrust."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import jax.numpy as jnp
 
 from diffthrust._effect import Effect
-from diffthrust._parameters import parameter
+from diffthrust._parameters import parameter, relative_to
 from diffthrust._signals import Signals
 
 
@@ -19,8 +20,122 @@ class ReverseThrustAsymmetry(Effect):
 
     name = "reverse_thrust_asymmetry"
     port = "propeller"
-    change: float = parameter(-0.1, bounds=(-1, None), null=0.0, size=0.3)
+    change: float = parameter(-0.1, bounds=(-1, None), null=0.0, size=0.3, probes=(-0.3, 0.3))
 
     def __call__(self, value: Any, s: Signals) -> Any:
         """The thrust with the reverse direction changed."""
         return value * (1.0 + jnp.where(s.speed < 0, self.change, 0.0))
+
+
+class InflowThrustLoss(Effect):
+    """Water that already flows through the propeller takes up less thrust.
+
+    Acts on the thrust [N]: thrust - loss * |speed| * inflow. Null: loss = 0. Source: the bilinear
+    thrust of Fossen 1994 and Fossen & Blanke 2000; Kim & Chung 2006.
+    """
+
+    name = "inflow_thrust_loss"
+    port = "propeller"
+    needs = ("inflow",)
+    loss: float = parameter(
+        0.1,
+        "N s^2/(m rad)",
+        bounds=(0, None),
+        null=0.0,
+        size=0.3,
+        probes=relative_to("propeller", 0.002, 0.02),
+    )
+
+    def __call__(self, value: Any, s: Signals) -> Any:
+        """The thrust in moving water."""
+        return value - self.loss * jnp.abs(s.speed) * s.inflow
+
+
+class AxialFlow(Effect):
+    """The water in the duct is slow to follow the propeller: thrust overshoots at fast changes.
+
+    Acts on the thrust [N]: thrust - loss * |speed| * flow, where the speed ``flow`` [m/s] of the
+    water in the duct is a state:
+
+        mass * d(flow)/dt = thrust - linear_drag * flow - quadratic_drag * flow |flow|
+
+    with the thrust that leaves. Null: loss = 0. No sensor reads the flow, so its scale is free:
+    k times the flow goes with loss / k, mass / k, linear_drag / k and quadratic_drag / k^2. The
+    drags are therefore held, by default; set them from the geometry to give the flow and the mass
+    a meaning. Source: Healey et al. 1995; Fossen & Blanke 2000.
+    """
+
+    name = "axial_flow"
+    port = "propeller"
+    states = {"flow": "m/s"}
+    loss: float = parameter(
+        0.1,
+        "N s^2/(m rad)",
+        bounds=(0, None),
+        null=0.0,
+        size=0.3,
+        probes=relative_to("propeller", 0.002, 0.02),
+    )
+    mass: float = parameter(
+        20.0, "kg", bounds=(0, None), transform="log", probes=relative_to("propeller", 0.2, 1.0)
+    )
+    linear_drag: float = parameter(1.0, "N s/m", bounds=(0, None), fixed=True)
+    quadratic_drag: float = parameter(10.0, "N s^2/m^2", bounds=(0, None), fixed=True)
+
+    def __call__(self, value: Any, s: Signals) -> Any:
+        """The thrust that the moving water leaves."""
+        return value - self.loss * jnp.abs(s.speed) * s.flow
+
+    def rates(self, value: Any, s: Signals) -> Mapping[str, Any]:
+        """The momentum of the water in the duct."""
+        drag = (self.linear_drag + self.quadratic_drag * jnp.abs(s.flow)) * s.flow
+        return {"flow": (self(value, s) - drag) / self.mass}
+
+    def initial(self, value: Any, s: Signals) -> Mapping[str, Any]:
+        """Settled at the speed with which the log begins."""
+        linear = self.linear_drag + self.loss * jnp.abs(s.speed) + 1e-9
+        root = jnp.sqrt(linear**2 + 4.0 * self.quadratic_drag * jnp.abs(value))
+        return {"flow": 2.0 * value / (linear + root)}
+
+
+class Cavitation(Effect):
+    """The thrust falls short at high speeds.
+
+    Acts on the thrust [N]: of what is gained above the speed ``onset`` [rad/s] the share
+    ``shortfall`` is missing, thrust * (1 - shortfall * (1 - onset^2 / speed^2)). Null:
+    shortfall = 0. Source: Carlton 2012, chapter 9.
+    """
+
+    name = "cavitation"
+    port = "propeller"
+    shortfall: float = parameter(0.2, bounds=(0, 1), null=0.0, size=0.3, probes=(0.2, 0.6))
+    onset: float = parameter(
+        40.0, "rad/s", bounds=(0, None), transform="log", probes=relative_to("speed", 0.4, 0.7)
+    )
+
+    def __call__(self, value: Any, s: Signals) -> Any:
+        """The thrust without what cavitation takes."""
+        onset = self.onset**2
+        full = onset / jnp.maximum(s.speed**2, onset + 1e-12)
+        return value * (1.0 - self.shortfall * (1.0 - full))
+
+
+class ThrustDegradation(Effect):
+    """The thrust drops at some instant: an obstruction, fouling, ventilation.
+
+    Acts on the thrust [N]: from ``instant`` [s] on, on the log's own clock, the share ``fraction``
+    is lost. It is lost over ``transition`` [s] about the instant, so that a fit can feel its place.
+    Null: fraction = 0. Source: Yoerger, Cooke & Slotine 1990, figure 18 (the duct is obstructed
+    during a run).
+    """
+
+    name = "thrust_degradation"
+    port = "propeller"
+    fraction: float = parameter(0.2, bounds=(0, 1), null=0.0, size=0.3, probes=(0.2, 0.6))
+    instant: float = parameter(30.0, "s", size=10.0, probes=relative_to("duration", 0.3, 0.5, 0.7))
+    transition: float = parameter(1.0, "s", bounds=(0, None), fixed=True)
+
+    def __call__(self, value: Any, s: Signals) -> Any:
+        """The thrust with what is lost by now."""
+        lost = jnp.clip(0.5 + (s.time - self.instant) / self.transition, 0.0, 1.0)
+        return value * (1.0 - self.fraction * lost)

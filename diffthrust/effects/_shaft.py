@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 
 from diffthrust._effect import Effect
-from diffthrust._parameters import parameter
+from diffthrust._parameters import parameter, relative_to
 from diffthrust._signals import Relaxing, Signals
 
 
@@ -23,7 +23,9 @@ class ActuatorLag(Effect):
     name = "actuator_lag"
     port = "drive"
     states = {"response": ""}
-    time_constant: float = parameter(0.05, "s", bounds=(0, None), null=0.0, size=0.1)
+    time_constant: float = parameter(
+        0.05, "s", bounds=(0, None), null=0.0, size=0.1, probes=(0.03, 0.1, 0.3)
+    )
 
     def __call__(self, value: Any, s: Signals) -> Any:
         """The lagged drive; at the null exactly the drive, with the response's derivative."""
@@ -38,3 +40,150 @@ class ActuatorLag(Effect):
     def initial(self, value: Any, s: Signals) -> Mapping[str, Any]:
         """Settled at the drive with which the log begins."""
         return {"response": value}
+
+
+class ReverseDriveAsymmetry(Effect):
+    """The motor pulls less (or more) when it is commanded backwards.
+
+    Acts on the drive [rad/s^2]: multiplied by 1 + change where it is negative. Null: change = 0.
+    Source: Fitzgerald, Kingsley & Umans 2003, chapter 7: commutation that is timed for one
+    direction of rotation is wrong for the other.
+    """
+
+    name = "reverse_drive_asymmetry"
+    port = "drive"
+    change: float = parameter(-0.1, bounds=(-1, None), null=0.0, size=0.3, probes=(-0.3, 0.3))
+
+    def __call__(self, value: Any, s: Signals) -> Any:
+        """The drive with the reverse direction changed."""
+        return value * (1.0 + jnp.where(value < 0, self.change, 0.0))
+
+
+class SupplyVoltageSag(Effect):
+    """The drive falls with the supply voltage.
+
+    Acts on the drive [rad/s^2]: multiplied by 1 + share * (supply_voltage / nominal - 1). A motor
+    on a plain switching controller has share = 1, one whose controller makes up for the supply
+    share = 0. Null: share = 0. ``nominal`` [V] is where the drive has its full value; another one
+    rescales share and the model's drive coefficient. Source: Yoerger, Cooke & Slotine 1990,
+    section II C, where the drive is proportional to the motor's voltage.
+    """
+
+    name = "supply_voltage_sag"
+    port = "drive"
+    needs = ("supply_voltage",)
+    share: float = parameter(0.5, bounds=(0, 1), null=0.0, size=0.5, probes=(0.3, 0.9))
+    nominal: float = parameter(24.0, "V", bounds=(0, None), fixed=True)
+
+    def __call__(self, value: Any, s: Signals) -> Any:
+        """The drive at the present supply."""
+        return value * (1.0 + self.share * (s.supply_voltage / self.nominal - 1.0))
+
+
+class ReverseLoadAsymmetry(Effect):
+    """The propeller brakes the shaft less (or more) when it turns backwards.
+
+    Acts on the load [rad/s^2]: multiplied by 1 + change where speed < 0. Null: change = 0.
+    Source: van Lammeren, van Manen & Oosterveld 1969, whose torque coefficients over all four
+    quadrants differ between ahead and astern.
+    """
+
+    name = "reverse_load_asymmetry"
+    port = "load"
+    change: float = parameter(-0.1, bounds=(-1, None), null=0.0, size=0.3, probes=(-0.3, 0.3))
+
+    def __call__(self, value: Any, s: Signals) -> Any:
+        """The load with the reverse direction changed."""
+        return value * (1.0 + jnp.where(s.speed < 0, self.change, 0.0))
+
+
+class InflowLoadRelief(Effect):
+    """Water that already flows through the propeller loads it less.
+
+    Acts on the load [rad/s^2]: load - relief * |speed| * inflow. Null: relief = 0. Source: the
+    bilinear torque of Fossen & Blanke 2000; Fossen 1994.
+    """
+
+    name = "inflow_load_relief"
+    port = "load"
+    needs = ("inflow",)
+    relief: float = parameter(
+        0.2,
+        "1/m",
+        bounds=(0, None),
+        null=0.0,
+        size=0.3,
+        probes=relative_to("inflow", 0.1, 0.4, power=-1),
+    )
+
+    def __call__(self, value: Any, s: Signals) -> Any:
+        """The load in moving water."""
+        return value - self.relief * jnp.abs(s.speed) * s.inflow
+
+
+class LinearDamping(Effect):
+    """Back-EMF of the motor, or viscous friction of seals and bearings: the same term.
+
+    Acts on the shaft's acceleration [rad/s^2]: less rate * speed. Null: rate = 0. Source: Aras et
+    al. 2013, equations of the motor, where rate = km ke / (R J) + b / J.
+    """
+
+    name = "linear_damping"
+    port = "shaft"
+    rate: float = parameter(
+        0.3, "1/s", bounds=(0, None), null=0.0, size=0.5, probes=(0.1, 0.5, 2.0)
+    )
+
+    def __call__(self, value: Any, s: Signals) -> Any:
+        """The acceleration under damping."""
+        return value - self.rate * s.speed
+
+
+class CoulombFriction(Effect):
+    """Dry friction of seals and bearings: a torque of constant size against the motion.
+
+    Acts on the shaft's acceleration [rad/s^2]: less level * sign(speed), where the sign is a
+    straight line within level * settling of rest. A push below the level then turns the shaft no
+    faster than that, and a shaft that comes to rest does so within ``settling`` [s], whatever the
+    level: the equation is no stiffer for strong friction than for weak. Null: level = 0.
+    Source: Armstrong-Hélouvry, Dupont & Canudas de Wit 1994, section 2.
+    """
+
+    name = "coulomb_friction"
+    port = "shaft"
+    level: float = parameter(
+        2.0, "rad/s^2", bounds=(0, None), null=0.0, size=5.0, probes=relative_to("drive", 0.02, 0.1)
+    )
+    settling: float = parameter(0.03, "s", bounds=(0, None), fixed=True)
+
+    def __call__(self, value: Any, s: Signals) -> Any:
+        """The acceleration under friction."""
+        slow = s.speed / self.settling
+        return value - jnp.where(jnp.abs(slow) < self.level, slow, self.level * jnp.sign(slow))
+
+
+class StaticFriction(Effect):
+    """Stiction: a shaft at rest bears pushes up to a level.
+
+    Acts on the shaft's acceleration [rad/s^2]. While the push, which is the value that arrives, is
+    below level and the shaft is slower than level * settling, the push is borne and the shaft
+    brought to rest with the time constant ``settling`` [s]; a larger push, or a shaft in motion,
+    is left alone. What is borne goes from all to nothing as the push passes from 1 - spread / 2 to
+    1 + spread / 2 of the level, so that a fit can feel the edge. Null: level = 0.
+    Source: Karnopp 1985; Armstrong-Hélouvry, Dupont & Canudas de Wit 1994, section 2.
+    """
+
+    name = "static_friction"
+    port = "shaft"
+    level: float = parameter(
+        4.0, "rad/s^2", bounds=(0, None), null=0.0, size=5.0, probes=relative_to("drive", 0.05, 0.2)
+    )
+    settling: float = parameter(0.03, "s", bounds=(0, None), fixed=True)
+    spread: float = parameter(0.2, bounds=(0, 2), fixed=True)
+
+    def __call__(self, value: Any, s: Signals) -> Any:
+        """The acceleration that is not borne."""
+        near = s.speed / (self.level * self.settling + 1e-9)
+        margin = (self.level - jnp.abs(value)) / (self.spread * self.level + 1e-9)
+        borne = jnp.maximum(1.0 - near**4, 0.0) * jnp.clip(0.5 + margin, 0.0, 1.0)
+        return value - borne * (value + s.speed / self.settling)

@@ -1,0 +1,118 @@
+"""Effects between what the thruster does and what its sensors report, on the whole series."""
+
+from typing import Any
+
+from diffthrust._effect import Effect
+from diffthrust._parameters import parameter, relative_to
+from diffthrust._signals import Signals
+from diffthrust.effects._series import delayed, lagged
+
+
+class SpeedSensorScale(Effect):
+    """The speed sensor's factor is off.
+
+    Acts on the reported speed [rad/s]: (1 + change) * speed. Without a thrust sensor this cannot be
+    told from other values of the model's own parameters. Null: change = 0. Source: sensitivity
+    error of Doebelin 2004, chapter 3.
+    """
+
+    name = "speed_sensor_scale"
+    port = "speed"
+    change: float = parameter(0.05, bounds=(-1, None), null=0.0, size=0.2, probes=(-0.1, 0.1))
+
+    def __call__(self, value: Any, s: Signals) -> Any:
+        """The speed as reported."""
+        return value * (1.0 + self.change)
+
+
+class SpeedSensorOffset(Effect):
+    """The speed sensor's zero is off.
+
+    Acts on the reported speed [rad/s]: speed + offset. Null: offset = 0. Source: zero error of
+    Doebelin 2004, chapter 3.
+    """
+
+    name = "speed_sensor_offset"
+    port = "speed"
+    offset: float = parameter(
+        1.0, "rad/s", null=0.0, size=2.0, probes=relative_to("speed", -0.05, 0.05)
+    )
+
+    def __call__(self, value: Any, s: Signals) -> Any:
+        """The speed as reported."""
+        return value + self.offset
+
+
+class ThrustSensorScale(Effect):
+    """The thrust sensor's factor is off.
+
+    Acts on the reported thrust [N]: (1 + change) * thrust, which is the same as another thrust
+    coefficient of the model: hold one of the two. Null: change = 0. Source: sensitivity error of
+    Doebelin 2004, chapter 3; Aras et al. 2013, table 4, a sensor that does not follow its data
+    sheet.
+    """
+
+    name = "thrust_sensor_scale"
+    port = "thrust"
+    change: float = parameter(0.05, bounds=(-1, None), null=0.0, size=0.2, probes=(-0.1, 0.1))
+
+    def __call__(self, value: Any, s: Signals) -> Any:
+        """The thrust as reported."""
+        return value * (1.0 + self.change)
+
+
+class ThrustSensorOffset(Effect):
+    """The thrust sensor's tare is off.
+
+    Acts on the reported thrust [N]: thrust + offset. Null: offset = 0. Source: zero error of
+    Doebelin 2004, chapter 3; Aras et al. 2013, table 4.
+    """
+
+    name = "thrust_sensor_offset"
+    port = "thrust"
+    offset: float = parameter(
+        1.0, "N", null=0.0, size=2.0, probes=relative_to("thrust", -0.05, 0.05)
+    )
+
+    def __call__(self, value: Any, s: Signals) -> Any:
+        """The thrust as reported."""
+        return value + self.offset
+
+
+class ThrustSensorLag(Effect):
+    """The thrust sensor follows as a first-order lag: a load cell with its filter.
+
+    Acts on the reported thrust [N]: time_constant * d(reading)/dt = thrust - reading, settled when
+    the log begins, exact for a thrust that is linear between samples. Null: time_constant = 0.
+    Source: first-order instrument of Doebelin 2004, chapter 3.
+    """
+
+    name = "thrust_sensor_lag"
+    port = "thrust"
+    memory = True
+    time_constant: float = parameter(
+        0.1, "s", bounds=(0, None), null=0.0, size=0.1, probes=(0.03, 0.1, 0.3)
+    )
+
+    def __call__(self, value: Any, s: Signals) -> Any:
+        """The thrust as reported."""
+        return lagged(s.time, value, self.time_constant)
+
+
+class ThrustSensorDelay(Effect):
+    """The thrust is reported late.
+
+    Acts on the reported thrust [N]: thrust(time - delay), linear between samples; before the log
+    the first thrust. Null: delay = 0. Source: dead-time element of Doebelin 2004, chapter 3.
+    """
+
+    name = "thrust_sensor_delay"
+    port = "thrust"
+    memory = True
+    delay: float = parameter(
+        0.05, "s", bounds=(0, None), null=0.0, size=0.1, probes=(0.02, 0.08, 0.25)
+    )
+
+    def __call__(self, value: Any, s: Signals) -> Any:
+        """The thrust as reported."""
+        return delayed(s.time, value, self.delay)

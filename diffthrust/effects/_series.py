@@ -1,0 +1,61 @@
+"""What effects with memory do to a recorded series: delay, rate limit, first-order lag.
+
+All work on any increasing time stamps; a stamp that repeats (a log padded at its end) changes
+nothing.
+"""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+
+def delayed(time: Any, series: Any, delay: Any) -> Any:
+    """A series ``delay`` seconds later, ``(T,)``: linear between samples, the first value before.
+
+    The derivative at zero delay is the one towards positive delays. Of a series that is held from
+    sample to sample, on a uniform grid, this is the mean of the delayed staircase over each
+    interval: what the staircase does to a system that is slower than the step.
+    """
+    at = time - delay
+    after = jnp.clip(jnp.searchsorted(time, at), 1, max(time.shape[0] - 1, 0))
+    gap = time[after] - time[after - 1]
+    back = (time[after] - at) / jnp.where(gap > 0, gap, 1.0)
+    between = series[after] - back * (series[after] - series[after - 1])
+    return jnp.where(at > time[0], between, series[0])
+
+
+def rate_limited(time: Any, series: Any, rate: Any) -> Any:
+    """A series followed at no more than ``rate`` per second, ``(T,)``; all of it where infinite."""
+    gap = jnp.diff(time)
+    most = jnp.where(gap > 0, rate * jnp.where(gap > 0, gap, 1.0), 0.0)
+
+    def follow(last: Any, x: Any) -> tuple[Any, Any]:
+        wanted, reach = x
+        reached = jnp.clip(wanted, last - reach, last + reach)
+        return reached, reached
+
+    _, after = jax.lax.scan(follow, series[0], (series[1:], most))
+    return jnp.concatenate([series[:1], after])
+
+
+def lagged(time: Any, series: Any, time_constant: Any) -> Any:
+    """The first-order lag of a series that is linear between samples, ``(T,)``, settled at first.
+
+    Exact for any ratio of step and time constant; at zero exactly the series, its derivative there
+    being the slope that ends at each sample.
+    """
+    gap = jnp.diff(time)
+    gap = jnp.where(gap > 0, gap, 1.0)
+    ratio = gap / (time_constant + 1e-9)
+    kept = jnp.where(jnp.diff(time) > 0, jnp.exp(-ratio), 1.0)
+    mean = time_constant / gap * -jnp.expm1(-ratio)
+    pushed = (mean - kept) * series[:-1] + (1.0 - mean) * series[1:]
+
+    def follow(last: Any, x: Any) -> tuple[Any, Any]:
+        share, push = x
+        value = share * last + push
+        return value, value
+
+    _, after = jax.lax.scan(follow, series[0], (kept, pushed))
+    return jnp.concatenate([series[:1], after])
