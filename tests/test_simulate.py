@@ -395,27 +395,6 @@ def test_a_propeller_at_rest_gives_no_force_and_a_finite_gradient():
     assert all(np.all(values == 0.0) for values in path.values())
 
 
-# Effects at their null.
-
-
-@pytest.mark.parametrize("hold", ["zero", "linear"])
-@pytest.mark.parametrize("effect", dft.effects.EFFECTS.values(), ids=lambda e: e.name)
-def test_an_effect_at_its_null_leaves_every_output_exactly_unchanged(effect, hold):
-    if effect.port not in {**dft.Thruster.ports, **dft.Thruster.inputs, **dft.Thruster.outputs}:
-        pytest.skip("acts on another model")
-    time, command = random_command(27)
-    log = Log(time, {"command": command}, hold=hold)
-    plain = simulate(dft.Thruster(), log, initial={"speed": 5.0}, substeps=2)
-    null = simulate(dft.Thruster() + effect().at_null(), log, initial={"speed": 5.0}, substeps=2)
-    for name, values in plain.items():
-        if effect.states and hold == "linear":  # the compiler may fuse differently: one last digit
-            np.testing.assert_allclose(null[name], values, rtol=1e-14, atol=1e-14)
-        else:
-            assert np.array_equal(values, null[name]), name
-    away = simulate(dft.Thruster() + effect(), log, initial={"speed": 5.0}, substeps=2)
-    assert any(not np.array_equal(plain[name], away[name]) for name in plain)
-
-
 # Traced once.
 
 
