@@ -1,0 +1,140 @@
+"""How large a hidden effect is: its parameters from one number that is 0 at the null.
+
+Sizes are fractions of the plant's own scale (command, speed, drive torque, thrust at the top of
+the range) or seconds, so that they mean the same for every plant. They are calibrated with
+`visibility`: the log-likelihood ratio (twice the difference) of the truth against the basic model
+refitted, by an optimal filter that knows the noise.
+
+    clear   the basic model's error exceeds the noise at least 1.5 times in some channel
+    faint   the ratio is some 30 to 60: invisible to the eye, sure to an optimal test
+    limit   a tenth of faint: a ratio near 0.5, which no test can see
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+Scale = Mapping[str, float]
+
+
+class Size(NamedTuple):
+    """A row of the table: two sizes, parameters from size and scale, and whether signs vary."""
+
+    clear: float
+    faint: float
+    parameters: Callable[[float, Scale], dict[str, float]]
+    signed: bool = False
+
+
+THRUSTER: dict[str, Size] = {
+    "command_deadband": Size(0.05, 0.005, lambda x, k: {"band": x * k["command"]}),
+    "command_saturation": Size(0.3, 0.02, lambda x, k: {"limit": (1.0 - x) * k["command"]}),
+    "command_rate_limit": Size(0.6, 0.1, lambda x, k: {"rate": k["command"] / x}),
+    "command_delay": Size(0.15, 0.01, lambda x, k: {"delay": x}),
+    "command_offset": Size(0.04, 0.004, lambda x, k: {"offset": x * k["command"]}, True),
+    "actuator_lag": Size(0.2, 0.01, lambda x, k: {"time_constant": x}),
+    "reverse_drive_asymmetry": Size(0.15, 0.01, lambda x, k: {"change": x}, True),
+    "supply_voltage_sag": Size(0.8, 0.05, lambda x, k: {"share": x}),
+    "linear_damping": Size(0.15, 0.02, lambda x, k: {"rate": x * k["alpha"] * k["speed"]}),
+    "coulomb_friction": Size(0.05, 0.005, lambda x, k: {"friction": x * k["drive"]}),
+    "static_friction": Size(0.12, 0.03, lambda x, k: {"friction": x * k["drive"]}),
+    "reverse_load_asymmetry": Size(0.15, 0.01, lambda x, k: {"change": x}, True),
+    "inflow_load_relief": Size(0.3, 0.02, lambda x, k: {"relief": x * k["alpha"] * k["speed"]}),
+    "reverse_thrust_asymmetry": Size(0.15, 0.01, lambda x, k: {"change": x}, True),
+    "inflow_thrust_loss": Size(0.3, 0.02, lambda x, k: {"loss": x * k["ct"] * k["speed"]}),
+    "axial_flow": Size(
+        0.4,
+        0.03,
+        # The water in the duct settles within a second or two at 1.5 m/s.
+        lambda x, k: {
+            "loss": x * k["ct"] * k["speed"] / 1.5,
+            "mass": k["thrust"] / 1.5,
+            "linear_drag": 0.1 * k["thrust"] / 1.5,
+            "quadratic_drag": 0.9 * k["thrust"] / 1.5**2,
+        },
+    ),
+    "cavitation": Size(0.3, 0.03, lambda x, k: {"shortfall": x, "onset": 0.65 * k["speed"]}),
+    "thrust_degradation": Size(0.15, 0.01, lambda x, k: {"fraction": x, "instant": 55.0}),
+    "speed_sensor_offset": Size(0.04, 0.002, lambda x, k: {"offset": x * k["speed"]}, True),
+    "speed_sensor_lag": Size(0.2, 0.01, lambda x, k: {"time_constant": x}),
+    "speed_sensor_delay": Size(0.15, 0.01, lambda x, k: {"delay": x}),
+    "thrust_sensor_offset": Size(0.04, 0.002, lambda x, k: {"offset": x * k["thrust"]}, True),
+    "thrust_sensor_lag": Size(0.2, 0.01, lambda x, k: {"time_constant": x}),
+    "thrust_sensor_delay": Size(0.15, 0.01, lambda x, k: {"delay": x}),
+}
+
+#: Exactly the same as other values of the free base parameters: nothing can find these.
+REDUNDANT: dict[str, Size] = {
+    "speed_sensor_scale": Size(0.1, 0.1, lambda x, k: {"change": x}, True),
+    "thrust_sensor_scale": Size(0.1, 0.1, lambda x, k: {"change": x}, True),
+}
+
+OUTSIDE: dict[str, Size] = {
+    "command_play": Size(0.1, 0.1, lambda x, k: {"play": x * k["command"]}),
+    "motor_heating": Size(0.6, 0.6, lambda x, k: {"loss": x, "warm": k["drive"]}),
+    "load_hump": Size(0.15, 0.15, lambda x, k: {"height": x * k["drive"], **_middle(k)}),
+    "load_memory": Size(0.4, 0.4, lambda x, k: {"relief": x * k["alpha"]}),
+    "thrust_hollow": Size(0.3, 0.3, lambda x, k: {"depth": x, **_middle(k)}),
+    "wave_ventilation": Size(0.4, 0.4, lambda x, k: {"depth": x}),
+}
+
+VESSEL: dict[str, Size] = {
+    "swapped_thrusters": Size(1.0, 1.0, lambda x, k: {"swapped": x}),
+    "differential_gain": Size(0.15, 0.01, lambda x, k: {"gain": x}, True),
+    "rudder_rate_limit": Size(1.5, 0.2, lambda x, k: {"rate": np.radians(24.0) / x}),
+    "propeller_lag": Size(1.0, 0.1, lambda x, k: {"time_constant": x}),
+    "rudder_lag": Size(0.6, 0.05, lambda x, k: {"time_constant": x}),
+    "rudder_offset": Size(0.06, 0.004, lambda x, k: {"offset": x}, True),
+    "reverse_propeller_asymmetry": Size(0.3, 0.03, lambda x, k: {"change": -x}),
+    "propeller_inflow": Size(0.4, 0.05, lambda x, k: {"loss": x / k["surge"]}),
+    "rudder_inflow": Size(0.6, 0.05, lambda x, k: {"gain": x / k["surge"]}),
+    "propeller_walk": Size(0.05, 0.004, lambda x, k: {"fraction": x}, True),
+    "quadratic_surge_drag": Size(0.6, 0.1, lambda x, k: {"drag": x * k["force"] / k["surge"] ** 2}),
+    "quadratic_sway_drag": Size(0.6, 0.1, lambda x, k: {"drag": x * k["force"] / k["surge"] ** 2}),
+    "quadratic_yaw_drag": Size(
+        0.6, 0.1, lambda x, k: {"drag": x * k["moment"] / k["yaw_rate"] ** 2}
+    ),
+    "wind": Size(
+        0.15,
+        0.01,
+        lambda x, k: {
+            "along": x * k["force"] / 16.0,
+            "across": 1.5 * x * k["force"] / 16.0,
+            "turning": 0.3 * x * k["force"] / 16.0,
+        },
+    ),
+    "water_current": Size(
+        0.15, 0.01, lambda x, k: {"to_north": x * k["surge"], "to_east": -0.7 * x * k["surge"]}
+    ),
+    "sway_yaw_coupling": Size(0.6, 0.05, lambda x, k: {"mass": x, "damping": x}),
+}
+
+VESSEL_OUTSIDE: dict[str, Size] = {
+    "resistance_hump": Size(
+        0.25,
+        0.25,
+        lambda x, k: {
+            "height": x * k["force"],
+            "middle": 0.75 * k["surge"],
+            "width": 0.12 * k["surge"],
+        },
+    ),
+    "wave_yawing": Size(0.3, 0.3, lambda x, k: {"moment": x * k["moment"]}),
+}
+
+
+def _middle(k: Scale) -> dict[str, float]:
+    return {"middle": 0.55 * k["speed"], "width": 0.12 * k["speed"]}
+
+
+ALL = {**THRUSTER, **REDUNDANT, **OUTSIDE, **VESSEL, **VESSEL_OUTSIDE}
+
+
+def hidden(name: str, size: float, scale: Scale, rng: np.random.Generator) -> dict[str, float]:
+    """Parameters of an effect at about a size (within a tenth), of either sign where it has one."""
+    row = ALL[name]
+    factor, sign = rng.uniform(0.9, 1.1), rng.choice([-1.0, 1.0])
+    return row.parameters(size * factor * (sign if row.signed else 1.0), scale)
