@@ -1,0 +1,222 @@
+"""Figures of a diagnosis: the error falling, the missing signal, the candidates."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from diffthrust._diagnosis_words import stage_words
+from diffthrust._phrases import percent, spelt
+from diffthrust._plots import BLUE, GREY, VERMILLION, thinned
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from diffthrust._compare import Run
+    from diffthrust._diagnosis import Candidate, Diagnosis, Missing, Stage
+
+_COLOURS = (BLUE, VERMILLION, "#009E73", "#CC79A7", "#E69F00", "#56B4E9")  # Okabe & Ito 2008
+_BAND = 2.0
+"""Half width of bands, in standard errors."""
+_SHOWN = 8
+
+
+def stages_figure(diag: Diagnosis) -> Figure:
+    """The errors at each stage on the left; on the right the first and the last model on a log.
+
+    Filled markers and full lines are unseen logs, open markers and broken lines training logs. The
+    log is the unseen one that the model as given fits worst (a training log where there is none).
+    """
+    from matplotlib.figure import Figure
+
+    run = _worst(diag)
+    names = list(run.channels)
+    figure = Figure(figsize=(11.0, 1.2 + 2.6 * max(1, len(names))), layout="constrained")
+    left, right = figure.subfigures(1, 2, width_ratios=[1, 1.9])
+    _falling(left.subplots(), diag)
+    axes = right.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
+    others = {other.name: other for other in diag.after.runs}
+    for panel, name in zip(axes, names, strict=True):
+        _traces(panel, diag, run, others[run.name], name)
+    axes[-1].set_xlabel("time [s]", fontsize=9)
+    kind = "unseen log" if diag.stages[0].holdout else "training log"
+    axes[0].set_title(f"{kind} {_plain(run.name)}", loc="left", fontsize=10)
+    axes[0].legend(loc="upper right", fontsize=8, ncols=3, frameon=True, framealpha=0.9)
+    return figure
+
+
+def missing_figure(diag: Diagnosis, most: int = 2) -> Figure:
+    """The missing signal at the ports that explain most: over time, and over what it depends on.
+
+    Args:
+        diag: the diagnosis; ``diag.missing`` has at least one signal.
+        most: how many ports to show.
+    """
+    from matplotlib.figure import Figure
+
+    shown = diag.missing[:most]
+    figure = Figure(figsize=(11.0, 0.6 + 2.9 * len(shown)), layout="constrained")
+    axes = figure.subplots(len(shown), 2, squeeze=False, width_ratios=[1.9, 1])
+    for (left, right), missing in zip(axes, shown, strict=True):
+        _over_time(left, missing)
+        _over_signal(right, missing)
+    return figure
+
+
+def ranking_figure(diag: Diagnosis) -> Figure:
+    """Likelihood ratio of the best candidates of each stage; the added one is filled."""
+    from matplotlib.figure import Figure
+
+    stages = sorted({c.stage for c in diag.ranking})
+    longest = max(sum(c.stage == stage for c in diag.ranking) for stage in stages)
+    figure = Figure(figsize=(11.0, 1.1 + 0.28 * min(longest, _SHOWN)), layout="constrained")
+    axes = figure.subplots(1, len(stages), squeeze=False)[0]
+    for panel, stage in zip(axes, stages, strict=True):
+        _bars(panel, [c for c in diag.ranking if c.stage == stage][:_SHOWN], diag)
+        panel.set_title(f"candidates for stage {stage + 1}", loc="left", fontsize=10)
+    return figure
+
+
+def _worst(diag: Diagnosis) -> Run:
+    """The run with the largest error of the model as given."""
+    runs = [run for run in diag.before.runs if run.channels]
+    return max(runs, key=lambda run: np.nan_to_num(run.errors.nrmse, nan=-1.0))
+
+
+def _falling(panel: Axes, diag: Diagnosis) -> None:
+    where = np.arange(len(diag.stages))
+    channels = dict.fromkeys(name for stage in diag.stages for name in stage.train.channels)
+    top = 0.0
+    for i, name in enumerate(channels):
+        colour = _COLOURS[i % len(_COLOURS)]
+        for unseen in (False, True):
+            values = np.array([_nrmse(stage, name, unseen) for stage in diag.stages])
+            if np.isnan(values).all():
+                continue
+            top = max(top, float(np.nanmax(np.where(np.isfinite(values), values, np.nan))))
+            panel.plot(
+                where,
+                values,
+                color=colour,
+                marker="o" if unseen else "s",
+                markersize=6,
+                markerfacecolor=colour if unseen else "white",
+                linestyle="-" if unseen else "--",
+                linewidth=1.6 if unseen else 1.1,
+                label=f"{spelt(name)}, {'unseen' if unseen else 'training'}",
+            )
+    panel.set_ylim(0.0, 1.12 * top if top > 0 else 1.0)
+    panel.set_xlim(-0.4, len(where) - 0.6)
+    words = [textwrap.fill(stage_words(diag, int(i)), 16) for i in where]
+    panel.set_xticks(where, words)
+    panel.set_title("error by stage", loc="left", fontsize=10)
+    panel.set_ylabel("NRMSE [-]", fontsize=9)
+    panel.legend(fontsize=8, frameon=True, framealpha=0.9)
+    _plainly(panel)
+
+
+def _nrmse(stage: Stage, name: str, unseen: bool) -> float:
+    errors = stage.holdout if unseen else stage.train
+    return errors.channels[name].nrmse if errors and name in errors.channels else np.nan
+
+
+def _traces(panel: Axes, diag: Diagnosis, before: Run, after: Run, name: str) -> None:
+    first, last = before.channels[name], after.channels[name]
+    panel.plot(*thinned(before.time, first.measured), color=GREY, linewidth=2.6, label="measured")
+    panel.plot(
+        *thinned(before.time, first.modelled),
+        color=VERMILLION,
+        linewidth=1.1,
+        linestyle="--",
+        label="model as given",
+    )
+    if len(diag.stages) > 1:
+        panel.plot(
+            *thinned(after.time, last.modelled), color=BLUE, linewidth=1.1, label="last stage"
+        )
+    panel.set_ylabel(f"{spelt(name)} [{first.unit}]" if first.unit else name, fontsize=9)
+    panel.margins(x=0.01)
+    _plainly(panel)
+
+
+def _over_time(panel: Axes, missing: Missing) -> None:
+    time, signal, error = missing.runs[0]
+    panel.fill_between(
+        time,
+        signal - _BAND * error,
+        signal + _BAND * error,
+        color=BLUE,
+        alpha=0.25,
+        linewidth=0,
+        label=f"±{_BAND:g} standard errors",
+    )
+    panel.plot(*thinned(time, signal), color=BLUE, linewidth=1.1, label="missing signal")
+    panel.axhline(0.0, color="0.4", linewidth=0.8)
+    panel.set_xlabel("time [s]", fontsize=9)
+    panel.set_ylabel(
+        f"{missing.port}\n[{missing.unit}]" if missing.unit else missing.port, fontsize=9
+    )
+    panel.set_title(f"missing at '{missing.port}', first training log", loc="left", fontsize=10)
+    panel.legend(loc="upper right", fontsize=8, ncols=2, framealpha=0.9)
+    panel.margins(x=0.01)
+    _plainly(panel)
+
+
+def _over_signal(panel: Axes, missing: Missing) -> None:
+    x, mean, error = missing.curve
+    panel.axhline(0.0, color="0.4", linewidth=0.8)
+    if missing.depends_on is None or x.size == 0:
+        panel.set_title("depends on no signal of the model", loc="left", fontsize=10)
+        panel.set_xticks([])
+        _plainly(panel)
+        return
+    panel.fill_between(
+        x, mean - _BAND * error, mean + _BAND * error, color=VERMILLION, alpha=0.25, linewidth=0
+    )
+    panel.plot(x, mean, color=VERMILLION, linewidth=1.6)
+    unit = f" [{missing.dependence_unit}]" if missing.dependence_unit else ""
+    panel.set_xlabel(f"{missing.depends_on}{unit}", fontsize=9)
+    panel.set_title(
+        f"{missing.depends_on} explains {percent(missing.share)} of it", loc="left", fontsize=10
+    )
+    _plainly(panel)
+
+
+def _bars(panel: Axes, tried: list[Candidate], diag: Diagnosis) -> None:
+    ratios = [max(c.likelihood_ratio, 0.0) for c in tried]
+    where = np.arange(len(tried))
+    chosen = [
+        c.effect in diag.stages[min(c.stage + 1, len(diag.stages) - 1)].effects for c in tried
+    ]
+    panel.barh(
+        where,
+        ratios,
+        color=[BLUE if added else "white" for added in chosen],
+        edgecolor=[BLUE if added else "0.5" for added in chosen],
+        height=0.65,
+    )
+    for y, ratio in zip(where, ratios, strict=True):
+        panel.annotate(
+            f" {ratio:.0f}" if ratio >= 10 else f" {ratio:.1f}", (ratio, y), va="center", fontsize=8
+        )
+    panel.set_yticks(where, [spelt(c.effect) for c in tried])
+    panel.invert_yaxis()
+    panel.set_xlim(0.0, 1.2 * max(ratios, default=1.0) or 1.0)
+    panel.set_xlabel("likelihood ratio [-]", fontsize=9)
+    _plainly(panel)
+
+
+def _plain(name: str) -> str:
+    """A name from outside, which must not be read as a formula."""
+    return name.replace("$", r"\$")
+
+
+def _plainly(panel: Axes) -> None:
+    panel.grid(True, color="0.9", linewidth=0.6)
+    panel.set_axisbelow(True)
+    panel.tick_params(labelsize=8)
+    for side in ("top", "right"):
+        panel.spines[side].set_visible(False)

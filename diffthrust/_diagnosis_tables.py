@@ -1,0 +1,215 @@
+"""The tables of a diagnosis: the same rows for the terminal and for the page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from rich.console import Group, RenderableType
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+from diffthrust._diagnosis_skeleton import HOW, skeleton
+from diffthrust._diagnosis_words import (
+    caution_words,
+    dropped_words,
+    group_words,
+    missing_words,
+    remaining_words,
+    stage_words,
+    summary,
+    verdict_words,
+)
+from diffthrust._display import number, units, with_error
+from diffthrust._phrases import spelt
+
+if TYPE_CHECKING:
+    from diffthrust._diagnosis import Diagnosis, Stage
+    from diffthrust._metrics import Errors
+    from diffthrust._result import Fit
+
+_SHOWN = 6
+"""Candidates listed of each stage."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """A table as text.
+
+    Args:
+        headings: one for each column; those in ``numbers`` are set to the right.
+        blocks: rows that belong together, each with a cell for every heading.
+        numbers: indices of the columns that hold numbers.
+    """
+
+    headings: tuple[str, ...]
+    blocks: tuple[tuple[tuple[str, ...], ...], ...]
+    numbers: tuple[int, ...] = ()
+
+    def __bool__(self) -> bool:
+        return any(self.blocks)
+
+
+def diagnosis_table(diag: Diagnosis) -> RenderableType:
+    """Summary, stages, missing signal, ranking, groups, test, what remains, parameters, notes."""
+    colour = "green" if diag.verdict == "adequate" else "yellow"
+    parts: list[RenderableType] = [
+        Text.assemble(("Verdict: ", "bold"), (verdict_words(diag), f"bold {colour}")),
+        Text(summary(diag)),
+        *_section("Stages", _rich(stage_rows(diag)), dropped_words(diag)),
+        *_section("Missing signal", *(missing_words(m, diag.model) for m in diag.missing)),
+        *_section("Effects tried", *([_rich(ranking_rows(diag))] if diag.ranking else [])),
+        *_section("What these logs cannot tell apart", *group_words(diag)),
+        *_section("Proposed test", *([diag.experiment.sentence] if diag.experiment else [])),
+    ]
+    if diag.remaining:
+        parts += _section("What remains", remaining_words(diag), HOW, skeleton(diag))
+    parts += _section("Parameters", _rich(parameter_rows(diag)))
+    if diag.untestable:
+        parts += _section("Not testable by these logs", _rich(untestable_rows(diag)))
+    return Group(*parts, *(Text(f"Note: {note}") for note in caution_words(diag)))
+
+
+def stage_rows(diag: Diagnosis) -> Rows:
+    """Errors of each channel at each stage, on the training logs and on unseen ones."""
+    unit = units(diag.model)
+    return Rows(
+        (
+            "Stage",
+            "Model",
+            "Channel",
+            "RMSE training",
+            "unseen",
+            "Unit",
+            "NRMSE training",
+            "unseen",
+        ),
+        tuple(
+            tuple(_channels(str(i), stage_words(diag, i), stage, unit))
+            for i, stage in enumerate(diag.stages)
+        ),
+        numbers=(3, 4, 6, 7),
+    )
+
+
+def ranking_rows(diag: Diagnosis) -> Rows:
+    """The best candidates of each stage; the added one is marked."""
+    blocks = []
+    for stage in sorted({c.stage for c in diag.ranking}):
+        tried = [c for c in diag.ranking if c.stage == stage]
+        rows = []
+        for c in tried[:_SHOWN]:
+            estimates = [
+                f"{spelt(k)} {number(v, 3)} {u}".rstrip() for k, (v, u) in c.parameters.items()
+            ]
+            rows.append(
+                (
+                    str(c.stage),
+                    spelt(c.effect),
+                    f"{c.delta_bic:.1f}",
+                    f"{c.likelihood_ratio:.1f}",
+                    "< 0.001" if c.p_value < 0.001 else number(c.p_value, 2),
+                    number(c.train_nrmse, 3),
+                    number(c.holdout_nrmse, 3),
+                    ", ".join(estimates),
+                )
+            )
+        more = len(tried) - len(rows)
+        if more:
+            rows.append((str(stage), f"and {more} more that rank lower", *[""] * 6))
+        blocks.append(tuple(rows))
+    return Rows(
+        (
+            *("Stage", "Effect", "BIC change", "Likelihood ratio", "p"),
+            *("NRMSE training", "unseen", "Estimate"),
+        ),
+        tuple(blocks),
+        numbers=(2, 3, 4, 5, 6),
+    )
+
+
+def parameter_rows(diag: Diagnosis) -> Rows:
+    """Each parameter at the first and at the last stage; once where there is one stage."""
+    first, last = diag.stages[0].fit, diag.fit
+    shown = [first, last] if len(diag.stages) > 1 else [first]
+    units = {name: e.unit for fit in shown for name, e in fit.parameters.items()}
+    rows = tuple(
+        (name, *(cell for fit in shown for cell in _valued(fit, name)), unit)
+        for name, unit in units.items()
+    )
+    values = ("As given", "Std error", "Last stage", "Std error")[: 2 * len(shown)]
+    return Rows(("Parameter", *values, "Unit"), (rows,), numbers=tuple(range(1, 1 + len(values))))
+
+
+def untestable_rows(diag: Diagnosis) -> Rows:
+    """Effects that the logs cannot test, and why."""
+    rows = tuple((spelt(name), reason) for name, reason in diag.untestable.items())
+    return Rows(("Effect", "Reason"), (rows,))
+
+
+def check_rows(diag: Diagnosis) -> Rows:
+    """How far each stage's fit can be trusted."""
+    rows = tuple(
+        (str(i), stage_words(diag, i), stage.fit.status.value, stage.fit.message)
+        for i, stage in enumerate(diag.stages)
+    )
+    return Rows(("Stage", "Model", "Status of the fit", ""), (rows,))
+
+
+def _channels(
+    index: str, words: str, stage: Stage, unit: dict[str, str]
+) -> Iterator[tuple[str, ...]]:
+    train, unseen = stage.train, stage.holdout
+    names = dict.fromkeys([*train.channels, *(unseen.channels if unseen else {})])
+    for name in names:
+        sizes = [number(_rmse(e, name), 3) for e in (train, unseen)]
+        shares = [number(_nrmse(e, name), 2) for e in (train, unseen)]
+        yield index, words, spelt(name), *sizes, unit.get(name, ""), *shares
+        index = words = ""
+    if len(names) > 1:
+        yield (
+            "",
+            "",
+            "all",
+            "",
+            "",
+            "",
+            *(number(e.nrmse if e else None, 2) for e in (train, unseen)),
+        )
+
+
+def _rmse(errors: Errors | None, name: str) -> float | None:
+    return errors.channels[name].rmse if errors and name in errors.channels else None
+
+
+def _nrmse(errors: Errors | None, name: str) -> float | None:
+    return errors.channels[name].nrmse if errors and name in errors.channels else None
+
+
+def _valued(fit: Fit, name: str) -> tuple[str, str]:
+    if name not in fit.parameters:
+        return "", ""
+    e = fit.parameters[name]
+    value, error = with_error(e.value, e.std_error)
+    return value, "fixed" if e.fixed else "at its bound" if e.at_bound else error
+
+
+def _section(title: str, *things: RenderableType) -> list[RenderableType]:
+    """A titled part; nothing where there is nothing to tell."""
+    told = [Text(thing) if isinstance(thing, str) else thing for thing in things]
+    kept = [thing for thing in told if not isinstance(thing, Text) or thing.plain]
+    return [Text(), Text(title, style="bold"), *kept] if kept else []
+
+
+def _rich(rows: Rows) -> Table:
+    table = Table(box=None, padding=(0, 1), pad_edge=False, header_style="dim")
+    for i, heading in enumerate(rows.headings):
+        justify = "right" if i in rows.numbers else "left"
+        table.add_column(heading, justify=justify, overflow="fold")
+    for block in rows.blocks:
+        for row in block:
+            table.add_row(*(escape(cell) for cell in row))
+        table.add_section()
+    return table

@@ -1,0 +1,169 @@
+"""A diagnosis put together by hand from real fits: what words, tables, figures and pages show."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from reference import inputs, noise, thruster
+
+import diffthrust as dft
+from diffthrust._diagnosis import Candidate, Diagnosis, Missing, Remaining, Stage
+from diffthrust.effects import ActuatorLag, CommandDeadband
+
+BAND = 0.4  # hidden dead band [V]
+NASTY = "<script>alert(1)</script>"  # the name of the unseen log
+
+
+def logs() -> tuple[dft.Log, dft.Log]:
+    """One log to train and one unseen, of a thruster that ignores small commands."""
+    made = []
+    for seed, name in ((1, "staircase.csv"), (2, NASTY)):
+        rng = np.random.default_rng(seed)
+        time = inputs.grid(30.0, 0.05)
+        command = inputs.staircase(time, rng.uniform(-2.0, 2.0, 15), 2.0)
+        record = thruster.simulate(time, command, method="rk4", command_deadband=BAND)
+        record = noise.measure(record, rng, speed=noise.Sensor(0.3), thrust=noise.Sensor(0.4))
+        made.append(dft.Log(record.time, record.inputs, record.measured, name=name))
+    return made[0], made[1]
+
+
+def diagnosis() -> Diagnosis:
+    """A dead band found first, an actuator lag second, and something left over at the load."""
+    train, unseen = logs()
+    model = dft.Thruster()
+    fits = []
+    for effects in ((), (CommandDeadband(),), (CommandDeadband(), ActuatorLag())):
+        changed = model
+        for effect in effects:
+            changed = changed + effect
+        fits.append(dft.fit(changed, train, holdout=unseen, starts=2))
+    time = train.time
+    command = train.values("command", "V")
+    signal = 17.0 * np.clip(command / BAND, -1, 1)
+    abscissa = np.linspace(-2.0, 2.0, 41)
+    return Diagnosis(
+        verdict="unexplained",
+        model=model,
+        best=fits[2].model.effects,
+        groups=(("command_deadband",), ("actuator_lag", "thrust_sensor_lag")),
+        stages=(
+            Stage((), fits[0]),
+            Stage(("command_deadband",), fits[1]),
+            Stage(("command_deadband", "actuator_lag"), fits[2]),
+        ),
+        ranking=(
+            _candidate(0, "command_deadband", 812.0, 1e-30, fits[1]),
+            _candidate(0, "actuator_lag", 31.5, 2e-4, None),
+            _candidate(1, "actuator_lag", 14.2, 6e-4, fits[2]),
+            _candidate(1, "thrust_sensor_lag", 13.1, 9e-4, None),
+        ),
+        remaining=Remaining("load", "|speed|", 0.34),
+        untestable={"supply_voltage_sag": "the logs have no input 'supply_voltage'"},
+        dropped=("coulomb_friction",),
+        before=dft.compare(fits[0], unseen),
+        after=dft.compare(fits[2], unseen),
+        missing=(
+            Missing(
+                port="drive",
+                unit="rad/s^2",
+                runs=((time, -signal, np.full(time.size, 2.0)),),
+                depends_on="command",
+                dependence_unit="V",
+                share=0.91,
+                p_value=1e-12,
+                curve=(abscissa, -17 * np.clip(abscissa / BAND, -1, 1), np.full(41, 1.5)),
+            ),
+            Missing(
+                port="load",
+                unit="rad/s^2",
+                runs=((time, 0.2 * signal, np.full(time.size, 3.0)),),
+                depends_on=None,
+                dependence_unit="",
+                share=0.0,
+                p_value=0.4,
+                curve=(np.zeros(0), np.zeros(0), np.zeros(0)),
+            ),
+        ),
+        experiment=dft.suggest_experiment(
+            [fits[1], fits[2]], duration=10.0, step=0.1, limits={"command": (-2.0, 2.0)}
+        ),
+        seconds={"compile": 4.0, "screen": 2.5, "refit": 6.0},
+    )
+
+
+def found(full: Diagnosis) -> Diagnosis:
+    """The same with the dead band alone, and nothing left."""
+    stages = full.stages[:2]
+    unseen = logs()[1]
+    return replace(
+        full,
+        verdict="effects_found",
+        best=stages[1].fit.model.effects,
+        groups=full.groups[:1],
+        stages=stages,
+        ranking=full.ranking[:2],
+        remaining=None,
+        dropped=(),
+        after=dft.compare(stages[1].fit, unseen),
+        missing=full.missing[:1],
+        experiment=None,
+    )
+
+
+def adequate(full: Diagnosis) -> Diagnosis:
+    """A model with a dead band from which nothing is missing, without an unseen log."""
+    fit = replace(full.stages[1].fit, holdout=None)
+    held = dft.compare(fit, logs()[0])
+    return replace(
+        full,
+        verdict="adequate",
+        model=fit.model,
+        best=(),
+        groups=(),
+        stages=(Stage((), fit),),
+        ranking=(),
+        remaining=None,
+        untestable={},
+        dropped=(),
+        before=held,
+        after=held,
+        missing=(),
+        experiment=None,
+    )
+
+
+def unexplained(full: Diagnosis) -> Diagnosis:
+    """Nothing known helps, but structure remains."""
+    return replace(
+        adequate(full),
+        verdict="unexplained",
+        model=full.model,
+        stages=full.stages[:1],
+        ranking=full.ranking[1:2],
+        remaining=Remaining("drive", "command", 0.62),
+        before=full.before,
+        after=full.before,
+        missing=full.missing[:1],
+    )
+
+
+def _candidate(
+    stage: int, effect: str, ratio: float, p_value: float, fit: dft.Fit | None
+) -> Candidate:
+    estimates = fit.parameters if fit else {}
+    return Candidate(
+        stage=stage,
+        effect=effect,
+        likelihood_ratio=ratio,
+        delta_bic=6.2 - ratio,
+        p_value=p_value,
+        holdout_gain=0.45 * ratio,
+        train_nrmse=fit.train.nrmse if fit else None,
+        holdout_nrmse=fit.holdout.nrmse if fit and fit.holdout else None,
+        parameters={
+            name.split(".")[1]: (e.value, e.unit)
+            for name, e in estimates.items()
+            if name.startswith(f"{effect}.") and not e.fixed
+        },
+    )
