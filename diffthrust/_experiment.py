@@ -9,14 +9,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from diffthrust._experiment_designs import (
-    Design,
-    described,
-    grid,
-    identity,
-)
+from diffthrust._experiment_designs import Design, grid, identity
 from diffthrust._experiment_request import Request, requested
-from diffthrust._experiment_separation import separations
+from diffthrust._experiment_separation import (
+    Imitation,
+    imitated_from_afar,
+    outputs_of,
+    pairs_of,
+    separations,
+)
+from diffthrust._experiment_words import described, promise
 from diffthrust._files import write_whole
 from diffthrust._log import Log
 from diffthrust._model import Model
@@ -63,7 +65,8 @@ class Experiment:
         separation: the criterion for the two rivals that are separated worst: the sum of squared
             differences over the noise after one has imitated the other as well as it can. Half of
             it is the expected log-likelihood ratio, with a standard deviation of its square root.
-        separations: the same for every pair ``(truth, imitator)``.
+        separations: the same for every pair ``(truth, imitator)``; of a model and the same with
+            more effects only with the larger one as the truth: the smaller is its special case.
         decisive: whether the test can be expected to tell the rivals apart.
         truth: the rival that, if it holds, is hardest to tell from another.
         predictions: outputs by rival and channel, ``(T,)`` each: of ``truth`` as it is, of the
@@ -197,8 +200,12 @@ def suggest_experiment(
             for faster, larger in ((factor, 1), (1 / factor, 1), (1, factor), (1, 1 / factor))
         ]
         _try(around, request, tried)
-    ranked = _best(tried)
-    return _result(request, ranked)
+    while True:  # a promise must hold against the best imitation, not the first one found
+        worth, design = _best(tried)[0]
+        found = _Verified.of(design, request)
+        if found.worth >= worth * (1 - 1e-6):
+            return _result(request, _best(tried), found)
+        tried[identity(design)] = (found.worth, design)
 
 
 def _try(designs: Sequence[Design], request: Request, tried: dict[tuple[object, ...], Any]) -> None:
@@ -206,8 +213,8 @@ def _try(designs: Sequence[Design], request: Request, tried: dict[tuple[object, 
     new = {identity(d): d for d in designs if identity(d) not in tried}
     if not new:
         return
-    _, pairs = separations(request.rivals, request.setting, request.inputs(list(new.values())))
-    worst = np.min([np.nan_to_num(pair.separation) for pair in pairs.values()], axis=0)
+    pairs = separations(request.rivals, request.setting, request.inputs(list(new.values())))
+    worst = np.min([np.nan_to_num(pair) for pair in pairs.values()], axis=0)
     for (key, design), value in zip(new.items(), worst, strict=True):
         tried[key] = (float(value), design)
 
@@ -216,38 +223,63 @@ def _best(tried: Mapping[Any, tuple[float, Design]]) -> list[tuple[float, Design
     return sorted(tried.values(), key=lambda pair: -pair[0])
 
 
-def _result(request: Request, ranked: Sequence[tuple[float, Design]]) -> Experiment:
+class _Verified(NamedTuple):
+    """A design whose imitations were sought from several starts."""
+
+    inputs: dict[str, np.ndarray]
+    pairs: dict[tuple[int, int], float]
+    truth: int
+    imitator: int
+    outputs: list[np.ndarray]
+
+    @property
+    def worth(self) -> float:
+        return self.pairs[self.truth, self.imitator]
+
+    @classmethod
+    def of(cls, design: Design, request: Request) -> _Verified:
+        inputs, rivals, setting = request.inputs([design]), request.rivals, request.setting
+        outputs = [outputs_of(rival, setting, inputs) for rival in rivals]
+
+        def found(i: int, j: int) -> Imitation:
+            return imitated_from_afar(rivals[j], setting, inputs, outputs[i], request.space.seed)
+
+        pairs = {pair: found(*pair) for pair in pairs_of(rivals)}
+        worth = {k: float(np.nan_to_num(pair.separation[0])) for k, pair in pairs.items()}
+        truth, imitator = min(worth, key=lambda pair: worth[pair])
+        shown = [
+            pairs[truth, j].outputs if (truth, j) in pairs else own for j, own in enumerate(outputs)
+        ]
+        series = {name: rows[0] for name, rows in inputs.items()}
+        return cls(series, worth, truth, imitator, [rows[0] for rows in shown])
+
+
+def _result(
+    request: Request, ranked: Sequence[tuple[float, Design]], found: _Verified
+) -> Experiment:
     space, setting, names = request.space, request.setting, request.names
-    separation, design = ranked[0]
-    log_inputs = {name: rows[0] for name, rows in request.inputs([design]).items()}
-    truths, pairs = separations(request.rivals, setting, request.inputs([design]))
-    by_pair = {pair: float(np.nan_to_num(found.separation[0])) for pair, found in pairs.items()}
-    truth, imitator = min(by_pair, key=lambda pair: by_pair[pair])
-    outputs = {
-        names[j]: (truths[j] if j == truth else pairs[truth, j].outputs)[0]
-        for j in range(len(names))
-    }
     predictions = {
-        name: dict(zip(setting.noise, series, strict=True)) for name, series in outputs.items()
+        name: dict(zip(setting.noise, rows, strict=True))
+        for name, rows in zip(names, found.outputs, strict=True)
     }
-    words = described(design, space, request.units)
+    words = described(ranked[0][1], space, request.units)
     test = Experiment(
         sentence="",
         time=setting.time,
-        inputs={name: log_inputs[name] for name in space.limits},
-        log_inputs=log_inputs,
+        inputs={name: found.inputs[name] for name in space.limits},
+        log_inputs=found.inputs,
         ranking=tuple(_trial(value, tried, request) for value, tried in ranked),
         rivals=names,
-        separation=separation,
-        separations={(names[i], names[j]): value for (i, j), value in by_pair.items()},
-        decisive=separation >= DECISIVE,
-        truth=names[truth],
+        separation=found.worth,
+        separations={(names[i], names[j]): value for (i, j), value in found.pairs.items()},
+        decisive=found.worth >= DECISIVE,
+        truth=names[found.truth],
         predictions=predictions,
         noise=setting.noise,
         units=request.units,
-        angles=request.rivals[truth].model.angles,
+        angles=request.rivals[found.truth].model.angles,
     )
-    return replace(test, sentence=_sentence(words, test, names[imitator]))
+    return replace(test, sentence=promise(words, test, names[found.imitator]))
 
 
 def _trial(separation: float, design: Design, request: Request) -> Trial:
@@ -255,21 +287,3 @@ def _trial(separation: float, design: Design, request: Request) -> Trial:
     ranges = {name: design.levels(name, space) for name in space.limits}
     parameters = {**ranges, "share": design.share, "hold": design.hold}
     return Trial(design.kind, parameters, separation, described(design, space, request.units))
-
-
-def _sentence(words: str, test: Experiment, imitator: str) -> str:
-    """The promise in words: the channel in which the difference stands out most from the noise."""
-    apart = {name: test.difference(name, test.truth, imitator) for name in test.noise}
-    peaks = {name: float(np.max(np.abs(np.nan_to_num(d)))) for name, d in apart.items()}
-    channel = max(peaks, key=lambda name: peaks[name] / test.noise[name])
-    size = f"{peaks[channel]:.2g} {test.units[channel]}".rstrip()
-    size = f"{size} ({peaks[channel] / test.noise[channel]:.2g} x the noise)"
-    ratio = f"expected log-likelihood ratio {test.expected_log_likelihood_ratio:.3g}"
-    pair = " and ".join(f"'{name}'" for name in test.rivals if name in (test.truth, imitator))
-    if not test.decisive:
-        return (
-            f"No test within the limits tells {pair} apart: the best that was tried "
-            f"({words[0].lower()}{words[1:]}) makes {channel} differ by at most {size}; {ratio}."
-        )
-    between = f" between {pair}" if len(test.rivals) > 2 else ""
-    return f"{words}: {channel} differs{between} by up to {size}; {ratio}."

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -77,7 +77,8 @@ class Design:
 
     def changed(self, faster: float, larger: float, space: Field) -> Design:
         """A neighbour: another time and another size, within what is possible."""
-        hold = _whole(self.hold / faster, space)
+        timeless = self.kind in ("step up", "step down")
+        hold = self.hold if timeless else _whole(self.hold / faster, space)
         return replace(self, hold=hold, share=float(np.clip(self.share * larger, 0.01, 1.0)))
 
 
@@ -239,52 +240,3 @@ def _whole(hold: float, space: Field) -> float:
     """A hold of whole samples, two at least."""
     samples = round(float(np.clip(hold, 0.0, space.active)) / space.step)
     return float(max(samples, 2) * space.step)
-
-
-def described(design: Design, space: Field, units: Mapping[str, str]) -> str:
-    """A design in words.
-
-    Example:
-        >>> described(design, space, {"command": "V"})
-        'Staircase of command between -2 V and 2 V, each level held 1.5 s'
-    """
-    ranges = [
-        f"{name} {_between(*design.levels(name, space), space.resting(name), units[name], kind)}"
-        for kind in (design.kind,)
-        for name in design.moved
-    ]
-    joined = " and of ".join(ranges)
-    if len(set(design.moved.values())) > 1:
-        joined += " in opposite senses"
-    text = f"{KINDS[design.kind].words} of {joined}{_tempo(design, space)}"
-    held = [n for n in space.limits if n not in design.moved]
-    values = [f"{n} at {_number(design.levels(n, space)[0], units[n])}" for n in held]
-    return f"{text}, with {_and(values)}" if values else text
-
-
-def _between(low: float, high: float, rest: float, unit: str, kind: str) -> str:
-    if kind in ("step up", "step down"):
-        goal = high if kind == "step up" else low
-        return f"from {_number(rest, unit)} to {_number(goal, unit)}"
-    return f"between {_number(low, unit)} and {_number(high, unit)}"
-
-
-def _tempo(design: Design, space: Field) -> str:
-    hold = f"{design.hold:.3g} s"
-    return {
-        "step up": "",
-        "step down": "",
-        "reversals": f", each side held {hold}",
-        "pulses": f", each {hold} long, one every {4 * design.hold:.3g} s",
-        "ramps": f", each way in {2 * design.hold:.3g} s",
-        "chirp": f", from {1 / space.active:.2g} to {0.5 / design.hold:.3g} Hz",
-        "multisine": f", up to {0.5 / design.hold:.3g} Hz",
-    }.get(design.kind, f", each level held {hold}")
-
-
-def _number(value: float, unit: str) -> str:
-    return f"{value + 0.0:.3g} {unit}".rstrip()
-
-
-def _and(parts: Sequence[str]) -> str:
-    return " and ".join(parts)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import textwrap
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from diffthrust._plots import BLUE, VERMILLION
 
 if TYPE_CHECKING:
@@ -21,6 +23,8 @@ _BAND = 2.0
 def experiment_figure(test: Experiment) -> Figure:
     """The inputs on top; below, for each channel, the rivals' predictions and their difference.
 
+    The whole test on the left; on the right the stretch where the rivals differ most.
+
     Every prediction has a band of two standard deviations of the noise; the differences are those
     of ``test.truth`` from its imitations, over the same band around zero.
     """
@@ -28,24 +32,43 @@ def experiment_figure(test: Experiment) -> Figure:
 
     channels = list(test.noise)
     rows = [1.0] * len(test.inputs) + [1.9, 1.3] * len(channels)
-    figure = Figure(figsize=(9.0, 1.3 + 1.15 * sum(rows)), layout="constrained")
-    axes = figure.subplots(len(rows), 1, sharex=True, height_ratios=rows, squeeze=False)[:, 0]
-    for panel, (name, values) in zip(axes, test.inputs.items(), strict=False):
-        panel.step(test.time, values, where="post", color="0.2", linewidth=1.1)
-        _label(panel, name, test.units[name])
-    for i, name in enumerate(channels):
-        above, below = axes[len(test.inputs) + 2 * i :][:2]
-        _predictions(above, test, name)
-        _differences(below, test, name)
-        _label(above, name, test.units[name])
-        _label(below, "difference", test.units[name])
-    axes[-1].set_xlabel("time [s]", fontsize=9)
-    figure.suptitle(
-        textwrap.fill(test.sentence, 105), x=0.01, ha="left", fontsize=10, fontweight="bold"
+    figure = Figure(figsize=(11.0, 1.3 + 1.15 * sum(rows)), layout="constrained")
+    grid = figure.subplots(
+        len(rows), 2, sharex="col", sharey="row", height_ratios=rows, width_ratios=(2, 1)
     )
-    handles, labels = axes[len(test.inputs)].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower left", ncols=2, fontsize=8, frameon=False)
+    for column, axes in enumerate(grid.T):
+        for panel, (name, values) in zip(axes, test.inputs.items(), strict=False):
+            panel.step(test.time, values, where="post", color="0.2", linewidth=1.1)
+            _label(panel, name, test.units[name], column == 0)
+        for i, name in enumerate(channels):
+            above, below = axes[len(test.inputs) + 2 * i :][:2]
+            _predictions(above, test, name)
+            _differences(below, test, name)
+            _label(above, name, test.units[name], column == 0)
+            _label(below, "difference", test.units[name], column == 0)
+        axes[-1].set_xlabel("time [s]", fontsize=9)
+    grid[0, 1].set_xlim(*_detail(test))
+    grid[0, 1].set_title("where they differ most", loc="left", fontsize=9)
+    figure.suptitle(
+        textwrap.fill(test.sentence, 120), x=0.01, ha="left", fontsize=10, fontweight="bold"
+    )
+    shown = [*grid[len(test.inputs), 0].get_legend_handles_labels()]
+    shown = [a + b for a, b in zip(shown, grid[-1, 0].get_legend_handles_labels(), strict=True)]
+    figure.legend(*shown, loc="outside lower left", ncols=3, fontsize=8, frameon=False)
     return figure
+
+
+def _detail(test: Experiment) -> tuple[float, float]:
+    """A stretch of a fifteenth of the test, where the differences are largest to the noise."""
+    first, *others = _order(test)
+    squares = [
+        np.nan_to_num(test.difference(channel, first, name) / sigma) ** 2
+        for channel, sigma in test.noise.items()
+        for name in others
+    ]
+    width = max(test.time.size // 15, 10)
+    begin = int(np.argmax(np.convolve(np.sum(squares, axis=0), np.ones(width), mode="valid")))
+    return float(test.time[begin]), float(test.time[min(begin + width, test.time.size - 1)])
 
 
 def _order(test: Experiment) -> list[str]:
@@ -76,12 +99,11 @@ def _differences(panel: Axes, test: Experiment, channel: str) -> None:
     for i, name in enumerate(others, 1):
         apart = test.difference(channel, first, name)
         panel.plot(test.time, apart, color=_COLOURS[i % len(_COLOURS)], linewidth=1.0)
-    if panel.get_legend_handles_labels()[0]:
-        panel.legend(loc="upper right", fontsize=7, frameon=False)
 
 
-def _label(panel: Axes, name: str, unit: str) -> None:
-    panel.set_ylabel(f"{name}\n[{unit}]" if unit else name, fontsize=8)
+def _label(panel: Axes, name: str, unit: str, named: bool) -> None:
+    if named:
+        panel.set_ylabel(f"{name}\n[{unit}]" if unit else name, fontsize=8)
     panel.grid(True, color="0.9", linewidth=0.6)
     panel.set_axisbelow(True)
     panel.tick_params(labelsize=8)

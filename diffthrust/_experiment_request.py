@@ -14,13 +14,11 @@ from diffthrust._arguments import listed
 from diffthrust._channels import listing, nearest
 from diffthrust._errors import InputError
 from diffthrust._experiment_designs import Design, Field, sequence
-from diffthrust._experiment_separation import Rival, Setting
+from diffthrust._experiment_rivals import Rival, models_of, names_of, rival_of
+from diffthrust._experiment_separation import Setting
 from diffthrust._log import Log
 from diffthrust._model import Model
-from diffthrust._problem import build
 from diffthrust._result import Fit
-from diffthrust._solver import solve
-from diffthrust._status import examine
 from diffthrust._step_check import choose_substeps
 
 
@@ -72,7 +70,7 @@ def requested(
         InputError: anything that is missing or out of range.
     """
     runs = listed(logs) if logs is not None else ()
-    models = _models(rivals)
+    models = models_of(rivals)
     _check_numbers(duration, step, rest, correlation_time, seed)
     moved, constant = _inputs(models, limits, held, runs)
     rates = _rates(rate_limits, moved)
@@ -88,33 +86,8 @@ def requested(
         substeps=_substeps(models, space, constant, sigma),
         correlation=math.exp(-step / correlation_time) if correlation_time else 0.0,
     )
-    ready = tuple(_rival(given, model, runs) for given, model in zip(rivals, models, strict=True))
-    return Request(ready, _names(models), space, setting, constant, units)
-
-
-def _models(rivals: Any) -> tuple[Model, ...]:
-    if not isinstance(rivals, Sequence) or len(rivals) < 2:
-        found = f"{len(rivals)}" if isinstance(rivals, Sequence) else repr(rivals)
-        raise InputError(
-            f"rivals: expected two models or fits at least, found {found}.",
-            "Give a list such as [lag, delay].",
-        )
-    for given in rivals:
-        if not isinstance(given, Model | Fit):
-            raise InputError(
-                f"rivals: expected models or fits, found {given!r}.",
-                "Give instances, such as dft.Thruster() or the result of dft.fit.",
-            )
-    return tuple(given.model if isinstance(given, Fit) else given for given in rivals)
-
-
-def _names(models: Sequence[Model]) -> tuple[str, ...]:
-    """The models as they are written, numbered where two are written alike."""
-    names = [str(model) for model in models]
-    return tuple(
-        f"{name} ({names[: i + 1].count(name)})" if names.count(name) > 1 else name
-        for i, name in enumerate(names)
-    )
+    ready = tuple(rival_of(given, model, runs) for given, model in zip(rivals, models, strict=True))
+    return Request(ready, names_of(models), space, setting, constant, units)
 
 
 def _check_numbers(duration: Any, step: Any, rest: Any, correlation_time: Any, seed: Any) -> None:
@@ -279,46 +252,6 @@ def _units(models: Sequence[Model], logs: Sequence[Log]) -> dict[str, str]:
     for model in models:
         units |= {**model.states, **model.optional_inputs, **model.inputs, **model.outputs}
     return units
-
-
-def _rival(given: Model | Fit, model: Model, logs: Sequence[Log]) -> Rival:
-    """A model with what its fit, or the logs, or its priors say of its parameters."""
-    free = tuple(name for name, p in model.parameters.items() if not p.fixed)
-    if isinstance(given, Fit):
-        return Rival(model, free, _precision(model, free, given.free, given.covariance))
-    if logs and free:
-        problem = build(model, logs)
-        z = problem.start()
-        local = examine(problem, z, solve(problem, z, budget=1).quadratic)
-        return Rival(model, free, _precision(model, free, problem.free, local.covariance))
-    known = [n for n in free if model.parameters[n].prior is not None]
-    variances = [p.std**2 for n in known if (p := model.parameters[n].prior) is not None]
-    return Rival(model, free, _precision(model, free, known, np.diag(variances)))
-
-
-def _precision(
-    model: Model, free: Sequence[str], names: Sequence[str], covariance: np.ndarray
-) -> np.ndarray:
-    """Inverse covariance in the optimiser's coordinates; zero where nothing is known."""
-    out = np.zeros((len(free), len(free)))
-    spread = np.sqrt(np.diagonal(covariance)) if len(names) else np.zeros(0)
-    kept = [i for i, name in enumerate(names) if name in free and 0 < spread[i] < math.inf]
-    if not kept:
-        return out
-    slopes = [_slope(model, names[i]) for i in kept]
-    size = spread[kept]
-    correlation = covariance[np.ix_(kept, kept)] / np.outer(size, size)
-    weight = np.array(slopes) / size
-    inverse = np.linalg.pinv(correlation, rcond=1e-13, hermitian=True)
-    where = [list(free).index(names[i]) for i in kept]
-    out[np.ix_(where, where)] = inverse * np.outer(weight, weight)
-    return out
-
-
-def _slope(model: Model, name: str) -> float:
-    """d(value)/d(coordinate) of a parameter."""
-    p = model.parameters[name]
-    return p.value if p.transform == "log" else p.scale
 
 
 def _substeps(

@@ -14,7 +14,7 @@ by simulation, the figure is that of an imitation that exists.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -22,45 +22,19 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from diffthrust._model import Model
+from diffthrust._experiment_rivals import Rival
 from diffthrust._simulate import Grid, Key, trajectory
 
 Array = np.ndarray
 
 CHUNK = 16
 """Designs are simulated so many at a time, whatever their number: one compilation serves all."""
-_STEPS = 12
+_SCREEN, _THOROUGH = 12, 60
+"""Most steps of an imitation, in the search for designs and to verify one."""
 _SETTLED = 1e-3
 """The imitation is done where a step gains less than this, relative and in the criterion."""
-
-
-@dataclass(frozen=True)
-class Rival:
-    """A model that may be the right one.
-
-    Args:
-        model: at its estimated values.
-        free: the parameters that it may move to imitate another.
-        precision: what is known of them: the inverse covariance in the optimiser's coordinates,
-            ``(k, k)``; zero where nothing is known.
-    """
-
-    model: Model
-    free: tuple[str, ...]
-    precision: Array = field(repr=False)
-
-    @property
-    def start(self) -> Array:
-        """Coordinates of the estimated values, ``(k,)``."""
-        named = self.model.parameters
-        return np.array([float(named[n].to_coordinate(named[n].value)) for n in self.free])
-
-    @property
-    def limits(self) -> tuple[Array, Array]:
-        """Lower and upper limits of the coordinates."""
-        pairs = [self.model.parameters[n].coordinate_limits() for n in self.free]
-        low, high = np.array(pairs, float).reshape(-1, 2).T
-        return low, high
+_SCATTER = 0.5
+"""Spread of further starts in a parameter's coordinate, where no less is known of it."""
 
 
 @dataclass(frozen=True)
@@ -141,7 +115,7 @@ def against(rival: Rival, setting: Setting, inputs: Any, z: Array, target: Array
         rows = np.minimum(np.arange(begin, begin + CHUNK), count - 1)
         given = {name: jnp.asarray(values[rows]) for name, values in inputs.items()}
         found = _chunk(layout, arrays, given, jnp.asarray(z[rows]), jnp.asarray(target[rows]))
-        passes.append([np.asarray(part)[: count - begin] for part in found])
+        passes.append([np.array(part)[: count - begin] for part in found])
     outputs, cost, slope, gram = (np.concatenate(parts) for parts in zip(*passes, strict=True))
     fine = np.isfinite(cost) & np.isfinite(gram).all(axis=(1, 2)) & np.isfinite(slope).all(axis=1)
     return Pass(outputs, np.where(fine, cost, np.inf), slope, gram)
@@ -162,7 +136,7 @@ def _chunk(layout: _Layout, arrays: Any, inputs: Any, z: Any, target: Any) -> tu
             y = fn(point)
             slopes = jnp.zeros((0, *y.shape))
         rest = _white(arrays, _differences(layout, goal, y)).reshape(-1)
-        rows = jax.vmap(partial(_white, arrays))(slopes).reshape(len(layout.free), -1)
+        rows = jax.vmap(partial(_white, arrays))(slopes).reshape(len(layout.free), rest.size)
         return y, rest @ rest, rows @ rest, rows @ rows.T
 
     return jax.lax.map(one, (inputs, z, target))
@@ -208,36 +182,58 @@ class Imitation(NamedTuple):
     outputs: Array
 
 
-def imitated(rival: Rival, setting: Setting, inputs: Any, truth: Array) -> Imitation:
-    """Let a rival imitate outputs, ``(D, C, T)``, by moving its parameters; each design alone."""
-    start, (low, high) = rival.start, rival.limits
-    precision = rival.precision
-    count, size = truth.shape[0], start.size
-    z = np.tile(start, (count, 1))
-    now = against(rival, setting, inputs, z, truth)
-    cost, best = now.cost.copy(), now
-    damping = np.full(count, 1e-8)
+def imitated(
+    rival: Rival,
+    setting: Setting,
+    inputs: Any,
+    truth: Array,
+    starts: Array | None = None,
+    steps: int = _SCREEN,
+) -> Imitation:
+    """Let a rival imitate outputs by moving its parameters, under each design alone.
+
+    Args:
+        rival: the imitator.
+        setting: time stamps and noise.
+        inputs: all input series by name, ``(D, T)`` each.
+        truth: the outputs, ``(D, C, T)``.
+        starts: coordinates to begin from, ``(D, k)``; by default the rival's own.
+        steps: at most so many.
+    """
+    low, high = rival.limits
+    z = np.tile(rival.start, (truth.shape[0], 1)) if starts is None else starts.copy()
+    best = against(rival, setting, inputs, z, truth)
+    cost = best.cost + _penalty(rival, z)
+    damping = np.full(z.shape[0], 1e-8)
     busy = np.isfinite(cost)
-    for _ in range(_STEPS if size else 0):
-        if not busy.any():
+    for _ in range(steps if z.shape[1] else 0):
+        on = np.flatnonzero(busy)
+        slope = np.nan_to_num(best.slope - (z - rival.start) @ rival.precision)[on]
+        normal = np.nan_to_num(best.gram + rival.precision)[on]
+        held = ((z[on] <= low) & (slope < 0)) | ((z[on] >= high) & (slope > 0))
+        move = _newton(normal, np.where(held, 0.0, slope), held, damping[on])
+        ahead = np.sum(move * slope, axis=1) > 0.1 * _SETTLED * (1.0 + cost[on])
+        busy[on] = ahead
+        if not ahead.any():
             break
-        slope = np.nan_to_num(best.slope - (z - start) @ precision)
-        normal = np.nan_to_num(best.gram + precision)
-        held = ((z <= low) & (slope < 0)) | ((z >= high) & (slope > 0))
-        move = _newton(normal, np.where(held, 0.0, slope), held, damping)
-        busy &= np.sum(move * slope, axis=1) > 0.1 * _SETTLED * (1.0 + cost)
-        trial = np.where(busy[:, None], np.clip(z + move, low, high), z)
-        new = against(rival, setting, inputs, trial, truth)
-        away = trial - start
-        price = new.cost + np.einsum("di,ij,dj->d", away, precision, away)
-        better = busy & (price < cost)
-        gain = np.where(better, cost - price, 0.0)
-        busy &= ~(better & (gain < _SETTLED * (1.0 + price)))
-        damping = np.where(better, damping * 0.1, np.maximum(damping * 30.0, 1e-3))
-        busy &= damping < 1e6
-        cost, z = np.where(better, price, cost), np.where(better[:, None], trial, z)
-        best = Pass(*(_chosen(better, a, b) for a, b in zip(new, best, strict=True)))
+        on, trial = on[ahead], np.clip(z[on] + move, low, high)[ahead]
+        given = {name: values[on] for name, values in inputs.items()}
+        new = against(rival, setting, given, trial, truth[on])
+        price = new.cost + _penalty(rival, trial)
+        better = price < cost[on]
+        settled = better & (cost[on] - price < _SETTLED * (1.0 + price))
+        damping[on] *= np.where(better, 0.1, np.maximum(30.0, 1e-3 / damping[on]))
+        busy[on] = ~settled & (damping[on] < 1e6)
+        kept = on[better]
+        z[kept], cost[kept] = trial[better], price[better]
+        for old, found in zip(best, new, strict=True):
+            old[kept] = found[better]
     return Imitation(np.where(np.isfinite(cost), cost, np.nan), best.outputs)
+
+
+def _penalty(rival: Rival, z: Array) -> Array:
+    away = z - rival.start
+    return np.einsum("di,ij,dj->d", away, rival.precision, away)
 
 
 def _newton(normal: Array, slope: Array, held: Array, damping: Array) -> Array:
@@ -251,24 +247,51 @@ def _newton(normal: Array, slope: Array, held: Array, damping: Array) -> Array:
     return np.linalg.solve(scaled, (slope * unit)[:, :, None])[:, :, 0] * unit
 
 
-def _chosen(mask: Array, new: Array, old: Array) -> Array:
-    return np.where(mask.reshape(-1, *[1] * (new.ndim - 1)), new, old)
+def pairs_of(rivals: Sequence[Rival]) -> list[tuple[int, int]]:
+    """The pairs (truth, imitator) that a test must separate.
+
+    A rival that is another plus effects imitates it perfectly, by their null values; such a pair
+    is judged only as if the larger one holds.
+    """
+    many = range(len(rivals))
+    return [(i, j) for i in many for j in many if i != j and not _extends(rivals[j], rivals[i])]
+
+
+def _extends(larger: Rival, smaller: Rival) -> bool:
+    one, other = larger.model, smaller.model
+    inside = {e.structure for e in other.effects} < {e.structure for e in one.effects}
+    return inside and type(one) is type(other)
+
+
+def outputs_of(rival: Rival, setting: Setting, inputs: Any) -> Array:
+    """What a rival predicts as it is, ``(D, C, T)``."""
+    count = next(iter(inputs.values())).shape[0]
+    blank = np.zeros((count, len(setting.noise), setting.time.size))
+    return against(rival, setting, inputs, np.tile(rival.start, (count, 1)), blank).outputs
 
 
 def separations(
     rivals: Sequence[Rival], setting: Setting, inputs: Any
-) -> tuple[list[Array], dict[tuple[int, int], Imitation]]:
-    """Every rival as the truth, imitated by every other.
+) -> dict[tuple[int, int], Array]:
+    """Separation of every pair (truth, imitator) under each design, ``(D,)``."""
+    pairs = pairs_of(rivals)
+    truths = {i: outputs_of(rivals[i], setting, inputs) for i in {i for i, _ in pairs}}
+    return {(i, j): imitated(rivals[j], setting, inputs, truths[i]).separation for i, j in pairs}
 
-    Returns:
-        Outputs of the rivals as they are, ``(D, C, T)`` each, and the imitations by the indices of
-        truth and imitator.
+
+def imitated_from_afar(
+    rival: Rival, setting: Setting, inputs: Any, truth: Array, seed: int
+) -> Imitation:
+    """The best imitation under one design, ``D = 1``, from several starts.
+
+    The first start is the rival as it is; the others are drawn from what is known of it.
     """
-    count = next(iter(inputs.values())).shape[0]
-    blank = np.zeros((count, len(setting.noise), setting.time.size))
-    truths = []
-    for rival in rivals:
-        z = np.tile(rival.start, (count, 1))
-        truths.append(against(rival, setting, inputs, z, blank).outputs)
-    pairs = [(i, j) for i in range(len(rivals)) for j in range(len(rivals)) if i != j]
-    return truths, {(i, j): imitated(rivals[j], setting, inputs, truths[i]) for i, j in pairs}
+    low, high = rival.limits
+    spread = np.linalg.inv(rival.precision + np.eye(low.size) / _SCATTER**2)
+    draws = np.random.default_rng(seed).standard_normal((CHUNK, low.size))
+    draws[0] = 0.0
+    starts = np.clip(rival.start + draws @ np.linalg.cholesky(spread).T, low, high)
+    given = {name: np.repeat(values, CHUNK, axis=0) for name, values in inputs.items()}
+    found = imitated(rival, setting, given, np.repeat(truth, CHUNK, axis=0), starts, _THOROUGH)
+    best = int(np.argmin(np.nan_to_num(found.separation, nan=np.inf)))
+    return Imitation(found.separation[best : best + 1], found.outputs[best : best + 1])
