@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from diffthrust._diagnosis_words import stage_words
-from diffthrust._phrases import percent, spelt
+from diffthrust._phrases import apart, percent, spelt
 from diffthrust._plots import BLUE, GREY, VERMILLION, thinned
 
 if TYPE_CHECKING:
@@ -137,6 +137,11 @@ def _traces(panel: Axes, diag: Diagnosis, before: Run, after: Run, name: str) ->
         panel.plot(
             *thinned(after.time, last.modelled), color=BLUE, linewidth=1.1, label="last stage"
         )
+    errors = [run.errors.channels.get(name) for run in (before, after)]
+    if errors[0] and errors[1] and len(diag.stages) > 1:
+        sizes = apart(errors[0].rmse, errors[1].rmse)
+        text = f"RMSE {sizes[0]}, then {sizes[1]} {first.unit}"
+        panel.set_title(text.rstrip(), loc="right", fontsize=9)
     panel.set_ylabel(f"{spelt(name)} [{first.unit}]" if first.unit else name, fontsize=9)
     panel.margins(x=0.01)
     _plainly(panel)
@@ -167,12 +172,12 @@ def _over_time(panel: Axes, missing: Missing) -> None:
 
 def _over_signal(panel: Axes, missing: Missing) -> None:
     x, mean, error = missing.curve
-    panel.axhline(0.0, color="0.4", linewidth=0.8)
     if missing.depends_on is None or x.size == 0:
-        panel.set_title("depends on no signal of the model", loc="left", fontsize=10)
-        panel.set_xticks([])
-        _plainly(panel)
+        panel.set_axis_off()
+        text = "depends on no signal of the model"
+        panel.text(0.5, 0.5, text, ha="center", fontsize=9, transform=panel.transAxes)
         return
+    panel.axhline(0.0, color="0.4", linewidth=0.8)
     panel.fill_between(
         x, mean - _BAND * error, mean + _BAND * error, color=VERMILLION, alpha=0.25, linewidth=0
     )

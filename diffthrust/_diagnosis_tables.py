@@ -15,6 +15,8 @@ from diffthrust._diagnosis_skeleton import HOW, skeleton
 from diffthrust._diagnosis_words import (
     caution_words,
     dropped_words,
+    effects_known,
+    first_line,
     group_words,
     missing_words,
     remaining_words,
@@ -94,6 +96,29 @@ def stage_rows(diag: Diagnosis) -> Rows:
     )
 
 
+def log_rows(diag: Diagnosis) -> Rows:
+    """Errors of each log by the model as given and by the last stage, so that a bad run shows."""
+    unit = units(diag.model)
+    after = {run.name: run.errors for run in diag.after.runs}
+    blocks = tuple(
+        tuple(
+            (
+                run.name if i == 0 else "",
+                spelt(name),
+                number(e.rmse, 3),
+                number(_rmse(after[run.name], name), 3),
+                unit.get(name, ""),
+                number(e.nrmse, 2),
+                number(_nrmse(after[run.name], name), 2),
+            )
+            for i, (name, e) in enumerate(run.errors.channels.items())
+        )
+        for run in diag.before.runs
+    )
+    headings = ("Log", "Channel", "RMSE as given", "last stage", "Unit", "NRMSE as given")
+    return Rows((*headings, "last stage"), blocks, numbers=(2, 3, 5, 6))
+
+
 def ranking_rows(diag: Diagnosis) -> Rows:
     """The best candidates of each stage; the added one is marked."""
     blocks = []
@@ -141,6 +166,15 @@ def parameter_rows(diag: Diagnosis) -> Rows:
     )
     values = ("As given", "Std error", "Last stage", "Std error")[: 2 * len(shown)]
     return Rows(("Parameter", *values, "Unit"), (rows,), numbers=tuple(range(1, 1 + len(values))))
+
+
+def meaning_rows(diag: Diagnosis) -> Rows:
+    """What each effect that is named does, in the words of its docstring."""
+    known = effects_known(diag)
+    named = [*diag.added, *(name for group in diag.groups for name in group)]
+    named += [c.effect for c in diag.ranking]
+    told = [(spelt(name), first_line(name, known)) for name in dict.fromkeys(named)]
+    return Rows(("Effect", "What it does"), (tuple(row for row in told if row[1]),))
 
 
 def untestable_rows(diag: Diagnosis) -> Rows:

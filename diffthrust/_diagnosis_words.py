@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from diffthrust._display import number, units
+from diffthrust._effect import Effect
 from diffthrust._model import Model
 from diffthrust._phrases import an, apart, capitalised, joined, percent, probability, spelt
 
@@ -232,7 +233,17 @@ def _rank(value: float) -> float:
     return -math.inf if math.isnan(value) else value
 
 
-def first_line(name: str, known: Mapping[str, type]) -> str:
-    """The first line of an effect's docstring; nothing where the effect is not known."""
+def effects_known(diag: Diagnosis) -> dict[str, type[Effect]]:
+    """The classes of effects by name: those of the catalogue and those that the models have."""
+    from diffthrust.effects import EFFECTS
+
+    return {
+        **EFFECTS,
+        **{effect.name: type(effect) for effect in (*diag.model.effects, *diag.best)},
+    }
+
+
+def first_line(name: str, known: Mapping[str, type[Effect]]) -> str:
+    """The first line of an effect's docstring; "" where the effect is not known."""
     doc = (known[name].__doc__ or "").strip() if name in known else ""
     return doc.splitlines()[0] if doc else ""

@@ -18,12 +18,7 @@ if TYPE_CHECKING:
     from diffthrust._compare import Comparison
     from diffthrust._result import Fit
 
-_PAGE = """<!doctype html>
-<html lang="en">
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>{{ title }}</title>
-<style>
+STYLE = """\
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 75rem; margin: 2rem auto; padding: 0 1rem;
   color: #222; background: #fff; }
 table { border-collapse: collapse; margin: .5rem 0 1.5rem; }
@@ -31,7 +26,20 @@ th, td { padding: .2rem .8rem; border-bottom: 1px solid #ddd; text-align: left; 
 .n { text-align: right; font-variant-numeric: tabular-nums; }
 .good { color: #00694d; } .bad { color: #b04a00; }
 img { max-width: 100%; } pre { background: #f5f5f5; padding: .8rem; overflow-x: auto; }
-</style>
+@media print {
+  body { margin: 0; max-width: none; font-size: 10pt; } h2, h3 { break-after: avoid; }
+  img, table, pre { break-inside: avoid; } pre { white-space: pre-wrap; }
+}
+"""
+"""The style of every page."""
+
+_PAGE = """<!doctype html>
+<html lang="en">
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{{ title }}</title>
+<style>
+{{ style }}</style>
 <h1>{{ title }}</h1>
 <p>Model: <b>{{ model }}</b></p>
 {% if fit %}
@@ -95,10 +103,12 @@ def write_report(
         fit: the fit, where there was one.
     """
     import jinja2
+    from markupsafe import Markup
 
     model = next(iter(comparisons.values())).model
     page = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
     text = page.from_string(_PAGE).render(
+        style=Markup(STYLE),
         title=title,
         model=str(model),
         fit=fit,
@@ -109,7 +119,7 @@ def write_report(
             for row in _errors(name, comparison.errors, units(model))
         ],
         notes=fit.notes if fit else (),
-        figures=[(name, _image(c.plot())) for name, c in comparisons.items()],
+        figures=[(name, image(c.plot())) for name, c in comparisons.items()],
         checks=_checks(fit) if fit else [],
         spec=spec,
     )
@@ -141,7 +151,8 @@ def _checks(fit: Fit) -> list[tuple[str, str]]:
     ]
 
 
-def _image(figure: Figure) -> str:
+def image(figure: Figure) -> str:
+    """A figure as a PNG in base64."""
     out = BytesIO()
     figure.savefig(out, format="png", dpi=90)
     return base64.b64encode(out.getvalue()).decode("ascii")

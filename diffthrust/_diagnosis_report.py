@@ -1,0 +1,101 @@
+"""The report of a diagnosis: one HTML page that a colleague reads without the library."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from diffthrust._diagnosis_skeleton import HOW, skeleton
+from diffthrust._diagnosis_tables import (
+    check_rows,
+    log_rows,
+    meaning_rows,
+    parameter_rows,
+    ranking_rows,
+    stage_rows,
+    untestable_rows,
+)
+from diffthrust._diagnosis_words import (
+    caution_words,
+    dropped_words,
+    group_words,
+    missing_words,
+    model_words,
+    remaining_words,
+    summary,
+    verdict_words,
+)
+from diffthrust._files import write_whole
+from diffthrust._phrases import capitalised
+from diffthrust._report import STYLE, image
+
+if TYPE_CHECKING:
+    from diffthrust._diagnosis import Diagnosis
+
+_TEMPLATE = "_diagnosis_report.html"
+
+
+def write_report(diag: Diagnosis, path: Path | str, *, title: str = "", spec: str = "") -> None:
+    """Write a diagnosis as one page, with everything it needs inside.
+
+    Args:
+        diag: the diagnosis.
+        path: the file to write.
+        title: heading of the page; by default it names the model.
+        spec: text of a spec file, shown at the end.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    write_whole(Path(path), page(diag, title=title, spec=spec).encode())
+
+
+def page(diag: Diagnosis, *, title: str = "", spec: str = "") -> str:
+    """The page as text; arguments as in `write_report`."""
+    import jinja2
+    from markupsafe import Markup
+
+    environment = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    template = files("diffthrust").joinpath(_TEMPLATE).read_text(encoding="utf-8")
+    model = model_words(diag.model)
+    return environment.from_string(template).render(
+        style=Markup(STYLE),
+        title=title or f"What the {model} lacks",
+        model=capitalised(model),
+        diag=diag,
+        verdict=verdict_words(diag),
+        summary=summary(diag),
+        stages=stage_rows(diag),
+        dropped=dropped_words(diag),
+        logs=log_rows(diag),
+        missing=[missing_words(missing, diag.model) for missing in diag.missing],
+        ranking=ranking_rows(diag),
+        meanings=meaning_rows(diag),
+        groups=group_words(diag),
+        remaining=remaining_words(diag),
+        how=HOW,
+        skeleton=skeleton(diag),
+        parameters=parameter_rows(diag),
+        untestable=untestable_rows(diag),
+        checks=check_rows(diag),
+        notes=caution_words(diag),
+        figures=_figures(diag),
+        spec=spec,
+    )
+
+
+def _figures(diag: Diagnosis) -> dict[str, str]:
+    """The figures that this diagnosis has, as PNG in base64."""
+    from diffthrust._diagnosis_plots import missing_figure, ranking_figure, stages_figure
+
+    drawn = {"stages": stages_figure(diag)}
+    if diag.missing:
+        drawn["missing"] = missing_figure(diag)
+    if diag.ranking:
+        drawn["ranking"] = ranking_figure(diag)
+    if diag.experiment:
+        drawn["experiment"] = diag.experiment.plot()
+    return {name: image(figure) for name, figure in drawn.items()}
