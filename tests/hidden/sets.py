@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import zlib
 from dataclasses import dataclass, replace
-from itertools import cycle, islice
 
 import numpy as np
 
@@ -16,6 +15,10 @@ import diffthrust as dft
 
 from . import outside, sizes
 from .plants import NEEDS, Plant, thruster_plant, vessel_plant
+from .visibility import visibility
+
+FAINT = (30.0, 60.0)
+LIMIT = 0.1
 
 SPEED_EFFECTS = (
     "command_deadband",
@@ -55,6 +58,20 @@ POOR = (
     "actuator_lag",
     "reverse_drive_asymmetry",
 )
+LIMITS = (
+    "command_deadband",
+    "command_saturation",
+    "command_delay",
+    "reverse_drive_asymmetry",
+    "linear_damping",
+    "coulomb_friction",
+    "reverse_load_asymmetry",
+    "inflow_load_relief",
+    "reverse_thrust_asymmetry",
+    "axial_flow",
+    "cavitation",
+    "thrust_sensor_offset",
+)
 TWIN_ONLY = ("differential_gain", "swapped_thrusters")
 EITHER = (
     "quadratic_surge_drag",
@@ -71,7 +88,7 @@ TRACKED = ("water_current", "wind")
 CLASSES: dict[str, tuple[tuple[str, ...], int]] = {
     "clear": (tuple(sizes.THRUSTER), 2),
     "faint": (tuple(sizes.THRUSTER), 2),
-    "limit": (tuple(sizes.THRUSTER)[::2], 1),
+    "limit": (LIMITS, 1),
     "none": ((), 10),
     "none_ar": ((), 8),
     "redundant": (tuple(sizes.REDUNDANT), 2),
@@ -136,8 +153,13 @@ def draw(kind: str, seed: int) -> HiddenSet:
     field, base = group.startswith("field-"), group.removeprefix("field-")
     rng = np.random.default_rng([zlib.crc32(kind.encode()), seed])
     plant = _plant(rng, base, names, field)
-    hidden = {name: sizes.hidden(name, _size(base, name), plant.scale, rng) for name in names}
-    plant = replace(plant, hidden=hidden)
+    row = "faint" if base in ("faint", "limit") else "clear"
+    chosen = {name: sizes.drawn(name, getattr(sizes.ALL[name], row), rng) for name in names}
+    if row == "faint":
+        chosen = _faint(plant, chosen)
+    if base == "limit":
+        chosen = {name: LIMIT * size for name, size in chosen.items()}
+    plant = replace(plant, hidden=sizes.hidden(chosen, plant.scale))
     if base == "speed_only":
         plant = replace(plant, sensors={"speed": plant.sensors["speed"]})
     logs = tuple(_log(plant, k, rng, f"{kind} {seed} {'ABC'[k]}") for k in range(3))
@@ -157,31 +179,49 @@ def draw(kind: str, seed: int) -> HiddenSet:
     )
 
 
-def plan(count: int | None = None, seed: int = 0, groups: tuple[str, ...] = ()) -> list:
+def plan(
+    count: int | None = None, seed: int = 0, wanted: tuple[str, ...] = (), only_field: bool = False
+) -> list[tuple[str, int]]:
     """Kinds and seeds of a bench, sets of one class together.
 
     One round holds what `CLASSES` says. Fewer sets are drawn from a round at random, more go on
     with further seeds.
+
+    Args:
+        count: number of sets; one round where ``None``.
+        seed: of the choice of sets and of the sets themselves.
+        wanted: classes or kinds; all where empty.
+        only_field: leave out what is not under field conditions.
     """
-    kinds = []
-    for group in groups or CLASSES:
-        effects, repeats = CLASSES[group]
-        for name in effects or (None,):
-            kind = f"{group}/{name}" if name else group
-            kinds += [(kind, k) for k in range(repeats)]
-    order = {kind: k for k, (kind, _) in enumerate(kinds)}
-    rounds = {kind: sum(other == kind for other, _ in kinds) for kind in order}
-    count = len(kinds) if count is None else count
-    if count < len(kinds):
-        picked = np.random.default_rng(seed).permutation(len(kinds))[:count]
-        kinds = [kinds[k] for k in sorted(picked)]
-    drawn = [
-        (kind, 1000 * seed + k + lap * rounds[kind])
-        for (kind, k), lap in zip(
-            islice(cycle(kinds), count), (n // len(kinds) for n in range(count)), strict=True
-        )
+    tasks = [
+        (kind, repeat)
+        for kind, repeats in kinds().items()
+        for repeat in range(repeats)
+        if (not wanted or kind in wanted or kind.partition("/")[0] in wanted)
+        and (kind.startswith("field-") or not only_field)
     ]
+    known = {*CLASSES, *kinds()}
+    if unknown := set(wanted) - known:
+        raise ValueError(f"no such class or kind: {', '.join(sorted(unknown))}")
+    count = len(tasks) if count is None else count
+    if count < len(tasks):
+        picked = np.random.default_rng(seed).permutation(len(tasks))[:count]
+        tasks = [tasks[k] for k in sorted(picked)]
+    drawn = []
+    for n in range(count):
+        kind, repeat = tasks[n % len(tasks)]
+        drawn.append((kind, 1000 * seed + repeat + n // len(tasks) * kinds()[kind]))
+    order = {kind: k for k, kind in enumerate(kinds())}
     return sorted(drawn, key=lambda task: (order[task[0]], task[1]))
+
+
+def kinds() -> dict[str, int]:
+    """Every kind, with how many sets of it make one round."""
+    return {
+        f"{group}/{name}" if name else group: repeats
+        for group, (names, repeats) in CLASSES.items()
+        for name in names or ("",)
+    }
 
 
 def _plant(rng: np.random.Generator, base: str, names: tuple[str, ...], field: bool) -> Plant:
@@ -196,9 +236,16 @@ def _plant(rng: np.random.Generator, base: str, names: tuple[str, ...], field: b
     return vessel_plant(rng, drive, needs, bool(set(names) & set(TRACKED)), field)
 
 
-def _size(base: str, name: str) -> float:
-    row = sizes.ALL[name]
-    return {"faint": row.faint, "limit": 0.1 * row.faint}.get(base, row.clear)
+def _faint(plant: Plant, chosen: dict[str, float]) -> dict[str, float]:
+    """Sizes at which these effects show with a likelihood ratio within `FAINT`."""
+    for _ in range(5):
+        trial = replace(plant, hidden=sizes.hidden(chosen, plant.scale))
+        ratio = visibility(trial, rounds=1).ratio
+        if FAINT[0] <= ratio <= FAINT[1]:
+            break
+        factor = np.clip(np.sqrt(np.sqrt(FAINT[0] * FAINT[1]) / ratio), 0.5, 2.0)
+        chosen = {name: float(factor) * size for name, size in chosen.items()}
+    return chosen
 
 
 def _log(plant: Plant, index: int, rng: np.random.Generator, name: str) -> dft.Log:

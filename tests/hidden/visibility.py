@@ -144,22 +144,29 @@ class Whitener:
         self.read = np.zeros((samples, channels, size))
         self.read[:, :, :own] = reading
         self.read[:, :, own + gusts :] = np.eye(channels)
-        self.cover = cover
         self.fine = np.diag([s.quantum**2 / 12.0 + (1e-3 * s.std) ** 2 for s in sensors])
+        self._steps(cover)
+
+    def _steps(self, cover: Array) -> None:
+        """Gains and whitening factors, which no series changes."""
+        self.gains, self.factors = [], []
+        for move, read in zip(self.move, self.read, strict=True):
+            spread = read @ cover @ read.T + self.fine
+            gain = cover @ read.T @ np.linalg.inv(spread)
+            self.gains.append(move @ gain)
+            self.factors.append(np.linalg.inv(np.linalg.cholesky(spread)))
+            cover = move @ (cover - gain @ read @ cover) @ move.T + self.noise
+            cover = 0.5 * (cover + cover.T)
 
     def __call__(self, series: Array) -> Array:
         """Innovations of ``(m, channels, samples)`` over their spread, ``(m, values)``."""
         state = np.zeros((self.move.shape[1], len(series)))
-        cover, out = self.cover, []
-        for k in range(series.shape[2]):
-            read = self.read[k]
-            spread = read @ cover @ read.T + self.fine
-            gain = cover @ read.T @ np.linalg.inv(spread)
-            new = series[:, :, k].T - read @ state
-            out.append(np.linalg.solve(np.linalg.cholesky(spread), new))
-            state = self.move[k] @ (state + gain @ new)
-            cover = self.move[k] @ (cover - gain @ read @ cover) @ self.move[k].T + self.noise
-            cover = 0.5 * (cover + cover.T)
+        out = []
+        columns = np.moveaxis(series, 0, 2)
+        for k, (move, gain) in enumerate(zip(self.move, self.gains, strict=True)):
+            new = columns[:, k] - self.read[k] @ state
+            out.append(self.factors[k] @ new)
+            state = move @ state + gain @ new
         return np.concatenate(out).T
 
 

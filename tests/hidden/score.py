@@ -1,0 +1,176 @@
+"""What is right: a diagnosis against the truth of a set, and the figures of many."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import permutations
+from math import sqrt
+from typing import Any, NamedTuple
+
+import diffthrust as dft
+
+from .sets import HiddenSet
+
+LARGEST_GROUP = 3
+CLOSE = 1.05
+
+#: The share of sets of each class that must be right.
+TARGETS: dict[str, float] = {
+    "clear": 0.99,
+    "faint": 0.95,
+    "limit": 0.95,
+    "none": 0.95,
+    "none_ar": 0.95,
+    "redundant": 0.95,
+    "pairs": 0.95,
+    "outside": 0.90,
+    "speed_only": 0.95,
+    "poor": 0.95,
+    "vessel": 0.99,
+    "vessel_none": 0.95,
+    "vessel_outside": 0.90,
+    "field-clear": 0.95,
+    "field-none": 0.95,
+    "field-pairs": 0.85,
+    "field-outside": 0.90,
+    "field-speed_only": 0.95,
+    "field-poor": 0.95,
+    "field-vessel": 0.95,
+    "field-vessel_none": 0.95,
+    "field-vessel_outside": 0.90,
+}
+LABELS = (
+    "right",
+    "wrong name",
+    "missed",
+    "false alarm",
+    "vague",
+    "unexplained",
+    "wrong port",
+    "failed",
+)
+
+
+class Outcome(NamedTuple):
+    """Whether a diagnosis is right, a label of `LABELS`, and the reason in words."""
+
+    right: bool
+    label: str
+    why: str
+
+
+def score(hidden: HiddenSet, diag: Any) -> Outcome:
+    """Judge a diagnosis by the truth.
+
+    An effect that is there must be in the group of an added effect of its own, the group must be
+    of at most three, nothing superfluous may be added, and the verdict must be that this is all.
+    ``adequate`` is right too at the limit of detection and for poor logs, and there groups of poor
+    logs may be of any size. Nothing hidden, or nothing that differs from the basic model:
+    ``adequate``. An effect outside the catalogue: ``unexplained``, with one of the right ports.
+    """
+    base = hidden.group.removeprefix("field-")
+    added, said = tuple(diag.added), f"{diag.verdict}: {', '.join(diag.added) or 'nothing'}"
+    if hidden.ports:
+        return _outside(hidden, diag, said)
+    if diag.verdict == "unexplained":
+        return Outcome(False, "unexplained", f"{said}; remaining {diag.remaining}")
+    if not added:
+        allowed = not hidden.truth or base in ("limit", "poor")
+        return Outcome(allowed, "right" if allowed else "missed", said)
+    if not hidden.truth:
+        return Outcome(False, "false alarm", said)
+    pairing = _paired(hidden.truth, [set(group) for group in diag.groups])
+    if pairing is None:
+        found = [name for name in hidden.truth if any(name in g for g in diag.groups)]
+        label = "missed" if len(added) < len(hidden.truth) and found else "wrong name"
+        label = "false alarm" if len(found) == len(hidden.truth) else label
+        return Outcome(False, label, f"{said}, groups {[sorted(g) for g in diag.groups]}")
+    largest = max(len(group) for group in diag.groups)
+    if largest > LARGEST_GROUP and base != "poor":
+        return Outcome(False, "vague", f"{said}, a group of {largest}")
+    return Outcome(True, "right", said)
+
+
+def _paired(truth: tuple[str, ...], groups: list[set[str]]) -> tuple[set[str], ...] | None:
+    """Groups in the order of the true effects, one each and none left over; or ``None``."""
+    if len(groups) != len(truth):
+        return None
+    for order in permutations(groups):
+        if all(name in group for name, group in zip(truth, order, strict=True)):
+            return order
+    return None
+
+
+def _outside(hidden: HiddenSet, diag: Any, said: str) -> Outcome:
+    if diag.verdict == "adequate":
+        return Outcome(False, "missed", said)
+    if diag.verdict != "unexplained" or diag.remaining is None:
+        return Outcome(False, "wrong name", said)
+    place = f"{said}; {diag.remaining.port} by {diag.remaining.depends_on}"
+    if diag.remaining.port not in hidden.ports:
+        return Outcome(
+            False, "wrong port", f"{place}, expected {' or '.join(sorted(hidden.ports))}"
+        )
+    return Outcome(True, "right", place)
+
+
+def held_out_ratio(hidden: HiddenSet, diag: Any) -> float:
+    """Held-out error of the last stage over that of the true structure fitted to the same logs."""
+    model = hidden.model
+    for name in hidden.truth:
+        model = model + dft.effects.EFFECTS[name]()
+    truth = dft.fit(model, hidden.train, holdout=hidden.unseen)
+    assert truth.holdout is not None
+    return diag.stages[-1].holdout.nrmse / truth.holdout.nrmse
+
+
+def wilson(successes: int, count: int) -> tuple[float, float]:
+    """The 95 % interval of a share (Wilson 1927); the whole range where nothing was counted."""
+    if count == 0:
+        return 0.0, 1.0
+    z, share = 1.959964, successes / count
+    middle = (share + z**2 / (2 * count)) / (1 + z**2 / count)
+    half = z / (1 + z**2 / count) * sqrt(share * (1 - share) / count + z**2 / (4 * count**2))
+    return max(0.0, middle - half), min(1.0, middle + half)
+
+
+class Line(NamedTuple):
+    """One class of the confusion table."""
+
+    group: str
+    count: int
+    labels: dict[str, int]
+    share: float
+    interval: tuple[float, float]
+    target: float
+    close: tuple[int, int]
+    seconds: float
+
+
+def confusion(rows: Sequence[dict[str, Any]]) -> list[Line]:
+    """The figures of each class, in the order of `TARGETS`.
+
+    ``close`` counts the rightly named sets whose held-out error is within 5 % of that of the true
+    structure, and those for which it was computed; ``seconds`` is the median time of a diagnosis.
+    """
+    lines = []
+    for group, target in TARGETS.items():
+        mine = [row for row in rows if row["group"] == group]
+        if not mine:
+            continue
+        right = sum(row["right"] for row in mine)
+        ratios = [row["ratio"] for row in mine if row["ratio"] is not None]
+        times = sorted(row["seconds"] for row in mine)
+        lines.append(
+            Line(
+                group,
+                len(mine),
+                {label: sum(row["label"] == label for row in mine) for label in LABELS},
+                right / len(mine),
+                wilson(right, len(mine)),
+                target,
+                (sum(ratio <= CLOSE for ratio in ratios), len(ratios)),
+                times[len(times) // 2],
+            )
+        )
+    return lines
