@@ -24,6 +24,8 @@ from diffthrust import effects as effects  # noqa: E402
 from diffthrust import models as models  # noqa: E402
 from diffthrust._compare import Comparison as Comparison  # noqa: E402
 from diffthrust._compare import compare as compare  # noqa: E402
+from diffthrust._diagnose import diagnose as diagnose  # noqa: E402
+from diffthrust._diagnosis import Diagnosis as Diagnosis  # noqa: E402
 from diffthrust._effect import Effect as Effect  # noqa: E402
 from diffthrust._errors import InputError as InputError  # noqa: E402
 from diffthrust._experiment import Experiment as Experiment  # noqa: E402

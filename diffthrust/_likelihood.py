@@ -31,6 +31,8 @@ class Quadratic(NamedTuple):
         information: Gauss-Newton approximation of the cost's Hessian, ``(n, n)``.
         energy: weighted sum of squared residuals, which sets the scale of the gradient.
         sigma: noise standard deviation of each channel, known or estimated, ``(C,)``.
+        scores: the gradient by blocks of time, ``(n, blocks)``, without priors: its scatter tells
+            how sure the gradient is, however the residuals are correlated within a block.
     """
 
     cost: Any
@@ -38,6 +40,11 @@ class Quadratic(NamedTuple):
     information: Any
     energy: Any
     sigma: Any
+    scores: Any
+
+
+BLOCKS = 16
+"""Blocks of time into which each log is divided for the scatter of the gradient."""
 
 
 def named_values(layout: Layout, arrays: Any, z: Any) -> dict[str, Any]:
@@ -151,7 +158,7 @@ def _assemble(
     layout: Layout, arrays: Any, z: Any, passes: Any, cost: Any, sigma: Any, n: int, m: int
 ) -> Quadratic:
     gradient, information, energy = jnp.zeros(n), jnp.zeros((n, n)), jnp.zeros(())
-    local, cross, own = [], [], []
+    local, cross, own, scores = [], [], [], []
     for rest, jacobian in passes:
         root = jnp.sqrt(_weights(layout, rest, sigma)) / sigma[None, :, None]
         flat = (rest * root).reshape(rest.shape[0], -1)
@@ -161,6 +168,7 @@ def _assemble(
         gradient += slope[:, :n].sum(0)
         information += gram[:, :n, :n].sum(0)
         energy += jnp.sum(flat**2)
+        scores.append(_by_blocks((jacobian * root[:, None]) * (rest * root)[:, None])[:, :n])
         local.append(slope[:, n:].reshape(-1))
         cross.append(gram[:, :n, n:].transpose(1, 0, 2).reshape(n, -1))
         own.append(gram[:, n:, n:])
@@ -183,4 +191,13 @@ def _assemble(
         whole = jnp.block([[information, side], [side.T, diagonal.reshape(count * m, count * m)]])
         gradient = jnp.concatenate([gradient, *local])
     fine = jnp.isfinite(cost) & jnp.all(jnp.isfinite(gradient)) & jnp.all(jnp.isfinite(whole))
-    return Quadratic(jnp.where(fine, cost, jnp.inf), gradient, whole, energy, sigma)
+    blocks = jnp.concatenate([part.transpose(1, 0, 2).reshape(n, -1) for part in scores], axis=1)
+    return Quadratic(jnp.where(fine, cost, jnp.inf), gradient, whole, energy, sigma, blocks)
+
+
+def _by_blocks(products: Any) -> Any:
+    """Sums of ``(B, k, C, T)`` over channels and blocks of time, ``(B, k, blocks)``."""
+    size = -(-products.shape[-1] // BLOCKS)
+    padding = BLOCKS * size - products.shape[-1]
+    padded = jnp.pad(products.sum(axis=2), ((0, 0), (0, 0), (0, padding)))
+    return padded.reshape(*padded.shape[:2], BLOCKS, size).sum(axis=-1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Self
 
 from diffthrust._channels import listing, nearest
@@ -153,7 +153,12 @@ class Model(Component):
 
     # -- effects -----------------------------------------------------------------------------------
 
-    def __add__(self, other: Effect) -> Self:
+    def __add__(self, other: Effect | Sequence[Effect]) -> Self:
+        if isinstance(other, list | tuple):
+            model = self
+            for effect in other:
+                model = model + effect
+            return model
         if isinstance(other, type) and issubclass(other, Effect):
             raise InputError(
                 f"{self}: expected an effect, found the class {other.__name__}.",

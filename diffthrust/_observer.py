@@ -21,12 +21,11 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 
-from diffthrust._intake import inputs_of
 from diffthrust._log import Log
 from diffthrust._model import Model
 from diffthrust._parameters import Parameter
+from diffthrust._places import slopes_at
 from diffthrust._signals import Ports, Signals
 from diffthrust._simulate import Grid, equations_of, march, read_out
 
@@ -88,44 +87,16 @@ def observer_of(model: Model, log: Log, channels: Sequence[str]) -> Observer | N
     fed = tuple(n for n in own if n in channels and n not in remembering)
     if not fed:
         return None
-    drives, forced = _structure(model, log, own)
+    rates, _ = slopes_at(model, log)
     corrected = tuple(
-        (n, (n,) if n in fed else fed) for n in own if n in fed or any(drives[n, m] for m in fed)
+        (n, (n,) if n in fed else fed)
+        for n in own
+        if n in fed or any(rates[m][0][n] != 0 for m in fed)
     )
-    names = [n for n, _ in corrected]
-    return Observer(tuple(channels), fed, corrected, tuple(n for n in forced if n in names))
-
-
-def _structure(
-    model: Model, log: Log, states: Sequence[str]
-) -> tuple[dict[tuple[str, str], bool], list[str]]:
-    """Which state drives which, and which have a rate that passes a port; tried at one point."""
-    rng = np.random.default_rng(0)
-    inputs = {n: jnp.asarray(np.nanmean(np.abs(v)) + 0.1) for n, v in inputs_of(model, log).items()}
-    at = {n: jnp.asarray(rng.uniform(0.3, 0.7)) for n in model.all_states if n not in inputs}
-
-    def rates(x: dict[str, Any], push: dict[str, Any]) -> dict[str, Any]:
-        s = Signals({**inputs, "time": jnp.zeros(()), **x})
-        port = Pushed(model.effects, s, push)
-        found, _ = equations_of(model, s, port)
-        return {n: jnp.asarray(found[n], float) for n in states}
-
-    still = dict.fromkeys(model.ports, jnp.zeros(()))
-    slopes = jax.jacfwd(rates, argnums=(0, 1))(at, still)  # by rate, then by argument
-    drives = {(n, m): bool(slopes[m][0][n] != 0) for n in states for m in states if m != n}
-    pushed = [n for n in states if not model.ports or any(v != 0 for v in slopes[n][1].values())]
-    return drives, pushed
-
-
-class Pushed(Ports):
-    """Ports with something added to the value that leaves each."""
-
-    def __init__(self, effects: Any, signals: Signals, push: Mapping[str, Any]) -> None:
-        super().__init__(effects, signals)
-        self.push = push
-
-    def __call__(self, port: str, value: Any) -> Any:
-        return super().__call__(port, value) + self.push.get(port, 0.0)
+    forced = tuple(
+        n for n, _ in corrected if not model.ports or any(v != 0 for v in rates[n][1].values())
+    )
+    return Observer(tuple(channels), fed, corrected, forced)
 
 
 class Correction:
@@ -201,6 +172,9 @@ def innovations(
 ) -> tuple[Any, dict[str, Any]]:
     """Errors of the one-step predictions, ``(C, T)``, and the states before each correction.
 
+    Of outputs that are not states, the states come with ``rest.OUTPUT``, what is left of the
+    measurement before its own past has predicted it.
+
     Args:
         observer: what is corrected by what.
         model: the model with (possibly traced) parameter values.
@@ -220,6 +194,7 @@ def innovations(
             errors.append(run.error(c, ahead[c], run.rows[c], path[f"colour.{c}"]))
         else:
             rest = run.error(c, after[c], run.rows[c], 0.0)
+            path[f"rest.{c}"] = rest
             gain, limit = values[f"noise.{c}.colour"], run.clip[observer.channels.index(c)]
             errors.append(_whitened(rest, run.rows[c], gain, run.rows[f"colour.{c}"], limit))
     return jnp.stack(errors), path

@@ -90,8 +90,10 @@ class Problem:
         nuisance = {n: p.with_value(values.get(n, p.value)) for n, p in self.nuisance.items()}
         model = self.model.replace({n: values[n] for n in self.model.parameters if n in values})
         rest = {n: jnp.asarray(values.get(n, p.value)) for n, p in named.items()}
-        arrays = {**self.arrays, "chosen": jnp.asarray(chosen), "values": rest}
-        return replace(self, model=model, arrays=arrays, nuisance=nuisance, chosen=tuple(names))
+        moved = replace(self, model=model, nuisance=nuisance, chosen=tuple(names))
+        scales = jnp.asarray([moved.named[n].scale for n in layout.free])
+        numbers = {"chosen": jnp.asarray(chosen), "values": rest, "scales": scales}
+        return replace(moved, arrays={**self.arrays, **numbers})
 
     @property
     def local(self) -> int:

@@ -126,8 +126,8 @@ class Solved(NamedTuple):
 
 
 @partial(jax.jit, static_argnums=0)
-def _solve(layout: Any, arrays: Any, z: Any, low: Any, high: Any, budget: Any) -> Any:
-    solver = BoundedLevenbergMarquardt(rtol=0.0, atol=1e-9, lower=low, upper=high)
+def _solve(layout: Any, arrays: Any, z: Any, low: Any, high: Any, budget: Any, atol: Any) -> Any:
+    solver = BoundedLevenbergMarquardt(rtol=0.0, atol=atol, lower=low, upper=high)
 
     def objective(y: Any, args: Any) -> tuple[Any, Quadratic]:
         q = evaluate(layout, args[0], y)
@@ -139,7 +139,9 @@ def _solve(layout: Any, arrays: Any, z: Any, low: Any, high: Any, budget: Any) -
     return solution.value, solution.aux, solution.state.done, solution.stats["num_steps"]
 
 
-def solve(problem: Problem, z: np.ndarray, budget: int = MOST_STEPS) -> Solved:
+def solve(
+    problem: Problem, z: np.ndarray, budget: int = MOST_STEPS, tolerance: float = 1e-9
+) -> Solved:
     """Minimise the negative log-likelihood from ``z`` in at most ``budget`` steps."""
     low, high = problem.limits()
     value, quadratic, done, steps = _solve(
@@ -149,6 +151,7 @@ def solve(problem: Problem, z: np.ndarray, budget: int = MOST_STEPS) -> Solved:
         jnp.asarray(low),
         jnp.asarray(high),
         jnp.asarray(budget - 1),
+        jnp.asarray(tolerance),
     )
     quadratic = Quadratic(*(np.asarray(part) for part in quadratic))
     return Solved(np.asarray(value), quadratic, bool(done), int(steps))

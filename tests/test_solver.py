@@ -22,7 +22,9 @@ def objective_of(residual):
         r, jacobian = residual(y), jax.jacfwd(residual)(y)
         energy = jnp.sum(r**2)
         cost = jnp.where(jnp.isfinite(energy), 0.5 * energy, jnp.inf)
-        q = Quadratic(cost, jacobian.T @ r, jacobian.T @ jacobian, energy, jnp.ones(1))
+        q = Quadratic(
+            cost, jacobian.T @ r, jacobian.T @ jacobian, energy, jnp.ones(1), jnp.zeros((0, 0))
+        )
         return q.cost, q
 
     return objective

@@ -1,0 +1,95 @@
+"""Which effects a diagnosis tries on a model and its logs, and which these logs cannot test."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from importlib.metadata import entry_points
+
+from diffthrust._channels import listing, nearest
+from diffthrust._effect import Effect
+from diffthrust._errors import InputError
+from diffthrust._log import Log
+from diffthrust._model import Model
+from diffthrust.effects import EFFECTS
+
+GROUP = "diffthrust.effects"
+"""Packages offer effects of their own by entry points of this group, each naming a class."""
+
+
+@lru_cache(maxsize=1)
+def catalogue() -> Mapping[str, type[Effect]]:
+    """All known effects by name: the library's, and those of installed packages.
+
+    Raises:
+        InputError: an entry point that is not an effect, or one with a name that is taken.
+    """
+    found = dict(EFFECTS)
+    for point in entry_points(group=GROUP):
+        cls = point.load()
+        if not (isinstance(cls, type) and issubclass(cls, Effect)):
+            raise InputError(
+                f"The entry point '{point.name}' of {GROUP} gives {cls!r}, which is no effect.",
+                "Let it name a class derived from diffthrust.Effect.",
+            )
+        if cls.name in found:
+            raise InputError(
+                f"The entry point '{point.name}' of {GROUP} gives an effect '{cls.name}', a name "
+                "that is taken.",
+                "Rename the effect, or remove the package.",
+            )
+        found[cls.name] = cls
+    return found
+
+
+def candidates_of(
+    model: Model,
+    logs: Sequence[Log],
+    wanted: Sequence[str | Effect | type[Effect]] | None = None,
+) -> tuple[list[Effect], dict[str, str]]:
+    """The effects to try, and those that cannot be tried on these logs, with the reason.
+
+    Args:
+        model: the model; effects that it has, and those made for other ports, are left out.
+        logs: all logs, training and unseen.
+        wanted: names, effects or classes of effects; the whole catalogue where ``None``.
+
+    Raises:
+        InputError: a wanted effect that does not exist or that the model has no port for.
+    """
+    known = catalogue()
+    chosen: list[Effect] = []
+    for one in known.values() if wanted is None else wanted:
+        if isinstance(one, str):
+            if one not in known:
+                near = nearest(one, known)
+                raise InputError(
+                    f"candidates: the effect {one!r} is not known{f' ({near})' if near else ''}; "
+                    f"there are {listing(known)}.",
+                    "Correct the name, or give an effect of your own as an object.",
+                )
+            one = known[one]
+        chosen.append(one if isinstance(one, Effect) else one())
+    measured = {name for log in logs for name in log.measured}
+    inputs = set.intersection(*(set(log.inputs) for log in logs))
+    has = {effect.name for effect in model.effects}
+    places = {*model.ports, *inputs, *model.outputs}
+    tried: list[Effect] = []
+    untestable: dict[str, str] = {}
+    for effect in chosen:
+        lacking = [name for name in effect.needs if name not in inputs]
+        elsewhere = [port for port in effect.ports if port not in places]
+        if effect.name in has:
+            continue
+        if elsewhere:
+            if wanted is not None:
+                model + effect  # says what is wrong
+                untestable[effect.name] = f"needs the input {listing(elsewhere)}"
+            continue
+        if lacking:
+            untestable[effect.name] = f"needs the channel {listing(lacking)}, which no log has"
+        elif all(p in model.outputs and p not in measured for p in effect.ports):
+            untestable[effect.name] = f"the channel {listing(effect.ports)} is not measured"
+        else:
+            tried.append(effect)
+    return tried, untestable

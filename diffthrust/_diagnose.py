@@ -1,0 +1,269 @@
+"""Diagnosis: where a model fails, which effect it lacks, and what cannot be told."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from scipy.stats import chi2
+
+from diffthrust._arguments import listed
+from diffthrust._candidates import candidates_of
+from diffthrust._compare import compare
+from diffthrust._diagnosis import Candidate, Diagnosis, Stage, Verdict
+from diffthrust._effect import Effect
+from diffthrust._errors import InputError
+from diffthrust._experiment import Experiment, suggest_experiment
+from diffthrust._fit import fit as fit_model
+from diffthrust._log import Log
+from diffthrust._missing import missing_signals, remaining_structure
+from diffthrust._model import Model
+from diffthrust._result import Fit
+from diffthrust._trials import Trial, Trials
+
+MOST_STAGES = 5
+MARGIN = 4.0
+"""An effect is added where it lowers the information criterion by more than this, so that one of
+some thirty candidates passes by chance in about one diagnosis of a hundred."""
+ALIKE = 8.0
+"""Effects whose criteria differ by less than this cannot be told apart (odds of some 50 to 1)."""
+
+Progress = Callable[[str, float], None]
+
+
+def diagnose(
+    fit: Fit | Model,
+    logs: Log | Sequence[Log],
+    *,
+    holdout: Log | Sequence[Log] | None = None,
+    candidates: Sequence[str | Effect | type[Effect]] | None = None,
+    experiment: bool = True,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Diagnosis:
+    """Find what a model lacks: where it fails, which physical effect is missing, what is unknown.
+
+    Every effect that the logs can test is tried in the innovations form of the model, in which
+    random forces and lasting sensor errors have estimated sizes of their own: what remains is
+    white, and a likelihood ratio on it means what it says. The best effect is added while it
+    lowers the Bayesian information criterion clearly and does not harm the prediction of unseen
+    logs; earlier effects that it made superfluous are dropped. At the end signals of unknown form
+    are tried at each port: if the errors still depend on a signal of the model, the verdict is
+    "unexplained".
+
+    Args:
+        fit: a fit, or a model that is fitted first.
+        logs: training logs.
+        holdout: unseen logs: they guard against effects that only imitate noise.
+        candidates: names or objects of effects to try; all that fit the model where ``None``.
+        experiment: propose a test that would separate effects that these logs cannot.
+        seed: of the starts of the fits.
+        progress: called with a message and the share done.
+
+    Returns:
+        A `Diagnosis`; ``print(diag.report())`` tells it, and ``model + diag.best`` is the model
+        with what was found.
+
+    Raises:
+        InputError: logs that do not fit the model, or none with a measured state.
+
+    Example:
+        >>> diag = dft.diagnose(fit, train, holdout=unseen)
+        >>> diag.verdict, diag.added
+        ('effects_found', ('command_deadband',))
+    """
+    train, unseen = listed(logs), listed(holdout) if holdout is not None else ()
+    search = _Search(train, unseen, seed, progress or (lambda message, share: None))
+    search.begin(fit, candidates)
+    while len(search.present.effects) < MOST_STAGES and search.advance():
+        pass
+    groups = search.groups()
+    search.say("what no known effect explains", 0.9)
+    missing = missing_signals(search.trials, search.first)
+    remaining = search.timed("remaining", remaining_structure, search.trials, search.present)
+    verdict: Verdict = "effects_found" if search.present.effects else "adequate"
+    if remaining is not None:
+        verdict = "unexplained"
+    last = search.stages[-1].fit
+    shown = unseen or train
+    return Diagnosis(
+        verdict=verdict,
+        model=search.given,
+        best=tuple(last.model.effects[len(search.given.effects) :]),
+        groups=groups,
+        stages=tuple(search.stages),
+        ranking=tuple(search.ranking),
+        remaining=remaining,
+        untestable=search.untestable,
+        dropped=tuple(search.dropped),
+        before=compare(search.stages[0].fit, shown),
+        after=compare(last, shown),
+        missing=missing,
+        experiment=search.proposal(groups) if experiment else None,
+        seconds=search.seconds,
+    )
+
+
+@dataclass
+class _Search:
+    """The stages of one diagnosis."""
+
+    train: Sequence[Log]
+    unseen: Sequence[Log]
+    seed: int
+    say: Progress
+    stages: list[Stage] = field(default_factory=list)
+    ranking: list[Candidate] = field(default_factory=list)
+    dropped: list[str] = field(default_factory=list)
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    def timed(self, what: str, work: Callable[..., Any], *args: Any, **options: Any) -> Any:
+        begun = time.perf_counter()
+        done = work(*args, **options)
+        self.seconds[what] = self.seconds.get(what, 0.0) + time.perf_counter() - begun
+        return done
+
+    def begin(self, fit: Fit | Model, wanted: Any) -> None:
+        """Fit the model as it is, and compile the trials."""
+        self.say("fitting the model as it is", 0.0)
+        if isinstance(fit, Model):
+            fit = self._fitted(fit)
+        elif self.unseen and fit.holdout is None:
+            fit = self._fitted(fit.model)
+        self.given = fit.model
+        effects, self.untestable = candidates_of(fit.model, (*self.train, *self.unseen), wanted)
+        self.stages.append(Stage((), fit))
+        self.say("compiling the trials", 0.1)
+        self.trials = Trials(fit.model, effects, self.train, self.unseen, fit.substeps)
+        self.present = self.timed("compile", self.trials.base, self.trials.values_of(fit.model))
+        self.first = self.present
+
+    def advance(self) -> bool:
+        """Add the best effect, if any is worth it; drop what it made superfluous."""
+        number = len(self.stages) - 1
+        tried = self.timed("screen", self._screen, number)
+        rated = sorted(tried, key=lambda pair: pair[0].delta_bic)
+        self.ranking += [candidate for candidate, _ in rated]
+        for candidate, trial in rated:
+            gain = candidate.holdout_gain
+            if candidate.delta_bic > -MARGIN:
+                return False
+            if gain < -1.0:
+                continue  # fits these logs, and makes others worse
+            effects = self.present.effects
+            self.present = self.trials.clipped(trial)
+            self._drop()
+            if set(self.present.effects) == set(effects):
+                return False
+            self.say(f"refitting with {candidate.effect}", 0.3 + 0.1 * number)
+            self.stages.append(self.timed("refit", self._stage))
+            return True
+        return False
+
+    def _screen(self, number: int) -> list[tuple[Candidate, Trial]]:
+        levels = self.trials.levels(self.present)
+        found = []
+        names = [n for n in self.trials.candidates if n not in self.present.effects]
+        for i, name in enumerate(names):
+            self.say(
+                f"stage {number + 1}: trying {name}", 0.2 + 0.1 * number + 0.1 * i / len(names)
+            )
+            trial = self.trials.tried(name, self.present, levels, keep=3.0)
+            if trial is not None and math.isfinite(trial.cost):
+                found.append((self._rated(number, name, trial), trial))
+        return found
+
+    def _rated(self, number: int, name: str, trial: Trial) -> Candidate:
+        ratio = max(0.0, 2 * (self.present.cost - trial.cost))
+        more = len(trial.names) - len(self.present.names)
+        errors = self.trials.simulation_errors(trial)
+        named = self.trials.problem.named
+        own = [n for n in trial.names if n.startswith(f"{name}.")]
+        return Candidate(
+            stage=number,
+            effect=name,
+            likelihood_ratio=ratio,
+            delta_bic=more * math.log(self.trials.samples) - ratio,
+            p_value=float(chi2.sf(ratio, more)),
+            holdout_gain=self.trials.unseen_gain(self.present, trial),
+            train_nrmse=errors[0],
+            holdout_nrmse=errors[1],
+            parameters={n.partition(".")[2]: (trial.values[n], named[n].unit) for n in own},
+        )
+
+    def _drop(self) -> None:
+        """Take out every effect without which the criterion is no worse."""
+        for name in self.present.effects[:-1]:
+            rest = tuple(n for n in self.present.effects if n != name)
+            without = self.trials.solve(rest, self.trials.absent(name, self.present.values))
+            fewer = len(self.present.names) - len(without.names)
+            loss = 2 * (without.cost - self.present.cost) - fewer * math.log(self.trials.samples)
+            if loss < MARGIN:
+                self.dropped.append(name)
+                self.present = without
+
+    def _stage(self) -> Stage:
+        effects = [self.trials.candidates[n] for n in self.present.effects]
+        model = self.trials.with_values(self.given + effects, self.present.values)
+        return Stage(self.present.effects, self._fitted(model))
+
+    def _fitted(self, model: Model) -> Fit:
+        return self.timed(
+            "refit",
+            fit_model,
+            model,
+            self.train,
+            holdout=self.unseen or None,
+            starts=4,
+            seed=self.seed,
+        )
+
+    def groups(self) -> tuple[tuple[str, ...], ...]:
+        """For each added effect those that, in its place, explain the logs as well."""
+        rivals = {c.effect for c in self.ranking if c.delta_bic < -MARGIN}
+        levels = self.trials.levels(self.first)
+        out = []
+        for name in self.present.effects:
+            rest = tuple(n for n in self.present.effects if n != name)
+            values = self.trials.absent(name, self.present.values)
+            without = self.trials.solve(rest, values)
+            alike = [name]
+            for rival in sorted(rivals - set(self.present.effects)):
+                trial = self.trials.tried(rival, without, levels, keep=3.0)
+                if trial is None:
+                    continue
+                more = (len(trial.names) - len(self.present.names)) * math.log(self.trials.samples)
+                if 2 * (trial.cost - self.present.cost) + more < ALIKE:
+                    alike.append(rival)
+            out.append(tuple(alike))
+        return tuple(out)
+
+    def proposal(self, groups: Sequence[Sequence[str]]) -> Experiment | None:
+        """The test that would separate the first group of several."""
+        for i, group in enumerate(groups):
+            if len(group) < 2:
+                continue
+            self.say("looking for a test that separates " + " and ".join(group), 0.95)
+            others = [
+                self.trials.candidates[n] for j, n in enumerate(self.present.effects) if j != i
+            ]
+            rivals = [self.stages[-1].fit]
+            rivals += [
+                self._fitted(self.given + [*others, self.trials.candidates[n]]) for n in group[1:3]
+            ]
+            log = max(self.train, key=lambda log: log.duration)
+            try:
+                return self.timed(
+                    "experiment",
+                    suggest_experiment,
+                    rivals,
+                    duration=min(log.duration, 2000 * log.step),
+                    step=log.step,
+                    logs=self.train,
+                )
+            except InputError:
+                return None  # inputs that cannot be prescribed
+        return None

@@ -1,0 +1,132 @@
+"""Where in a model something may be missing: ports, what they drive, and the signals there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from diffthrust._effect import Effect
+from diffthrust._intake import inputs_of
+from diffthrust._log import Log
+from diffthrust._model import Model
+from diffthrust._parameters import parameter
+from diffthrust._signals import Ports, Signals
+from diffthrust._simulate import equations_of
+
+KNOTS = 8
+"""A signal of unknown form is a sum of so many given series."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """One port at which an unknown signal is tried.
+
+    Args:
+        port: the port.
+        state: the state whose rate it drives, or ``None``.
+        output: the measured output that it drives without a state between, or ``None``.
+    """
+
+    port: str
+    state: str | None
+    output: str | None
+
+
+class Reading(Ports):
+    """Ports that note what passes, and may add something to it."""
+
+    def __init__(
+        self, effects: Any, signals: Signals, push: Mapping[str, Any] | None = None
+    ) -> None:
+        super().__init__(effects, signals)
+        self.push = push or {}
+        self.seen: dict[str, Any] = {}
+
+    def __call__(self, port: str, value: Any) -> Any:
+        value = super().__call__(port, value)
+        self.seen[port] = value
+        return value + self.push[port] if port in self.push else value
+
+
+def slopes_at(model: Model, log: Log) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Derivatives of rates and outputs by states and by ports, at one point of a log.
+
+    Returns:
+        ``{rate: (by_state, by_port)}`` and the same of the outputs.
+    """
+    rng = np.random.default_rng(0)
+    inputs = {n: jnp.asarray(np.nanmean(np.abs(v)) + 0.1) for n, v in inputs_of(model, log).items()}
+    at = {n: jnp.asarray(rng.uniform(0.3, 0.7)) for n in model.all_states if n not in inputs}
+
+    def both(x: dict[str, Any], push: dict[str, Any]) -> Any:
+        s = Signals({**inputs, "time": jnp.zeros(()), **x})
+        rates, outputs = equations_of(model, s, Reading(model.effects, s, push))
+        return tuple(
+            {n: jnp.asarray(v, float) for n, v in part.items() if n in known}
+            for part, known in ((rates, model.states), (outputs, model.outputs))
+        )
+
+    still = {n: jnp.zeros(()) for n in model.ports}
+    rates, outputs = jax.jacfwd(both, argnums=(0, 1))(at, still)
+    return rates, outputs
+
+
+def places_of(model: Model, log: Log, channels: Sequence[str]) -> tuple[Place, ...]:
+    """One port for every state that a port drives, and one for every measured output that one does.
+
+    Of several ports that come to the same, the last: the sum of all that acts there.
+    """
+    rates, outputs = slopes_at(model, log)
+    places: list[Place] = []
+    for state in model.states:
+        pushing = [p for p in model.ports if state in rates and rates[state][1][p] != 0]
+        if pushing:
+            # the port nearest to the state: it drives no other as well, if there is such a one
+            alone = [p for p in pushing if sum(bool(r[1][p] != 0) for r in rates.values()) == 1]
+            places.append(Place((alone or pushing)[-1], state, None))
+    taken = {place.port for place in places}
+    for output in outputs:
+        pushing = [p for p in model.ports if outputs[output][1][p] != 0 and p not in taken]
+        if pushing and output in channels:
+            places.append(Place(pushing[-1], None, output))
+    return tuple(places)
+
+
+def readings(model: Model, series: Mapping[str, Any]) -> dict[str, np.ndarray]:
+    """What passes each port over a log, given its input and state series."""
+    s = Signals({name: jnp.asarray(value) for name, value in series.items()})
+    port = Reading(model.effects, s)
+    equations_of(model, s, port)
+    shape = np.shape(series["time"])
+    return {name: np.broadcast_to(np.asarray(value), shape) for name, value in port.seen.items()}
+
+
+@cache
+def unknown_at(port: str) -> type[Effect]:
+    """An effect that adds given series to what passes a port, each times a free coefficient."""
+    series = tuple(f"unknown.{port}.{i}" for i in range(KNOTS))
+
+    def call(self: Effect, value: Any, s: Signals) -> Any:
+        for i, one in enumerate(series):
+            value = value + getattr(self, f"c{i}") * s[one]
+        return value
+
+    body = {f"c{i}": parameter(0.0, null=0.0, size=1.0) for i in range(KNOTS)}
+    place = {"name": f"unknown {port}", "port": port, "needs": series, "__call__": call}
+    return type("Unknown", (Effect,), {**body, **place})
+
+
+def hats(values: np.ndarray, levels: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Piecewise-linear basis over a signal: ``(KNOTS, T)`` and its knots, at even quantiles."""
+    if levels is None:
+        shares = np.linspace(0.01, 0.99, KNOTS)
+        even = np.linspace(*np.quantile(values, [0.01, 0.99]), KNOTS)
+        levels = 0.5 * (even + np.quantile(values, shares))
+    knots = np.maximum.accumulate(levels + 1e-9 * np.ptp(levels) * np.arange(KNOTS))
+    return np.stack([np.interp(values, knots, row) for row in np.eye(KNOTS)]), knots

@@ -1,0 +1,380 @@
+"""All effects that logs can test, in one compiled problem, each of them on request.
+
+The model under test carries every candidate at its null value, where it does nothing, and at each
+place a signal of unknown form. Which parameters move is a matter of numbers (`Problem.focus`), so
+that hundreds of trials share one compilation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from scipy.stats import f as fisher
+
+from diffthrust._effect import Effect
+from diffthrust._likelihood import TAIL, Quadratic, named_values
+from diffthrust._log import Log
+from diffthrust._model import Model
+from diffthrust._observer import CLIP, innovations
+from diffthrust._parameters import Relative
+from diffthrust._places import KNOTS, Place, places_of, readings, unknown_at
+from diffthrust._problem import Problem, build
+from diffthrust._solver import solve
+
+MOST_PROBES = 6
+"""An effect is tried from at most so many points."""
+ENOUGH = 2e-3
+"""A trial ends where a full step would gain less log-likelihood than this."""
+ROOM = 6
+"""Parameters that stages may add beside the model's own, the observer's and those of a trial."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """The model with some effects, fitted in the innovations form.
+
+    Args:
+        effects: names of the effects that are present.
+        values: all parameters by full name, the observer's included.
+        cost: negative log-likelihood.
+        quadratic: the likelihood near the optimum, in the coordinates of ``names``.
+        names: the parameters that were estimated.
+    """
+
+    effects: tuple[str, ...]
+    values: Mapping[str, float]
+    cost: float
+    quadratic: Quadratic
+    names: tuple[str, ...]
+
+
+class Trials:
+    """Fits of a model with any of the candidates, over the same logs.
+
+    Args:
+        model: the model with the effects that it has already.
+        candidates: effects to try, at any values.
+        logs: training logs.
+        unseen: unseen logs.
+        substeps: integrator steps per sample.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        candidates: Sequence[Effect],
+        logs: Sequence[Log],
+        unseen: Sequence[Log],
+        substeps: int = 1,
+    ) -> None:
+        self.model = model
+        self.logs = tuple(logs)
+        channels = [n for n in model.outputs if any(n in log.measured for log in logs)]
+        self.places = places_of(model, logs[0], channels)
+        self.unknowns = {place.port: unknown_at(place.port)() for place in self.places}
+        everything = model
+        for effect in (*candidates, *self.unknowns.values()):
+            everything = everything + effect.at_null()
+        self.candidates = {effect.name: effect for effect in candidates}
+        self.own = tuple(n for n, p in model.parameters.items() if not p.fixed)
+        kept = {"substeps": substeps, "innovations": True, "loss": "student_t"}
+        first = build(everything, self._with_series(logs), **kept)
+        self.nuisance = tuple(first.nuisance)
+        width = len(self.own) + len(self.nuisance) + KNOTS + ROOM
+        self.problem = replace(first, layout=replace(first.layout, width=width))
+        self.unseen = (
+            build(everything, self._with_series(unseen), **kept, width=width) if unseen else None
+        )
+        self.samples = float(np.sum(first.arrays["counts"]))
+
+    def _with_series(self, logs: Sequence[Log]) -> list[Log]:
+        """The logs with room for the series of the unknown signals, zero at first."""
+        names = [name for effect in self.unknowns.values() for name in effect.needs]
+        out = []
+        for log in logs:
+            fields = {key: getattr(log, key) for key in log.__dataclass_fields__}
+            fields["inputs"] = {**log.inputs, **dict.fromkeys(names, np.zeros(len(log)))}
+            fields["units"] = {**log.units, **dict.fromkeys(names, "")}
+            fields["hold"] = {**log.hold, **dict.fromkeys(names, "linear")}
+            out.append(Log._of(fields))
+        return out
+
+    # -- fits --------------------------------------------------------------------------------------
+
+    def moved(self, effects: Sequence[str]) -> tuple[str, ...]:
+        """The parameters that are estimated with some effects present."""
+        named = self.problem.named
+        theirs = [n for n in named if n.rpartition(".")[0] in effects and not named[n].fixed]
+        return (*self.own, *self.nuisance, *theirs)
+
+    def solve(self, effects: Sequence[str], values: Mapping[str, float], budget: int = 40) -> Trial:
+        """Fit with some effects present, from given values."""
+        names = self.moved(effects)
+        problem = self.problem.focus(names, values)
+        found = solve(problem, problem.start(), budget, ENOUGH)
+        cost = float(found.quadratic.cost)
+        cost = cost if np.isfinite(cost) else np.inf
+        return Trial(tuple(effects), problem.values(found.z), cost, found.quadratic, names)
+
+    def values_of(self, model: Model) -> dict[str, float]:
+        """Values of a model's parameters, by full name."""
+        return {n: p.value for n, p in model.parameters.items()}
+
+    def with_values(self, model: Model, values: Mapping[str, float]) -> Model:
+        """A model at the values of a trial."""
+        return model.replace({n: values[n] for n in model.parameters if n in values})
+
+    def absent(self, effect: str, values: Mapping[str, float]) -> dict[str, float]:
+        """The values with one effect at its null."""
+        null = self.candidates[effect].at_null()
+        own = {f"{effect}.{n}": p.value for n, p in null._parameters.items()}
+        return {**values, **own}
+
+    def base(self, values: Mapping[str, float]) -> Trial:
+        """The model as it is, from several guesses of the noise; sets the clip of large errors."""
+        start = {n: p.value for n, p in self.problem.named.items()} | dict(values)
+        quiet = {n: 0.02 for n in self.nuisance if n.rpartition(".")[2] not in _SECONDS}
+        lasting = {n: 0.9 for n in quiet if n.endswith("colour")}
+        found = [self.solve((), {**start, **extra}) for extra in ({}, quiet, {**quiet, **lasting})]
+        best = min(found, key=lambda trial: trial.cost)
+        return self.clipped(best)
+
+    def clipped(self, trial: Trial) -> Trial:
+        """The trial fitted again with errors limited to a few times what they now are."""
+        for _ in range(2):
+            arrays = {**self.problem.arrays, "clip": jnp.asarray(CLIP * trial.quadratic.sigma)}
+            self.problem = replace(self.problem, arrays=arrays)
+            trial = self.solve(trial.effects, trial.values)
+        return trial
+
+    def probes(self, effect: str, levels: Mapping[str, float]) -> list[dict[str, float]]:
+        """Points from which an effect is tried: its parameters' trial values in the logs' scale."""
+        named = self.candidates[effect]._parameters
+        tried = {}
+        for name, p in named.items():
+            if p.fixed:
+                continue
+            values = _trial_values(p.probes, levels) or ((p.value,) if p.null != p.value else ())
+            low, high = p.limits
+            inside = [v for v in values if low <= v <= high and np.isfinite(v)]
+            tried[name] = inside or [float(np.clip(p.scale, low, high))]
+        points = list(product(*tried.values()))
+        step = max(1, len(points) // MOST_PROBES)
+        return [
+            {f"{effect}.{n}": v for n, v in zip(tried, point, strict=True)}
+            for point in points[::step][:MOST_PROBES]
+        ]
+
+    def tried(
+        self, effect: str, present: Trial, levels: Mapping[str, float], keep: float
+    ) -> Trial | None:
+        """The present model with one more effect, fitted from its best probe.
+
+        ``None`` where no probe promises a likelihood ratio above ``keep``.
+        """
+        effects = (*present.effects, effect)
+        promised = []
+        for probe in self.probes(effect, levels):
+            one = self.solve(effects, {**present.values, **probe}, budget=4)
+            if np.isfinite(one.cost):
+                promised.append((one.cost - _promise(one.quadratic), one))
+        promised.sort(key=lambda pair: pair[0])
+        if not promised or 2 * (present.cost - promised[0][0]) < keep:
+            return None
+        ended = [self.solve(effects, one.values) for _, one in promised[:2]]
+        return min(ended, key=lambda trial: trial.cost)
+
+    def levels(self, trial: Trial) -> dict[str, float]:
+        """The 90th percentile of the absolute value of every signal, and the longest duration."""
+        paths = self.path(trial)
+        series = [{**path, **own} for path, own in zip(paths, self.readings(paths), strict=True)]
+        found = {
+            name: float(np.quantile(np.abs(np.concatenate([one[name] for one in series])), 0.9))
+            for name in series[0]
+        }
+        return {**found, "duration": max(log.duration for log in self.logs)}
+
+    # -- what the innovations say ------------------------------------------------------------------
+
+    def path(self, trial: Trial) -> list[dict[str, np.ndarray]]:
+        """For each training log the series of inputs and states, predicted one step ahead."""
+        problem = self.problem.focus(trial.names, trial.values)
+        passes = _forward(problem.layout, problem.arrays, jnp.asarray(problem.start()))
+        found: list[dict[str, np.ndarray]] = [{} for _ in problem.logs]
+        batches = problem.arrays["batches"]
+        for batch, indices, (errors, path) in zip(batches, problem.order, passes, strict=True):
+            for row, index in enumerate(indices):
+                size = len(problem.logs[index])
+                series = {**batch["inputs"], **path, "time": batch["time"]}
+                found[index] = {n: np.asarray(v)[row, :size] for n, v in series.items()}
+                for i, channel in enumerate(problem.layout.channels):
+                    found[index][f"error.{channel}"] = np.asarray(errors)[row, i, :size]
+        return found
+
+    def readings(self, paths: Sequence[Mapping[str, np.ndarray]]) -> list[dict[str, np.ndarray]]:
+        """What passes each port of the model as it was given, log by log."""
+        bound = self.model
+        return [readings(bound, path) for path in paths]
+
+    def unseen_gain(self, before: Trial, after: Trial) -> float:
+        """Gain of log-likelihood on the unseen logs; NaN without any."""
+        if self.unseen is None:
+            return float("nan")
+        return self._unseen_cost(before) - self._unseen_cost(after)
+
+    def _unseen_cost(self, trial: Trial) -> float:
+        assert self.unseen is not None
+        arrays = {**self.unseen.arrays, "clip": self.problem.arrays["clip"]}
+        problem = replace(self.unseen, arrays=arrays).focus(trial.names, trial.values)
+        passes = _forward(problem.layout, problem.arrays, jnp.asarray(problem.start()))
+        sigma, cost = np.asarray(trial.quadratic.sigma), 0.0
+        for (errors, _), batch in zip(passes, problem.arrays["batches"], strict=True):
+            seen = np.isfinite(np.asarray(batch["measured"]))
+            scaled = np.asarray(errors) / sigma[None, :, None]
+            each = 0.5 * (TAIL + 1) * np.log1p(scaled**2 / TAIL)
+            cost += float(np.sum(np.where(seen, each + np.log(sigma)[None, :, None], 0.0)))
+        return cost
+
+    def simulation_errors(self, trial: Trial) -> tuple[float, float | None]:
+        """NRMSE of the simulation, without correction, on training and unseen logs."""
+        still = {n: 0.0 for n in self.nuisance if n.rpartition(".")[2] not in _SECONDS}
+        values = {**trial.values, **still}
+        train = self._nrmse(self.problem, trial, values)
+        return train, self._nrmse(self.unseen, trial, values) if self.unseen else None
+
+    def _nrmse(self, problem: Problem, trial: Trial, values: Mapping[str, float]) -> float:
+        problem = problem.focus(trial.names, values)
+        passes = _forward(problem.layout, problem.arrays, jnp.asarray(problem.start()))
+        channels = len(problem.layout.channels)
+        errors, measured = ([np.empty(0)] * channels for _ in range(2))
+        for (rest, _), batch in zip(passes, problem.arrays["batches"], strict=True):
+            rest, given = np.asarray(rest), np.asarray(batch["measured"])
+            for i in range(channels):
+                seen = np.isfinite(given[:, i])
+                errors[i] = np.append(errors[i], rest[:, i][seen])
+                measured[i] = np.append(measured[i], given[:, i][seen])
+        pairs = zip(errors, measured, strict=True)
+        ratios = [np.mean(e**2) / np.var(m) for e, m in pairs if e.size]
+        return float(np.sqrt(np.mean(ratios)))
+
+    def unit_at(self, place: Place) -> str:
+        """The unit of what passes a port: the one that its description ends with."""
+        text = self.model.ports[place.port]
+        return text[text.rfind("[") + 1 : -1] if text.endswith("]") else ""
+
+    def unit_of(self, signal: str) -> str:
+        """The unit of an input, state or output, or of its rate."""
+        units = {**self.model.inputs, **self.model.optional_inputs, **self.model.all_states}
+        units |= {f"rate of {n}": f"{u}/s" for n, u in self.model.states.items()}
+        return {**units, "time": "s"}.get(signal, "")
+
+    # -- signals of unknown form -------------------------------------------------------------------
+
+    def unknown(
+        self, port: str, trial: Trial, series: Sequence[np.ndarray]
+    ) -> tuple[float, np.ndarray, np.ndarray]:
+        """Test given series at a port: do the errors contain any combination of them?
+
+        Args:
+            port: the port.
+            trial: the present model.
+            series: for each log ``(KNOTS, T)``.
+
+        Returns:
+            The p-value of the score test, robust to correlation within blocks of time; the
+            estimated coefficients; their covariance.
+        """
+        names = [f"unknown {port}.c{i}" for i in range(KNOTS)]
+        given = self.unknowns[port].needs
+        problem = self.problem.focus((*trial.names, *names), trial.values)
+        batches = []
+        for batch, indices in zip(problem.arrays["batches"], problem.order, strict=True):
+            length = batch["time"].shape[1]
+            rows = np.zeros((KNOTS, len(indices), length))
+            for row, index in enumerate(indices):
+                rows[:, row, : series[index].shape[1]] = series[index]
+            anew = {name: jnp.asarray(rows[i]) for i, name in enumerate(given)}
+            batches.append({**batch, "inputs": {**batch["inputs"], **anew}})
+        problem = replace(problem, arrays={**problem.arrays, "batches": batches})
+        q = solve(problem, problem.start(), budget=1).quadratic
+        return score_test(q, len(trial.names), len(names))
+
+
+def score_test(q: Quadratic, base: int, more: int) -> tuple[float, np.ndarray, np.ndarray]:
+    """Robust score test of ``more`` coordinates at zero, after ``base`` estimated ones.
+
+    The gradient is made orthogonal to that of the estimated coordinates (Neyman 1959), and its
+    scatter is taken from blocks of time (Hotelling's law for their number). Also the one-step
+    estimate of the coordinates and its covariance.
+    """
+    information = np.asarray(q.information)[: base + more, : base + more]
+    scores = np.asarray(q.scores)[: base + more]
+    nuisance, cross = information[:base, :base], information[base:, :base]
+    through = cross @ np.linalg.pinv(nuisance, rcond=1e-11, hermitian=True)
+    left = information[base:, base:] - through @ cross.T
+    clear = scores[base:] - through @ scores[:base]
+    total = clear.sum(axis=1)
+    values, vectors = np.linalg.eigh(left)
+    own = np.diagonal(information)[base:]
+    kept = values > 1e-8 * max(own.max(initial=0.0), 1e-300)
+    rank = int(kept.sum())
+    if rank == 0:
+        return 1.0, np.zeros(more), np.full((more, more), np.nan)
+    basis = vectors[:, kept] / np.sqrt(values[kept])
+    seen = basis.T @ clear
+    blocks = int(np.sum(np.any(scores != 0, axis=0)))
+    moved = basis.T @ total
+    if blocks <= rank + 2:
+        return 1.0, np.zeros(more), np.full((more, more), np.nan)
+    centred = seen - moved[:, None] / blocks * np.any(scores != 0, axis=0)
+    scatter = centred @ centred.T * blocks / (blocks - 1)
+    hotelling = float(moved @ np.linalg.solve(scatter, moved))
+    ratio = hotelling * (blocks - rank) / ((blocks - 1) * rank)
+    inverse = basis @ basis.T
+    return float(fisher.sf(ratio, rank, blocks - rank)), -inverse @ total, inverse
+
+
+def _promise(q: Quadratic) -> float:
+    """What a full Gauss-Newton step would still gain, within reason."""
+    gradient, information = np.asarray(q.gradient), np.asarray(q.information)
+    length = np.sqrt(np.diagonal(information))
+    live = length > 0
+    scaled = information[np.ix_(live, live)] / np.outer(length[live], length[live])
+    slope = gradient[live] / length[live]
+    return float(0.5 * slope @ np.linalg.pinv(scaled, rcond=1e-9, hermitian=True) @ slope)
+
+
+def _trial_values(probes: Any, levels: Mapping[str, float]) -> tuple[float, ...]:
+    if isinstance(probes, Relative):
+        level = levels.get(probes.signal, 0.0)
+        return tuple(f * level**probes.power for f in probes.factors) if level > 0 else ()
+    return tuple(probes)
+
+
+_SECONDS = ("memory", "correlation")
+
+
+@partial(jax.jit, static_argnums=0)
+def _forward(layout: Any, arrays: Any, z: Any) -> Any:
+    """Innovations ``(B, C, T)`` and predicted states of each batch of logs."""
+    values = named_values(layout, arrays, z)
+    model = layout.key.model.bind(values)
+    out = []
+    for grid, batch in zip(layout.grids, arrays["batches"], strict=True):
+
+        def one(log: Any, grid: Any = grid) -> Any:
+            told = {**log, "clip": arrays["clip"]}
+            return innovations(layout.observer, model, grid, values, told, log["held"])
+
+        out.append(jax.lax.map(one, batch))
+    return out
+
+
+Say = Callable[[str, float], None]
