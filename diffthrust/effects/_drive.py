@@ -1,13 +1,14 @@
 """Effects in the propulsion and steering of a vessel."""
 
+import math
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 
 from diffthrust._effect import Effect
 from diffthrust._parameters import parameter, relative_to
 from diffthrust._signals import Signals
+from diffthrust.effects._series import rate_limited
 from diffthrust.effects._shaft import ActuatorLag
 
 
@@ -59,20 +60,13 @@ class RudderRateLimit(Effect):
         "rad/s",
         bounds=(0, None),
         transform="log",
-        null=float("inf"),
+        null=math.inf,
         probes=relative_to("rudder_angle", 0.1, 0.5, 2.0),
     )
 
     def __call__(self, value: Any, s: Signals) -> Any:
         """The angle that the servo reaches at each sample."""
-        step = jnp.maximum(jnp.diff(s.time, prepend=s.time[:1]), 1e-9)  # infinite times zero is nan
-
-        def turn(angle: Any, x: Any) -> tuple[Any, Any]:
-            command, most = x
-            angle = jnp.clip(command, angle - most, angle + most)
-            return angle, angle
-
-        return jax.lax.scan(turn, value[0], (value, self.rate * step))[1]
+        return rate_limited(s.time, value, self.rate)
 
 
 class RudderOffset(Effect):

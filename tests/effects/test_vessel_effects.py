@@ -1,0 +1,239 @@
+"""The effects of a vessel: nothing at the null, finite everywhere, found in the reference."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from reference import inputs, noise, vessel
+
+import diffthrust as dft
+from diffthrust._parameters import Relative
+from diffthrust._simulate import Grid, trajectory
+from diffthrust.effects import EFFECTS, _drive, _environment, _hull
+
+CATALOGUE = {
+    "quadratic_surge_drag",
+    "quadratic_sway_drag",
+    "quadratic_yaw_drag",
+    "sway_yaw_coupling",
+    "rudder_inflow",
+    "propeller_inflow",
+    "propeller_walk",
+    "rudder_offset",
+    "rudder_lag",
+    "rudder_rate_limit",
+    "propeller_lag",
+    "reverse_propeller_asymmetry",
+    "differential_gain",
+    "swapped_thrusters",
+    "water_current",
+    "wind",
+}
+HINGED = {
+    "rudder_inflow",
+    "propeller_walk",
+    "rudder_offset",
+    "rudder_lag",
+    "rudder_rate_limit",
+    "propeller_lag",
+}
+TWIN = {"differential_gain", "swapped_thrusters"}
+CASES = [
+    (name, drive)
+    for name in sorted(CATALOGUE)
+    for drive, absent in (("propeller", TWIN), ("twin", HINGED))
+    if name not in absent
+]
+
+
+def excitation(drive, wind=False, duration=60.0, seed=0, lowest=60.0):
+    """Inputs with both signs of steering, at several speeds."""
+    rng = np.random.default_rng(seed)
+    time = inputs.grid(duration, 0.1)
+    if drive == "twin":
+        given = {
+            "left_force": 2.0 + inputs.low_passed_random(time, 1.5, rng, 0.15),
+            "right_force": 2.0 + inputs.low_passed_random(time, 1.5, rng, 0.15),
+        }
+    else:
+        given = {
+            "propeller_speed": inputs.staircase(time, [98.0, lowest, 120.0, 80.0], 11.0),
+            "rudder_angle": inputs.low_passed_random(time, 0.25, rng, 0.15)
+            + inputs.zigzag(time, 0.2, 7.0, 3.0),
+        }
+    if wind:
+        given["wind_speed"] = 5.0 + inputs.low_passed_random(time, 1.0, rng, 0.2)
+        given["wind_direction"] = 0.6 + inputs.low_passed_random(time, 0.2, rng, 0.2)
+    return time, given
+
+
+def log_of(drive="propeller", seed=0, blowing=False, lowest=60.0, duration=60.0, **hidden):
+    """A log of the reference vessel with a little noise."""
+    time, given = excitation(drive, blowing, duration, seed, lowest)
+    made = vessel.simulate(time, given, method="rk4", substeps=2, **hidden)
+    rng = np.random.default_rng(seed + 100)
+    made = noise.measure(made, rng, **dict.fromkeys(vessel.STATES, noise.Sensor(std=1e-3)))
+    return dft.Log(time=made.time, inputs=dict(made.inputs), measured=dict(made.measured))
+
+
+# What every effect has.
+
+
+def test_the_catalogue_is_complete():
+    found = {
+        effect.name
+        for effect in EFFECTS.values()
+        if effect.__module__ in {m.__name__ for m in (_drive, _environment, _hull)}
+    }
+    assert found == CATALOGUE
+
+
+@pytest.mark.parametrize("name", sorted(CATALOGUE))
+def test_every_effect_is_described(name):
+    effect = EFFECTS[name]
+    places = {**dft.Vessel.ports, **dft.Vessel().inputs, **dft.Vessel(drive="twin").inputs}
+    assert set(effect.ports) <= set(places)
+    assert "Null:" in effect.__doc__
+    assert "Source:" in effect.__doc__
+    ratios = {"gain", "change", "fraction", "share"}
+    for parameter, described in effect.declared.items():
+        assert bool(described.unit) != (parameter in ratios and described.unit == ""), parameter
+        assert described.value != described.null
+        if not described.fixed:
+            tried = described.probes
+            assert 1 <= len(tried.factors if isinstance(tried, Relative) else tried) <= 4
+    with pytest.raises(dft.InputError, match="does not have"):
+        dft.Thruster() + effect()
+
+
+# The null.
+
+
+@pytest.mark.parametrize(("name", "drive"), CASES)
+def test_nothing_changes_at_the_null(name, drive):
+    log = log_of(drive, blowing=name == "wind", lowest=-60.0, duration=30.0)
+    plain = dft.simulate(dft.Vessel(drive), log, substeps=2)
+    null = dft.simulate(dft.Vessel(drive) + EFFECTS[name]().at_null(), log, substeps=2)
+    changed = dft.simulate(dft.Vessel(drive) + EFFECTS[name](), log, substeps=2)
+    for channel in vessel.STATES:
+        np.testing.assert_allclose(null[channel], plain[channel], rtol=1e-12, atol=1e-13)
+    assert max(np.max(np.abs(changed[c] - plain[c])) for c in vessel.STATES) > 1e-3
+
+
+def trials(effect, log):
+    """The effect at its null, at its own values and at every trial value."""
+    yield effect.at_null()
+    yield effect
+    for name, described in effect.declared.items():
+        probes = described.probes
+        if isinstance(probes, Relative):
+            signal = {**log.inputs, **log.measured}[probes.signal]
+            level = float(np.quantile(np.abs(signal), 0.9))
+            probes = [factor * level**probes.power for factor in probes.factors]
+        for value in probes:
+            yield type(effect)(**{name: value})
+
+
+@pytest.mark.parametrize(("name", "drive"), CASES)
+def test_values_and_derivatives_are_finite(name, drive):
+    log = log_of(drive, blowing=name == "wind", lowest=-60.0, duration=30.0)
+    model = dft.Vessel(drive) + EFFECTS[name]()
+    base = {k: jnp.asarray(p.value) for k, p in model.parameters.items()}
+    grid = Grid(tuple((n, "zero") for n in sorted(log.inputs)), 1)
+    given = {channel: jnp.asarray(series) for channel, series in log.inputs.items()}
+
+    def run(own):
+        whole = model.bind({**base, **own})
+        out, _ = trajectory(whole, grid, jnp.asarray(log.time), given, {}, {})
+        return out, out
+
+    slopes = jax.jit(jax.jacfwd(run, has_aux=True))
+    felt = set()
+    for effect in trials(EFFECTS[name](), log):
+        own = {f"{name}.{k}": jnp.asarray(getattr(effect, k)) for k in effect.declared}
+        slope, out = slopes(own)
+        for channel in vessel.STATES:
+            assert np.isfinite(out[channel]).all(), (effect, channel)
+            for parameter, values in slope[channel].items():
+                assert np.isfinite(values).all(), (effect, channel, parameter)
+                if np.max(np.abs(values)) > 0.0:
+                    felt.add(parameter)
+    assert felt >= {f"{name}.{k}" for k, p in EFFECTS[name].declared.items() if not p.fixed}
+
+
+# Recovery from the reference.
+
+FOUND = {
+    "quadratic_surge_drag": ({"drag": 2.0}, {}),
+    "quadratic_sway_drag": ({"drag": 6.0}, {}),
+    "quadratic_yaw_drag": ({"drag": 1.0}, {}),
+    "sway_yaw_coupling": ({"mass": 0.3, "damping": 0.4}, {}),
+    "rudder_inflow": ({"gain": 0.5}, {}),
+    "propeller_inflow": ({"loss": 0.2}, {}),
+    "propeller_walk": ({"fraction": -0.08}, {}),
+    "rudder_offset": ({"offset": 0.06}, {}),
+    "rudder_lag": ({"time_constant": 0.6}, {}),
+    "propeller_lag": ({"time_constant": 0.8}, {}),
+    "rudder_rate_limit": ({"rate": 0.3}, {}),
+    "reverse_propeller_asymmetry": ({"change": -0.3}, {"lowest": -60.0}),
+    "differential_gain": ({"gain": -0.1}, {"drive": "twin"}),
+    "water_current": ({"to_north": 0.1, "to_east": -0.15}, {}),
+    "wind": ({"along": 0.02, "across": 0.05, "turning": -0.01}, {"blowing": True}),
+}
+
+
+def fitted(effect, log, drive="propeller"):
+    """The vessel with the effect, all its ratios free and none of them at the truth."""
+    start = {name: 1.2 * vessel.SIRAMDASU[name] for name in ("m11", "m22", "i33", "d11", "d22")}
+    return dft.fit(dft.Vessel(drive, **start) + effect, log, horizon=None, starts=1, substeps=4)
+
+
+@pytest.mark.parametrize("name", FOUND)
+def test_the_reference_s_effect_is_found(name):
+    hidden, how = FOUND[name]
+    fit = fitted(EFFECTS[name](), log_of(**{name: hidden}, **how), how.get("drive", "propeller"))
+    assert fit.status is dft.Status.CONVERGED, fit.message
+    for parameter, true in hidden.items():
+        found = fit.parameters[f"{name}.{parameter}"].value
+        assert found == pytest.approx(true, rel=0.02), parameter
+    for parameter in ("m11", "m22", "i33", "d11", "d22", "d33"):
+        true = vessel.SIRAMDASU[parameter]
+        assert fit.parameters[parameter].value == pytest.approx(true, rel=0.01), parameter
+
+
+def test_exchanged_channels_are_found_and_those_that_are_not_stay():
+    log = log_of("twin", swapped_thrusters=1.0)
+    fit = fitted(EFFECTS["swapped_thrusters"](share=0.3), log, "twin")
+    assert fit.status is dft.Status.AT_BOUND, fit.message
+    assert fit.parameters["swapped_thrusters.share"].value == 1.0
+    assert fit.parameters["i33"].value == pytest.approx(vessel.SIRAMDASU["i33"], rel=1e-3)
+    right = fitted(EFFECTS["swapped_thrusters"](share=0.3), log_of("twin"), "twin")
+    assert right.parameters["swapped_thrusters.share"].value == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_constant_wind_is_found_without_channels_for_it():
+    true = {"along": 0.02, "across": 0.05, "turning": 0.01, "speed": 4.0, "direction": 2.0}
+    fit = fitted(EFFECTS["wind"](speed=4.0, direction=1.0), log_of(wind=true))
+    assert fit.status is dft.Status.CONVERGED, fit.message
+    for parameter in ("along", "across", "turning", "direction"):
+        found = fit.parameters[f"wind.{parameter}"].value
+        assert found == pytest.approx(true[parameter], rel=0.02), parameter
+
+
+def test_the_water_s_speed_counts_not_the_speed_over_ground():
+    """A vessel that drifts with the current feels no drag, however the effects are ordered."""
+    time = np.arange(51) * 0.1
+    still = np.zeros(51)
+    log = dft.Log(time, {"propeller_speed": still, "rudder_angle": still})
+    current = EFFECTS["water_current"](to_north=0.3, to_east=-0.4)
+    rest = [EFFECTS[n]() for n in sorted(CATALOGUE - TWIN - {"wind", "rudder_offset"})]
+    for effects in ([current, *rest], [*rest, current]):
+        model = dft.Vessel()
+        for effect in effects:
+            if effect is current or effect.name != "water_current":
+                model = model + effect
+        drift = {"surge": 0.3, "sway": -0.4, "yaw_rate": 0.0, "heading": 0.0}
+        out = dft.simulate(model, log, initial=drift, substeps=1)
+        np.testing.assert_allclose(out["north"], 0.3 * time, atol=1e-12)
+        np.testing.assert_allclose(out["east"], -0.4 * time, atol=1e-12)
+        np.testing.assert_allclose(out["heading"], 0.0, atol=1e-12)
