@@ -73,7 +73,6 @@ class Experiment:
             others as they imitate it.
         noise: standard deviation of each channel's noise.
         units: of inputs and channels.
-        angles: channels that are compared modulo a full turn.
     """
 
     sentence: str
@@ -89,7 +88,6 @@ class Experiment:
     predictions: Mapping[str, Mapping[str, np.ndarray]] = field(repr=False)
     noise: Mapping[str, float]
     units: Mapping[str, str] = field(repr=False)
-    angles: tuple[str, ...] = field(repr=False)
 
     @property
     def expected_log_likelihood_ratio(self) -> float:
@@ -97,9 +95,8 @@ class Experiment:
         return 0.5 * self.separation
 
     def difference(self, channel: str, one: str, other: str) -> np.ndarray:
-        """The prediction of one rival less that of another, ``(T,)``; angles within half a turn."""
-        apart = self.predictions[one][channel] - self.predictions[other][channel]
-        return np.angle(np.exp(1j * apart)) if channel in self.angles else apart
+        """The prediction of one rival less that of another, ``(T,)``."""
+        return self.predictions[one][channel] - self.predictions[other][channel]
 
     def plot(self) -> Figure:
         """The inputs, what the rivals predict with its noise, and the difference."""
@@ -277,7 +274,6 @@ def _result(
         predictions=predictions,
         noise=setting.noise,
         units=request.units,
-        angles=request.rivals[found.truth].model.angles,
     )
     return replace(test, sentence=promise(words, test, names[found.imitator]))
 

@@ -205,28 +205,37 @@ KINDS: dict[str, Kind] = {
 """Steps, reversals, pulses, staircases, ramps, chirps and multisines; one ramp is a slow one that
 takes the whole test, as a yardstick."""
 _SHARES = (1.0, 0.4, 0.1)
-_FEWER = ("step up", "step down", "reversals", "staircase", "random staircase")
+_FEWER = {
+    "step up": (1.0,),
+    "step down": (1.0,),
+    "reversals": (_MIDDLE, _LONG),
+    "staircase": (1 / 16,),
+    "random staircase": (_MIDDLE,),
+}
+"""For several inputs, which take part in several ways: the held shares of the test by kind."""
 
 
 def grid(space: Field) -> list[Design]:
     """The designs that are tried first: some 50 for one input, 80 for two."""
     names = tuple(space.limits)
     ways: list[tuple[Mapping[str, int], float]] = [({names[0]: 1}, 0.0)]
-    kinds, shares = KINDS, _SHARES
+    holds, shares = {kind: known.holds for kind, known in KINDS.items()}, _SHARES
     if len(names) > 1:
         alternating = {name: 1 if i % 2 == 0 else -1 for i, name in enumerate(names)}
         ways = [({name: 1}, 0.6) for name in names]
         ways += [({name: 1}, 0.0) for name in names]
         ways += [(dict.fromkeys(names, 1), 0.0), (alternating, 0.0)]
-        kinds, shares = {kind: KINDS[kind] for kind in _FEWER}, _SHARES[:2]
+        holds, shares = _FEWER, _SHARES[:2]
+    designs = (
+        Design(kind, moved, share, _whole(hold * space.active, space), bias)
+        for moved, bias in ways
+        for kind, parts in holds.items()
+        for hold in parts
+        for share in shares
+    )
     found: dict[tuple[object, ...], Design] = {}
-    for moved, bias in ways:
-        for kind, described in kinds.items():
-            holds = described.holds if len(names) == 1 else described.holds[-2:]
-            for hold in holds:
-                for share in shares:
-                    design = Design(kind, moved, share, _whole(hold * space.active, space), bias)
-                    found.setdefault(identity(design), design)
+    for design in designs:
+        found.setdefault(identity(design), design)
     return list(found.values())
 
 

@@ -8,7 +8,8 @@ over all channels and samples, with P the information of the logs to which B was
 T-criterion of Atkinson & Fedorov 1975 (Biometrika 62, 57 and 289), with what is already known of
 the imitator's parameters. Half of it is the expected log-likelihood ratio. The minimum is found by
 Gauss-Newton steps whose Jacobians are those of forward mode; since every accepted step is verified
-by simulation, the figure is that of an imitation that exists.
+by simulation, the figure is that of an imitation that exists. Angles are those that the models
+integrate, without a jump at the full turn: all begin alike, and the jump would make false minima.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ Array = np.ndarray
 
 CHUNK = 16
 """Designs are simulated so many at a time, whatever their number: one compilation serves all."""
-_SCREEN, _THOROUGH = 12, 60
+_SCREEN, _THOROUGH = 12, 30
 """Most steps of an imitation, in the search for designs and to verify one."""
 _SETTLED = 1e-3
 """The imitation is done where a step gains less than this, relative and in the criterion."""
@@ -104,17 +105,17 @@ def against(rival: Rival, setting: Setting, inputs: Any, z: Array, target: Array
         setting.unsigned,
     )
     arrays = {
-        "values": {n: jnp.asarray(p.value, float) for n, p in named.items()},
-        "scales": jnp.asarray([named[n].scale for n in rival.free], float),
-        "time": jnp.asarray(setting.time),
-        "sigma": jnp.asarray(list(setting.noise.values()), float),
-        "correlation": jnp.asarray(setting.correlation, float),
+        "values": {n: np.asarray(p.value, float) for n, p in named.items()},
+        "scales": np.array([named[n].scale for n in rival.free]),
+        "time": setting.time,
+        "sigma": np.array(list(setting.noise.values())),
+        "correlation": np.asarray(setting.correlation, float),
     }
     count, passes = z.shape[0], []
     for begin in range(0, count, CHUNK):
         rows = np.minimum(np.arange(begin, begin + CHUNK), count - 1)
-        given = {name: jnp.asarray(values[rows]) for name, values in inputs.items()}
-        found = _chunk(layout, arrays, given, jnp.asarray(z[rows]), jnp.asarray(target[rows]))
+        given = {name: values[rows] for name, values in inputs.items()}
+        found = _chunk(layout, arrays, given, z[rows], target[rows])
         passes.append([np.array(part)[: count - begin] for part in found])
     outputs, cost, slope, gram = (np.concatenate(parts) for parts in zip(*passes, strict=True))
     fine = np.isfinite(cost) & np.isfinite(gram).all(axis=(1, 2)) & np.isfinite(slope).all(axis=1)
@@ -135,7 +136,7 @@ def _chunk(layout: _Layout, arrays: Any, inputs: Any, z: Any, target: Any) -> tu
         else:
             y = fn(point)
             slopes = jnp.zeros((0, *y.shape))
-        rest = _white(arrays, _differences(layout, goal, y)).reshape(-1)
+        rest = _white(arrays, goal - y).reshape(-1)
         rows = jax.vmap(partial(_white, arrays))(slopes).reshape(len(layout.free), rest.size)
         return y, rest @ rest, rows @ rest, rows @ rows.T
 
@@ -149,17 +150,6 @@ def _outputs(layout: _Layout, arrays: Any, inputs: Any, z: Any) -> Any:
     model = layout.key.model.bind(values)
     found, _ = trajectory(model, layout.grid, arrays["time"], inputs, {}, {})
     rows = [jnp.abs(found[n]) if n in layout.unsigned else found[n] for n in layout.channels]
-    return jnp.stack(rows)
-
-
-def _differences(layout: _Layout, goal: Any, y: Any) -> Any:
-    """Goal less outputs; angles modulo a full turn."""
-    turn, rest = 2 * jnp.pi, goal - y
-    angles = layout.key.model.angles
-    rows = [
-        row - turn * jnp.round(row / turn) if name in angles else row
-        for name, row in zip(layout.channels, rest, strict=True)
-    ]
     return jnp.stack(rows)
 
 
