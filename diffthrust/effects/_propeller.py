@@ -132,7 +132,9 @@ class ThrustDegradation(Effect):
     name = "thrust_degradation"
     port = "propeller"
     fraction: float = parameter(0.2, bounds=(0, 1), null=0.0, size=0.3, probes=(0.2, 0.6))
-    instant: float = parameter(30.0, "s", size=10.0, probes=relative_to("duration", 0.3, 0.5, 0.7))
+    instant: float = parameter(
+        30.0, "s", size=10.0, probes=relative_to("duration", 0.2, 0.4, 0.6, 0.8)
+    )
     transition: float = parameter(1.0, "s", bounds=(0, None), fixed=True)
 
     def __call__(self, value: Any, s: Signals) -> Any:

@@ -176,10 +176,15 @@ class StaticFriction(Effect):
     name = "static_friction"
     port = "shaft"
     level: float = parameter(
-        4.0, "rad/s^2", bounds=(0, None), null=0.0, size=5.0, probes=relative_to("drive", 0.05, 0.2)
+        4.0,
+        "rad/s^2",
+        bounds=(0, None),
+        null=0.0,
+        size=5.0,
+        probes=relative_to("drive", 0.04, 0.08, 0.16),
     )
     settling: float = parameter(0.03, "s", bounds=(0, None), fixed=True)
-    spread: float = parameter(0.2, bounds=(0, 2), fixed=True)
+    spread: float = parameter(0.3, bounds=(0, 2), fixed=True)
 
     def __call__(self, value: Any, s: Signals) -> Any:
         """The acceleration that is not borne."""
