@@ -65,6 +65,8 @@ class Experiment:
         separation: the criterion for the two rivals that are separated worst: the sum of squared
             differences over the noise after one has imitated the other as well as it can. Half of
             it is the expected log-likelihood ratio, with a standard deviation of its square root.
+            It rests on the best of 16 searches for an imitation, so it is an upper bound: of large
+            models with little known of their parameters it may be too high by a factor of two.
         separations: the same for every pair ``(truth, imitator)``; of a model and the same with
             more effects only with the larger one as the truth: the smaller is its special case.
         decisive: whether the test can be expected to tell the rivals apart.
@@ -197,7 +199,7 @@ def suggest_experiment(
             for faster, larger in ((factor, 1), (1 / factor, 1), (1, factor), (1, 1 / factor))
         ]
         _try(around, request, tried)
-    while True:  # a promise must hold against the best imitation, not the first one found
+    while True:  # a promise must hold against the best imitation found, not only the first
         worth, design = _best(tried)[0]
         found = _Verified.of(design, request)
         if found.worth >= worth * (1 - 1e-6):
