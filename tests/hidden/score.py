@@ -27,6 +27,7 @@ TARGETS: dict[str, float] = {
     "speed_only": 0.95,
     "poor": 0.95,
     "vessel": 0.99,
+    "vessel_faint": 0.95,
     "vessel_none": 0.95,
     "vessel_outside": 0.90,
     "field-clear": 0.95,

@@ -18,6 +18,7 @@ from .plants import NEEDS, Plant, thruster_plant, vessel_plant
 from .visibility import visibility
 
 FAINT = (30.0, 60.0)
+FAINTLY = ("faint", "limit", "vessel_faint")
 LIMIT = 0.1
 
 SPEED_EFFECTS = (
@@ -97,6 +98,7 @@ CLASSES: dict[str, tuple[tuple[str, ...], int]] = {
     "speed_only": (SPEED_EFFECTS, 1),
     "poor": (POOR, 1),
     "vessel": (tuple(sizes.VESSEL), 1),
+    "vessel_faint": (tuple(name for name, row in sizes.VESSEL.items() if row.faint), 1),
     "vessel_none": ((), 4),
     "vessel_outside": (tuple(sizes.VESSEL_OUTSIDE), 1),
     "field-clear": (tuple(sizes.THRUSTER), 1),
@@ -153,7 +155,7 @@ def draw(kind: str, seed: int) -> HiddenSet:
     field, base = group.startswith("field-"), group.removeprefix("field-")
     rng = np.random.default_rng([zlib.crc32(kind.encode()), seed])
     plant = _plant(rng, base, names, field)
-    row = "faint" if base in ("faint", "limit") else "clear"
+    row = "field" if field else "faint" if base in FAINTLY else "clear"
     chosen = {name: sizes.drawn(name, getattr(sizes.ALL[name], row), rng) for name in names}
     if row == "faint":
         chosen = _faint(plant, chosen)

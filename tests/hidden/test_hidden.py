@@ -109,22 +109,23 @@ def test_a_plan_covers_every_class_and_repeats_no_set():
 
 @pytest.mark.parametrize("name", ["coulomb_friction", "thrust_sensor_lag"])
 def test_a_clear_effect_shows_and_a_faint_one_only_to_the_optimal_filter(name):
-    clear = visibility(sets.draw(f"clear/{name}", 1).plant)
+    clear = visibility(sets.draw(f"clear/{name}", 1).plant, rounds=2)
     assert max(clear.excess.values()) > 1.5
-    faint = visibility(sets.draw(f"faint/{name}", 1).plant)
+    faint = visibility(sets.draw(f"faint/{name}", 1).plant, rounds=1)
     assert 25.0 < faint.ratio < 70.0
     assert max(faint.excess.values()) < 1.05
 
 
 def test_what_is_redundant_or_absent_shows_nothing():
     redundant = sets.draw("redundant/speed_sensor_scale", 0).plant
-    assert visibility(redundant).ratio < 0.01
+    assert visibility(redundant, rounds=3).ratio < 0.01
     assert visibility(sets.draw("none", 0).plant, rounds=1).ratio < 1e-12
 
 
 def test_process_noise_hides_what_the_sensors_alone_would_show():
     plant = sets.draw("field-clear/coulomb_friction", 0).plant
-    assert 40.0 < visibility(plant).ratio < 0.5 * visibility(replace(plant, gust=None)).ratio
+    calm = visibility(replace(plant, gust=None), rounds=2).ratio
+    assert 40.0 < visibility(plant, rounds=2).ratio < 0.5 * calm
 
 
 @pytest.mark.parametrize("name", sizes.OUTSIDE)
@@ -138,8 +139,7 @@ def test_no_catalogue_term_imitates_an_effect_outside_it(name):
         sizes.hidden({n: sizes.THRUSTER[n].clear}, plant.scale)
         for n in ("command_deadband", "command_saturation", "cavitation", "coulomb_friction")
     ]
-    left = visibility(plant, rivals).ratio
-    assert left > 400.0
+    assert visibility(plant, rivals, logs=1, rounds=2).ratio > 400.0
 
 
 def test_the_score_of_one_hidden_effect():
@@ -181,7 +181,7 @@ def test_the_score_of_nothing_of_two_and_of_the_unknown():
 def test_the_intervals_are_those_of_wilson():
     assert score.wilson(0, 0) == (0.0, 1.0)
     np.testing.assert_allclose(score.wilson(48, 50), (0.8654, 0.9890), atol=1e-4)
-    assert score.wilson(10, 10)[1] == 1.0
+    np.testing.assert_allclose(score.wilson(10, 10), (0.7225, 1.0), atol=1e-4)
 
 
 def test_a_bench_that_was_cut_goes_on_and_reports(tmp_path, monkeypatch):
