@@ -65,8 +65,8 @@ class SupplyVoltageSag(Effect):
     Acts on the drive [rad/s^2]: multiplied by 1 + share * (supply_voltage / nominal - 1). A motor
     on a plain switching controller has share = 1, one whose controller makes up for the supply
     share = 0. Null: share = 0. ``nominal`` [V] is where the drive has its full value; another one
-    rescales share and the model's drive coefficient. Source: Yoerger, Cooke & Slotine 1990,
-    section II C, where the drive is proportional to the motor's voltage.
+    rescales share and the model's drive coefficient. Source: Aras et al. 2013, electrical equation
+    of the motor, whose voltage is the supply's times the duty ratio.
     """
 
     name = "supply_voltage_sag"
