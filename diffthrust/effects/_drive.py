@@ -188,9 +188,10 @@ class SwappedThrusters(Effect):
     """The channels of the left and the right thruster are exchanged.
 
     Acts on the recorded forces [N]: left + share * (right - left) and the reverse, so that at
-    share = 1 each has the other's. Between the two, the forces are mixed and the vessel steers with
-    1 - 2 * share of the moment. Null: share = 0. Source: two plugs, or a sign convention of yaw
-    other than clockwise from above, look the same.
+    share = 1 each has the other's. Between the two, the vessel steers with 1 - 2 * share of the
+    moment: not at all half way, so a fit finds the exchange from share = 1, not from 0.
+    Null: share = 0. Source: an error of wiring, not of physics; a yaw rate that is counted against
+    the clock looks the same.
     """
 
     name = "swapped_thrusters"

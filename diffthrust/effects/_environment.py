@@ -88,9 +88,11 @@ class Wind(Effect):
         """The force or moment with that of the wind."""
         measured = "wind_speed" in s
         speed = s.wind_speed if measured else self.speed
-        origin = self.direction + (s.wind_direction if measured else 0.0) - s.heading
-        a = -speed * jnp.cos(origin) - s.surge
-        b = -speed * jnp.sin(origin) - s.sway
+        origin = self.direction + (s.wind_direction if measured else 0.0)
+        to_north, to_east = -speed * jnp.cos(origin), -speed * jnp.sin(origin)
+        cos, sin = jnp.cos(s.heading), jnp.sin(s.heading)
+        a = to_north * cos + to_east * sin - s.surge
+        b = to_east * cos - to_north * sin - s.sway
         length = jnp.sqrt(a * a + b * b + 1e-12)
         if port == "surge_force":
             return value + self.along * a * length

@@ -114,7 +114,8 @@ class SwayYawCoupling(Effect):
             return value - self.damping * r
         if port == "yaw_moment":
             return value - self.damping * v - self.mass * u * r
-        share = self.mass / (s.m22 * s.i33 - self.mass**2)
+        sway, yaw = self.mass / s.m22, self.mass / s.i33
+        v_alone, r_alone = s.sway_alone, s.yaw_alone
         if port == "sway_acceleration":
-            return value - share * (s.yaw_moment - self.mass * s.sway_force / s.m22)
-        return value - share * (s.sway_force - self.mass * s.yaw_moment / s.i33)
+            return value + sway * (yaw * v_alone - r_alone) / (1.0 - sway * yaw)
+        return value + yaw * (sway * r_alone - v_alone) / (1.0 - sway * yaw)

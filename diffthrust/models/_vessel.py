@@ -137,12 +137,13 @@ class Vessel(Model):
         surge = port("surge_force", surge + self.m22 * v * r - self.d11 * u)
         sway = port("sway_force", sway - self.m11 * u * r - self.d22 * v)
         yaw = port("yaw_moment", yaw - (self.m22 - self.m11) * u * v - self.d33 * r)
-        port.tell(sway_force=sway, yaw_moment=yaw)
+        surging, swaying, yawing = surge / self.m11, sway / self.m22, yaw / self.i33
+        port.tell(sway_alone=swaying, yaw_alone=yawing)
         cos, sin = jnp.cos(s.heading), jnp.sin(s.heading)
         rates = {
-            "surge": port("surge_acceleration", surge / self.m11),
-            "sway": port("sway_acceleration", sway / self.m22),
-            "yaw_rate": port("yaw_acceleration", yaw / self.i33),
+            "surge": port("surge_acceleration", surging),
+            "sway": port("sway_acceleration", swaying),
+            "yaw_rate": port("yaw_acceleration", yawing),
             "north": s.surge * cos - s.sway * sin,
             "east": s.surge * sin + s.sway * cos,
             "heading": r,
