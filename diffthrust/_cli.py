@@ -1,4 +1,4 @@
-"""The command line: fit, compare, check, demo, effects."""
+"""The command line: fit, compare, diagnose, check, demo, effects."""
 
 from __future__ import annotations
 
@@ -110,6 +110,37 @@ def compare(
 
 
 @app.command()
+def diagnose(
+    spec: SpecPath,
+    candidates: Annotated[
+        str | None,
+        typer.Option(
+            "--candidates",
+            metavar="A,B,...",
+            help="Effects to try; by default all that the model and its logs allow.",
+        ),
+    ] = None,
+    json: JsonPath = None,
+    report: ReportPath = None,
+) -> None:
+    """Find what a model lacks: where it fails, which effect is missing, what cannot be told."""
+    with session() as progress:
+        loaded = _load(spec)
+        found = loaded.diagnose(progress, candidates=_names(candidates))
+        if json:
+            _write_json(json, found.to_json())
+        if report:
+            from diffthrust._diagnosis_report import write_report
+
+            write_report(found, report, title=f"Diagnosis: {loaded.name}", spec=loaded.text)
+        from diffthrust._diagnosis_tables import diagnosis_table
+
+        table = diagnosis_table(found)
+    _show(table)
+    _written(json, report)
+
+
+@app.command()
 def check(
     directory: Annotated[Path, typer.Argument(metavar="DIR", help="The folder of the fits.")],
     update: Annotated[
@@ -193,6 +224,19 @@ def _load(path: Path) -> Spec:
     from diffthrust._spec import load_spec
 
     return load_spec(path)
+
+
+def _names(text: str | None) -> list[str] | None:
+    """The names in ``a,b,c``."""
+    if text is None:
+        return None
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    if not names:
+        raise InputError(
+            "--candidates: expected names of effects, found none.",
+            "Name them with commas between, or leave --candidates out to try all.",
+        )
+    return names
 
 
 def _comparisons(

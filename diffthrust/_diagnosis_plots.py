@@ -8,17 +8,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from diffthrust._diagnosis_words import stage_words
-from diffthrust._phrases import apart, percent, spelt
+from diffthrust._display import number
+from diffthrust._phrases import spelt
 from diffthrust._plots import BLUE, GREY, VERMILLION, thinned
+from diffthrust._regimes import percent
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
 
     from diffthrust._compare import Run
     from diffthrust._diagnosis import Candidate, Diagnosis, Missing, Stage
 
 _COLOURS = (BLUE, VERMILLION, "#009E73", "#CC79A7", "#E69F00", "#56B4E9")  # Okabe & Ito 2008
+_PALE = "#B3D5E8"
 _BAND = 2.0
 """Half width of bands, in standard errors."""
 _SHOWN = 8
@@ -27,23 +30,27 @@ _SHOWN = 8
 def stages_figure(diag: Diagnosis) -> Figure:
     """The errors at each stage on the left; on the right the first and the last model on a log.
 
+    With one stage alone there is no error to see falling, and the left side is left out.
+
     Filled markers and full lines are unseen logs, open markers and broken lines training logs. The
     log is the unseen one that the model as given fits worst (a training log where there is none).
     """
     from matplotlib.figure import Figure
 
-    run = _worst(diag)
-    names = list(run.channels)
+    before, after = _worst(diag)
+    names = list(before.channels)
+    several = len(diag.stages) > 1
     figure = Figure(figsize=(11.0, 1.2 + 2.6 * max(1, len(names))), layout="constrained")
-    left, right = figure.subfigures(1, 2, width_ratios=[1, 1.9])
-    _falling(left.subplots(), diag)
-    axes = right.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
-    others = {other.name: other for other in diag.after.runs}
+    whole: Figure | SubFigure = figure
+    if several:
+        left, whole = figure.subfigures(1, 2, width_ratios=[1, 1.9], squeeze=False)[0]
+        _falling(left.subplots(), diag)
+    axes = whole.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
     for panel, name in zip(axes, names, strict=True):
-        _traces(panel, diag, run, others[run.name], name)
+        _traces(panel, before, after if several else None, name)
     axes[-1].set_xlabel("time [s]", fontsize=9)
     kind = "unseen log" if diag.stages[0].holdout else "training log"
-    axes[0].set_title(f"{kind} {_plain(run.name)}", loc="left", fontsize=10)
+    axes[0].set_title(f"{kind} {_plain(before.name)}", loc="left", fontsize=10)
     axes[0].legend(loc="upper right", fontsize=8, ncols=3, frameon=True, framealpha=0.9)
     return figure
 
@@ -76,14 +83,17 @@ def ranking_figure(diag: Diagnosis) -> Figure:
     axes = figure.subplots(1, len(stages), squeeze=False)[0]
     for panel, stage in zip(axes, stages, strict=True):
         _bars(panel, [c for c in diag.ranking if c.stage == stage][:_SHOWN], diag)
-        panel.set_title(f"candidates for stage {stage + 1}", loc="left", fontsize=10)
+        panel.set_title(f"tried at stage {stage}", loc="left", fontsize=10)
     return figure
 
 
-def _worst(diag: Diagnosis) -> Run:
-    """The run with the largest error of the model as given."""
-    runs = [run for run in diag.before.runs if run.channels]
-    return max(runs, key=lambda run: np.nan_to_num(run.errors.nrmse, nan=-1.0))
+def _worst(diag: Diagnosis) -> tuple[Run, Run]:
+    """The run with the largest error of the model as given, by it and by the last stage."""
+    pairs = zip(diag.before.runs, diag.after.runs, strict=True)
+    return max(
+        (pair for pair in pairs if pair[0].channels),
+        key=lambda pair: np.nan_to_num(pair[0].errors.nrmse, nan=-1.0),
+    )
 
 
 def _falling(panel: Axes, diag: Diagnosis) -> None:
@@ -123,8 +133,8 @@ def _nrmse(stage: Stage, name: str, unseen: bool) -> float:
     return errors.channels[name].nrmse if errors and name in errors.channels else np.nan
 
 
-def _traces(panel: Axes, diag: Diagnosis, before: Run, after: Run, name: str) -> None:
-    first, last = before.channels[name], after.channels[name]
+def _traces(panel: Axes, before: Run, after: Run | None, name: str) -> None:
+    first = before.channels[name]
     panel.plot(*thinned(before.time, first.measured), color=GREY, linewidth=2.6, label="measured")
     panel.plot(
         *thinned(before.time, first.modelled),
@@ -133,16 +143,15 @@ def _traces(panel: Axes, diag: Diagnosis, before: Run, after: Run, name: str) ->
         linestyle="--",
         label="model as given",
     )
-    if len(diag.stages) > 1:
+    unit = f" {first.unit}" if first.unit else ""
+    sizes = [number(run.errors.channels[name].rmse, 2) for run in (before, after) if run]
+    panel.set_title(f"RMSE {', then '.join(sizes)}{unit}", loc="right", fontsize=9)
+    if after:
+        last = after.channels[name]
         panel.plot(
             *thinned(after.time, last.modelled), color=BLUE, linewidth=1.1, label="last stage"
         )
-    errors = [run.errors.channels.get(name) for run in (before, after)]
-    if errors[0] and errors[1] and len(diag.stages) > 1:
-        sizes = apart(errors[0].rmse, errors[1].rmse)
-        text = f"RMSE {sizes[0]}, then {sizes[1]} {first.unit}"
-        panel.set_title(text.rstrip(), loc="right", fontsize=9)
-    panel.set_ylabel(f"{spelt(name)} [{first.unit}]" if first.unit else name, fontsize=9)
+    panel.set_ylabel(spelt(name) + (f" [{first.unit}]" if first.unit else ""), fontsize=9)
     panel.margins(x=0.01)
     _plainly(panel)
 
@@ -162,7 +171,7 @@ def _over_time(panel: Axes, missing: Missing) -> None:
     panel.axhline(0.0, color="0.4", linewidth=0.8)
     panel.set_xlabel("time [s]", fontsize=9)
     panel.set_ylabel(
-        f"{missing.port}\n[{missing.unit}]" if missing.unit else missing.port, fontsize=9
+        f"{missing.port} [{missing.unit}]" if missing.unit else missing.port, fontsize=9
     )
     panel.set_title(f"missing at '{missing.port}', first training log", loc="left", fontsize=10)
     panel.legend(loc="upper right", fontsize=8, ncols=2, framealpha=0.9)
@@ -191,25 +200,24 @@ def _over_signal(panel: Axes, missing: Missing) -> None:
 
 
 def _bars(panel: Axes, tried: list[Candidate], diag: Diagnosis) -> None:
+    later = diag.stages[tried[0].stage + 1 :][:1]
+    added = {name for stage in later for name in stage.effects}
+    alike = {name for group in diag.groups if added & {*group} for name in group}
     ratios = [max(c.likelihood_ratio, 0.0) for c in tried]
     where = np.arange(len(tried))
-    chosen = [
-        c.effect in diag.stages[min(c.stage + 1, len(diag.stages) - 1)].effects for c in tried
-    ]
     panel.barh(
         where,
         ratios,
-        color=[BLUE if added else "white" for added in chosen],
-        edgecolor=[BLUE if added else "0.5" for added in chosen],
+        color=[BLUE if c.effect in added else _PALE if c.effect in alike else "1" for c in tried],
+        edgecolor=[BLUE if c.effect in added | alike else "0.5" for c in tried],
         height=0.65,
     )
     for y, ratio in zip(where, ratios, strict=True):
-        panel.annotate(
-            f" {ratio:.0f}" if ratio >= 10 else f" {ratio:.1f}", (ratio, y), va="center", fontsize=8
-        )
+        text = f" {ratio:.0f}" if ratio >= 10 else f" {ratio:.1f}"
+        panel.annotate(text, (ratio, y), va="center", fontsize=8)
     panel.set_yticks(where, [spelt(c.effect) for c in tried])
     panel.invert_yaxis()
-    panel.set_xlim(0.0, 1.2 * max(ratios, default=1.0) or 1.0)
+    panel.set_xlim(0.0, 1.2 * max(ratios) or 1.0)
     panel.set_xlabel("likelihood ratio [-]", fontsize=9)
     _plainly(panel)
 

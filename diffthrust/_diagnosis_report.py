@@ -19,6 +19,7 @@ from diffthrust._diagnosis_tables import (
 from diffthrust._diagnosis_words import (
     caution_words,
     dropped_words,
+    failure_words,
     group_words,
     missing_words,
     model_words,
@@ -63,14 +64,16 @@ def page(diag: Diagnosis, *, title: str = "", spec: str = "") -> str:
     model = model_words(diag.model)
     return environment.from_string(template).render(
         style=Markup(STYLE),
-        title=title or f"What the {model} lacks",
-        model=capitalised(model),
+        title=title or f"Diagnosis of the {model}",
+        model=model,
         diag=diag,
-        verdict=verdict_words(diag),
+        verdict=capitalised(verdict_words(diag)),
         summary=summary(diag),
         stages=stage_rows(diag),
         dropped=dropped_words(diag),
         logs=log_rows(diag),
+        failures=failure_words(diag.before),
+        still=failure_words(diag.after) if len(diag.stages) > 1 else [],
         missing=[missing_words(missing, diag.model) for missing in diag.missing],
         ranking=ranking_rows(diag),
         meanings=meaning_rows(diag),
@@ -91,11 +94,12 @@ def _figures(diag: Diagnosis) -> dict[str, str]:
     """The figures that this diagnosis has, as PNG in base64."""
     from diffthrust._diagnosis_plots import missing_figure, ranking_figure, stages_figure
 
-    drawn = {"stages": stages_figure(diag)}
+    drawn = {"stages": stages_figure(diag), "residuals": diag.before.plot_residuals()}
     if diag.missing:
         drawn["missing"] = missing_figure(diag)
     if diag.ranking:
         drawn["ranking"] = ranking_figure(diag)
     if diag.experiment:
         drawn["experiment"] = diag.experiment.plot()
+        drawn["experiment"].suptitle("")  # the page says it in its text
     return {name: image(figure) for name, figure in drawn.items()}

@@ -48,7 +48,7 @@ def skeleton(diag: Diagnosis) -> str:
     return _CODE.format(
         port=left.port,
         signal=signal,
-        unit=f"({here or 1})/({unit})" if unit else here,
+        unit=f"{_bracketed(here or '1')}/{_bracketed(unit)}" if unit else here,
         effects=", ".join(f'"{name}"' for name in effects),
     )
 
@@ -60,6 +60,10 @@ def _unit(model: Model, place: str) -> str:
         return channels[place]
     ends = re.search(r"\[([^]]*)\]$", model.ports.get(place, ""))
     return ends[1] if ends else ""
+
+
+def _bracketed(unit: str) -> str:
+    return f"({unit})" if set(unit) & {"/", " "} else unit
 
 
 def _signal(model: Model, words: str) -> tuple[str, str]:

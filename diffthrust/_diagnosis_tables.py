@@ -16,6 +16,7 @@ from diffthrust._diagnosis_words import (
     caution_words,
     dropped_words,
     effects_known,
+    failure_words,
     first_line,
     group_words,
     missing_words,
@@ -61,6 +62,7 @@ def diagnosis_table(diag: Diagnosis) -> RenderableType:
         Text.assemble(("Verdict: ", "bold"), (verdict_words(diag), f"bold {colour}")),
         Text(summary(diag)),
         *_section("Stages", _rich(stage_rows(diag)), dropped_words(diag)),
+        *_section("Where the model as given fails", *failure_words(diag.before)),
         *_section("Missing signal", *(missing_words(m, diag.model) for m in diag.missing)),
         *_section("Effects tried", *([_rich(ranking_rows(diag))] if diag.ranking else [])),
         *_section("What these logs cannot tell apart", *group_words(diag)),
@@ -99,24 +101,26 @@ def stage_rows(diag: Diagnosis) -> Rows:
 def log_rows(diag: Diagnosis) -> Rows:
     """Errors of each log by the model as given and by the last stage, so that a bad run shows."""
     unit = units(diag.model)
-    after = {run.name: run.errors for run in diag.after.runs}
-    blocks = tuple(
-        tuple(
+    several = len(diag.stages) > 1
+    blocks = []
+    for before, after in zip(diag.before.runs, diag.after.runs, strict=True):
+        shown = [before.errors, after.errors] if several else [before.errors]
+        rows = [
             (
-                run.name if i == 0 else "",
                 spelt(name),
-                number(e.rmse, 3),
-                number(_rmse(after[run.name], name), 3),
+                *(number(_rmse(e, name), 3) for e in shown),
                 unit.get(name, ""),
-                number(e.nrmse, 2),
-                number(_nrmse(after[run.name], name), 2),
+                *(number(_nrmse(e, name), 2) for e in shown),
             )
-            for i, (name, e) in enumerate(run.errors.channels.items())
-        )
-        for run in diag.before.runs
-    )
-    headings = ("Log", "Channel", "RMSE as given", "last stage", "Unit", "NRMSE as given")
-    return Rows((*headings, "last stage"), blocks, numbers=(2, 3, 5, 6))
+            for name in before.errors.channels
+        ]
+        blocks.append(tuple((before.name if i == 0 else "", *row) for i, row in enumerate(rows)))
+    if several:
+        sizes, shares = ("RMSE as given", "last stage"), ("NRMSE as given", "last stage")
+    else:
+        sizes, shares = ("RMSE",), ("NRMSE",)
+    numbers = (2, 3, 5, 6) if several else (2, 4)
+    return Rows(("Log", "Channel", *sizes, "Unit", *shares), tuple(blocks), numbers)
 
 
 def ranking_rows(diag: Diagnosis) -> Rows:
@@ -135,7 +139,7 @@ def ranking_rows(diag: Diagnosis) -> Rows:
                     spelt(c.effect),
                     f"{c.delta_bic:.1f}",
                     f"{c.likelihood_ratio:.1f}",
-                    "< 0.001" if c.p_value < 0.001 else number(c.p_value, 2),
+                    "<\u00a00.001" if c.p_value < 0.001 else number(c.p_value, 2),
                     number(c.train_nrmse, 3),
                     number(c.holdout_nrmse, 3),
                     ", ".join(estimates),
@@ -147,7 +151,7 @@ def ranking_rows(diag: Diagnosis) -> Rows:
         blocks.append(tuple(rows))
     return Rows(
         (
-            *("Stage", "Effect", "BIC change", "Likelihood ratio", "p"),
+            *("Stage", "Effect tried", "BIC change", "Likelihood ratio", "p"),
             *("NRMSE training", "unseen", "Estimate"),
         ),
         tuple(blocks),
@@ -196,7 +200,7 @@ def _channels(
     index: str, words: str, stage: Stage, unit: dict[str, str]
 ) -> Iterator[tuple[str, ...]]:
     train, unseen = stage.train, stage.holdout
-    names = dict.fromkeys([*train.channels, *(unseen.channels if unseen else {})])
+    names = list({**train.channels, **(unseen.channels if unseen else {})})
     for name in names:
         sizes = [number(_rmse(e, name), 3) for e in (train, unseen)]
         shares = [number(_nrmse(e, name), 2) for e in (train, unseen)]

@@ -12,15 +12,17 @@ import numpy as np
 from diffthrust._display import number, units
 from diffthrust._effect import Effect
 from diffthrust._model import Model
-from diffthrust._phrases import an, apart, capitalised, joined, percent, probability, spelt
+from diffthrust._phrases import an, apart, capitalised, joined, probability, spelt
+from diffthrust._regimes import percent
 
 if TYPE_CHECKING:
+    from diffthrust._compare import Comparison
     from diffthrust._diagnosis import Diagnosis, Missing
     from diffthrust._metrics import Errors
     from diffthrust._result import Estimate, Fit
 
 _NAMED = 2
-"""Channels that the summary names; more are told by their mean."""
+"""Channels that the summary names (more are told by their mean), and hints that it repeats."""
 
 
 def summary(diag: Diagnosis) -> str:
@@ -45,6 +47,9 @@ def summary(diag: Diagnosis) -> str:
         sentences.append(remaining_words(diag))
     if not diag.best:
         sentences.append(f"{capitalised(level_words(diag))}.")
+    if diag.before.hints:
+        sentences.append("A channel may not mean what its name says:")
+        sentences += diag.before.hints[:_NAMED]
     return " ".join(sentences)
 
 
@@ -140,6 +145,14 @@ def missing_words(missing: Missing, model: Model) -> str:
         f"{words}it depends most on {missing.depends_on}, which explains "
         f"{percent(missing.share)} of its variance ({probability(missing.p_value)})."
     )
+
+
+def failure_words(comparison: Comparison) -> list[str]:
+    """Where the error of a model sits, and whether what is left is noise."""
+    return [
+        *(regime.sentence for regime in comparison.regimes),
+        *(capitalised(tests.sentence) for tests in comparison.tests.values()),
+    ]
 
 
 def remaining_words(diag: Diagnosis) -> str:

@@ -55,11 +55,6 @@ def probability(p_value: float) -> str:
     return "p < 0.001" if p_value < 0.001 else f"p = {number(p_value, 2)}"
 
 
-def percent(share: float) -> str:
-    """A share as a percentage."""
-    return f"{100 * share:.{0 if share >= 0.0095 or share == 0 else 1}f} %"
-
-
 def capitalised(words: str) -> str:
     """The words as the start of a sentence."""
     return words[:1].upper() + words[1:]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from glob import glob, has_magic
 from pathlib import Path
@@ -26,6 +26,7 @@ from diffthrust._spec_file import (
 )
 
 if TYPE_CHECKING:
+    from diffthrust._diagnosis import Diagnosis
     from diffthrust._result import Fit
 
 
@@ -107,6 +108,31 @@ class Spec:
             progress=progress,
             **self.file.fit.model_dump(exclude_unset=True),
         )
+
+    def diagnose(
+        self,
+        progress: Callable[[str, float], None] | None = None,
+        *,
+        candidates: Sequence[str] | None = None,
+    ) -> Diagnosis:
+        """Fit as ``[fit]`` says, then find what the model with its effects lacks.
+
+        Args:
+            progress: called with a message and the share done.
+            candidates: effects to try, as ``effects`` in a spec names them; all where ``None``.
+
+        Raises:
+            InputError: an effect that is not known, or logs that cannot be diagnosed.
+        """
+        from diffthrust._candidates import candidates_of
+        from diffthrust._diagnose import diagnose
+
+        folder = self.path.parent
+        wanted = candidates and [effect_class(c, folder) if ":" in c else c for c in candidates]
+        train, unseen = self.train_logs(), self.holdout_logs()
+        candidates_of(self.model, (*train, *unseen), wanted)  # tell a wrong name before the fit
+        found = self.fit(progress, train=train, holdout=unseen)
+        return diagnose(found, train, holdout=unseen or None, candidates=wanted, progress=progress)
 
 
 def load_spec(path: Path | str) -> Spec:

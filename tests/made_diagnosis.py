@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from reference import inputs, noise, thruster
@@ -28,6 +29,7 @@ def logs() -> tuple[dft.Log, dft.Log]:
     return made[0], made[1]
 
 
+@cache
 def diagnosis() -> Diagnosis:
     """A dead band found first, an actuator lag second, and something left over at the load."""
     train, unseen = logs()
@@ -86,7 +88,7 @@ def diagnosis() -> Diagnosis:
             ),
         ),
         experiment=dft.suggest_experiment(
-            [fits[1], fits[2]], duration=10.0, step=0.1, limits={"command": (-2.0, 2.0)}
+            [fits[1], fits[2]], duration=6.0, step=0.2, limits={"command": (-2.0, 2.0)}
         ),
         seconds={"compile": 4.0, "screen": 2.5, "refit": 6.0},
     )
