@@ -142,8 +142,10 @@ class Observe(Protocol):
 
 def _driven(model: Model, time: Any, inputs: Mapping[str, Any]) -> tuple[dict[str, Any], Signals]:
     """The input series that reach the model through the effects on them, and the first samples."""
-    outer = Ports(model.effects, Signals({**inputs, "time": time}))
-    series = {name: outer(name, value) for name, value in inputs.items()}
+    series = dict(inputs)
+    for effect in model.effects:  # one after the other: some read several channels
+        outer = Ports((effect,), Signals({**series, "time": time}))
+        series = {name: outer(name, value) for name, value in series.items()}
     return series, Signals({**{n: value[0] for n, value in series.items()}, "time": time[0]})
 
 
