@@ -73,12 +73,19 @@ class Wind(Effect):
         bounds=(0, None),
         null=0.0,
         size=0.05,
-        probes=(0.01, 0.1),
+        probes=relative_to("propulsion", 0.003),
     )
     across: float = parameter(
-        0.02, "N s^2/m^2", bounds=(0, None), null=0.0, size=0.1, probes=(0.02, 0.2)
+        0.02,
+        "N s^2/m^2",
+        bounds=(0, None),
+        null=0.0,
+        size=0.1,
+        probes=relative_to("propulsion", 0.006),
     )
-    turning: float = parameter(0.005, "N s^2/m", null=0.0, size=0.05, probes=(-0.02, 0.02))
+    turning: float = parameter(
+        0.005, "N s^2/m", null=0.0, size=0.05, probes=relative_to("propulsion", 0.001)
+    )
     direction: float = parameter(
         0.0, "rad", bounds=(-math.pi, math.pi), size=1.0, probes=(-2.4, -0.8, 0.8, 2.4)
     )
