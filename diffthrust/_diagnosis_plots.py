@@ -9,9 +9,8 @@ import numpy as np
 
 from diffthrust._diagnosis_words import stage_words
 from diffthrust._display import number
-from diffthrust._phrases import spelt
+from diffthrust._phrases import percent, spelt
 from diffthrust._plots import BLUE, GREY, VERMILLION, thinned
-from diffthrust._regimes import percent
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,8 +12,7 @@ import numpy as np
 from diffthrust._display import number, units
 from diffthrust._effect import Effect
 from diffthrust._model import Model
-from diffthrust._phrases import an, apart, capitalised, joined, probability, spelt
-from diffthrust._regimes import percent
+from diffthrust._phrases import an, apart, capitalised, joined, percent, probability, spelt
 
 if TYPE_CHECKING:
     from diffthrust._compare import Comparison

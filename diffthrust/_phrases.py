@@ -55,6 +55,16 @@ def probability(p_value: float) -> str:
     return "p < 0.001" if p_value < 0.001 else f"p = {number(p_value, 2)}"
 
 
+def percent(share: float) -> str:
+    """A share as a percentage that never rounds something to nothing.
+
+    Example:
+        >>> percent(0.617), percent(0.0042)
+        ('62 %', '0.4 %')
+    """
+    return f"{100 * share:.{0 if share >= 0.0095 or share == 0 else 1}f} %"
+
+
 def capitalised(words: str) -> str:
     """The words as the start of a sentence."""
     return words[:1].upper() + words[1:]
