@@ -2,23 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from diffthrust._agreement import Agreement, agreement, hints
 from diffthrust._channels import listing
 from diffthrust._errors import InputError
+from diffthrust._intake import inputs_of
 from diffthrust._log import Log
 from diffthrust._metrics import Errors, errors, unwrapped
 from diffthrust._model import Model
+from diffthrust._regimes import Regime, percent, worst_regimes
+from diffthrust._residual_tests import ResidualTests, residual_tests
 from diffthrust._simulate import simulate
+from diffthrust._step_check import choose_substeps
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from diffthrust._result import Fit
+
+_OUTSTANDING = 3.0
+"""A run stands out where its RMSE is so many times that of the median run."""
 
 
 @dataclass(frozen=True)
@@ -33,12 +42,29 @@ class Trace:
 
 @dataclass(frozen=True)
 class Run:
-    """One log with the simulation over the whole of it."""
+    """One log with the simulation over the whole of it.
+
+    Args:
+        name: of the log.
+        time: time stamps [s], ``(n,)``.
+        channels: measured and modelled, by channel that the log measures.
+        errors: errors by channel.
+        log: the log.
+        signals: inputs, and modelled states and outputs, ``(n,)`` each, in the model's units.
+        units: unit of each signal.
+        start: initial states that were given.
+        substeps: integrator steps per sample.
+    """
 
     name: str
     time: np.ndarray
     channels: Mapping[str, Trace]
     errors: Errors
+    log: Log = field(repr=False)
+    signals: Mapping[str, np.ndarray] = field(repr=False)
+    units: Mapping[str, str] = field(repr=False)
+    start: Mapping[str, float]
+    substeps: int
 
 
 @dataclass(frozen=True)
@@ -49,11 +75,105 @@ class Comparison:
         model: the model.
         runs: one for each log, simulated over its whole length.
         errors: errors by channel, pooled over the runs.
+
+    What takes longer is worked out when it is first asked for: ``tests`` of the residuals, the
+    ``regimes`` in which the error sits, the ``agreement`` of measured and modelled, and ``hints``
+    on channels that do not mean what their names say.
     """
 
     model: Model
     runs: tuple[Run, ...]
     errors: Errors
+
+    @cached_property
+    def tests(self) -> Mapping[str, ResidualTests]:
+        """Whiteness of the residual of each channel, and its correlation with the signals.
+
+        Empty for tables of readings, whose order means nothing.
+        """
+        found = {}
+        if self.tabular:
+            return found
+        for name in self.errors.channels:
+            runs = [run for run in self.runs if name in run.channels]
+            found[name] = residual_tests(
+                name,
+                [run.channels[name].residual for run in runs],
+                [self.signals_of(run) for run in runs],
+                step=float(np.median(np.concatenate([np.diff(run.time) for run in runs]))),
+                unit=self.model.outputs[name],
+            )
+        return {name: tests for name, tests in found.items() if tests is not None}
+
+    @cached_property
+    def regimes(self) -> tuple[Regime, ...]:
+        """Where the squared error of each channel gathers; at most two regimes a channel.
+
+        Over all channels, noise alone gets a regime named in at most 5 % of comparisons.
+        """
+        found: list[Regime] = []
+        for name in self.errors.channels:
+            runs = [run for run in self.runs if name in run.channels]
+            found += worst_regimes(
+                name,
+                [run.channels[name].residual for run in runs],
+                [None if self.tabular else run.time for run in runs],
+                [self.signals_of(run) for run in runs],
+                runs[0].units,
+                plain=self.model.angles,
+                channels=len(self.errors.channels),
+            )
+        return tuple(found)
+
+    @cached_property
+    def agreement(self) -> Mapping[str, Agreement]:
+        """How each measured channel follows the modelled one: correlation, gain and lag."""
+        found = {name: agreement(self.model, self.runs, name) for name in self.errors.channels}
+        return {name: a for name, a in found.items() if a is not None}
+
+    @cached_property
+    def hints(self) -> tuple[str, ...]:
+        """Sentences on channels that may not mean what their names say, and on runs that stand out.
+
+        Mostly none.
+        """
+        return (*hints(self.model, self.runs, self.agreement.values()), *self._outstanding())
+
+    @property
+    def tabular(self) -> bool:
+        """Whether the logs are tables of readings, without a time of their own."""
+        counted = all(np.array_equal(run.time, np.arange(run.time.size)) for run in self.runs)
+        return counted and not self.model.states
+
+    def _outstanding(self) -> Iterator[str]:
+        for name, pooled in self.errors.channels.items():
+            found = [(run.name, run.errors.channels.get(name)) for run in self.runs]
+            rmse = {run: error.rmse for run, error in found if error is not None}
+            usual = float(np.median(list(rmse.values())))
+            for run, error in found:
+                if error is None or len(rmse) < 3 or not _OUTSTANDING * usual < error.rmse < np.inf:
+                    continue
+                unit = f" {self.model.outputs[name]}".rstrip()
+                share = error.rmse**2 * error.samples / (pooled.rmse**2 * pooled.samples)
+                yield (
+                    f"{run}: its {name} error (RMSE {error.rmse:.3g}{unit}) is "
+                    f"{error.rmse / usual:.2g} times that of the median run and makes up "
+                    f"{percent(share)} of the squared error of all runs."
+                )
+
+    def signals_of(self, run: Run) -> dict[str, np.ndarray]:
+        """The signals that an error may depend on.
+
+        Not where the vessel is, and where it points only if that is measured: a modelled heading
+        with nothing to hold it is little more than a clock.
+        """
+        found = {n: v for n, v in run.signals.items() if np.all(np.isfinite(v))}
+        for name, unit in self.model.states.items():
+            if unit == "m" or (name in self.model.angles and name not in run.channels):
+                found.pop(name, None)
+            elif name in self.model.angles and name in found:
+                found[name] = np.angle(np.exp(1j * found[name]))
+        return found
 
     def plot(self, runs: Sequence[str] | None = None) -> Figure:
         """Measured and modelled on top, residual below, for each channel.
@@ -76,20 +196,35 @@ class Comparison:
         shown = self.runs if runs is None else tuple(r for r in self.runs if r.name in runs)
         return comparison_figure(Comparison(self.model, shown, self.errors))
 
+    def plot_residuals(self) -> Figure:
+        """For each channel the residual with its worst regime, and its correlations.
+
+        One row for each channel: the residual against time with the regime shaded, against the
+        signal of the regime, its autocorrelation, and its correlation with the signal to which it
+        is most related.
+        """
+        from diffthrust._residual_plots import residual_figure
+
+        return residual_figure(self)
+
     def report(self) -> str:
-        """The errors as a table, for people."""
+        """Errors of each run, where the error sits, residual tests and hints, for people."""
         from diffthrust._display import comparison_table, rendered
 
         return rendered(comparison_table(self))
 
     def to_json(self) -> dict[str, Any]:
-        """Errors, pooled and by run, as plain data."""
+        """Errors, pooled and by run, regimes, residual tests and hints as plain data."""
         return {
             "schema": 1,
             "model": self.model.name,
             "effects": [effect.name for effect in self.model.effects],
             "errors": self.errors.to_json(),
             "runs": [{"name": run.name, **run.errors.to_json()} for run in self.runs],
+            "regimes": [regime.to_json() for regime in self.regimes],
+            "tests": {name: tests.to_json() for name, tests in self.tests.items()},
+            "agreement": {name: a.to_json() for name, a in self.agreement.items()},
+            "hints": list(self.hints),
         }
 
 
@@ -110,7 +245,8 @@ def compare(
         substeps: integrator steps per sample; chosen for each log where ``None``.
 
     Returns:
-        A `Comparison`: errors, and a figure by ``.plot()``.
+        A `Comparison`: errors, residual tests, the regimes in which the error sits, and figures by
+        ``.plot()`` and ``.plot_residuals()``.
 
     Raises:
         InputError: a log without a channel that the model needs or puts out.
@@ -138,6 +274,8 @@ def compare(
 
 
 def _run(model: Model, log: Log, start: Mapping[str, float], substeps: int | None) -> Run:
+    if substeps is None:
+        substeps = choose_substeps(model, log, initial=start)
     modelled = simulate(model, log, initial=start, substeps=substeps)
     channels = {}
     for name, unit in model.outputs.items():
@@ -152,7 +290,9 @@ def _run(model: Model, log: Log, start: Mapping[str, float], substeps: int | Non
             ours = theirs - rest
         channels[name] = Trace(theirs, ours, rest, unit)
     found = errors({n: [(t.measured, t.residual)] for n, t in channels.items()})
-    return Run(log.name, log.time, channels, found)
+    signals = {**inputs_of(model, log), **{n: v for n, v in modelled.items() if "." not in n}}
+    units = {**model.inputs, **model.optional_inputs, **model.states, **model.outputs}
+    return Run(log.name, log.time, channels, found, log, signals, units, start, substeps)
 
 
 def _pooled(runs: Sequence[Run]) -> Errors:

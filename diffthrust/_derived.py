@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -11,7 +11,10 @@ JUMP = 0.1
 
 
 def derived_signals(
-    time: np.ndarray, signals: Mapping[str, np.ndarray], units: Mapping[str, str]
+    time: np.ndarray | None,
+    signals: Mapping[str, np.ndarray],
+    units: Mapping[str, str],
+    plain: Collection[str] = (),
 ) -> dict[str, tuple[np.ndarray, str]]:
     """The signals, and those that follow from them, with their units; the plainest come first.
 
@@ -20,9 +23,10 @@ def derived_signals(
     down. Besides ``time since the start`` and, for each signal that jumps, the time since it did.
 
     Args:
-        time: time stamps [s], ``(n,)``.
+        time: time stamps [s], ``(n,)``; ``None`` for a table, where nothing has a rate.
         signals: values by name, ``(n,)`` each.
         units: unit of each signal.
+        plain: signals of which only the value is wanted.
 
     Returns:
         Name to values ``(n,)`` and unit.
@@ -32,11 +36,12 @@ def derived_signals(
         ['d(speed)/dt', 'd|speed|/dt', 'speed', 'time since the start', '|d(speed)/dt|', '|speed|']
     """
     found = {name: (values, units.get(name, "")) for name, values in signals.items()}
-    both = [name for name, values in signals.items() if np.nanmin(values) < 0 < np.nanmax(values)]
+    signals = {name: values for name, values in signals.items() if name not in plain}
+    both = [name for name, values in signals.items() if values.min() < 0 < values.max()]
     found |= {f"|{name}|": (np.abs(signals[name]), units.get(name, "")) for name in both}
-    found["time since the start"] = (time - time[0], "s")
-    if time.size < 3:
+    if time is None or time.size < 3:
         return found
+    found["time since the start"] = (time - time[0], "s")
     for name, values in signals.items():
         jumped = np.abs(np.diff(values, prepend=values[0])) > JUMP * np.ptp(values)
         rate, unit = np.gradient(values, time), rate_unit(units.get(name, ""))

@@ -88,12 +88,32 @@ def error_table(errors: Iterable[tuple[str, Errors | None]], unit: Mapping[str, 
 
 
 def comparison_table(comparison: Comparison, title: str = "") -> RenderableType:
-    """Errors of each run, and pooled over the runs."""
+    """Errors of each run and pooled over the runs, where they sit, residual tests and hints."""
     errors = [(run.name, run.errors) for run in comparison.runs]
     if len(errors) > 1:
         errors.append(("all runs", comparison.errors))
     heading = f"{comparison.model}{f', {title}' if title else ''}"
-    return Group(Text(heading, style="bold"), error_table(errors, units(comparison.model)))
+    parts: list[RenderableType] = [
+        Text(heading, style="bold"),
+        error_table(errors, units(comparison.model)),
+        Text(),
+    ]
+    for name, sentences in findings(comparison):
+        parts += [Text(name, style="bold"), *(Text(f"- {words}") for words in sentences), Text()]
+    return Group(*parts)
+
+
+def findings(comparison: Comparison) -> list[tuple[str, list[str]]]:
+    """What a comparison found besides errors: headings with their sentences; none is empty."""
+    regimes = [regime.sentence for regime in comparison.regimes]
+    if not regimes and not comparison.tabular:
+        regimes = ["No regime stands out from what chance would give."]
+    found = [
+        ("What does not fit together", list(comparison.hints)),
+        ("Where the error sits (inputs as recorded, other signals as modelled)", regimes),
+        ("Is the residual noise?", [tests.sentence for tests in comparison.tests.values()]),
+    ]
+    return [(name, sentences) for name, sentences in found if sentences]
 
 
 def check_table(checked: Checked) -> RenderableType:

@@ -119,6 +119,19 @@ def _label(
         below.set_xlabel("sample" if static else "time [s]", fontsize=9)
 
 
+def styled(axes: Axes, title: str, x: str, y: str) -> None:
+    """Title and labels of one panel, a light grid behind, and no box."""
+    axes.set_title(title, loc="left", fontsize=9)
+    axes.set_xlabel(x, fontsize=9)
+    axes.set_ylabel(y, fontsize=9)
+    axes.grid(True, color="0.9", linewidth=0.6)
+    axes.set_axisbelow(True)
+    axes.tick_params(labelsize=8)
+    axes.margins(x=0.01)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+
+
 def _common(traces: list[Trace]) -> float:
     """One limit for the residuals of a channel, so that runs can be compared by eye."""
     largest = 0.0

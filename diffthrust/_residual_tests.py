@@ -8,7 +8,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy import fft, stats
+from scipy import stats
+
+from diffthrust._correlation import autocorrelation, covariance, integral, ljung_box
 
 LEVEL = 0.05
 
@@ -102,8 +104,14 @@ class ResidualTests:
         else:
             words = (
                 f"{self.channel}: the residual is correlated over {self.correlation_time:.2g} s "
-                f"({self.lag_one:+.2f} from sample to sample); its {self.samples} samples tell as "
-                f"much as {self.effective_samples:.0f} independent ones"
+                f"({self.lag_one:+.2f} from sample to sample), so that its {self.samples} samples "
+                f"tell as much as {self.effective_samples:.0f} independent ones"
+            )
+        if abs(self.mean) > 3 * self.mean_error:
+            side = "above" if self.mean > 0 else "below"
+            words += (
+                f"; on average the measurement lies {abs(self.mean):.2g} {self.unit} {side} the "
+                f"model (+-{2 * self.mean_error:.1g})"
             )
         related = [s for s in self.signals.values() if s.related]
         if not related:
@@ -190,62 +198,6 @@ def residual_tests(
         autocorrelation=own,
         signals=several,
     )
-
-
-def ljung_box(correlation: np.ndarray, samples: int) -> float:
-    """P-value of the first autocorrelations of white noise (Ljung & Box 1978).
-
-    Args:
-        correlation: autocorrelations at lags 1, 2, ..., ``(h,)``.
-        samples: number of samples behind them.
-    """
-    lag = np.arange(1, correlation.size + 1)
-    q = samples * (samples + 2) * np.sum(correlation**2 / (samples - lag))
-    return float(stats.chi2.sf(q, correlation.size))
-
-
-def integral(correlation: np.ndarray) -> float:
-    """Sum of an autocorrelation over both sides, up to its first zero; at least 1."""
-    gone = np.flatnonzero(correlation <= 0)
-    return max(1.0, float(2 * correlation[: gone[0] if gone.size else None].sum() - 1))
-
-
-def autocorrelation(runs: Sequence[np.ndarray], lags: int) -> np.ndarray:
-    """Autocorrelation at lags 0, ..., `lags`, pooled over runs about their common mean.
-
-    Missing samples (NaN) are left out of the products. Weighted as if divided by the number of
-    samples at every lag, so that the estimate is a positive sequence.
-
-    Args:
-        runs: values of each run, ``(n,)``.
-        lags: the longest lag.
-    """
-    found = covariance(runs, runs, lags)[lags:]
-    return found / found[0] if found[0] > 0 else np.where(np.arange(lags + 1) == 0, 1.0, 0.0)
-
-
-def covariance(first: Sequence[np.ndarray], second: Sequence[np.ndarray], lags: int) -> np.ndarray:
-    """Covariance at lags ``-lags .. lags``, positive where `first` follows `second`; pooled."""
-    means = [np.nanmean(np.concatenate(list(x))) for x in (first, second)]
-    products, counts, full = (np.zeros(2 * lags + 1) for _ in range(3))
-    for one, two in zip(first, second, strict=True):
-        seen = [np.isfinite(x) for x in (one, two)]
-        flat = [
-            np.where(ok, x - mean, 0.0) for x, mean, ok in zip((one, two), means, seen, strict=True)
-        ]
-        products += _lagged(*flat, lags)
-        counts += _lagged(*(ok.astype(float) for ok in seen), lags)
-        full += np.maximum(one.size - np.abs(np.arange(-lags, lags + 1)), 0)
-    taper = full / full[lags]
-    return np.where(counts > 0.5, products / np.maximum(counts, 1.0), 0.0) * taper
-
-
-def _lagged(one: np.ndarray, two: np.ndarray, lags: int) -> np.ndarray:
-    """Sums over t of one[t + k] two[t] at k = -lags .. lags."""
-    size = fft.next_fast_len(one.size + max(lags, one.size))
-    sums = fft.irfft(fft.rfft(one, size) * np.conj(fft.rfft(two, size)), size)
-    k = np.arange(-lags, lags + 1)
-    return np.where(np.abs(k) < one.size, sums[k % size], 0.0)
 
 
 def cross_correlation(

@@ -1,0 +1,63 @@
+"""Correlation in time of series that come in several runs and have gaps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import signal, stats
+
+
+def ljung_box(correlation: np.ndarray, samples: int) -> float:
+    """P-value of the first autocorrelations of white noise (Ljung & Box 1978).
+
+    Args:
+        correlation: autocorrelations at lags 1, 2, ..., ``(h,)``.
+        samples: number of samples behind them.
+    """
+    lag = np.arange(1, correlation.size + 1)
+    q = samples * (samples + 2) * np.sum(correlation**2 / (samples - lag))
+    return float(stats.chi2.sf(q, correlation.size))
+
+
+def integral(correlation: np.ndarray) -> float:
+    """Sum of an autocorrelation over both sides, up to its first zero; at least 1."""
+    gone = np.flatnonzero(correlation <= 0)
+    return max(1.0, float(2 * correlation[: gone[0] if gone.size else None].sum() - 1))
+
+
+def autocorrelation(runs: Sequence[np.ndarray], lags: int) -> np.ndarray:
+    """Autocorrelation at lags 0, ..., `lags`, pooled over runs about their common mean.
+
+    Missing samples (NaN) are left out of the products. Weighted as if divided by the number of
+    samples at every lag, so that the estimate is a positive sequence.
+
+    Args:
+        runs: values of each run, ``(n,)``.
+        lags: the longest lag.
+    """
+    found = covariance(runs, runs, lags)[lags:]
+    return found / found[0] if found[0] > 0 else np.where(np.arange(lags + 1) == 0, 1.0, 0.0)
+
+
+def covariance(first: Sequence[np.ndarray], second: Sequence[np.ndarray], lags: int) -> np.ndarray:
+    """Covariance at lags ``-lags .. lags``, positive where `first` follows `second`; pooled."""
+    means = [np.nanmean(np.concatenate(list(x))) for x in (first, second)]
+    products, counts, full = (np.zeros(2 * lags + 1) for _ in range(3))
+    reach = np.abs(np.arange(-lags, lags + 1))
+    for one, two in zip(first, second, strict=True):
+        here, there = np.isfinite(one), np.isfinite(two)
+        flat = np.where(here, one - means[0], 0.0), np.where(there, two - means[1], 0.0)
+        products += _lagged(*flat, lags)
+        counts += _lagged(here.astype(float), there.astype(float), lags)
+        full += np.maximum(one.size - reach, 0)
+    taper = full / full[lags]
+    return np.where(counts > 0.5, products / np.maximum(counts, 1.0), 0.0) * taper
+
+
+def _lagged(one: np.ndarray, two: np.ndarray, lags: int) -> np.ndarray:
+    """Sums over t of one[t + k] two[t] at k = -lags .. lags."""
+    sums = signal.correlate(one, two, mode="full", method="fft")
+    reach = min(lags, one.size - 1)
+    inner = sums[one.size - 1 - reach : one.size + reach]
+    return np.pad(inner, lags - reach)
