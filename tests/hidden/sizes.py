@@ -95,7 +95,7 @@ VESSEL: dict[str, Size] = {
     "swapped_thrusters": Size(1.0, None, 1.0, lambda x, k: {"swapped": x}),
     "differential_gain": Size(0.02, 0.0005, 0.15, lambda x, k: {"gain": x}, True),
     "rudder_rate_limit": Size(
-        0.9, 0.06, 0.97, lambda x, k: {"rate": np.radians(48.0) * (1.0 - x) / 0.1}
+        0.8, 0.06, 0.97, lambda x, k: {"rate": np.radians(48.0) * (1.0 - x) / 0.1}
     ),
     "propeller_lag": Size(0.25, 0.0053, 1.0, lambda x, k: {"time_constant": x}),
     "rudder_lag": Size(0.15, 0.0032, 0.6, lambda x, k: {"time_constant": x}),
@@ -114,9 +114,9 @@ VESSEL: dict[str, Size] = {
         0.2, 0.007, 0.6, lambda x, k: {"drag": x * k["moment"] / k["yaw_rate"] ** 2}
     ),
     "wind": Size(
-        0.15,
-        0.01,
-        0.15,
+        0.005,
+        0.0001,
+        0.05,
         lambda x, k: {
             "along": x * k["force"] / 16.0,
             "across": 1.5 * x * k["force"] / 16.0,
@@ -124,12 +124,12 @@ VESSEL: dict[str, Size] = {
         },
     ),
     "water_current": Size(
-        0.15,
-        0.01,
+        0.02,
+        0.0004,
         0.15,
         lambda x, k: {"to_north": x * k["surge"], "to_east": -0.7 * x * k["surge"]},
     ),
-    "sway_yaw_coupling": Size(0.6, 0.05, 0.6, lambda x, k: {"mass": x, "damping": x}),
+    "sway_yaw_coupling": Size(0.2, 0.0037, 0.6, lambda x, k: {"mass": x, "damping": x}),
 }
 
 VESSEL_OUTSIDE: dict[str, Size] = {
@@ -156,7 +156,8 @@ ALL = {**THRUSTER, **REDUNDANT, **OUTSIDE, **VESSEL, **VESSEL_OUTSIDE}
 
 def drawn(name: str, size: float, rng: np.random.Generator) -> float:
     """About a size (within a tenth), of either sign where the effect has one."""
-    return size * rng.uniform(0.9, 1.1) * (rng.choice([-1.0, 1.0]) if ALL[name].signed else 1.0)
+    sign = rng.choice([-1.0, 1.0]) if ALL[name].signed else 1.0
+    return float(size * rng.uniform(0.9, 1.1) * sign)
 
 
 def hidden(chosen: Mapping[str, float], scale: Scale) -> dict[str, dict[str, float]]:
