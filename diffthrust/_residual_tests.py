@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy import stats
+from scipy.special import ndtr, ndtri
 
 from diffthrust._correlation import autocorrelation, covariance, integral, ljung_box
 
@@ -231,6 +231,6 @@ def cross_correlation(
     values = covariance(residuals, signals, lags) / norm
     # neighbouring lags tell the same: only every so many count as a trial of their own
     trials = 1 + 2 * lags / inflation
-    p = min(1.0, trials * 2 * float(stats.norm.sf(np.abs(values).max() / error)))
-    band = float(stats.norm.isf(LEVEL / 2)) * error
+    p = min(1.0, trials * 2 * float(ndtr(-np.abs(values).max() / error)))
+    band = float(-ndtri(LEVEL / 2)) * error
     return CrossCorrelation(name, np.arange(-lags, lags + 1) * step, values, band, p)
