@@ -16,7 +16,7 @@ _jax.config.update("jax_enable_x64", True)
 # goes in front of the user's: XLA ignores all that follows a word without leading dashes.
 if "xla_backend_extra_options" not in _os.environ.get("XLA_FLAGS", ""):
     _os.environ["XLA_FLAGS"] = (
-        "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=1000000 "
+        "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=1000000000 "
         + _os.environ.get("XLA_FLAGS", "")
     ).strip()
 

@@ -28,6 +28,8 @@ MOST_STAGES = 5
 MARGIN = 4.0
 """An effect is added where it lowers the information criterion by more than this, so that one of
 some thirty candidates passes by chance in about one diagnosis of a hundred."""
+CARRIED = 6
+"""So many of the effects tried at a stage are fitted to the end."""
 ALIKE = 8.0
 """Effects whose criteria differ by less than this cannot be told apart (odds of some 50 to 1)."""
 
@@ -151,7 +153,7 @@ class _Search:
             gain = candidate.holdout_gain
             if candidate.delta_bic > -MARGIN:
                 return False
-            if gain < -1.0:
+            if gain < 0.0:
                 continue  # fits these logs, and makes others worse
             effects = self.present.effects
             self.present = self.trials.clipped(trial)
@@ -172,9 +174,11 @@ class _Search:
                 f"stage {number + 1}: trying {name}", 0.2 + 0.1 * number + 0.1 * i / len(names)
             )
             trial = self.trials.tried(name, self.present, levels, keep=3.0)
-            if trial is not None and math.isfinite(trial.cost):
-                found.append((self._rated(number, name, trial), trial))
-        return found
+            if trial is not None:
+                found.append((name, trial))
+        found.sort(key=lambda pair: pair[1].expected)
+        ended = [(n, self.trials.solve(t.effects, t.values)) for n, t in found[:CARRIED]]
+        return [(self._rated(number, n, t), t) for n, t in [*ended, *found[CARRIED:]]]
 
     def _rated(self, number: int, name: str, trial: Trial) -> Candidate:
         ratio = max(0.0, 2 * (self.present.cost - trial.cost))
@@ -235,6 +239,7 @@ class _Search:
                 trial = self.trials.tried(rival, without, levels, keep=3.0)
                 if trial is None:
                     continue
+                trial = self.trials.solve(trial.effects, trial.values)
                 more = (len(trial.names) - len(self.present.names)) * math.log(self.trials.samples)
                 if 2 * (trial.cost - self.present.cost) + more < ALIKE:
                     alike.append(rival)

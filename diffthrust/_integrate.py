@@ -37,6 +37,7 @@ def integrate(
     restart: Mapping[str, tuple[Any, Any]],
     correct: Correct | None = None,
     rows: Any = None,
+    uniform: bool = False,
 ) -> dict[str, Any]:
     """Integrate a system of first-order equations over given steps.
 
@@ -51,6 +52,8 @@ def integrate(
         correct: changes the states before each step, from them, the inputs at the start of the
             step and this step's row of ``rows``.
         rows: series that ``correct`` reads, ``(N,)`` each.
+        uniform: all steps are as long as the first (or of no length, at the end, where nothing is
+            read any more): the weights of relaxing states are then worked out once.
 
     Returns:
         Each state after every step, before any correction, ``(N + 1,)`` with the start in front.
@@ -61,13 +64,16 @@ def integrate(
 
     first = {name: jnp.asarray(value, float) for name, value in start.items()}
     fast = {
-        name: _weights(steps, k.decay)
+        name: _weights(steps[0] if uniform else steps, k.decay)
         for name, k in rates(first, {name: value[0] for name, value in inputs.items()}).items()
         if isinstance(k, Relaxing)
     }
 
+    each = {} if uniform else fast
+
     def body(state: dict[str, Any], x: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         given, step, anew, weights, row = x
+        weights = fast if uniform else weights
         for name, value in anew.items():
             signed = jnp.where(restart[name][1] & (state[name] < 0), -value, value)
             state = {**state, name: jnp.where(jnp.isnan(value), state[name], signed)}
@@ -76,7 +82,7 @@ def integrate(
         state = _step(rates, state, given, step, weights)
         return state, state
 
-    _, after = jax.lax.scan(body, first, (dict(inputs), steps, values, fast, rows))
+    _, after = jax.lax.scan(body, first, (dict(inputs), steps, values, each, rows))
     return {name: jnp.concatenate([first[name][None], after[name]]) for name in first}
 
 

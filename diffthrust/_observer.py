@@ -15,7 +15,7 @@ are not states (a thrust) are read from the corrected states and have a colour o
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -75,14 +75,16 @@ class Observer:
         return found
 
 
-def observer_of(model: Model, log: Log, channels: Sequence[str]) -> Observer | None:
+def observer_of(
+    model: Model, log: Log, channels: Sequence[str], remembering: Collection[str] = ()
+) -> Observer | None:
     """The observer of a model for some measured channels; ``None`` where no state is measured.
 
     A measured state is corrected by its own channel. A state that is not measured, but drives one
     that is, is corrected by all. Random forces act on the states whose rates pass a port (in a
-    model without ports: on all).
+    model without ports: on all). Channels named in ``remembering`` correct nothing: an effect there
+    reads more than the present sample.
     """
-    remembering = {port for e in model.effects if e.memory for port in e.ports}
     own = [n for n in model.states if n not in log.inputs]
     fed = tuple(n for n in own if n in channels and n not in remembering)
     if not fed:

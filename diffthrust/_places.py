@@ -19,7 +19,7 @@ from diffthrust._parameters import parameter
 from diffthrust._signals import Ports, Signals
 from diffthrust._simulate import equations_of
 
-KNOTS = 8
+KNOTS = 7
 """A signal of unknown form is a sum of so many given series."""
 
 

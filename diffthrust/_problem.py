@@ -15,9 +15,9 @@ from diffthrust._intake import bridged, hold_of, inputs_of
 from diffthrust._log import Log
 from diffthrust._metrics import unwrapped
 from diffthrust._model import Model
-from diffthrust._observer import Observer, observer_of
+from diffthrust._observer import Observer
 from diffthrust._parameters import Parameter
-from diffthrust._simulate import Grid, Key, starting_states
+from diffthrust._simulate import Grid, Key, even, starting_states
 from diffthrust._step_check import sensor_noise
 
 WASTE = 1.25
@@ -168,19 +168,18 @@ def build(
     initial: str = "estimate",
     segmented: bool = False,
     loss: str = "gaussian",
-    innovations: bool = False,
+    observer: Observer | None = None,
     width: int | None = None,
 ) -> Problem:
     """Arrange a model and its logs for estimation.
 
-    With ``innovations`` the likelihood is that of the one-step predictions, where a state is
-    measured.
+    With an ``observer`` the likelihood is that of the one-step predictions.
 
     Raises:
         InputError: no measured channel that the model puts out, a missing input, or a unit of the
             wrong dimension.
     """
-    channels = tuple(n for n in model.outputs if any(n in log.measured for log in logs))
+    channels = channels_of(model, logs)
     if not channels:
         found = sorted({name for log in logs for name in log.measured})
         raise InputError(
@@ -189,7 +188,6 @@ def build(
             "Map a column to one of these channels.",
         )
     logs = tuple(bridged(log)[0] for log in logs)
-    observer = observer_of(model, logs[0], channels) if innovations else None
     nuisance: dict[str, Parameter] = {}
     if observer:
         longest, step = max(log.duration for log in logs), min(log.step for log in logs)
@@ -206,7 +204,8 @@ def build(
         restarted = tuple(
             n for n in trusted(model) if segmented and any(_reads(log, n) for log in group)
         )
-        grids.append(Grid(hold, substeps, restarted))
+        uniform = all(even(log.time) for log in group)
+        grids.append(Grid(hold, substeps, restarted, uniform))
         batches.append(_batch(model, group, channels, starts, restarted))
         order.append(tuple(indices))
     counts = sum(np.isfinite(b["measured"]).sum(axis=(0, 2)) for b in batches)
@@ -235,6 +234,11 @@ def build(
         "prior": {n: (jnp.asarray(p.mean), jnp.asarray(p.std)) for n, p in priors.items() if p},
     }
     return Problem(model, tuple(logs), layout, arrays, tuple(order), nuisance=nuisance)
+
+
+def channels_of(model: Model, logs: Sequence[Log]) -> tuple[str, ...]:
+    """The outputs of a model that any of the logs measures."""
+    return tuple(n for n in model.outputs if any(n in log.measured for log in logs))
 
 
 def restarts(problem: Problem, horizon: float | None, *, hold: bool = False) -> Problem:

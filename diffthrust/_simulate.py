@@ -29,11 +29,19 @@ class Grid:
         hold: for each input "zero" (held over the sample) or "linear".
         substeps: steps of the integrator per sample.
         restarted: measured states that may be set anew.
+        uniform: all samples are equally far apart.
     """
 
     hold: tuple[tuple[str, str], ...]
     substeps: int = 1
     restarted: tuple[str, ...] = ()
+    uniform: bool = False
+
+
+def even(time: np.ndarray) -> bool:
+    """Whether samples are equally far apart, but for the rounding of the time stamps."""
+    steps = np.diff(time)
+    return bool(steps.size) and float(np.ptp(steps)) <= 1e-6 * float(np.median(steps))
 
 
 def trajectory(
@@ -108,7 +116,7 @@ def march(
             name: _sparse(row[:-1], grid.substeps, observe.between.get(name, math.nan))
             for name, row in observe.rows.items()
         }
-    path = integrate(rates, begin, per_step, steps, anew, correct, rows)
+    path = integrate(rates, begin, per_step, steps, anew, correct, rows, grid.uniform)
     return series, {name: value[:: grid.substeps] for name, value in path.items()}
 
 
@@ -246,7 +254,7 @@ def simulate(
     inputs = inputs_of(model, log)
     outputs, states = _compiled(
         Key(model),
-        Grid(hold_of(log, inputs), substeps),
+        Grid(hold_of(log, inputs), substeps, uniform=even(log.time)),
         {name: jnp.asarray(p.value) for name, p in model.parameters.items()},
         jnp.asarray(log.time),
         {name: jnp.asarray(value) for name, value in inputs.items()},

@@ -7,7 +7,7 @@ that hundreds of trials share one compilation.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -18,21 +18,29 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.stats import f as fisher
 
+from diffthrust._channels import listing
 from diffthrust._effect import Effect
+from diffthrust._errors import InputError
 from diffthrust._likelihood import TAIL, Quadratic, named_values
 from diffthrust._log import Log
 from diffthrust._model import Model
-from diffthrust._observer import CLIP, innovations
+from diffthrust._observer import CLIP, innovations, observer_of
 from diffthrust._parameters import Relative
 from diffthrust._places import KNOTS, Place, places_of, readings, unknown_at
-from diffthrust._problem import Problem, build
+from diffthrust._problem import Problem, build, channels_of
 from diffthrust._solver import solve
 
 MOST_PROBES = 6
 """An effect is tried from at most so many points."""
+FEW = 6
+"""Steps from each of the best probes, before it is known which effects matter."""
+MOST_REMOVED = 0.9
+"""No step is taken to remove more of the squared errors than this, whatever it promises."""
+NEAR = 0.005
+"""The first probe of an effect is so small a share of its trial value."""
 ENOUGH = 2e-3
 """A trial ends where a full step would gain less log-likelihood than this."""
-ROOM = 6
+ROOM = 4
 """Parameters that stages may add beside the model's own, the observer's and those of a trial."""
 
 
@@ -46,6 +54,7 @@ class Trial:
         cost: negative log-likelihood.
         quadratic: the likelihood near the optimum, in the coordinates of ``names``.
         names: the parameters that were estimated.
+        promise: gain of log-likelihood that a full step within the bounds would still bring.
     """
 
     effects: tuple[str, ...]
@@ -53,6 +62,12 @@ class Trial:
     cost: float
     quadratic: Quadratic
     names: tuple[str, ...]
+    promise: float
+
+    @property
+    def expected(self) -> float:
+        """The cost that a full step promises."""
+        return self.cost - self.promise
 
 
 class Trials:
@@ -76,7 +91,7 @@ class Trials:
     ) -> None:
         self.model = model
         self.logs = tuple(logs)
-        channels = [n for n in model.outputs if any(n in log.measured for log in logs)]
+        channels = channels_of(model, logs)
         self.places = places_of(model, logs[0], channels)
         self.unknowns = {place.port: unknown_at(place.port)() for place in self.places}
         everything = model
@@ -84,7 +99,15 @@ class Trials:
             everything = everything + effect.at_null()
         self.candidates = {effect.name: effect for effect in candidates}
         self.own = tuple(n for n, p in model.parameters.items() if not p.fixed)
-        kept = {"substeps": substeps, "innovations": True, "loss": "student_t"}
+        remembering = {p for e in (*candidates, *model.effects) if e.memory for p in e.ports}
+        observer = observer_of(model, logs[0], channels, remembering)
+        if observer is None:
+            raise InputError(
+                f"No log measures a state of '{model.name}': expected one of "
+                f"{listing(model.states)}, found {listing(channels)}.",
+                "A diagnosis needs a measured state, which tells random forces from the model's.",
+            )
+        kept = {"substeps": substeps, "observer": observer, "loss": "student_t"}
         first = build(everything, self._with_series(logs), **kept)
         self.nuisance = tuple(first.nuisance)
         width = len(self.own) + len(self.nuisance) + KNOTS + ROOM
@@ -119,9 +142,15 @@ class Trials:
         names = self.moved(effects)
         problem = self.problem.focus(names, values)
         found = solve(problem, problem.start(), budget, ENOUGH)
-        cost = float(found.quadratic.cost)
-        cost = cost if np.isfinite(cost) else np.inf
-        return Trial(tuple(effects), problem.values(found.z), cost, found.quadratic, names)
+        q, cost = found.quadratic, float(found.quadratic.cost)
+        if not np.isfinite(cost):
+            return Trial(tuple(effects), problem.values(found.z), np.inf, q, names, 0.0)
+        low, high = problem.limits()
+        outward = ((found.z <= low + 1e-9) & (q.gradient >= 0)) | (
+            (found.z >= high - 1e-9) & (q.gradient <= 0)
+        )
+        promise = _promise(q, ~outward)
+        return Trial(tuple(effects), problem.values(found.z), cost, q, names, promise)
 
     def values_of(self, model: Model) -> dict[str, float]:
         """Values of a model's parameters, by full name."""
@@ -166,30 +195,47 @@ class Trials:
             inside = [v for v in values if low <= v <= high and np.isfinite(v)]
             tried[name] = inside or [float(np.clip(p.scale, low, high))]
         points = list(product(*tried.values()))
-        step = max(1, len(points) // MOST_PROBES)
+        points = points[:: max(1, len(points) // MOST_PROBES)][:MOST_PROBES]
+        nulls = [named[n].null for n in tried]
+        near: list[tuple[float, ...]] = []
+        if all(null is None or np.isfinite(null) for null in nulls):  # from there, the score test
+            for point in points:
+                pairs = zip(nulls, point, strict=True)
+                near.append(tuple(v if n is None else n + NEAR * abs(v - n) for n, v in pairs))
+            near = [tuple(map(float, np.clip(p, *_ends(named, tried)))) for p in near]
+            located = [p for p, n in zip(zip(*near, strict=True), nulls, strict=True) if n is None]
+            keys = list(zip(*located, strict=True)) if located else [()] * len(near)
+            near = list(dict(zip(reversed(keys), reversed(near), strict=True)).values())
         return [
             {f"{effect}.{n}": v for n, v in zip(tried, point, strict=True)}
-            for point in points[::step][:MOST_PROBES]
+            for point in (*near, *points)
         ]
 
     def tried(
         self, effect: str, present: Trial, levels: Mapping[str, float], keep: float
     ) -> Trial | None:
-        """The present model with one more effect, fitted from its best probe.
+        """The present model with one more effect, carried a few steps from its best probes.
 
         ``None`` where no probe promises a likelihood ratio above ``keep``.
         """
         effects = (*present.effects, effect)
         promised = []
         for probe in self.probes(effect, levels):
-            one = self.solve(effects, {**present.values, **probe}, budget=4)
+            one = self.solve(effects, {**present.values, **probe}, budget=1)
             if np.isfinite(one.cost):
-                promised.append((one.cost - _promise(one.quadratic), one))
-        promised.sort(key=lambda pair: pair[0])
-        if not promised or 2 * (present.cost - promised[0][0]) < keep:
+                promised.append(one)
+        if not promised:
             return None
-        ended = [self.solve(effects, one.values) for _, one in promised[:2]]
-        return min(ended, key=lambda trial: trial.cost)
+        promised.sort(key=lambda trial: trial.expected)
+        hopeful = [one for one in promised[:2] if 2 * (present.cost - one.expected) > keep]
+        null = self.candidates[effect].at_null()._parameters.values()
+        if any(np.isinf(p.value) for p in null):  # no score there: start from the weakest probe
+            hopeful.append(min(promised, key=lambda trial: trial.cost))
+        if not hopeful:
+            return None
+        begun = [self.solve(effects, one.values, budget=FEW) for one in hopeful]
+        best = min(begun, key=lambda trial: trial.expected)
+        return best if 2 * (present.cost - best.expected) > keep else None
 
     def levels(self, trial: Trial) -> dict[str, float]:
         """The 90th percentile of the absolute value of every signal, and the longest duration."""
@@ -341,14 +387,24 @@ def score_test(q: Quadratic, base: int, more: int) -> tuple[float, np.ndarray, n
     return float(fisher.sf(ratio, rank, blocks - rank)), -inverse @ total, inverse
 
 
-def _promise(q: Quadratic) -> float:
-    """What a full Gauss-Newton step would still gain, within reason."""
-    gradient, information = np.asarray(q.gradient), np.asarray(q.information)
-    length = np.sqrt(np.diagonal(information))
-    live = length > 0
-    scaled = information[np.ix_(live, live)] / np.outer(length[live], length[live])
-    slope = gradient[live] / length[live]
-    return float(0.5 * slope @ np.linalg.pinv(scaled, rcond=1e-9, hermitian=True) @ slope)
+def _promise(q: Quadratic, movable: np.ndarray) -> float:
+    """What a full Gauss-Newton step promises to gain in log-likelihood.
+
+    The likelihood goes with the logarithm of the squared errors: a step that is to remove most of
+    them promises more than its quadratic says.
+    """
+    length = np.sqrt(np.diagonal(q.information))
+    live = (length > 0) & movable
+    scaled = q.information[np.ix_(live, live)] / np.outer(length[live], length[live])
+    slope = q.gradient[live] / length[live]
+    removed = float(slope @ np.linalg.pinv(scaled, rcond=1e-9, hermitian=True) @ slope)
+    energy = float(q.energy) / len(q.sigma)
+    return -0.5 * energy * float(np.log1p(-min(removed / energy, MOST_REMOVED)))
+
+
+def _ends(named: Mapping[str, Any], names: Iterable[str]) -> tuple[list[float], list[float]]:
+    limits = [named[n].limits for n in names]
+    return [low for low, _ in limits], [high for _, high in limits]
 
 
 def _trial_values(probes: Any, levels: Mapping[str, float]) -> tuple[float, ...]:
@@ -375,6 +431,3 @@ def _forward(layout: Any, arrays: Any, z: Any) -> Any:
 
         out.append(jax.lax.map(one, batch))
     return out
-
-
-Say = Callable[[str, float], None]

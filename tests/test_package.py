@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-ONE_KERNEL = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=1000000"
+ONE_KERNEL = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=1000000000"
 TRUNCATED = "--xla_cpu_multi_thread_eigen=false y=1"  # XLA reads up to 'y=1' only
 
 
