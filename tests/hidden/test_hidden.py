@@ -13,20 +13,20 @@ from reference.vessel_hidden import VESSEL
 from rich.console import Console
 
 import diffthrust as dft
-from hidden import bench, score, sets, sizes
+from hidden import bench, outside, score, sets, sizes
 from hidden.visibility import visibility
 
 #: What the reference can hide, but the catalogue does not have.
 NOT_CATALOGUED = {"speed_sensor_lag", "speed_sensor_delay"}
+#: Of one shape, so that they share compiled code.
 QUICK = (
-    ("clear/reverse_thrust_asymmetry", 0),
-    ("clear/coulomb_friction", 0),
-    ("faint/linear_damping", 0),
-    ("none", 0),
-    ("none_ar", 0),
-    ("field-none", 0),
-    ("field-clear/command_deadband", 0),
-    ("outside/thrust_hollow", 0),
+    ("clear/coulomb_friction", 2),
+    ("clear/thrust_sensor_offset", 1),
+    ("none", 1),
+    ("none_ar", 3),
+    ("field-none", 1),
+    ("field-clear/command_deadband", 1),
+    ("outside/thrust_hollow", 2),
 )
 needs_diagnose = pytest.mark.skipif(
     not hasattr(dft, "diagnose"), reason="this version has no diagnosis"
@@ -84,7 +84,9 @@ def test_every_effect_of_the_catalogue_is_in_the_bench():
     assert clear == set(THRUSTER) - NOT_CATALOGUED
     assert set(sets.CLASSES["vessel"][0]) == set(VESSEL)
     assert clear | set(VESSEL) <= set(dft.effects.EFFECTS)
-    assert not (clear | set(VESSEL)) & set(sizes.OUTSIDE)
+    beyond = {*outside.OUTSIDE, *outside.VESSEL_OUTSIDE}
+    assert beyond == {*sizes.OUTSIDE, *sizes.VESSEL_OUTSIDE}
+    assert not beyond & set(dft.effects.EFFECTS)
     for kind in sets.kinds():
         names = kind.partition("/")[2]
         assert all(name in sizes.ALL for name in names.split("+") if name)
@@ -107,7 +109,7 @@ def test_a_plan_covers_every_class_and_repeats_no_set():
         sets.plan(wanted=("nonsense",))
 
 
-@pytest.mark.parametrize("name", ["coulomb_friction", "thrust_sensor_lag"])
+@pytest.mark.parametrize("name", ["coulomb_friction", "reverse_thrust_asymmetry"])
 def test_a_clear_effect_shows_and_a_faint_one_only_to_the_optimal_filter(name):
     clear = visibility(sets.draw(f"clear/{name}", 1).plant, rounds=2)
     assert max(clear.excess.values()) > 1.5
@@ -128,7 +130,14 @@ def test_process_noise_hides_what_the_sensors_alone_would_show():
     assert 40.0 < visibility(plant, rounds=2).ratio < 0.5 * calm
 
 
-@pytest.mark.parametrize("name", sizes.OUTSIDE)
+@pytest.mark.parametrize(
+    "name",
+    ["load_hump", "motor_heating"]
+    + [
+        pytest.param(name, marks=pytest.mark.slow)
+        for name in ("command_play", "load_memory", "thrust_hollow", "wave_ventilation")
+    ],
+)
 def test_no_catalogue_term_imitates_an_effect_outside_it(name):
     """Even all terms of the catalogue together, of any sign, leave most of a sure signal."""
     plant = sets.draw(f"outside/{name}", 0).plant
@@ -215,11 +224,12 @@ def test_a_bench_that_was_cut_goes_on_and_reports(tmp_path, monkeypatch):
 
 
 @needs_diagnose
-@pytest.mark.parametrize(("kind", "seed"), QUICK)
-def test_quick_subset(kind, seed):
-    row = bench.examine(kind, seed, dft.diagnose)
-    assert row["right"], f"{row['label']}: {row['why']}"
-    assert row["ratio"] is None or row["ratio"] <= score.CLOSE
+def test_quick_subset():
+    rows = [bench.examine(kind, seed, dft.diagnose) for kind, seed in QUICK]
+    assert not [f"{row['kind']}: {row['label']}, {row['why']}" for row in rows if not row["right"]]
+    ratios = [row["ratio"] for row in rows if row["ratio"] is not None]
+    assert len(ratios) == 3
+    assert max(ratios) <= score.CLOSE
 
 
 @needs_diagnose
