@@ -156,7 +156,9 @@ class _Search:
             if gain < 0.0:
                 continue  # fits these logs, and makes others worse
             effects = self.present.effects
-            self.present = self.trials.clipped(trial)
+            self.present = self.timed(
+                "screen", self.trials.settled, trial.effects, trial.values, trial.begin
+            )
             self._drop()
             if set(self.present.effects) == set(effects):
                 return False
@@ -177,7 +179,7 @@ class _Search:
             if trial is not None:
                 found.append((name, trial))
         found.sort(key=lambda pair: pair[1].expected)
-        ended = [(n, self.trials.solve(t.effects, t.values)) for n, t in found[:CARRIED]]
+        ended = [(n, self.trials.further(t)) for n, t in found[:CARRIED]]
         return [(self._rated(number, n, t), t) for n, t in [*ended, *found[CARRIED:]]]
 
     def _rated(self, number: int, name: str, trial: Trial) -> Candidate:
@@ -202,7 +204,8 @@ class _Search:
         """Take out every effect without which the criterion is no worse."""
         for name in self.present.effects[:-1]:
             rest = tuple(n for n in self.present.effects if n != name)
-            without = self.trials.solve(rest, self.trials.absent(name, self.present.values))
+            values = self.trials.absent(name, self.present.values)
+            without = self.trials.solve(rest, values, self.present.begin)
             fewer = len(self.present.names) - len(without.names)
             loss = 2 * (without.cost - self.present.cost) - fewer * math.log(self.trials.samples)
             if loss < MARGIN:
@@ -233,13 +236,13 @@ class _Search:
         for name in self.present.effects:
             rest = tuple(n for n in self.present.effects if n != name)
             values = self.trials.absent(name, self.present.values)
-            without = self.trials.solve(rest, values)
+            without = self.trials.solve(rest, values, self.present.begin)
             alike = [name]
             for rival in sorted(rivals - set(self.present.effects)):
                 trial = self.trials.tried(rival, without, levels, keep=3.0)
                 if trial is None:
                     continue
-                trial = self.trials.solve(trial.effects, trial.values)
+                trial = self.trials.further(trial)
                 more = (len(trial.names) - len(self.present.names)) * math.log(self.trials.samples)
                 if 2 * (trial.cost - self.present.cost) + more < ALIKE:
                     alike.append(rival)

@@ -75,12 +75,25 @@ class Problem:
         return self.layout.free if self.chosen is None else self.chosen
 
     @property
+    def own(self) -> tuple[str, ...]:
+        """Those of them that are the model's; the observer's come after them."""
+        return tuple(name for name in self.free if name not in self.nuisance)
+
+    @property
     def named(self) -> dict[str, Parameter]:
         """The parameters of the model and of the observer, by full name."""
         return {**self.model.parameters, **self.nuisance}
 
-    def focus(self, names: Sequence[str], values: Mapping[str, float]) -> Problem:
-        """The same problem with other values, in which only these parameters are moved."""
+    def focus(
+        self,
+        names: Sequence[str],
+        values: Mapping[str, float],
+        begin: np.ndarray | None = None,
+    ) -> Problem:
+        """The same problem with other values, in which only these parameters are moved.
+
+        ``begin`` gives the initial states, ``(local,)``, in the order of the coordinates.
+        """
         layout, named = self.layout, self.named
         assert layout.width is not None
         assert len(names) <= layout.width
@@ -93,7 +106,15 @@ class Problem:
         moved = replace(self, model=model, nuisance=nuisance, chosen=tuple(names))
         scales = jnp.asarray([moved.named[n].scale for n in layout.free])
         numbers = {"chosen": jnp.asarray(chosen), "values": rest, "scales": scales}
-        return replace(moved, arrays={**self.arrays, **numbers})
+        batches = list(self.arrays["batches"])
+        if begin is not None and begin.size:
+            sizes = [batch["start"].size for batch in batches]
+            parts = np.split(begin, np.cumsum(sizes)[:-1])
+            batches = [
+                {**batch, "start": jnp.asarray(part.reshape(batch["start"].shape))}
+                for batch, part in zip(batches, parts, strict=True)
+            ]
+        return replace(moved, arrays={**self.arrays, **numbers, "batches": batches})
 
     @property
     def local(self) -> int:
@@ -102,7 +123,7 @@ class Problem:
 
     def sign_free(self) -> list[int]:
         """Coordinates of initial states that only an unsigned sensor reads."""
-        at, out = len(self.free), []
+        at, out = self.shared, []
         for indices in self.order:
             for index in indices:
                 for state in self.layout.starts:
@@ -116,22 +137,24 @@ class Problem:
         named = self.named
         ahead = [float(named[n].to_coordinate(named[n].value)) for n in self.free]
         states = [np.asarray(batch["start"]).reshape(-1) for batch in self.arrays["batches"]]
-        return np.concatenate([np.asarray(ahead, float), *states, np.zeros(self._spare)])
+        spare = np.zeros(self.shared - len(ahead))
+        return np.concatenate([np.asarray(ahead, float), spare, *states])
 
     def limits(self) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper limits of the coordinates."""
         named = self.named
         pairs = [named[n].coordinate_limits() for n in self.free]
-        pairs += [(-np.inf, np.inf)] * self.local + [(0.0, 0.0)] * self._spare
+        pairs += [(0.0, 0.0)] * (self.shared - len(pairs))
+        pairs += [(-np.inf, np.inf)] * self.local
         low, high = np.array(pairs, float).reshape(-1, 2).T
         if self.held:
-            low[len(self.free) :] = high[len(self.free) :] = self.start()[len(self.free) :]
+            low[self.shared :] = high[self.shared :] = self.start()[self.shared :]
         return low, high
 
     @property
-    def _spare(self) -> int:
-        """Coordinates without a parameter, which fill the width."""
-        return 0 if self.chosen is None else (self.layout.width or 0) - len(self.chosen)
+    def shared(self) -> int:
+        """Number of coordinates before the initial states of the logs."""
+        return self.layout.width or len(self.free)
 
     def values(self, z: np.ndarray) -> dict[str, float]:
         """Values of all parameters at some coordinates."""
@@ -142,6 +165,11 @@ class Problem:
             out[name] = float(np.clip(float(named[name].from_coordinate(coordinate)), low, high))
         return out
 
+    def model_at(self, z: np.ndarray) -> Model:
+        """The model with its parameters at some coordinates."""
+        values = self.values(z)
+        return self.model.replace({name: values[name] for name in self.model.parameters})
+
     def slopes(self, z: np.ndarray) -> np.ndarray:
         """d(value)/d(coordinate) of the free parameters."""
         named, values = self.named, self.values(z)
@@ -151,7 +179,7 @@ class Problem:
 
     def initial_states(self, z: np.ndarray) -> list[dict[str, float]]:
         """Estimated initial states of each log, in the order of ``logs``."""
-        starts, at = self.layout.starts, len(self.free)
+        starts, at = self.layout.starts, self.shared
         out: list[dict[str, float]] = [{} for _ in self.logs]
         for indices in self.order:
             for index in indices:
@@ -189,15 +217,17 @@ def build(
         )
     logs = tuple(bridged(log)[0] for log in logs)
     nuisance: dict[str, Parameter] = {}
+    free_states = tuple(n for n in model.states if not any(n in log.inputs for log in logs))
     if observer:
+        free_states = observer.fed
         longest, step = max(log.duration for log in logs), min(log.step for log in logs)
         nuisance = observer.parameters(longest, step)
-        initial = "measured"
     named = {**model.parameters, **nuisance}
     free = tuple(name for name, p in named.items() if not p.fixed)
-    free_states = tuple(n for n in model.states if not any(n in log.inputs for log in logs))
     starts = free_states if initial == "estimate" else ()
     noise = _known_noise(model, logs, channels)
+    if observer:  # a given level is the sensor's, and a prediction errs by more than its sensor
+        noise = [None] * len(noise)
     grids, batches, order = [], [], []
     for indices, hold in _grouped(model, logs):
         group = [logs[i] for i in indices]

@@ -41,7 +41,8 @@ NEAR = 0.005
 ENOUGH = 2e-3
 """A trial ends where a full step would gain less log-likelihood than this."""
 ROOM = 4
-"""Parameters that stages may add beside the model's own, the observer's and those of a trial."""
+"""Parameters of effects that are estimated together with all of the model's and the observer's;
+with more, the observer's memories are held at what they were, and then its gains."""
 
 
 @dataclass(frozen=True)
@@ -51,18 +52,20 @@ class Trial:
     Args:
         effects: names of the effects that are present.
         values: all parameters by full name, the observer's included.
-        cost: negative log-likelihood.
         quadratic: the likelihood near the optimum, in the coordinates of ``names``.
         names: the parameters that were estimated.
+        cost: negative log-likelihood.
         promise: gain of log-likelihood that a full step within the bounds would still bring.
+        begin: the initial states of the logs.
     """
 
     effects: tuple[str, ...]
     values: Mapping[str, float]
-    cost: float
     quadratic: Quadratic
     names: tuple[str, ...]
+    cost: float
     promise: float
+    begin: np.ndarray | None
 
     @property
     def expected(self) -> float:
@@ -110,7 +113,7 @@ class Trials:
         kept = {"substeps": substeps, "observer": observer, "loss": "student_t"}
         first = build(everything, self._with_series(logs), **kept)
         self.nuisance = tuple(first.nuisance)
-        width = len(self.own) + len(self.nuisance) + KNOTS + ROOM
+        width = len(self.own) + max(len(self.nuisance), KNOTS) + ROOM
         self.problem = replace(first, layout=replace(first.layout, width=width))
         self.unseen = (
             build(everything, self._with_series(unseen), **kept, width=width) if unseen else None
@@ -135,22 +138,39 @@ class Trials:
         """The parameters that are estimated with some effects present."""
         named = self.problem.named
         theirs = [n for n in named if n.rpartition(".")[0] in effects and not named[n].fixed]
-        return (*self.own, *self.nuisance, *theirs)
+        gains = [n for n in self.nuisance if n.rpartition(".")[2] not in _SECONDS]
+        memories = [n for n in self.nuisance if n not in gains]
+        free = max(0, (self.problem.layout.width or 0) - len(self.own) - len(theirs))
+        return (*self.own, *(*gains, *memories)[:free], *theirs)
 
-    def solve(self, effects: Sequence[str], values: Mapping[str, float], budget: int = 40) -> Trial:
-        """Fit with some effects present, from given values."""
+    def solve(
+        self,
+        effects: Sequence[str],
+        values: Mapping[str, float],
+        begin: np.ndarray | None = None,
+        budget: int = 40,
+    ) -> Trial:
+        """Fit with some effects present, from given values and initial states."""
         names = self.moved(effects)
-        problem = self.problem.focus(names, values)
+        problem = self.problem.focus(names, values, begin)
         found = solve(problem, problem.start(), budget, ENOUGH)
-        q, cost = found.quadratic, float(found.quadratic.cost)
-        if not np.isfinite(cost):
-            return Trial(tuple(effects), problem.values(found.z), np.inf, q, names, 0.0)
+        q, z = found.quadratic, found.z
+        given = (problem.values(z), q, names)
+        if not np.isfinite(q.cost):
+            return Trial(tuple(effects), *given, cost=np.inf, promise=0.0, begin=begin)
         low, high = problem.limits()
-        outward = ((found.z <= low + 1e-9) & (q.gradient >= 0)) | (
-            (found.z >= high - 1e-9) & (q.gradient <= 0)
+        outward = ((z <= low + 1e-9) & (q.gradient >= 0)) | ((z >= high - 1e-9) & (q.gradient <= 0))
+        return Trial(
+            tuple(effects),
+            *given,
+            cost=float(q.cost),
+            promise=_promise(q, ~outward),
+            begin=z[problem.shared :],
         )
-        promise = _promise(q, ~outward)
-        return Trial(tuple(effects), problem.values(found.z), cost, q, names, promise)
+
+    def further(self, trial: Trial, budget: int = 40) -> Trial:
+        """A trial carried on."""
+        return self.solve(trial.effects, trial.values, trial.begin, budget)
 
     def values_of(self, model: Model) -> dict[str, float]:
         """Values of a model's parameters, by full name."""
@@ -167,21 +187,30 @@ class Trials:
         return {**values, **own}
 
     def base(self, values: Mapping[str, float]) -> Trial:
-        """The model as it is, from several guesses of the noise; sets the clip of large errors."""
-        start = {n: p.value for n, p in self.problem.named.items()} | dict(values)
+        """The model as it is, at given values of its parameters."""
+        return self.settled((), {n: p.value for n, p in self.problem.named.items()} | dict(values))
+
+    def settled(
+        self,
+        effects: Sequence[str],
+        values: Mapping[str, float],
+        begin: np.ndarray | None = None,
+    ) -> Trial:
+        """Fit with some effects present to the end, from several guesses of the noise.
+
+        An effect that explains much leaves little noise: the observer's gains may be far from what
+        they were. Then large errors are limited to a few times what errors now are.
+        """
         quiet = {n: 0.02 for n in self.nuisance if n.rpartition(".")[2] not in _SECONDS}
         lasting = {n: 0.9 for n in quiet if n.endswith("colour")}
-        found = [self.solve((), {**start, **extra}) for extra in ({}, quiet, {**quiet, **lasting})]
-        best = min(found, key=lambda trial: trial.cost)
-        return self.clipped(best)
-
-    def clipped(self, trial: Trial) -> Trial:
-        """The trial fitted again with errors limited to a few times what they now are."""
+        guesses = ({}, quiet, {**quiet, **lasting})
+        begun = [self.solve(effects, {**values, **guess}, begin, budget=12) for guess in guesses]
+        trial = min(begun, key=lambda trial: trial.expected)
         for _ in range(2):
+            trial = self.further(trial, budget=150)
             arrays = {**self.problem.arrays, "clip": jnp.asarray(CLIP * trial.quadratic.sigma)}
             self.problem = replace(self.problem, arrays=arrays)
-            trial = self.solve(trial.effects, trial.values)
-        return trial
+        return self.further(trial, budget=150)
 
     def probes(self, effect: str, levels: Mapping[str, float]) -> list[dict[str, float]]:
         """Points from which an effect is tried: its parameters' trial values in the logs' scale."""
@@ -221,7 +250,7 @@ class Trials:
         effects = (*present.effects, effect)
         promised = []
         for probe in self.probes(effect, levels):
-            one = self.solve(effects, {**present.values, **probe}, budget=1)
+            one = self.solve(effects, {**present.values, **probe}, present.begin, budget=1)
             if np.isfinite(one.cost):
                 promised.append(one)
         if not promised:
@@ -233,7 +262,7 @@ class Trials:
             hopeful.append(min(promised, key=lambda trial: trial.cost))
         if not hopeful:
             return None
-        begun = [self.solve(effects, one.values, budget=FEW) for one in hopeful]
+        begun = [self.further(one, budget=FEW) for one in hopeful]
         best = min(begun, key=lambda trial: trial.expected)
         return best if 2 * (present.cost - best.expected) > keep else None
 
@@ -251,8 +280,10 @@ class Trials:
 
     def path(self, trial: Trial) -> list[dict[str, np.ndarray]]:
         """For each training log the series of inputs and states, predicted one step ahead."""
-        problem = self.problem.focus(trial.names, trial.values)
-        passes = _forward(problem.layout, problem.arrays, jnp.asarray(problem.start()))
+        problem = self.problem.focus(trial.names, trial.values, trial.begin)
+        passes = _forward(
+            problem.layout, problem.arrays, jnp.asarray(problem.start()[: problem.shared])
+        )
         found: list[dict[str, np.ndarray]] = [{} for _ in problem.logs]
         batches = problem.arrays["batches"]
         for batch, indices, (errors, path) in zip(batches, problem.order, passes, strict=True):
@@ -279,12 +310,15 @@ class Trials:
         assert self.unseen is not None
         arrays = {**self.unseen.arrays, "clip": self.problem.arrays["clip"]}
         problem = replace(self.unseen, arrays=arrays).focus(trial.names, trial.values)
-        passes = _forward(problem.layout, problem.arrays, jnp.asarray(problem.start()))
+        passes = _forward(
+            problem.layout, problem.arrays, jnp.asarray(problem.start()[: problem.shared])
+        )
         sigma, cost = np.asarray(trial.quadratic.sigma), 0.0
         for (errors, _), batch in zip(passes, problem.arrays["batches"], strict=True):
             seen = np.isfinite(np.asarray(batch["measured"]))
             scaled = np.asarray(errors) / sigma[None, :, None]
             each = 0.5 * (TAIL + 1) * np.log1p(scaled**2 / TAIL)
+            seen[..., : max(10, seen.shape[-1] // 50)] = False  # errors of the initial states
             cost += float(np.sum(np.where(seen, each + np.log(sigma)[None, :, None], 0.0)))
         return cost
 
@@ -292,12 +326,15 @@ class Trials:
         """NRMSE of the simulation, without correction, on training and unseen logs."""
         still = {n: 0.0 for n in self.nuisance if n.rpartition(".")[2] not in _SECONDS}
         values = {**trial.values, **still}
-        train = self._nrmse(self.problem, trial, values)
-        return train, self._nrmse(self.unseen, trial, values) if self.unseen else None
+        train = self._nrmse(self.problem.focus(trial.names, values, trial.begin))
+        if self.unseen is None:
+            return train, None
+        return train, self._nrmse(self.unseen.focus(trial.names, values))
 
-    def _nrmse(self, problem: Problem, trial: Trial, values: Mapping[str, float]) -> float:
-        problem = problem.focus(trial.names, values)
-        passes = _forward(problem.layout, problem.arrays, jnp.asarray(problem.start()))
+    def _nrmse(self, problem: Problem) -> float:
+        passes = _forward(
+            problem.layout, problem.arrays, jnp.asarray(problem.start()[: problem.shared])
+        )
         channels = len(problem.layout.channels)
         errors, measured = ([np.empty(0)] * channels for _ in range(2))
         for (rest, _), batch in zip(passes, problem.arrays["batches"], strict=True):
@@ -339,7 +376,10 @@ class Trials:
         """
         names = [f"unknown {port}.c{i}" for i in range(KNOTS)]
         given = self.unknowns[port].needs
-        problem = self.problem.focus((*trial.names, *names), trial.values)
+        # errors that are white say of the observer's gains nothing that they say of a mean
+        known = [n for n in trial.names if n not in self.nuisance]
+        names = names[: (self.problem.layout.width or 0) - len(known)]
+        problem = self.problem.focus((*known, *names), trial.values, trial.begin)
         batches = []
         for batch, indices in zip(problem.arrays["batches"], problem.order, strict=True):
             length = batch["time"].shape[1]
@@ -350,7 +390,9 @@ class Trials:
             batches.append({**batch, "inputs": {**batch["inputs"], **anew}})
         problem = replace(problem, arrays={**problem.arrays, "batches": batches})
         q = solve(problem, problem.start(), budget=1).quadratic
-        return score_test(q, len(trial.names), len(names))
+        p, found, covariance = score_test(q, len(known), len(names))
+        beyond = KNOTS - len(names)  # hats for which so many effects left no room
+        return p, np.pad(found, (0, beyond)), np.pad(covariance, (0, beyond))
 
 
 def score_test(q: Quadratic, base: int, more: int) -> tuple[float, np.ndarray, np.ndarray]:
@@ -427,7 +469,9 @@ def _forward(layout: Any, arrays: Any, z: Any) -> Any:
 
         def one(log: Any, grid: Any = grid) -> Any:
             told = {**log, "clip": arrays["clip"]}
-            return innovations(layout.observer, model, grid, values, told, log["held"])
+            begin = {n: log["start"][i] for i, n in enumerate(layout.starts)}
+            states = {**log["held"], **begin}
+            return innovations(layout.observer, model, grid, values, told, states)
 
         out.append(jax.lax.map(one, batch))
     return out
