@@ -2,44 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from functools import lru_cache
-from importlib.metadata import entry_points
+from collections.abc import Sequence
 
 from diffthrust._channels import listing, nearest
 from diffthrust._effect import Effect
 from diffthrust._errors import InputError
 from diffthrust._log import Log
+from diffthrust._lookup import catalogue
 from diffthrust._model import Model
-from diffthrust.effects import EFFECTS
-
-GROUP = "diffthrust.effects"
-"""Packages offer effects of their own by entry points of this group, each naming a class."""
-
-
-@lru_cache(maxsize=1)
-def catalogue() -> Mapping[str, type[Effect]]:
-    """All known effects by name: the library's, and those of installed packages.
-
-    Raises:
-        InputError: an entry point that is not an effect, or one with a name that is taken.
-    """
-    found = dict(EFFECTS)
-    for point in entry_points(group=GROUP):
-        cls = point.load()
-        if not (isinstance(cls, type) and issubclass(cls, Effect)):
-            raise InputError(
-                f"The entry point '{point.name}' of {GROUP} gives {cls!r}, which is no effect.",
-                "Let it name a class derived from diffthrust.Effect.",
-            )
-        if cls.name in found:
-            raise InputError(
-                f"The entry point '{point.name}' of {GROUP} gives an effect '{cls.name}', a name "
-                "that is taken.",
-                "Rename the effect, or remove the package.",
-            )
-        found[cls.name] = cls
-    return found
 
 
 def candidates_of(

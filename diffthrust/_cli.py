@@ -196,10 +196,10 @@ def effects() -> None:
     """List the effects that a model can be given: what each does, where, and its parameters."""
     with session():
         from diffthrust._display import effects_table
-        from diffthrust.effects import EFFECTS
+        from diffthrust._lookup import catalogue
         from diffthrust.models import MODELS
 
-        table = effects_table(EFFECTS.values(), MODELS.values())
+        table = effects_table(catalogue().values(), MODELS.values())
     _show(table)
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from diffthrust._arguments import listed
 from diffthrust._candidates import candidates_of
@@ -193,7 +193,7 @@ class _Search:
             effect=name,
             likelihood_ratio=ratio,
             delta_bic=more * math.log(self.trials.samples) - ratio,
-            p_value=float(chi2.sf(ratio, more)),
+            p_value=float(chdtrc(more, ratio)),
             holdout_gain=self.trials.unseen_gain(self.present, trial),
             train_nrmse=errors[0],
             holdout_nrmse=errors[1],

@@ -31,7 +31,7 @@ class Candidate:
         effect: its name.
         likelihood_ratio: twice the gain of log-likelihood of the innovations by adding it.
         delta_bic: its Bayesian information criterion less that of the stage: negative is better.
-        p_value: of the score test, robust to correlation and outliers, for this effect alone.
+        p_value: of the likelihood ratio, for this effect alone.
         holdout_gain: gain of log-likelihood of the innovations on the unseen logs; NaN without any.
         train_nrmse: simulation error on the training logs, where it was refitted in full.
         holdout_nrmse: the same on the unseen logs.

@@ -247,10 +247,10 @@ def _rank(value: float) -> float:
 
 def effects_known(diag: Diagnosis) -> dict[str, type[Effect]]:
     """The classes of effects by name: those of the catalogue and those that the models have."""
-    from diffthrust.effects import EFFECTS
+    from diffthrust._lookup import catalogue
 
     return {
-        **EFFECTS,
+        **catalogue(),
         **{effect.name: type(effect) for effect in (*diag.model.effects, *diag.best)},
     }
 

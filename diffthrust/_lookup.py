@@ -7,6 +7,7 @@ import inspect
 import traceback
 from collections.abc import Mapping
 from functools import lru_cache
+from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -15,6 +16,36 @@ from diffthrust._channels import listing, nearest
 from diffthrust._effect import Effect
 from diffthrust._errors import InputError
 from diffthrust._model import Model
+
+GROUP = "diffthrust.effects"
+"""Packages offer effects of their own by entry points of this group, each naming a class."""
+
+
+@lru_cache(maxsize=1)
+def catalogue() -> Mapping[str, type[Effect]]:
+    """All known effects by name: the library's, and those of installed packages.
+
+    Raises:
+        InputError: an entry point that is not an effect, or one with a name that is taken.
+    """
+    from diffthrust.effects import EFFECTS
+
+    found = dict(EFFECTS)
+    for point in entry_points(group=GROUP):
+        cls = point.load()
+        if not (isinstance(cls, type) and issubclass(cls, Effect)):
+            raise InputError(
+                f"The entry point '{point.name}' of {GROUP} gives {cls!r}, which is no effect.",
+                "Let it name a class derived from diffthrust.Effect.",
+            )
+        if cls.name in found:
+            raise InputError(
+                f"The entry point '{point.name}' of {GROUP} gives an effect '{cls.name}', a name "
+                "that is taken.",
+                "Rename the effect, or remove the package.",
+            )
+        found[cls.name] = cls
+    return found
 
 
 def model_class(word: str, folder: Path) -> type[Model]:
@@ -26,9 +57,7 @@ def model_class(word: str, folder: Path) -> type[Model]:
 
 def effect_class(word: str, folder: Path) -> type[Effect]:
     """The class of an effect: a canonical name, or ``script.py:Class`` of the user's own."""
-    from diffthrust.effects import EFFECTS
-
-    return _class(word, folder, Effect, EFFECTS, "effect")
+    return _class(word, folder, Effect, catalogue(), "effect")
 
 
 def made(cls: type[Model], options: Mapping[str, Any]) -> Model:

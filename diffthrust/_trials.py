@@ -16,7 +16,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from scipy.stats import f as fisher
+from scipy.special import fdtrc
 
 from diffthrust._channels import listing
 from diffthrust._effect import Effect
@@ -426,7 +426,7 @@ def score_test(q: Quadratic, base: int, more: int) -> tuple[float, np.ndarray, n
     hotelling = float(moved @ np.linalg.solve(scatter, moved))
     ratio = hotelling * (blocks - rank) / ((blocks - 1) * rank)
     inverse = basis @ basis.T
-    return float(fisher.sf(ratio, rank, blocks - rank)), -inverse @ total, inverse
+    return float(fdtrc(rank, blocks - rank, ratio)), -inverse @ total, inverse
 
 
 def _promise(q: Quadratic, movable: np.ndarray) -> float:

@@ -1,0 +1,101 @@
+"""Which effects a diagnosis tries, and why it cannot try others."""
+
+from importlib.metadata import EntryPoint
+
+import numpy as np
+import pytest
+
+import diffthrust as dft
+from diffthrust import _lookup
+from diffthrust._candidates import candidates_of
+
+
+def log(*, inputs=(), measured=("speed", "thrust")):
+    time = np.arange(50) * 0.05
+    return dft.Log(
+        time=time,
+        inputs={n: np.sin(time) for n in ("command", *inputs)},
+        measured={n: np.cos(time) for n in measured},
+    )
+
+
+class Ripple(dft.Effect):
+    """A user's own effect."""
+
+    name = "ripple"
+    port = "shaft"
+    size: float = dft.parameter(1.0, "rad/s^2", null=0.0, probes=(0.1, 1.0))
+
+    def __call__(self, value, s):
+        return value - self.size * s.speed
+
+
+@pytest.fixture
+def installed(monkeypatch):
+    """Packages that offer effects by entry points."""
+
+    def install(*points):
+        monkeypatch.setattr(_lookup, "entry_points", lambda group: points)
+        _lookup.catalogue.cache_clear()
+
+    yield install
+    monkeypatch.undo()
+    _lookup.catalogue.cache_clear()
+
+
+def test_the_whole_catalogue_of_the_model_is_tried():
+    tried, untestable = candidates_of(dft.Thruster(), [log(inputs=("inflow", "supply_voltage"))])
+    assert len(tried) == 24
+    assert not untestable
+
+
+def test_what_a_log_lacks_is_told_by_channel():
+    tried, untestable = candidates_of(dft.Thruster(), [log(measured=("speed",))])
+    assert "inflow" in untestable["inflow_thrust_loss"]
+    assert "supply_voltage" in untestable["supply_voltage_sag"]
+    assert "thrust" in untestable["thrust_sensor_lag"]
+    assert not {e.name for e in tried} & set(untestable)
+
+
+def test_a_channel_that_only_some_logs_have_does_not_count():
+    _, untestable = candidates_of(dft.Thruster(), [log(inputs=("inflow",)), log()])
+    assert "inflow" in untestable["inflow_load_relief"]
+
+
+def test_effects_that_the_model_has_and_those_of_other_models_are_left_out():
+    model = dft.Thruster() + dft.effects.LinearDamping()
+    tried, untestable = candidates_of(model, [log()])
+    names = {e.name for e in tried} | set(untestable)
+    assert "linear_damping" not in names
+    assert "quadratic_surge_drag" not in names
+
+
+def test_wanted_effects_by_name_class_and_object():
+    wanted = ["command_delay", Ripple, dft.effects.CommandOffset(offset=0.1)]
+    tried, _ = candidates_of(dft.Thruster(), [log()], wanted)
+    assert [e.name for e in tried] == ["command_delay", "ripple", "command_offset"]
+
+
+def test_an_unknown_name_is_answered_with_the_nearest():
+    with pytest.raises(dft.InputError, match="command_delay"):
+        candidates_of(dft.Thruster(), [log()], ["comand_delay"])
+
+
+def test_a_wanted_effect_for_another_model_is_refused():
+    with pytest.raises(dft.InputError, match="quadratic_surge_drag"):
+        candidates_of(dft.Thruster(), [log()], ["quadratic_surge_drag"])
+
+
+def test_effects_of_installed_packages_are_tried_too(installed):
+    installed(EntryPoint("ripple", f"{__name__}:Ripple", "diffthrust.effects"))
+    tried, _ = candidates_of(dft.Thruster(), [log()])
+    assert "ripple" in {e.name for e in tried}
+
+
+def test_an_entry_point_that_is_no_effect_or_takes_a_name_is_refused(installed):
+    installed(EntryPoint("wrong", "math:pi", "diffthrust.effects"))
+    with pytest.raises(dft.InputError, match=r"(?s)'wrong'.*no effect"):
+        candidates_of(dft.Thruster(), [log()])
+    installed(EntryPoint("again", "diffthrust.effects:CommandDelay", "diffthrust.effects"))
+    with pytest.raises(dft.InputError, match=r"(?s)'command_delay'.*taken"):
+        candidates_of(dft.Thruster(), [log()])
