@@ -36,6 +36,8 @@ def check_arguments(
     substeps: Any,
     loss: str,
     initial: str,
+    likelihood: str,
+    horizon: Any,
 ) -> None:
     """Raise `InputError` for an argument of `fit` that cannot be meant."""
     if not isinstance(model, Model):
@@ -45,11 +47,17 @@ def check_arguments(
     for what, value, known in (
         ("loss", loss, ("gaussian", "student_t")),
         ("initial", initial, ("auto", "estimate", "measured")),
+        ("likelihood", likelihood, ("simulation", "innovations")),
     ):
         if value not in known:
             raise InputError(
                 f"{what}: expected one of {', '.join(known)}, found {value!r}.", "Correct it."
             )
+    if likelihood == "innovations" and horizon is not None and horizon != "auto":
+        raise InputError(  # every sample sets the states right: there is nothing else to set
+            f"horizon: the innovations form goes through whole runs, found {horizon!r}.",
+            "Leave the horizon out, or use likelihood='simulation'.",
+        )
     for what, value, least in (("starts", starts, 1), ("seed", seed, 0), ("substeps", substeps, 1)):
         if what == "substeps" and value is None:
             continue

@@ -4,27 +4,29 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Literal
 
 import numpy as np
 
 from diffthrust._arguments import check_arguments, listed
 from diffthrust._compare import Comparison, compare
-from diffthrust._errors import InputError
+from diffthrust._horizons import schedule, through, whole_runs
+from diffthrust._innovations import clipped, disturbance_of, observer_for, one_step_errors
 from diffthrust._log import Log
 from diffthrust._model import Model
-from diffthrust._problem import Problem, build, restarts
+from diffthrust._problem import Problem, build
 from diffthrust._result import Estimate, Fit
 from diffthrust._solver import solve
-from diffthrust._starts import Progress, Search, draw, search
+from diffthrust._starts import Progress, draw
 from diffthrust._status import Checks, Local, Status, examine, judge
 from diffthrust._step_check import CoarseStepWarning, choose_substeps
 
 CORRELATED = 0.5
 """Residuals with a larger lag-one correlation are reported as coloured."""
-GROWTH = 1.1
-"""Whole runs are fitted where they raise no channel's noise by more than this factor."""
+WHITE = 0.1
+"""The same for one-step errors, which have no reason to be correlated at all."""
 
 
 def fit(
@@ -35,6 +37,7 @@ def fit(
     starts: int = 8,
     seed: int = 0,
     horizon: float | Sequence[float | None] | Literal["auto"] | None = "auto",
+    likelihood: Literal["simulation", "innovations"] = "simulation",
     loss: Literal["gaussian", "student_t"] = "gaussian",
     initial: Literal["auto", "estimate", "measured"] = "auto",
     substeps: int | None = None,
@@ -45,6 +48,11 @@ def fit(
     Maximum likelihood of the simulation error: every log is simulated, and the differences to the
     measurements are taken as noise whose level is estimated for each channel where the log does
     not give it. Levenberg-Marquardt in scaled coordinates, within the bounds, from several starts.
+
+    Where random forces act (turbulence, gusts) or sensor errors last from sample to sample,
+    ``likelihood="innovations"`` takes the error of predicting each sample from all earlier ones
+    (Ljung 1999, section 7.3), and estimates with the parameters how much of an error the model's
+    states take over. Its standard errors hold under such noise; it needs a measured state.
 
     Args:
         model: the model with its effects; its parameter values are the first guess.
@@ -58,6 +66,9 @@ def fit(
             ``horizon`` of their own (vessels) and logs of more than twice that length: these are
             fitted on segments of a tenth, a third and all of that length (the shorter, the fewer
             false minima), and then on whole runs if the errors over them are no larger.
+        likelihood: "simulation" or "innovations". The latter goes through whole runs, without a
+            ``horizon``; a noise level that a log gives is the sensor's alone, and that of the
+            prediction is estimated.
         loss: "gaussian", or "student_t" (4 degrees of freedom), which forgives outliers.
         initial: "estimate" the initial value of measured states, or take it as "measured". "auto"
             estimates it for whole runs and takes it as measured for segments, all of which then
@@ -77,31 +88,36 @@ def fit(
     """
     logs = listed(logs)
     unseen = listed(holdout) if holdout is not None else ()
-    check_arguments(model, logs, unseen, starts, seed, substeps, loss, initial)
+    check_arguments(model, logs, unseen, starts, seed, substeps, loss, initial, likelihood, horizon)
     rng = np.random.default_rng(seed)
     chosen = substeps or 1  # the first guess may need more than the optimum does
-    horizons = _schedule(model, logs, horizon)
+    observer = observer_for(model, logs) if likelihood == "innovations" else None
+    horizons = (None,) if observer else schedule(model, logs, horizon)
     whole = horizon == "auto" and horizons != (None,)
     refitted = False
     while True:
         notes: list[str] = []  # of this pass: a refit tells its own
-        problem = build(
-            model,
-            logs,
+        arrange = partial(
+            build,
+            logs=logs,
             substeps=chosen,
             initial="measured" if initial == "measured" else "estimate",
             segmented=any(h is not None for h in horizons),
             loss=loss,
+            observer=observer,
         )
+        problem = arrange(model)
         if horizons != (None,) and not any(grid.restarted for grid in problem.layout.grids):
             horizons, whole = (None,), False
             notes.append("No state is measured as it is: whole runs are fitted, not segments.")
-        problem, silent = _without_silent(problem, rng)
-        found, final = _search(problem, horizons, initial == "auto", starts, rng, progress)
+        problem, silent = _without_silent(problem, arrange, rng)
+        found, final = through(problem, horizons, initial == "auto", starts, rng, progress)
         length = horizons[-1]
         if whole:
-            found, final, length = _whole_runs(found, final, length, notes)
-        model_found = problem.model.replace(problem.values(found.best.z))
+            found, final, length = whole_runs(found, final, length, notes)
+        if observer and loss == "student_t":
+            found, final = clipped(found, final)
+        model_found = final.model_at(found.best.z)
         needed = _substeps(model_found, logs)
         if needed <= chosen or refitted or substeps:
             break
@@ -121,23 +137,24 @@ def fit(
         warnings.warn(notes[-1], CoarseStepWarning, stacklevel=2)
     best = found.best
     local = examine(final, best.z, best.quadratic)
+    agreeing = found.agreeing_on(final)
     status, message = judge(
-        local, float(best.quadratic.cost), found.begun, found.agreeing, found.rivals(final)
+        local, float(best.quadratic.cost), found.begun, agreeing, found.rivals(final)
     )
     states = tuple(final.initial_states(best.z))
     failed = status is Status.SIMULATION_FAILED
     train = compare(model_found, logs, initial=None if failed else states, substeps=chosen)
-    notes += _coloured(train)
+    notes += _coloured(train) if observer is None else _unwhite(one_step_errors(final, best.z))
     steps = chosen if failed else substeps
     return Fit(
         model=_unfixed(model_found, silent),
         parameters=_estimates(final, best.z, local),
         covariance=local.covariance,
-        free=final.free,
+        free=final.own,
         status=status,
         message=message,
         checks=Checks(
-            local.gradient, local.rank, local.columns, local.condition, found.begun, found.agreeing
+            local.gradient, local.rank, local.columns, local.condition, found.begun, agreeing
         ),
         noise=dict(zip(final.layout.channels, map(float, best.quadratic.sigma), strict=True)),
         train=train.errors,
@@ -147,6 +164,8 @@ def fit(
         horizon=length,
         substeps=chosen,
         notes=(*notes, *(f"{log.name}: {note}" for log in logs for note in log.notes)),
+        likelihood=likelihood,
+        disturbance=disturbance_of(final, best.z) if observer else None,
     )
 
 
@@ -158,48 +177,43 @@ def _substeps(model: Model, logs: Sequence[Log]) -> int:
 
 def _coloured(comparison: Comparison) -> list[str]:
     """A word on residuals that are correlated in time, which no standard error here allows for."""
-    strongest: dict[str, float] = {}
-    for run in comparison.runs:
-        for name, trace in run.channels.items():
-            rest = trace.residual[np.isfinite(trace.residual)]
-            if rest.size > 20 and np.std(rest) > 0:
-                lag = float(np.corrcoef(rest[:-1], rest[1:])[0, 1])
-                strongest[name] = max(lag, strongest.get(name, -1.0))
-    found = {name: lag for name, lag in strongest.items() if lag > CORRELATED}
-    if not found:
+    runs = [{n: trace.residual for n, trace in run.channels.items()} for run in comparison.runs]
+    told = _correlated(runs, CORRELATED)
+    if not told:
         return []
-    told = ", ".join(f"{name} {lag:.2f}" for name, lag in found.items())
     return [
         f"Residuals are correlated from sample to sample ({told}): something is missing from the "
         "model, or the noise is coloured. The standard errors assume white noise and are too small."
     ]
 
 
-def _schedule(
-    model: Model, logs: Sequence[Log], horizon: float | Sequence[float | None] | str | None
-) -> tuple[float | None, ...]:
-    if isinstance(horizon, str):
-        if horizon != "auto":
-            raise InputError(f"horizon: expected seconds or 'auto', found {horizon!r}.", "")
-        longest = max(log.duration for log in logs)
-        restartable = all(any(n in log.measured for n in model.states) for log in logs)
-        if model.horizon is None or longest <= 2 * model.horizon or not restartable:
-            return (None,)
-        return (model.horizon / 10, model.horizon / 3, model.horizon)
-    stages = horizon if isinstance(horizon, Sequence) else (horizon,)
-    least = max(log.step for log in logs)
-    for seconds in stages or ("nothing",):
-        number = isinstance(seconds, int | float) and math.isfinite(seconds)
-        if seconds is not None and not (number and float(seconds) > least):
-            raise InputError(
-                f"horizon: expected a positive number of seconds above the step of {least:g} s, "
-                f"found {seconds!r}.",
-                "Give seconds, a list of seconds, or None for whole runs.",
-            )
-    return tuple(stages)
+def _unwhite(runs: Sequence[Mapping[str, np.ndarray]]) -> list[str]:
+    """A word on one-step errors that an observer leaves correlated."""
+    told = _correlated(runs, WHITE)
+    if not told:
+        return []
+    return [
+        f"One-step errors are correlated from sample to sample ({told}): something is missing from "
+        "the model. The standard errors assume that nothing is and are too small."
+    ]
 
 
-def _without_silent(problem: Problem, rng: np.random.Generator) -> tuple[Problem, tuple[str, ...]]:
+def _correlated(runs: Sequence[Mapping[str, np.ndarray]], limit: float) -> str:
+    """Channels with a lag-one correlation beyond a limit and beyond chance, with its value."""
+    strongest: dict[str, float] = {}
+    for run in runs:
+        for name, residual in run.items():
+            rest = residual[np.isfinite(residual)]
+            if rest.size > 20 and np.std(rest) > 0:
+                lag = float(np.corrcoef(rest[:-1], rest[1:])[0, 1])
+                if lag > max(limit, 3 / math.sqrt(rest.size)):
+                    strongest[name] = max(lag, strongest.get(name, -1.0))
+    return ", ".join(f"{name} {lag:.2f}" for name, lag in strongest.items())
+
+
+def _without_silent(
+    problem: Problem, arrange: Callable[[Model], Problem], rng: np.random.Generator
+) -> tuple[Problem, tuple[str, ...]]:
     """Hold parameters that no measured channel depends on, at the guess or near it."""
     points = draw(problem, 3, rng)
     seen = np.zeros(points.shape[1])
@@ -207,20 +221,11 @@ def _without_silent(problem: Problem, rng: np.random.Generator) -> tuple[Problem
         information = solve(problem, z, budget=1).quadratic.information
         seen += np.nan_to_num(np.diagonal(information), nan=1.0, posinf=1.0)
     silent = tuple(
-        name for i, name in enumerate(problem.free) if seen[i] == 0 and _idle(problem, points, i)
+        name for i, name in enumerate(problem.own) if seen[i] == 0 and _idle(problem, points, i)
     )
-    if not silent or len(silent) == len(problem.free):
+    if not silent or len(silent) == len(problem.own):
         return problem, ()
-    grid = problem.layout.grids[0]
-    held = build(
-        problem.model.fix(*silent),
-        problem.logs,
-        substeps=grid.substeps,
-        initial="estimate" if problem.layout.starts else "measured",
-        segmented=bool(grid.restarted),
-        loss=problem.layout.loss,
-    )
-    return held, silent
+    return arrange(problem.model.fix(*silent)), silent
 
 
 def _idle(problem: Problem, points: np.ndarray, i: int) -> bool:
@@ -232,59 +237,13 @@ def _idle(problem: Problem, points: np.ndarray, i: int) -> bool:
     return all(a == b or not np.isfinite([a, b]).all() for a, b in costs)
 
 
-def _search(
-    problem: Problem,
-    horizons: Sequence[float | None],
-    hold: bool,
-    starts: int,
-    rng: np.random.Generator,
-    progress: Progress | None,
-) -> tuple[Search, Problem]:
-    """Search at the first horizon, then follow the optimum as the horizon grows.
-
-    With ``hold``, segments begin at the measured state throughout.
-    """
-    stage = restarts(problem, horizons[0], hold=hold and horizons[0] is not None)
-    found = search(stage, starts, rng, progress)
-    for horizon in horizons[1:]:
-        stage = restarts(problem, horizon, hold=hold and horizon is not None)
-        if progress:
-            progress(f"segments of {horizon:g} s" if horizon else "whole runs", 1.0)
-        found = found.followed(stage)
-    return found, stage
-
-
-def _whole_runs(
-    found: Search, stage: Problem, horizon: float | None, notes: list[str]
-) -> tuple[Search, Problem, float | None]:
-    """Go on to whole runs where the model holds over them as well as over segments.
-
-    Where it does not, the error of whole runs is mostly what accumulates from a missing effect or
-    from random forces, and fitting it would bend the parameters.
-    """
-    if not np.isfinite(found.best.quadratic.cost):
-        return found, stage, horizon
-    entire = restarts(stage, None)
-    further = found.followed(entire)
-    growth = further.best.quadratic.sigma / found.best.quadratic.sigma
-    if np.isfinite(further.best.quadratic.cost) and np.all(growth <= GROWTH):
-        return further, entire, None
-    worst = int(np.argmax(np.nan_to_num(growth, nan=np.inf)))
-    notes.append(
-        f"Fitted on segments of {horizon:g} s: over whole runs the error of "
-        f"'{stage.layout.channels[worst]}' is {growth[worst]:.1f} times as large, so something is "
-        "missing from the model or random forces act."
-    )
-    return found, stage, horizon
-
-
 def _unfixed(model: Model, silent: Sequence[str]) -> Model:
     return model.free(*silent) if silent else model
 
 
 def _estimates(problem: Problem, z: np.ndarray, local: Local) -> dict[str, Estimate]:
     spread = np.sqrt(np.diagonal(local.covariance))
-    errors = dict(zip(problem.free, spread, strict=True))
+    errors = dict(zip(problem.own, spread, strict=True))
     values = problem.values(z)
     out = {}
     for name, p in problem.model.parameters.items():

@@ -101,6 +101,17 @@ def observer_of(
     return Observer(tuple(channels), fed, corrected, forced)
 
 
+def is_memory(name: str) -> bool:
+    """Whether a parameter of an observer is a memory [s]; all others are gains."""
+    return name.rpartition(".")[2] in ("memory", "correlation")
+
+
+def guesses(names: Collection[str]) -> tuple[dict[str, float], ...]:
+    """Gains from which to start: as given, nearly none, and errors that are mostly the sensor's."""
+    quiet = {n: 0.02 for n in names if not is_memory(n)}
+    return {}, quiet, {**quiet, **{n: 0.9 for n in quiet if n.endswith(".colour")}}
+
+
 class Correction:
     """One run of an observer over one log; the `Observe` of `march`."""
 

@@ -44,13 +44,17 @@ class Fit:
         free: names of the rows of the covariance.
         status: what may be claimed; ``message`` says why in a sentence.
         checks: the figures behind the status.
-        noise: standard deviation of each measured channel's noise, given or estimated.
+        noise: standard deviation of each measured channel's noise, given or estimated; of an
+            "innovations" fit that of the one-step prediction's error.
         train: errors on the training logs, each simulated over its whole length.
         holdout: the same on unseen logs, or ``None``.
         log_likelihood: of the training logs, with any priors, without constants of the noise law:
             comparable between models on the same logs, not between losses.
         initial: estimated initial states of each training log.
         horizon: length [s] of the segments of the last stage; ``None`` for whole runs.
+        likelihood: "simulation" or "innovations".
+        disturbance: gains and memories of the random forces and of lasting sensor errors, by name,
+            estimated with the parameters of an "innovations" fit; ``None`` otherwise.
         substeps: integrator steps per sample that were used.
         notes: what the user should know besides.
     """
@@ -70,6 +74,8 @@ class Fit:
     horizon: float | None
     substeps: int
     notes: tuple[str, ...]
+    likelihood: str = "simulation"
+    disturbance: Mapping[str, Estimate] | None = field(default=None, repr=False)
 
     def report(self) -> str:
         """Parameters, errors, status and notes as text for people."""

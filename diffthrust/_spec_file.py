@@ -111,6 +111,7 @@ class FitPart(_Part):
     starts: Annotated[int, Field(ge=1)] = 8
     seed: Annotated[int, Field(ge=0)] = 0
     horizon: Any = "auto"
+    likelihood: Literal["simulation", "innovations"] = "simulation"
     loss: Literal["gaussian", "student_t"] = "gaussian"
     initial: Literal["auto", "estimate", "measured"] = "auto"
     substeps: Annotated[int, Field(ge=1)] | None = None

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from diffthrust._observer import guesses, is_memory
 from diffthrust._problem import Problem
 from diffthrust._solver import Solved, solve
 
@@ -50,6 +51,18 @@ class Search:
         """Starts that ended in it."""
         return self.optima[0][1]
 
+    def agreeing_on(self, problem: Problem) -> int:
+        """Starts that ended in its parameters of the model, whatever an observer's gains.
+
+        Where no random forces act, many gains and memories do as well as none.
+        """
+        if not problem.nuisance:
+            return self.agreeing
+        k = len(problem.own)
+        length = np.sqrt(np.diagonal(self.best.quadratic.information))[:k]
+        away = [np.abs(solved.z - self.best.z)[:k] * length for solved, _ in self.optima]
+        return sum(n for (_, n), d in zip(self.optima, away, strict=True) if np.all(d <= 1.0))
+
     def followed(self, problem: Problem) -> Search:
         """The search carried on to a related problem from its best few optima."""
         carried = [(solve(problem, solved.z), n) for solved, n in self.optima[:CARRIED]]
@@ -62,7 +75,7 @@ class Search:
         for solved, _ in self.optima[1:]:
             if _cost(solved) <= _cost(self.best) + SAME:
                 away = np.abs(solved.z - self.best.z) * length
-                names |= {name: None for i, name in enumerate(problem.free) if away[i] > 1.0}
+                names |= {name: None for i, name in enumerate(problem.own) if away[i] > 1.0}
         return tuple(names)
 
 
@@ -72,9 +85,13 @@ def draw(problem: Problem, count: int, rng: np.random.Generator) -> np.ndarray:
     guess = problem.start()
     out = np.repeat(guess[None], count, axis=0)
     named = problem.named
+    gains = guesses(problem.nuisance)
     for i, name in enumerate(problem.free):
         p = named[name]
-        if p.transform == "log":
+        if name in problem.nuisance and not is_memory(name):
+            tried = [gain.get(name, p.value) / p.scale for gain in gains]
+            drawn = np.resize(tried, count)
+        elif p.transform == "log":
             away = rng.uniform(-DECADES, DECADES, count) * np.log(10.0)
             drawn = guess[i] + away
         elif p.null is not None:  # an effect may be absent, faint or strong, whatever the guess

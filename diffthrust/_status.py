@@ -73,11 +73,13 @@ class Local:
 def examine(problem: Problem, z: np.ndarray, q: Quadratic) -> Local:
     """Stationarity, rank, condition, bound contact and covariance at some coordinates.
 
-    The covariance is that of the free parameters in their own units, ``(k, k)``; rows of
-    parameters at a bound, or of those that cannot be told apart, are NaN.
+    The covariance is that of the model's free parameters in their own units, ``(k, k)``; rows of
+    parameters at a bound, or of those that cannot be told apart, are NaN. An observer's gains and
+    memories are no claim of the fit: they follow to their best values, and where nothing depends
+    on one (the memory of a force that is absent) nothing is lost.
     """
     low, high = problem.limits()
-    k = len(problem.free)
+    k, free = len(problem.own), len(problem.free)
     out = np.full((k, k), np.nan)
     if not np.isfinite(q.cost):
         return Local(np.inf, 0, z.size, 0, np.inf, (), out, ())
@@ -91,20 +93,23 @@ def examine(problem: Problem, z: np.ndarray, q: Quadratic) -> Local:
         vanished[i] = p.transform == "log" and z[i] < np.log(p.value) - 23.0
     bound = at_low | at_high | vanished
     # an initial state that nothing measured depends on is no unknown of the fit
-    unseen = (np.arange(z.size) >= k) & (np.diagonal(information) <= 0)
-    inside = np.flatnonzero(~bound & ~unseen)
-    length = np.sqrt(np.diagonal(information))[inside]
-    blind = length <= 0
-    length = np.where(blind, 1.0, length)
-    scaled = information[np.ix_(inside, inside)] / np.outer(length, length)
+    place = np.arange(z.size)
+    unseen = (place >= free) & (np.diagonal(information) <= 0)
+    nuisance = (place >= k) & (place < free)
+    inside = np.flatnonzero(~bound & ~unseen & ~nuisance)
+    beside = np.flatnonzero(~bound & nuisance)
+    length = np.sqrt(np.diagonal(information))
+    length = np.where(length <= 0, 1.0, length)
+    slope, scaled = _marginal(g / length, information / np.outer(length, length), inside, beside)
+    length = length[inside]
     values, vectors = np.linalg.eigh(scaled)
     null = values <= RANK_LIMIT * max(values.max(initial=0.0), 1e-300)
     samples = float(np.sum(problem.arrays["counts"]))
     energy = max(float(q.energy), 0.01 * samples)  # residuals at rounding have no direction
-    gradient = np.max(np.abs(g[inside]) / length / np.sqrt(energy), initial=0.0)
+    gradient = np.max(np.abs(slope) / np.sqrt(energy), initial=0.0)
     kept = vectors[:, ~null]
     inverse = (kept / values[~null]) @ kept.T / np.outer(length, length)
-    inverse *= _inflation(problem, samples, inside.size)
+    inverse *= _inflation(problem, samples, inside.size + beside.size)
     unknown = np.any(np.abs(vectors[:, null]) > 1e-3, axis=1)
     inverse[unknown, :] = np.nan
     inverse[:, unknown] = np.nan
@@ -128,6 +133,17 @@ def examine(problem: Problem, z: np.ndarray, q: Quadratic) -> Local:
         covariance=out,
         combinations=combinations,
     )
+
+
+def _marginal(
+    slope: np.ndarray, information: np.ndarray, inside: np.ndarray, beside: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Scaled gradient and information of some coordinates, where others follow them."""
+    cross = information[np.ix_(inside, beside)]
+    own = information[np.ix_(beside, beside)]
+    through = cross @ np.linalg.pinv(own, rcond=1e-10, hermitian=True)
+    left = information[np.ix_(inside, inside)] - through @ cross.T
+    return slope[inside] - through @ slope[beside], 0.5 * (left + left.T)
 
 
 def _inflation(problem: Problem, samples: float, columns: int) -> float:
