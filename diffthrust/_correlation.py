@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import chdtrc
 
 
 def ljung_box(correlation: np.ndarray, samples: int) -> float:
@@ -15,6 +14,8 @@ def ljung_box(correlation: np.ndarray, samples: int) -> float:
         correlation: autocorrelations at lags 1, 2, ..., ``(h,)``.
         samples: number of samples behind them.
     """
+    from scipy.special import chdtrc  # slow to import
+
     lag = np.arange(1, correlation.size + 1)
     q = samples * (samples + 2) * np.sum(correlation**2 / (samples - lag))
     return float(chdtrc(correlation.size, q))

@@ -8,8 +8,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from scipy.special import chdtrc
-
 from diffthrust._arguments import listed
 from diffthrust._candidates import candidates_of
 from diffthrust._compare import compare
@@ -183,6 +181,8 @@ class _Search:
         return [(self._rated(number, n, t), t) for n, t in [*ended, *found[CARRIED:]]]
 
     def _rated(self, number: int, name: str, trial: Trial) -> Candidate:
+        from scipy.special import chdtrc  # slow to import
+
         ratio = max(0.0, 2 * (self.present.cost - trial.cost))
         more = len(trial.names) - len(self.present.names)
         errors = self.trials.simulation_errors(trial)
@@ -255,13 +255,11 @@ class _Search:
             if len(group) < 2:
                 continue
             self.say("looking for a test that separates " + " and ".join(group), 0.95)
-            others = [
-                self.trials.candidates[n] for j, n in enumerate(self.present.effects) if j != i
-            ]
+            effects = [self.trials.candidates[n] for n in self.present.effects]
             rivals = [self.stages[-1].fit]
-            rivals += [
-                self._fitted(self.given + [*others, self.trials.candidates[n]]) for n in group[1:3]
-            ]
+            for name in group[1:3]:
+                effects[i] = self.trials.candidates[name]
+                rivals.append(self._fitted(self.given + effects))
             log = max(self.train, key=lambda log: log.duration)
             try:
                 return self.timed(

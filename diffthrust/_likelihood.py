@@ -49,6 +49,7 @@ BLOCKS = 16
 
 def named_values(layout: Layout, arrays: Any, z: Any) -> dict[str, Any]:
     """Parameter values at coordinates; traceable twin of `Problem.values`."""
+    moved: Any = None
     if layout.width is not None:
         spread = jnp.zeros(len(layout.free) + 1)
         moved = spread.at[arrays["chosen"]].set(1.0) > 0

@@ -7,8 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from diffthrust._diagnosis import Missing, Remaining
-from diffthrust._places import Place, hats, slopes_at
+from diffthrust._places import Place, hats, knots_of, slopes_at
 from diffthrust._trials import Trial, Trials
+
+Curve = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 LEVEL = 0.01
 """False alarms of "unexplained", over all ports and signals together."""
@@ -23,7 +25,7 @@ def signals_at(trials: Trials, place: Place, trial: Trial) -> dict[str, list[np.
     out = {n: [path[n] for path in paths] for n in dict.fromkeys(names)}
     if place.state:
         rate = [np.gradient(path[place.state], path["time"]) for path in paths]
-        out[f"rate of {place.state}"] = [_steady(r) for r in rate]
+        out[f"d({place.state})/dt"] = [_steady(r) for r in rate]
     out["time"] = [path["time"] - path["time"][0] for path in paths]
     return out
 
@@ -43,8 +45,8 @@ def bases(
         pooled = np.concatenate(series)
         if np.ptp(pooled) <= 1e-9 * (1.0 + np.max(np.abs(pooled))):
             continue  # a constant
-        _, knots = hats(pooled)
-        out[name] = ([hats(s, knots)[0] for s in series], knots)
+        knots = knots_of(pooled)
+        out[name] = ([hats(one, knots) for one in series], knots)
     return out
 
 
@@ -55,7 +57,8 @@ def missing_signals(trials: Trials, trial: Trial) -> tuple[Missing, ...]:
         signals = signals_at(trials, place, trial)
         runs = _runs(trials, place, trial)
         wobble = np.concatenate([signal for _, signal, _ in runs])
-        best: tuple[float, str | None, float, tuple] = (1.0, None, 0.0, ((), (), ()))
+        nothing = (np.empty(0), np.empty(0), np.empty(0))
+        best: tuple[float, str | None, float, Curve] = (1.0, None, 0.0, nothing)
         tests = bases(signals)
         for name, (series, knots) in tests.items():
             p, coefficients, covariance = trials.unknown(place.port, trial, series)
@@ -76,10 +79,10 @@ def missing_signals(trials: Trials, trial: Trial) -> tuple[Missing, ...]:
                 dependence_unit=trials.unit_of(depends) if depends else "",
                 share=share if depends else 0.0,
                 p_value=adjusted,
-                curve=tuple(np.asarray(part) for part in curve) if depends else (np.empty(0),) * 3,
+                curve=curve if depends else nothing,
             )
         )
-    return tuple(sorted(found, key=lambda m: m.p_value))
+    return tuple(sorted(found, key=lambda m: (-m.share, m.p_value)))
 
 
 def remaining_structure(trials: Trials, trial: Trial) -> Remaining | None:
@@ -102,7 +105,7 @@ def _runs(
 ) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Time, missing signal and its standard error of each log, in the unit of the port."""
     rates, outputs = slopes_at(trials.model, trials.logs[0])
-    target = place.state or place.output
+    target = place.state or place.output or ""
     slope = float((rates if place.state else outputs)[target][1][place.port])
     out = []
     for path in trials.path(trial):

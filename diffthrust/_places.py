@@ -122,11 +122,14 @@ def unknown_at(port: str) -> type[Effect]:
     return type("Unknown", (Effect,), {**body, **place})
 
 
-def hats(values: np.ndarray, levels: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Piecewise-linear basis over a signal: ``(KNOTS, T)`` and its knots, at even quantiles."""
-    if levels is None:
-        shares = np.linspace(0.01, 0.99, KNOTS)
-        even = np.linspace(*np.quantile(values, [0.01, 0.99]), KNOTS)
-        levels = 0.5 * (even + np.quantile(values, shares))
-    knots = np.maximum.accumulate(levels + 1e-9 * np.ptp(levels) * np.arange(KNOTS))
-    return np.stack([np.interp(values, knots, row) for row in np.eye(KNOTS)]), knots
+def knots_of(values: np.ndarray) -> np.ndarray:
+    """Knots over a signal, between even spacing and even shares of the samples, ``(KNOTS,)``."""
+    low, high = np.quantile(values, [0.01, 0.99])
+    even = np.linspace(low, high, KNOTS)
+    knots = 0.5 * (even + np.quantile(values, np.linspace(0.01, 0.99, KNOTS)))
+    return knots + 1e-9 * (high - low) * np.arange(KNOTS)
+
+
+def hats(values: np.ndarray, knots: np.ndarray) -> np.ndarray:
+    """Piecewise-linear basis over a signal, ``(KNOTS, T)``; its rows sum to one."""
+    return np.stack([np.interp(values, knots, row) for row in np.eye(KNOTS)])

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy import sparse
 
 LEVEL = 0.05
 """Share of searches with nothing to find that name an interval all the same."""
@@ -130,6 +129,8 @@ def _largest(
     """
     label = np.searchsorted(edges, values, side="right")
     ones, place = np.ones(label.size, np.float32), (label, np.arange(label.size))
+    from scipy import sparse  # slow to import
+
     member = sparse.csr_array((ones, place), shape=(edges.size + 1, label.size))
     share = (member @ energy).T - np.bincount(label, minlength=edges.size + 1) / label.size
     path = np.concatenate([np.zeros((share.shape[0], 1)), np.cumsum(share, axis=1)], axis=1)

@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from statistics import NormalDist
 from typing import Any
 
 import numpy as np
-from scipy.special import ndtr, ndtri
 
 from diffthrust._correlation import autocorrelation, covariance, integral, ljung_box
 
 LEVEL = 0.05
+NORMAL = NormalDist()
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,6 +232,6 @@ def cross_correlation(
     values = covariance(residuals, signals, lags) / norm
     # neighbouring lags tell the same: only every so many count as a trial of their own
     trials = 1 + 2 * lags / inflation
-    p = min(1.0, trials * 2 * float(ndtr(-np.abs(values).max() / error)))
-    band = float(-ndtri(LEVEL / 2)) * error
+    p = min(1.0, trials * 2 * NORMAL.cdf(-float(np.abs(values).max()) / error))
+    band = -NORMAL.inv_cdf(LEVEL / 2) * error
     return CrossCorrelation(name, np.arange(-lags, lags + 1) * step, values, band, p)

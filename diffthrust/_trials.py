@@ -16,7 +16,6 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from scipy.special import fdtrc
 
 from diffthrust._channels import listing
 from diffthrust._effect import Effect
@@ -355,7 +354,7 @@ class Trials:
     def unit_of(self, signal: str) -> str:
         """The unit of an input, state or output, or of its rate."""
         units = {**self.model.inputs, **self.model.optional_inputs, **self.model.all_states}
-        units |= {f"rate of {n}": f"{u}/s" for n, u in self.model.states.items()}
+        units |= {f"d({n})/dt": f"{u}/s" for n, u in self.model.states.items()}
         return {**units, "time": "s"}.get(signal, "")
 
     # -- signals of unknown form -------------------------------------------------------------------
@@ -402,6 +401,8 @@ def score_test(q: Quadratic, base: int, more: int) -> tuple[float, np.ndarray, n
     scatter is taken from blocks of time (Hotelling's law for their number). Also the one-step
     estimate of the coordinates and its covariance.
     """
+    from scipy.special import fdtrc  # slow to import
+
     information = np.asarray(q.information)[: base + more, : base + more]
     scores = np.asarray(q.scores)[: base + more]
     nuisance, cross = information[:base, :base], information[base:, :base]
