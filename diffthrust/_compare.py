@@ -75,6 +75,7 @@ class Comparison:
         model: the model.
         runs: one for each log, simulated over its whole length.
         errors: errors by channel, pooled over the runs.
+        fit: the fit that the model is from, if it is from one.
 
     What takes longer is worked out when it is first asked for: ``tests`` of the residuals, the
     ``regimes`` in which the error sits, the ``agreement`` of measured and modelled, and ``hints``
@@ -84,6 +85,28 @@ class Comparison:
     model: Model
     runs: tuple[Run, ...]
     errors: Errors
+    fit: Fit | None = field(default=None, repr=False)
+
+    @cached_property
+    def one_step(self) -> Errors | None:
+        """Errors of predicting each sample from all earlier ones, by an "innovations" fit.
+
+        ``None`` for any other.
+
+        Raises:
+            InputError: no run measures a state.
+        """
+        if self.fit is None or self.fit.disturbance is None:
+            return None
+        from diffthrust._innovations import one_step
+
+        substeps = max(run.substeps for run in self.runs)
+        predicted = one_step(self.fit, [run.log for run in self.runs], substeps)
+        pairs: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
+        for run, rests in zip(self.runs, predicted, strict=True):
+            for name, rest in rests.items():
+                pairs.setdefault(name, []).append((run.channels[name].measured, rest))
+        return errors(pairs)
 
     @cached_property
     def tests(self) -> Mapping[str, ResidualTests]:
@@ -270,7 +293,7 @@ def compare(
             f"{listing(model.outputs)}.",
             "Map a column to one of these channels.",
         )
-    return Comparison(model, runs, _pooled(runs))
+    return Comparison(model, runs, _pooled(runs), None if fit is model else fit)
 
 
 def _run(model: Model, log: Log, start: Mapping[str, float], substeps: int | None) -> Run:

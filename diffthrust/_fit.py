@@ -13,7 +13,7 @@ import numpy as np
 from diffthrust._arguments import check_arguments, listed
 from diffthrust._compare import Comparison, compare
 from diffthrust._horizons import schedule, through, whole_runs
-from diffthrust._innovations import clipped, disturbance_of, observer_for, one_step_errors
+from diffthrust._innovations import clipped, disturbance_of, observer_for, one_step_errors, polished
 from diffthrust._log import Log
 from diffthrust._model import Model
 from diffthrust._problem import Problem, build
@@ -117,6 +117,8 @@ def fit(
             found, final, length = whole_runs(found, final, length, notes)
         if observer and loss == "student_t":
             found, final = clipped(found, final)
+        if observer:
+            found = polished(found, final)
         model_found = final.model_at(found.best.z)
         needed = _substeps(model_found, logs)
         if needed <= chosen or refitted or substeps:
@@ -165,6 +167,7 @@ def fit(
         substeps=chosen,
         notes=(*notes, *(f"{log.name}: {note}" for log in logs for note in log.notes)),
         likelihood=likelihood,
+        loss=loss,
         disturbance=disturbance_of(final, best.z) if observer else None,
     )
 

@@ -13,13 +13,20 @@ import numpy as np
 
 from diffthrust._channels import listing
 from diffthrust._errors import InputError
+from diffthrust._intake import bridged
 from diffthrust._likelihood import residuals
 from diffthrust._log import Log
 from diffthrust._model import Model
-from diffthrust._observer import CLIP, Observer, observer_of
-from diffthrust._problem import Problem, channels_of
-from diffthrust._result import Estimate
+from diffthrust._observer import CLIP, Observer, is_memory, observer_of
+from diffthrust._problem import Problem, build, channels_of
+from diffthrust._result import Estimate, Fit
+from diffthrust._solver import Solved, solve
 from diffthrust._starts import Search
+
+NEWTON = 6
+"""At most so many steps of Newton's method end a search."""
+SHARE = 1e-3
+"""Gradients are compared so many standard errors to either side."""
 
 
 def observer_for(model: Model, logs: Sequence[Log]) -> Observer:
@@ -59,6 +66,49 @@ def clipped(found: Search, problem: Problem) -> tuple[Search, Problem]:
     return found, problem
 
 
+def polished(found: Search, problem: Problem) -> Search:
+    """The search with its best optimum carried to the end by Newton's method.
+
+    Gains and memories lie on flat ridges, where the Gauss-Newton curvature is no guide and a search
+    creeps. The curvature is taken from differences of the gradient over a small share of an error.
+    """
+    (best, count), *others = found.optima
+    for _ in range(NEWTON):
+        if best.done or not np.isfinite(best.quadratic.cost):
+            break
+        further = _newton(problem, best)
+        if further is None:
+            break
+        best = further
+    return replace(found, optima=((best, count), *others))
+
+
+def _newton(problem: Problem, at: Solved) -> Solved | None:
+    """One step within the bounds; ``None`` where none falls further."""
+    q, (low, high) = at.quadratic, problem.limits()
+    length = np.sqrt(np.diagonal(q.information))
+    edge = ((at.z <= low + 1e-9) & (q.gradient > 0)) | ((at.z >= high - 1e-9) & (q.gradient < 0))
+    free = np.flatnonzero(~edge & (length > 0))
+    moves = np.zeros((free.size, at.z.size))
+    moves[np.arange(free.size), free] = 1 / length[free]
+
+    def slope(z: np.ndarray) -> np.ndarray:
+        return moves @ solve(problem, z, budget=1).quadratic.gradient
+
+    apart = [slope(at.z + SHARE * d) - slope(at.z - SHARE * d) for d in moves]
+    curvature = np.array(apart) / (2 * SHARE)
+    if not np.all(np.isfinite(curvature)):
+        return None
+    values, vectors = np.linalg.eigh(0.5 * (curvature + curvature.T))
+    along = vectors.T @ (moves @ q.gradient)
+    step = -(vectors @ (along / np.maximum(np.abs(values), 1e-9))) @ moves
+    for share in (1.0, 0.25, 0.05):
+        trial = solve(problem, np.clip(at.z + share * step, low, high), budget=1)
+        if float(trial.quadratic.cost) < float(q.cost):
+            return trial
+    return None
+
+
 def disturbance_of(problem: Problem, z: np.ndarray) -> dict[str, Estimate]:
     """The observer's gains and memories, without standard errors."""
     values = problem.values(z)
@@ -67,6 +117,36 @@ def disturbance_of(problem: Problem, z: np.ndarray) -> dict[str, Estimate]:
         touching = any(np.isclose(values[name], end, rtol=1e-9, atol=1e-9) for end in p.limits)
         found[name] = Estimate(values[name], None, p.unit, fixed=False, at_bound=touching)
     return found
+
+
+def one_step(fit: Fit, logs: Sequence[Log], substeps: int = 1) -> list[dict[str, np.ndarray]]:
+    """`one_step_errors` of a fit on any logs, from their measured states on.
+
+    A channel that the fit did not know corrects nothing.
+
+    Raises:
+        InputError: the logs measure no state.
+    """
+    found = fit.disturbance or {}
+    problem = build(
+        fit.model,
+        logs,
+        substeps=substeps,
+        initial="measured",
+        observer=observer_for(fit.model, logs),
+    )
+    nuisance = {}
+    for name, p in problem.nuisance.items():
+        absent = p.value if is_memory(name) else 0.0
+        nuisance[name] = p.with_value(found[name].value if name in found else absent)
+    arrays = dict(problem.arrays)
+    if fit.loss == "student_t":
+        noise = [fit.noise.get(name, np.inf) for name in problem.layout.channels]
+        arrays["clip"] = jnp.asarray(CLIP * np.array(noise))
+    problem = replace(problem, nuisance=nuisance, arrays=arrays)
+    rests = one_step_errors(problem, problem.start())
+    at = [bridged(log)[1] for log in logs]
+    return [{n: rest[i] for n, rest in run.items()} for run, i in zip(rests, at, strict=True)]
 
 
 def one_step_errors(problem: Problem, z: np.ndarray) -> list[dict[str, np.ndarray]]:

@@ -53,6 +53,7 @@ class Fit:
         initial: estimated initial states of each training log.
         horizon: length [s] of the segments of the last stage; ``None`` for whole runs.
         likelihood: "simulation" or "innovations".
+        loss: "gaussian" or "student_t".
         disturbance: gains and memories of the random forces and of lasting sensor errors, by name,
             estimated with the parameters of an "innovations" fit; ``None`` otherwise.
         substeps: integrator steps per sample that were used.
@@ -75,6 +76,7 @@ class Fit:
     substeps: int
     notes: tuple[str, ...]
     likelihood: str = "simulation"
+    loss: str = "gaussian"
     disturbance: Mapping[str, Estimate] | None = field(default=None, repr=False)
 
     def report(self) -> str:
