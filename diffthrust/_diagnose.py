@@ -68,7 +68,7 @@ def diagnose(
         with what was found.
 
     Raises:
-        InputError: logs that do not fit the model, or none with a measured state.
+        InputError: logs that do not fit the model.
 
     Example:
         >>> diag = dft.diagnose(fit, train, holdout=unseen)

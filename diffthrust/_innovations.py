@@ -45,7 +45,7 @@ def observer_for(model: Model, logs: Sequence[Log]) -> Observer:
     channels = channels_of(model, logs)
     remembering = {port for effect in model.effects if effect.memory for port in effect.ports}
     observer = observer_of(model, logs[0], channels, remembering)
-    if observer is None:
+    if not observer.fed:
         raise InputError(
             f"The innovations form needs a measured state of '{model}': expected one of "
             f"{listing(model.states) or 'none that it has'}, found {listing(channels) or 'none'}.",

@@ -118,11 +118,11 @@ def evaluate(layout: Layout, arrays: Any, z: Any) -> Quadratic:
         local = {**arrays, "batches": list(arrays["batches"])}
         local["batches"][index] = {**batch, "start": starts}
         passes.append(_with_jacobian(layout, index, local, z[:n]))
-    cost, sigma = _noise(layout, arrays, [r for r, _ in passes])
+    cost, sigma = noise_of(layout, arrays, [r for r, _ in passes])
     return _assemble(layout, arrays, z[:n], passes, cost, sigma, n, m)
 
 
-def _noise(layout: Layout, arrays: Any, rests: list[Any]) -> tuple[Any, Any]:
+def noise_of(layout: Layout, arrays: Any, rests: list[Any]) -> tuple[Any, Any]:
     """Negative log-likelihood, and the noise level of each channel.
 
     Where the level is not known it is estimated, in closed form for the Gaussian law and as the

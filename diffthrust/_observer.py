@@ -77,18 +77,17 @@ class Observer:
 
 def observer_of(
     model: Model, log: Log, channels: Sequence[str], remembering: Collection[str] = ()
-) -> Observer | None:
-    """The observer of a model for some measured channels; ``None`` where no state is measured.
+) -> Observer:
+    """The observer of a model for some measured channels.
 
     A measured state is corrected by its own channel. A state that is not measured, but drives one
     that is, is corrected by all. Random forces act on the states whose rates pass a port (in a
     model without ports: on all). Channels named in ``remembering`` correct nothing: an effect there
-    reads more than the present sample.
+    reads more than the present sample. Where no state is measured nothing is corrected, and the
+    errors of the outputs keep their colour.
     """
     own = [n for n in model.states if n not in log.inputs]
     fed = tuple(n for n in own if n in channels and n not in remembering)
-    if not fed:
-        return None
     rates, _ = slopes_at(model, log)
     corrected = tuple(
         (n, (n,) if n in fed else fed)

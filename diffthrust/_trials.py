@@ -17,10 +17,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from diffthrust._channels import listing
 from diffthrust._effect import Effect
-from diffthrust._errors import InputError
-from diffthrust._likelihood import TAIL, Quadratic, named_values
+from diffthrust._likelihood import Quadratic, named_values, noise_of
 from diffthrust._log import Log
 from diffthrust._model import Model
 from diffthrust._observer import CLIP, innovations, observer_of
@@ -103,12 +101,6 @@ class Trials:
         self.own = tuple(n for n, p in model.parameters.items() if not p.fixed)
         remembering = {p for e in (*candidates, *model.effects) if e.memory for p in e.ports}
         observer = observer_of(model, logs[0], channels, remembering)
-        if observer is None:
-            raise InputError(
-                f"No log measures a state of '{model.name}': expected one of "
-                f"{listing(model.states)}, found {listing(channels)}.",
-                "A diagnosis needs a measured state, which tells random forces from the model's.",
-            )
         kept = {"substeps": substeps, "observer": observer, "loss": "student_t"}
         first = build(everything, self._with_series(logs), **kept)
         self.nuisance = tuple(first.nuisance)
@@ -300,7 +292,11 @@ class Trials:
         return [readings(bound, path) for path in paths]
 
     def unseen_gain(self, before: Trial, after: Trial) -> float:
-        """Gain of log-likelihood on the unseen logs; NaN without any."""
+        """Gain of log-likelihood on the unseen logs; NaN without any.
+
+        The noise levels are those of the unseen logs: a model that halves the errors of both is
+        better, although what remains on other manoeuvres may be larger than on the training logs.
+        """
         if self.unseen is None:
             return float("nan")
         return self._unseen_cost(before) - self._unseen_cost(after)
@@ -312,14 +308,13 @@ class Trials:
         passes = _forward(
             problem.layout, problem.arrays, jnp.asarray(problem.start()[: problem.shared])
         )
-        sigma, cost = np.asarray(trial.quadratic.sigma), 0.0
+        rests, counts = [], 0.0
         for (errors, _), batch in zip(passes, problem.arrays["batches"], strict=True):
             seen = np.isfinite(np.asarray(batch["measured"]))
-            scaled = np.asarray(errors) / sigma[None, :, None]
-            each = 0.5 * (TAIL + 1) * np.log1p(scaled**2 / TAIL)
             seen[..., : max(10, seen.shape[-1] // 50)] = False  # errors of the initial states
-            cost += float(np.sum(np.where(seen, each + np.log(sigma)[None, :, None], 0.0)))
-        return cost
+            rests.append(jnp.where(seen, errors, 0.0))
+            counts = counts + jnp.asarray(seen.sum(axis=(0, 2)), float)
+        return float(noise_of(problem.layout, {**problem.arrays, "counts": counts}, rests)[0])
 
     def simulation_errors(self, trial: Trial) -> tuple[float, float | None]:
         """NRMSE of the simulation, without correction, on training and unseen logs."""
