@@ -1,0 +1,122 @@
+"""The diagnosis as a user meets it; how often it is right, the bench in ``hidden`` measures."""
+
+import json
+
+import numpy as np
+import pytest
+from reference import inputs, noise, thruster
+
+import diffthrust as dft
+
+TIME = np.arange(700) * 0.05
+FEW = ("command_deadband", "linear_damping", "thrust_sensor_offset")
+
+
+def logs(count=3, seed=0, **hidden):
+    """Training logs and, as the last, an unseen one."""
+    rng = np.random.default_rng(seed)
+    out = []
+    for i in range(count):
+        command = inputs.low_passed_random(TIME, 2.0, rng)
+        command[100 * i : 100 * i + 150] *= 0.1
+        record = thruster.simulate(TIME, command, method="rk4", **hidden)
+        record = noise.measure(record, rng, speed=noise.Sensor(0.3), thrust=noise.Sensor(0.2))
+        out.append(dft.Log(record.time, record.inputs, record.measured, name=f"run {i}"))
+    return out
+
+
+class SquareRootDrag(dft.Effect):
+    """A user's own effect: a load that grows with the root of the speed."""
+
+    name = "square_root_drag"
+    port = "shaft"
+    size: float = dft.parameter(1.0, null=0.0, size=1.0, probes=(0.5, 2.0))
+
+    def __call__(self, value, s):
+        softened = (s.speed**2 + 0.01) ** 0.25
+        return value - self.size * s.speed / softened
+
+
+@pytest.fixture(scope="module")
+def diag():
+    *train, unseen = logs(command_deadband=0.4, thrust_sensor_offset=1.0)
+    said = []
+    found = dft.diagnose(
+        dft.Thruster(),
+        train,
+        holdout=unseen,
+        candidates=[*FEW, SquareRootDrag],
+        progress=lambda message, share: said.append((message, share)),
+    )
+    return found, said, train, unseen
+
+
+def test_both_hidden_effects_are_found_and_the_errors_fall(diag):
+    found, _, train, unseen = diag
+    assert found.verdict == "effects_found"
+    assert set(found.added) == {"command_deadband", "thrust_sensor_offset"}
+    assert [len(stage.effects) for stage in found.stages] == [0, 1, 2]
+    unseen_errors = [stage.holdout.nrmse for stage in found.stages]
+    assert unseen_errors == sorted(unseen_errors, reverse=True)
+    values = found.fit.parameters
+    assert values["command_deadband.width"].value == pytest.approx(0.4, abs=0.02)
+    assert values["thrust_sensor_offset.offset"].value == pytest.approx(1.0, abs=0.05)
+    again = dft.fit(dft.Thruster() + found.best, train, holdout=unseen)
+    assert again.holdout.nrmse == pytest.approx(unseen_errors[-1], rel=0.02)
+
+
+def test_the_result_is_plain_data_of_the_contract(diag):
+    found, *_ = diag
+    plain = json.loads(json.dumps(found.to_json()))
+    assert plain["schema"] == 1
+    assert plain["remaining"] is None
+    assert [
+        set(group) & {name} for group, name in zip(plain["groups"], plain["added"], strict=True)
+    ]
+    first = plain["ranking"][0]
+    assert set(first) == {
+        "stage", "effect", "delta_bic", "p_value", "train_nrmse", "holdout_nrmse"
+    }  # fmt: skip
+    assert first["effect"] == plain["stages"][1]["effects"][0]
+    assert first["delta_bic"] < -10
+
+
+def test_progress_names_what_is_tried_and_never_runs_back_far(diag):
+    _, said, *_ = diag
+    text = " ".join(message for message, _ in said)
+    assert all(name in text for name in FEW)
+    assert all(0.0 <= share <= 1.0 for _, share in said)
+
+
+def test_the_missing_signals_are_in_the_units_of_their_ports(diag):
+    found, _, train, _ = diag
+    missing = {m.port: m for m in found.missing}
+    assert set(missing) == {"shaft", "propeller"}
+    assert missing["shaft"].unit == "rad/s^2"
+    assert missing["propeller"].unit == "N"
+    time, signal, error = missing["propeller"].runs[0]
+    assert time.shape == signal.shape == error.shape == train[0].time.shape
+    # the tare is there as it is, whatever its form was taken to be
+    assert np.median(signal) == pytest.approx(1.0, abs=0.15)
+
+
+def test_nothing_is_named_where_nothing_is_missing():
+    *train, unseen = logs(seed=4)
+    found = dft.diagnose(dft.Thruster(), train, holdout=unseen, candidates=FEW)
+    assert found.verdict == "adequate"
+    assert not found.added
+    assert found.remaining is None
+
+
+def test_an_effect_of_the_user_is_found_without_unseen_logs():
+    rng = np.random.default_rng(3)
+    model = dft.Thruster() + SquareRootDrag(size=2.0)
+    out = []
+    for seed in (5, 6):
+        log = logs(1, seed)[0]
+        run = dft.simulate(model, log)
+        measured = {n: run[n] + 0.2 * rng.standard_normal(TIME.size) for n in model.outputs}
+        out.append(dft.Log(log.time, log.inputs, measured))
+    found = dft.diagnose(dft.Thruster(), out, candidates=[SquareRootDrag, "thrust_sensor_offset"])
+    assert found.added == ("square_root_drag",)
+    assert found.stages[0].holdout is None
