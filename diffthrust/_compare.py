@@ -293,7 +293,7 @@ def compare(
             f"{listing(model.outputs)}.",
             "Map a column to one of these channels.",
         )
-    return Comparison(model, runs, _pooled(runs), None if fit is model else fit)
+    return Comparison(model, runs, _pooled(runs), None if isinstance(fit, Model) else fit)
 
 
 def _run(model: Model, log: Log, start: Mapping[str, float], substeps: int | None) -> Run:
