@@ -22,6 +22,12 @@ class Outside(NamedTuple):
     depends_on: frozenset[str]
 
 
+def _hump(value: float, middle: float, width: float) -> float:
+    """One about ``middle``, minus one about its opposite: smooth, and zero at rest."""
+    ahead, astern = (value - middle) / width, (value + middle) / width
+    return math.exp(-(ahead**2)) - math.exp(-(astern**2))
+
+
 def command_play(times, values, *, play=0.0):
     """Backlash: the command moves the amplifier only after ``play`` [V] has been taken up."""
     out = np.array(values, float)
@@ -39,8 +45,7 @@ def motor_heating(drive, s, own, *, loss=0.0, warm=1.0, time_constant=15.0):
 
 def load_hump(load, s, *, height=0.0, middle=30.0, width=6.0):
     """The load torque has a hump of ``height`` [rad/s^2] about a ``middle`` speed (resonance)."""
-    hump = height * math.exp(-(((abs(s.speed) - middle) / width) ** 2))
-    return load + math.copysign(hump, s.speed)
+    return load + height * _hump(s.speed, middle, width)
 
 
 def load_memory(load, s, own, *, relief=0.0, time_constant=2.0):
@@ -53,22 +58,21 @@ def thrust_hollow(thrust, s, *, depth=0.0, middle=30.0, width=6.0):
     return thrust * (1.0 - depth * math.exp(-(((abs(s.speed) - middle) / width) ** 2)))
 
 
-def wave_ventilation(thrust, s, *, depth=0.0, period=6.0):
-    """Waves uncover the propeller: up to ``depth`` of the thrust is lost in each half period."""
-    return thrust * (1.0 - depth * max(0.0, math.sin(2.0 * math.pi * s.time / period)))
+def reverse_stall(thrust, s, *, depth=0.0, middle=30.0, width=3.0):
+    """Running backwards, the blades stall past a ``middle`` speed: ``depth`` of the thrust goes."""
+    return thrust * (1.0 - depth / (1.0 + math.exp((s.speed + middle) / width)))
 
 
 def resistance_hump(forces, s, *, height=0.0, middle=0.5, width=0.12):
     """Wave resistance has a hump of ``height`` about the hull's critical speed."""
     x, y, n = forces
-    hump = height * math.exp(-(((abs(s.surge) - middle) / width) ** 2))
-    return x - math.copysign(hump, s.surge), y, n
+    return x - height * _hump(s.surge, middle, width), y, n
 
 
-def wave_yawing(forces, s, *, moment=0.0, period=7.0):
-    """Waves turn the hull to and fro with ``moment``."""
+def bow_wave_turning(forces, s, *, moment=0.0, middle=0.5, width=0.12):
+    """About the critical speed the bow wave, never quite even, turns the hull with ``moment``."""
     x, y, n = forces
-    return x, y, n + moment * math.sin(2.0 * math.pi * s.time / period)
+    return x, y, n + moment * math.exp(-(((s.surge - middle) / width) ** 2))
 
 
 def _ports(*names: str) -> frozenset[str]:
@@ -93,15 +97,17 @@ OUTSIDE: dict[str, Outside] = {
     "thrust_hollow": Outside(
         Effect("thrust", thrust_hollow), _ports("propeller", "thrust"), _ports("speed")
     ),
-    "wave_ventilation": Outside(
-        Effect("thrust", wave_ventilation), _ports("propeller", "thrust"), _ports("time")
+    "reverse_stall": Outside(
+        Effect("thrust", reverse_stall), _ports("propeller", "thrust"), _ports("speed")
     ),
 }
 VESSEL_OUTSIDE: dict[str, Outside] = {
     "resistance_hump": Outside(
         Effect("hull", resistance_hump), _ports("surge_force"), _ports("surge")
     ),
-    "wave_yawing": Outside(Effect("hull", wave_yawing), _ports("yaw_moment"), _ports("time")),
+    "bow_wave_turning": Outside(
+        Effect("hull", bow_wave_turning), _ports("yaw_moment"), _ports("surge")
+    ),
 }
 
 #: The simulator's tables with these effects added.

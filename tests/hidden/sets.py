@@ -160,7 +160,7 @@ def draw(kind: str, seed: int) -> HiddenSet:
     if row == "faint":
         chosen = _faint(plant, chosen)
     if base == "limit":
-        chosen = {name: LIMIT * size for name, size in chosen.items()}
+        chosen = _scaled(chosen, LIMIT)
     plant = replace(plant, hidden=sizes.hidden(chosen, plant.scale))
     if base == "speed_only":
         plant = replace(plant, sensors={"speed": plant.sensors["speed"]})
@@ -239,15 +239,30 @@ def _plant(rng: np.random.Generator, base: str, names: tuple[str, ...], field: b
 
 
 def _faint(plant: Plant, chosen: dict[str, float]) -> dict[str, float]:
-    """Sizes at which these effects show with a likelihood ratio within `FAINT`."""
-    for _ in range(5):
-        trial = replace(plant, hidden=sizes.hidden(chosen, plant.scale))
+    """Sizes at which these effects show with a likelihood ratio within `FAINT`.
+
+    Where a threshold makes the ratio jump past that range (a shaft sticks or it does not), the
+    smallest size found above it.
+    """
+    factor, low, high = 1.0, 0.0, np.inf
+    for _ in range(10):
+        trial = replace(plant, hidden=sizes.hidden(_scaled(chosen, factor), plant.scale))
         ratio = visibility(trial, rounds=1).ratio
         if FAINT[0] <= ratio <= FAINT[1]:
-            break
-        factor = np.clip(np.sqrt(np.sqrt(FAINT[0] * FAINT[1]) / ratio), 0.5, 2.0)
-        chosen = {name: float(factor) * size for name, size in chosen.items()}
-    return chosen
+            return _scaled(chosen, factor)
+        low, high = (factor, high) if ratio < FAINT[0] else (low, factor)
+        # The ratio grows with the square of the size, but for effects that have a threshold.
+        step = np.sqrt(np.sqrt(FAINT[0] * FAINT[1]) / max(ratio, 1e-9))
+        factor *= float(np.clip(step, 0.3, 3.0))
+        if not low < factor < high:
+            factor = float(np.sqrt(max(low, 0.1 * high) * high))
+    if high == np.inf:
+        raise RuntimeError(f"{', '.join(chosen)}: no size that was tried shows in these logs")
+    return _scaled(chosen, high)
+
+
+def _scaled(chosen: dict[str, float], factor: float) -> dict[str, float]:
+    return {name: factor * size for name, size in chosen.items()}
 
 
 def _log(plant: Plant, index: int, rng: np.random.Generator, name: str) -> dft.Log:

@@ -47,7 +47,7 @@ THRUSTER: dict[str, Size] = {
     "supply_voltage_sag": Size(0.7, 0.027, 0.8, lambda x, k: {"share": x}),
     "linear_damping": Size(0.15, 0.004, 0.15, lambda x, k: {"rate": x * k["alpha"] * k["speed"]}),
     "coulomb_friction": Size(0.015, 0.0006, 0.05, lambda x, k: {"friction": x * k["drive"]}),
-    "static_friction": Size(0.1, 0.05, 0.12, lambda x, k: {"friction": x * k["drive"]}),
+    "static_friction": Size(0.1, 0.03, 0.12, lambda x, k: {"friction": x * k["drive"]}),
     "reverse_load_asymmetry": Size(0.09, 0.0027, 0.15, lambda x, k: {"change": x}, True),
     "inflow_load_relief": Size(
         0.05, 0.0023, 0.3, lambda x, k: {"relief": x * k["alpha"] * k["speed"]}
@@ -88,7 +88,12 @@ OUTSIDE: dict[str, Size] = {
     "load_hump": Size(0.15, None, 0.15, lambda x, k: {"height": x * k["drive"], **_middle(k)}),
     "load_memory": Size(0.4, None, 0.4, lambda x, k: {"relief": x * k["alpha"]}),
     "thrust_hollow": Size(0.3, None, 0.3, lambda x, k: {"depth": x, **_middle(k)}),
-    "wave_ventilation": Size(0.4, None, 0.4, lambda x, k: {"depth": x}),
+    "reverse_stall": Size(
+        0.3,
+        None,
+        0.3,
+        lambda x, k: {"depth": x, "middle": 0.5 * k["speed"], "width": 0.05 * k["speed"]},
+    ),
 }
 
 VESSEL: dict[str, Size] = {
@@ -143,7 +148,16 @@ VESSEL_OUTSIDE: dict[str, Size] = {
             "width": 0.12 * k["surge"],
         },
     ),
-    "wave_yawing": Size(0.3, None, 0.3, lambda x, k: {"moment": x * k["moment"]}),
+    "bow_wave_turning": Size(
+        0.3,
+        None,
+        0.3,
+        lambda x, k: {
+            "moment": x * k["moment"],
+            "middle": 0.75 * k["surge"],
+            "width": 0.12 * k["surge"],
+        },
+    ),
 }
 
 

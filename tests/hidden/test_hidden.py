@@ -135,7 +135,7 @@ def test_process_noise_hides_what_the_sensors_alone_would_show():
     ["load_hump", "motor_heating"]
     + [
         pytest.param(name, marks=pytest.mark.slow)
-        for name in ("command_play", "load_memory", "thrust_hollow", "wave_ventilation")
+        for name in ("command_play", "load_memory", "thrust_hollow", "reverse_stall")
     ],
 )
 def test_no_catalogue_term_imitates_an_effect_outside_it(name):
