@@ -1,6 +1,7 @@
 """The innovations form against a Kalman filter, finite differences and the reference simulators."""
 
 import functools
+import inspect
 from dataclasses import replace
 from typing import ClassVar
 
@@ -18,6 +19,7 @@ from diffthrust._likelihood import evaluate
 from diffthrust._observer import innovations
 from diffthrust._problem import build
 from diffthrust._solver import solve
+from diffthrust._spec_file import FitPart
 from diffthrust._status import Status, examine
 from diffthrust.effects import ActuatorLag, LinearDamping
 
@@ -461,6 +463,12 @@ def test_gaps_in_time_are_crossed():
     rests = one_step(fit, [holed])[0]["speed"]
     assert rests.shape == kept.shape
     assert np.std(rests) == pytest.approx(fit.noise["speed"], rel=0.2)
+
+
+def test_a_spec_file_may_ask_for_it():
+    part = FitPart(likelihood="innovations")
+    assert part.model_dump(exclude_unset=True) == {"likelihood": "innovations"}
+    assert set(FitPart.model_fields) <= set(inspect.signature(dft.fit).parameters)
 
 
 @pytest.mark.parametrize(
