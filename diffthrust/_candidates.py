@@ -53,7 +53,7 @@ def candidates_of(
             continue
         if elsewhere:
             if wanted is not None:
-                model + effect  # says what is wrong
+                _ = model + effect  # says what is wrong
                 untestable[effect.name] = f"needs the input {listing(elsewhere)}"
             continue
         if lacking:

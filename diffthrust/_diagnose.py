@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -20,6 +21,7 @@ from diffthrust._log import Log
 from diffthrust._missing import missing_signals, remaining_structure
 from diffthrust._model import Model
 from diffthrust._result import Fit
+from diffthrust._step_check import CoarseStepWarning
 from diffthrust._trials import Trial, Trials
 
 MOST_STAGES = 5
@@ -174,7 +176,11 @@ class _Search:
                 f"stage {number + 1}: trying {name}", 0.2 + 0.1 * number + 0.1 * i / len(names)
             )
             trial = self.trials.tried(name, self.present, levels, keep=3.0)
-            if trial is not None:
+            if trial is None:
+                continue
+            if self.trials.redundant(trial):
+                self.untestable.setdefault(name, "other parameters do the same to what is measured")
+            else:
                 found.append((name, trial))
         found.sort(key=lambda pair: pair[1].expected)
         ended = [(n, self.trials.further(t)) for n, t in found[:CARRIED]]
@@ -218,15 +224,17 @@ class _Search:
         return Stage(self.present.effects, self._fitted(model))
 
     def _fitted(self, model: Model) -> Fit:
-        return self.timed(
-            "refit",
-            fit_model,
-            model,
-            self.train,
-            holdout=self.unseen or None,
-            starts=4,
-            seed=self.seed,
-        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", CoarseStepWarning)  # a note of the fit says the same
+            return self.timed(
+                "refit",
+                fit_model,
+                model,
+                self.train,
+                holdout=self.unseen or None,
+                starts=4,
+                seed=self.seed,
+            )
 
     def groups(self) -> tuple[tuple[str, ...], ...]:
         """For each added effect those that, in its place, explain the logs as well."""

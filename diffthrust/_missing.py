@@ -14,26 +14,27 @@ Curve = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 LEVEL = 0.01
 """False alarms of "unexplained", over all ports and signals together."""
+LEAST = 0.01
+"""Structure that explains less of the squared one-step errors is not worth a word: the difference
+between two ways to integrate the same physics comes to as much."""
 
 
 def signals_at(trials: Trials, place: Place, trial: Trial) -> dict[str, list[np.ndarray]]:
-    """The signals on which something missing at a place may depend, log by log."""
+    """The signals on which something missing at a place may depend, log by log.
+
+    All are known before the sample whose error they are to explain (a smoothed rate would contain
+    that very error): the rate is the one that the model predicts.
+    """
     paths = trials.path(trial)
     model = trials.model
     names = [n for n in (*model.inputs, *model.optional_inputs) if n in paths[0]]
     names += [n for n in model.states if n in paths[0] and n in trials.problem.layout.channels]
     out = {n: [path[n] for path in paths] for n in dict.fromkeys(names)}
     if place.state:
-        rate = [np.gradient(path[place.state], path["time"]) for path in paths]
-        out[f"d({place.state})/dt"] = [_steady(r) for r in rate]
+        rates = [one[place.port] for one in trials.readings(paths)]
+        out[f"d({place.state})/dt"] = [np.asarray(rate) for rate in rates]
     out["time"] = [path["time"] - path["time"][0] for path in paths]
     return out
-
-
-def _steady(values: np.ndarray, half: int = 2) -> np.ndarray:
-    """Running mean over a few samples."""
-    window = np.ones(2 * half + 1) / (2 * half + 1)
-    return np.convolve(np.pad(values, half, mode="edge"), window, mode="valid")
 
 
 def bases(
@@ -93,11 +94,16 @@ def remaining_structure(trials: Trials, trial: Trial) -> Remaining | None:
             p, coefficients, covariance = trials.unknown(place.port, trial, series)
             gain = float(coefficients @ np.linalg.pinv(covariance, hermitian=True) @ coefficients)
             found.append((p, place.port, name, gain))
-    significant = [one for one in found if one[0] < LEVEL / len(found)]
-    if not significant:
+    seen = [
+        (gain, port, name, 1.0 - float(np.exp(-gain / trials.samples)))
+        for p, port, name, gain in found
+        if p < LEVEL / len(found)
+    ]
+    worth = [one for one in seen if one[3] >= LEAST]
+    if not worth:
         return None
-    _, port, name, gain = max(significant, key=lambda one: one[3])
-    return Remaining(port, name, 1.0 - float(np.exp(-gain / trials.samples)))
+    _, port, name, share = max(worth)
+    return Remaining(port, name, share)
 
 
 def _runs(

@@ -21,7 +21,7 @@ from diffthrust._effect import Effect
 from diffthrust._likelihood import Quadratic, named_values, noise_of
 from diffthrust._log import Log
 from diffthrust._model import Model
-from diffthrust._observer import CLIP, innovations, observer_of
+from diffthrust._observer import CLIP, guesses, innovations, is_memory, observer_of
 from diffthrust._parameters import Relative
 from diffthrust._places import KNOTS, Place, places_of, readings, unknown_at
 from diffthrust._problem import Problem, build, channels_of
@@ -29,6 +29,8 @@ from diffthrust._solver import solve
 
 MOST_PROBES = 6
 """An effect is tried from at most so many points."""
+SAME = 1e-6
+"""An effect is redundant that keeps less than this of its information beside the others."""
 FEW = 6
 """Steps from each of the best probes, before it is known which effects matter."""
 MOST_REMOVED = 0.9
@@ -129,7 +131,7 @@ class Trials:
         """The parameters that are estimated with some effects present."""
         named = self.problem.named
         theirs = [n for n in named if n.rpartition(".")[0] in effects and not named[n].fixed]
-        gains = [n for n in self.nuisance if n.rpartition(".")[2] not in _SECONDS]
+        gains = [n for n in self.nuisance if not is_memory(n)]
         memories = [n for n in self.nuisance if n not in gains]
         free = max(0, (self.problem.layout.width or 0) - len(self.own) - len(theirs))
         return (*self.own, *(*gains, *memories)[:free], *theirs)
@@ -192,10 +194,10 @@ class Trials:
         An effect that explains much leaves little noise: the observer's gains may be far from what
         they were. Then large errors are limited to a few times what errors now are.
         """
-        quiet = {n: 0.02 for n in self.nuisance if n.rpartition(".")[2] not in _SECONDS}
-        lasting = {n: 0.9 for n in quiet if n.endswith("colour")}
-        guesses = ({}, quiet, {**quiet, **lasting})
-        begun = [self.solve(effects, {**values, **guess}, begin, budget=12) for guess in guesses]
+        begun = [
+            self.solve(effects, {**values, **guess}, begin, budget=12)
+            for guess in guesses(self.nuisance)
+        ]
         trial = min(begun, key=lambda trial: trial.expected)
         for _ in range(2):
             trial = self.further(trial, budget=150)
@@ -214,6 +216,9 @@ class Trials:
             low, high = p.limits
             inside = [v for v in values if low <= v <= high and np.isfinite(v)]
             tried[name] = inside or [float(np.clip(p.scale, low, high))]
+        for name, values in tried.items():  # so wide a limit hardly acts: a start for a faint one
+            if np.isinf(named[name].null or 0.0):
+                tried[name] = [*values, 1.6 * max(values), 2.5 * max(values)]
         points = list(product(*tried.values()))
         points = points[:: max(1, len(points) // MOST_PROBES)][:MOST_PROBES]
         nulls = [named[n].null for n in tried]
@@ -256,6 +261,21 @@ class Trials:
         begun = [self.further(one, budget=FEW) for one in hopeful]
         best = min(begun, key=lambda trial: trial.expected)
         return best if 2 * (present.cost - best.expected) > keep else None
+
+    def redundant(self, trial: Trial) -> bool:
+        """Whether the last effect of a trial does nothing that the other parameters cannot."""
+        q, effect = trial.quadratic, trial.effects[-1]
+        live = np.diagonal(q.information) > 0
+        own = np.zeros(live.size, bool)
+        own[: len(trial.names)] = [n.rpartition(".")[0] == effect for n in trial.names]
+        length = np.sqrt(np.diagonal(q.information)[live])
+        scaled = q.information[np.ix_(live, live)] / np.outer(length, length)
+        own = own[live]
+        if not own.any():
+            return True
+        cross, rest = scaled[np.ix_(own, ~own)], scaled[np.ix_(~own, ~own)]
+        left = scaled[np.ix_(own, own)] - cross @ np.linalg.pinv(rest, 1e-12, True) @ cross.T
+        return bool(np.diagonal(left).max() < SAME)
 
     def levels(self, trial: Trial) -> dict[str, float]:
         """The 90th percentile of the absolute value of every signal, and the longest duration."""
@@ -318,7 +338,7 @@ class Trials:
 
     def simulation_errors(self, trial: Trial) -> tuple[float, float | None]:
         """NRMSE of the simulation, without correction, on training and unseen logs."""
-        still = {n: 0.0 for n in self.nuisance if n.rpartition(".")[2] not in _SECONDS}
+        still = {n: 0.0 for n in self.nuisance if not is_memory(n)}
         values = {**trial.values, **still}
         train = self._nrmse(self.problem.focus(trial.names, values, trial.begin))
         if self.unseen is None:
@@ -450,9 +470,6 @@ def _trial_values(probes: Any, levels: Mapping[str, float]) -> tuple[float, ...]
         level = levels.get(probes.signal, 0.0)
         return tuple(f * level**probes.power for f in probes.factors) if level > 0 else ()
     return tuple(probes)
-
-
-_SECONDS = ("memory", "correlation")
 
 
 @partial(jax.jit, static_argnums=0)
