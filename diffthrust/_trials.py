@@ -7,10 +7,9 @@ that hundreds of trials share one compilation.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import product
 from typing import Any
 
 import jax
@@ -22,21 +21,16 @@ from diffthrust._likelihood import Quadratic, named_values, noise_of
 from diffthrust._log import Log
 from diffthrust._model import Model
 from diffthrust._observer import CLIP, guesses, innovations, is_memory, observer_of
-from diffthrust._parameters import Relative
 from diffthrust._places import KNOTS, Place, places_of, readings, unknown_at
+from diffthrust._probes import probes
 from diffthrust._problem import Problem, build, channels_of
+from diffthrust._score import promise, score_test
 from diffthrust._solver import solve
 
-MOST_PROBES = 6
-"""An effect is tried from at most so many points."""
 SAME = 1e-6
 """An effect is redundant that keeps less than this of its information beside the others."""
 FEW = 6
 """Steps from each of the best probes, before it is known which effects matter."""
-MOST_REMOVED = 0.9
-"""No step is taken to remove more of the squared errors than this, whatever it promises."""
-NEAR = 0.005
-"""The first probe of an effect is so small a share of its trial value."""
 ENOUGH = 2e-3
 """A trial ends where a full step would gain less log-likelihood than this."""
 ROOM = 4
@@ -157,7 +151,7 @@ class Trials:
             tuple(effects),
             *given,
             cost=float(q.cost),
-            promise=_promise(q, ~outward),
+            promise=promise(q, ~outward),
             begin=z[problem.shared :],
         )
 
@@ -205,37 +199,6 @@ class Trials:
             self.problem = replace(self.problem, arrays=arrays)
         return self.further(trial, budget=150)
 
-    def probes(self, effect: str, levels: Mapping[str, float]) -> list[dict[str, float]]:
-        """Points from which an effect is tried: its parameters' trial values in the logs' scale."""
-        named = self.candidates[effect]._parameters
-        tried = {}
-        for name, p in named.items():
-            if p.fixed:
-                continue
-            values = _trial_values(p.probes, levels) or ((p.value,) if p.null != p.value else ())
-            low, high = p.limits
-            inside = [v for v in values if low <= v <= high and np.isfinite(v)]
-            tried[name] = inside or [float(np.clip(p.scale, low, high))]
-        for name, values in tried.items():  # so wide a limit hardly acts: a start for a faint one
-            if np.isinf(named[name].null or 0.0):
-                tried[name] = [*values, 1.6 * max(values), 2.5 * max(values)]
-        points = list(product(*tried.values()))
-        points = points[:: max(1, len(points) // MOST_PROBES)][:MOST_PROBES]
-        nulls = [named[n].null for n in tried]
-        near: list[tuple[float, ...]] = []
-        if all(null is None or np.isfinite(null) for null in nulls):  # from there, the score test
-            for point in points:
-                pairs = zip(nulls, point, strict=True)
-                near.append(tuple(v if n is None else n + NEAR * abs(v - n) for n, v in pairs))
-            near = [tuple(map(float, np.clip(p, *_ends(named, tried)))) for p in near]
-            located = [p for p, n in zip(zip(*near, strict=True), nulls, strict=True) if n is None]
-            keys = list(zip(*located, strict=True)) if located else [()] * len(near)
-            near = list(dict(zip(reversed(keys), reversed(near), strict=True)).values())
-        return [
-            {f"{effect}.{n}": v for n, v in zip(tried, point, strict=True)}
-            for point in (*near, *points)
-        ]
-
     def tried(
         self, effect: str, present: Trial, levels: Mapping[str, float], keep: float
     ) -> Trial | None:
@@ -245,7 +208,7 @@ class Trials:
         """
         effects = (*present.effects, effect)
         promised = []
-        for probe in self.probes(effect, levels):
+        for probe in probes(self.candidates[effect], levels):
             one = self.solve(effects, {**present.values, **probe}, present.begin, budget=1)
             if np.isfinite(one.cost):
                 promised.append(one)
@@ -407,69 +370,6 @@ class Trials:
         p, found, covariance = score_test(q, len(known), len(names))
         beyond = KNOTS - len(names)  # hats for which so many effects left no room
         return p, np.pad(found, (0, beyond)), np.pad(covariance, (0, beyond))
-
-
-def score_test(q: Quadratic, base: int, more: int) -> tuple[float, np.ndarray, np.ndarray]:
-    """Robust score test of ``more`` coordinates at zero, after ``base`` estimated ones.
-
-    The gradient is made orthogonal to that of the estimated coordinates (Neyman 1959), and its
-    scatter is taken from blocks of time (Hotelling's law for their number). Also the one-step
-    estimate of the coordinates and its covariance.
-    """
-    from scipy.special import fdtrc  # slow to import
-
-    information = np.asarray(q.information)[: base + more, : base + more]
-    scores = np.asarray(q.scores)[: base + more]
-    nuisance, cross = information[:base, :base], information[base:, :base]
-    through = cross @ np.linalg.pinv(nuisance, rcond=1e-11, hermitian=True)
-    left = information[base:, base:] - through @ cross.T
-    clear = scores[base:] - through @ scores[:base]
-    total = clear.sum(axis=1)
-    values, vectors = np.linalg.eigh(left)
-    own = np.diagonal(information)[base:]
-    kept = values > 1e-8 * max(own.max(initial=0.0), 1e-300)
-    rank = int(kept.sum())
-    if rank == 0:
-        return 1.0, np.zeros(more), np.full((more, more), np.nan)
-    basis = vectors[:, kept] / np.sqrt(values[kept])
-    seen = basis.T @ clear
-    blocks = int(np.sum(np.any(scores != 0, axis=0)))
-    moved = basis.T @ total
-    if blocks <= rank + 2:
-        return 1.0, np.zeros(more), np.full((more, more), np.nan)
-    centred = seen - moved[:, None] / blocks * np.any(scores != 0, axis=0)
-    scatter = centred @ centred.T * blocks / (blocks - 1)
-    hotelling = float(moved @ np.linalg.solve(scatter, moved))
-    ratio = hotelling * (blocks - rank) / ((blocks - 1) * rank)
-    inverse = basis @ basis.T
-    return float(fdtrc(rank, blocks - rank, ratio)), -inverse @ total, inverse
-
-
-def _promise(q: Quadratic, movable: np.ndarray) -> float:
-    """What a full Gauss-Newton step promises to gain in log-likelihood.
-
-    The likelihood goes with the logarithm of the squared errors: a step that is to remove most of
-    them promises more than its quadratic says.
-    """
-    length = np.sqrt(np.diagonal(q.information))
-    live = (length > 0) & movable
-    scaled = q.information[np.ix_(live, live)] / np.outer(length[live], length[live])
-    slope = q.gradient[live] / length[live]
-    removed = float(slope @ np.linalg.pinv(scaled, rcond=1e-9, hermitian=True) @ slope)
-    energy = float(q.energy) / len(q.sigma)
-    return -0.5 * energy * float(np.log1p(-min(removed / energy, MOST_REMOVED)))
-
-
-def _ends(named: Mapping[str, Any], names: Iterable[str]) -> tuple[list[float], list[float]]:
-    limits = [named[n].limits for n in names]
-    return [low for low, _ in limits], [high for _, high in limits]
-
-
-def _trial_values(probes: Any, levels: Mapping[str, float]) -> tuple[float, ...]:
-    if isinstance(probes, Relative):
-        level = levels.get(probes.signal, 0.0)
-        return tuple(f * level**probes.power for f in probes.factors) if level > 0 else ()
-    return tuple(probes)
 
 
 @partial(jax.jit, static_argnums=0)

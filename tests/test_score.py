@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from diffthrust._likelihood import Quadratic
-from diffthrust._trials import score_test
+from diffthrust._score import score_test
 
 BASE, MORE, BLOCKS, SAMPLES = 3, 4, 32, 1600
 

@@ -1,0 +1,61 @@
+"""From which values a diagnosis tries an effect."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from diffthrust._effect import Effect
+from diffthrust._parameters import Relative
+
+MOST_PROBES = 6
+"""An effect is tried from at most so many points."""
+NEAR = 0.005
+"""The first probe of an effect is so small a share of its trial value."""
+
+
+def probes(effect: Effect, levels: Mapping[str, float]) -> list[dict[str, float]]:
+    """Points from which an effect is tried: its parameters' trial values in the logs' scale."""
+    named = effect._parameters
+    tried = {}
+    for name, p in named.items():
+        if p.fixed:
+            continue
+        values = _trial_values(p.probes, levels) or ((p.value,) if p.null != p.value else ())
+        low, high = p.limits
+        inside = [v for v in values if low <= v <= high and np.isfinite(v)]
+        tried[name] = inside or [float(np.clip(p.scale, low, high))]
+    for name, values in tried.items():  # so wide a limit hardly acts: a start for a faint one
+        if np.isinf(named[name].null or 0.0):
+            tried[name] = [*values, 1.6 * max(values), 2.5 * max(values)]
+    points = list(product(*tried.values()))
+    points = points[:: max(1, len(points) // MOST_PROBES)][:MOST_PROBES]
+    nulls = [named[n].null for n in tried]
+    near: list[tuple[float, ...]] = []
+    if all(null is None or np.isfinite(null) for null in nulls):  # from there, the score test
+        for point in points:
+            pairs = zip(nulls, point, strict=True)
+            near.append(tuple(v if n is None else n + NEAR * abs(v - n) for n, v in pairs))
+        near = [tuple(map(float, np.clip(p, *_ends(named, tried)))) for p in near]
+        located = [p for p, n in zip(zip(*near, strict=True), nulls, strict=True) if n is None]
+        keys = list(zip(*located, strict=True)) if located else [()] * len(near)
+        near = list(dict(zip(reversed(keys), reversed(near), strict=True)).values())
+    return [
+        {f"{effect.name}.{n}": v for n, v in zip(tried, point, strict=True)}
+        for point in (*near, *points)
+    ]
+
+
+def _ends(named: Mapping[str, Any], names: Iterable[str]) -> tuple[list[float], list[float]]:
+    limits = [named[n].limits for n in names]
+    return [low for low, _ in limits], [high for _, high in limits]
+
+
+def _trial_values(probes: Any, levels: Mapping[str, float]) -> tuple[float, ...]:
+    if isinstance(probes, Relative):
+        level = levels.get(probes.signal, 0.0)
+        return tuple(f * level**probes.power for f in probes.factors) if level > 0 else ()
+    return tuple(probes)
