@@ -15,6 +15,7 @@ import os
 import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -65,7 +66,7 @@ def _brief(diag: Any) -> Row:
 
 def _work(task: Task) -> Row:
     kind, seed, ratio = task
-    return examine(kind, seed, dft.diagnose, ratio)
+    return examine(kind, seed, partial(dft.diagnose, experiment=False), ratio)
 
 
 def _start_worker() -> None:

@@ -4,6 +4,7 @@ import argparse
 import io
 import json
 from dataclasses import dataclass, field, replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -27,9 +28,6 @@ QUICK = (
     ("field-none", 1),
     ("field-clear/command_deadband", 1),
     ("outside/thrust_hollow", 2),
-)
-needs_diagnose = pytest.mark.skipif(
-    not hasattr(dft, "diagnose"), reason="this version has no diagnosis"
 )
 
 
@@ -223,16 +221,15 @@ def test_a_bench_that_was_cut_goes_on_and_reports(tmp_path, monkeypatch):
     assert sum(line.count for line in score.confusion(rows)) == 3
 
 
-@needs_diagnose
 def test_quick_subset():
-    rows = [bench.examine(kind, seed, dft.diagnose) for kind, seed in QUICK]
+    diagnose = partial(dft.diagnose, experiment=False)
+    rows = [bench.examine(kind, seed, diagnose) for kind, seed in QUICK]
     assert not [f"{row['kind']}: {row['label']}, {row['why']}" for row in rows if not row["right"]]
     ratios = [row["ratio"] for row in rows if row["ratio"] is not None]
     assert len(ratios) == 3
     assert max(ratios) <= score.CLOSE
 
 
-@needs_diagnose
 @pytest.mark.slow
 def test_whole_bench(tmp_path, capsys):
     arguments = argparse.Namespace(
