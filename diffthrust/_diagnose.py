@@ -148,17 +148,21 @@ class _Search:
         number = len(self.stages) - 1
         tried = self.timed("screen", self._screen, number)
         rated = sorted(tried, key=lambda pair: pair[0].delta_bic)
+        if rated and self._better_noise(*rated[0]):
+            return self.advance()
         self.ranking += [candidate for candidate, _ in rated]
         for candidate, trial in rated:
-            gain = candidate.holdout_gain
             if candidate.delta_bic > -MARGIN:
                 return False
-            if gain < 0.0:
-                continue  # fits these logs, and makes others worse
-            effects = self.present.effects
-            self.present = self.timed(
+            clipped = self.trials.problem
+            settled = self.timed(
                 "screen", self.trials.settled, trial.effects, trial.values, trial.begin
             )
+            if self.trials.unseen_gain(self.present, settled) < 0.0:
+                self.trials.problem = clipped
+                continue  # fits these logs, and makes others worse
+            effects = self.present.effects
+            self.present = settled
             self._drop()
             if set(self.present.effects) == set(effects):
                 return False
@@ -166,6 +170,20 @@ class _Search:
             self.stages.append(self.timed("refit", self._stage))
             return True
         return False
+
+    def _better_noise(self, candidate: Candidate, trial: Trial) -> bool:
+        """Whether a trial, its effect taken out, explains the logs better than the present one.
+
+        Its gain was then not the effect's: on its way the fit has found a better noise.
+        """
+        clipped = self.trials.problem
+        values = self.trials.absent(candidate.effect, trial.values)
+        without = self.trials.settled(self.present.effects, values, trial.begin)
+        if without.cost > self.present.cost - 0.5 * MARGIN:
+            self.trials.problem = clipped
+            return False
+        self.present = without
+        return True
 
     def _screen(self, number: int) -> list[tuple[Candidate, Trial]]:
         levels = self.trials.levels(self.present)

@@ -74,7 +74,7 @@ class AxialFlow(Effect):
         bounds=(0, None),
         null=0.0,
         size=0.3,
-        probes=relative_to("propeller", 0.002, 0.02),
+        probes=relative_to("propeller", 0.002, 0.02, 0.2),
     )
     mass: float = parameter(
         20.0, "kg", bounds=(0, None), transform="log", probes=relative_to("propeller", 0.2, 1.0)
