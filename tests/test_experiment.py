@@ -129,6 +129,7 @@ def test_a_lag_is_told_from_a_delay_far_better_than_by_a_slow_ramp(fits):
     assert set(test.separations) == {test.rivals, test.rivals[::-1]}
 
 
+@pytest.mark.slow
 def test_friction_in_proportion_to_speed_is_told_from_constant_friction(friction):
     """A slow ramp shows the friction at every speed: a good test here, but not the best."""
     assert friction.separation > 2 * slow_ramp(friction).separation
@@ -175,7 +176,7 @@ def test_correlated_noise_counts_a_lasting_difference_for_less(friction):
 # -- the promise -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 2))])
 def test_the_promised_likelihood_ratio_is_what_new_data_give(fits, logs, seed):
     """Data of the lag on the suggested inputs; both rivals refitted to old and new logs.
 
@@ -195,6 +196,7 @@ def test_the_promised_likelihood_ratio_is_what_new_data_give(fits, logs, seed):
     assert abs(gain - 0.5 * promised) < 4 * np.sqrt(promised + 3)
 
 
+@pytest.mark.slow
 def test_the_reference_simulator_keeps_the_promise_too(fits, logs):
     """As above; the truth is now not the fit but within its errors, which shifts the mean a little.
 
@@ -213,6 +215,7 @@ def test_the_reference_simulator_keeps_the_promise_too(fits, logs):
     assert abs(gain - 0.5 * promised) < 4 * np.hypot(np.sqrt(promised + 3), promised * doubt)
 
 
+@pytest.mark.slow
 def test_what_is_known_of_the_imitator_is_held_against_it(logs):
     """A prior on the parameters leaves less room to imitate; logs do the same."""
     rivals = [dft.Thruster() + Viscous(), dft.Thruster() + Dry()]
@@ -295,6 +298,7 @@ def test_no_design_is_tried_twice():
     assert len(set(keys)) == len(keys)
 
 
+@pytest.mark.slow
 def test_a_vessel_is_moved_by_both_inputs():
     class YawDrag(dft.Effect):
         name = "yaw_drag"

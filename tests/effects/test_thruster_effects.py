@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from marks import slow_but
 from reference import inputs, noise, thruster
 
 import diffthrust as dft
@@ -14,6 +15,14 @@ from diffthrust._units import convert
 
 PLACES = {**dft.Thruster.inputs, **dft.Thruster.ports, **dft.Thruster.outputs}
 CATALOGUE = {n: e for n, e in dft.effects.EFFECTS.items() if all(p in PLACES for p in e.ports)}
+AT_EACH_CHANGE = (
+    "command_deadband",
+    "command_saturation",
+    "actuator_lag",
+    "coulomb_friction",
+    "axial_flow",
+    "thrust_sensor_delay",
+)
 NAMES = [
     "command_deadband",
     "command_saturation",
@@ -184,7 +193,7 @@ LEVELS = {
 } | {"duration": float(TIME[-1] - TIME[0])}
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", slow_but(AT_EACH_CHANGE, NAMES))
 def test_derivatives_are_finite_at_the_null_and_at_every_probe(name):
     effect = CATALOGUE[name]()
     own = [n for n in PARAMETERS if n.startswith(name + ".")]
@@ -243,7 +252,7 @@ def test_every_effect_is_recovered():
     assert sorted(RECOVERED) == sorted(NAMES)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", slow_but(AT_EACH_CHANGE, NAMES))
 def test_an_effect_is_recovered_from_the_reference(name):
     truth = RECOVERED[name]
     main, *others = (value for value, _ in truth.values())

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from marks import slow_but
 from reference import inputs, noise, vessel
 
 import diffthrust as dft
@@ -38,6 +39,7 @@ HINGED = {
     "propeller_lag",
 }
 TWIN = {"differential_gain", "swapped_thrusters"}
+AT_EACH_CHANGE = ("quadratic_yaw_drag", "rudder_lag", "wind")
 CASES = [
     (name, drive)
     for name in sorted(CATALOGUE)
@@ -134,7 +136,7 @@ def trials(effect, log):
             yield type(effect)(**{name: value})
 
 
-@pytest.mark.parametrize(("name", "drive"), CASES)
+@pytest.mark.parametrize(("name", "drive"), slow_but(AT_EACH_CHANGE, CASES))
 def test_values_and_derivatives_are_finite(name, drive):
     log = log_of(drive, blowing=name == "wind", lowest=-60.0, duration=30.0)
     model = dft.Vessel(drive) + EFFECTS[name]()
@@ -188,7 +190,7 @@ def fitted(effect, log, drive="propeller"):
     return dft.fit(dft.Vessel(drive, **start) + effect, log, horizon=None, starts=1, substeps=4)
 
 
-@pytest.mark.parametrize("name", FOUND)
+@pytest.mark.parametrize("name", slow_but(AT_EACH_CHANGE, FOUND))
 def test_the_reference_s_effect_is_found(name):
     hidden, how = FOUND[name]
     fit = fitted(EFFECTS[name](), log_of(**{name: hidden}, **how), how.get("drive", "propeller"))
