@@ -91,7 +91,9 @@ def test_a_model_with_many_effects_is_drawn_with_its_name_wrapped(tmp_path):
     )
     model = dft.Thruster()
     for effect in dft.effects.EFFECTS.values():
-        model = model + effect()
+        if effect.port in model.ports and not effect.needs:
+            model = model + effect()
+    assert len(model.effects) > 8
     for suffix in ("png", "svg", "pdf"):
         dft.compare(model, log).plot().savefig(tmp_path / f"figure.{suffix}")
         assert (tmp_path / f"figure.{suffix}").stat().st_size > 1000

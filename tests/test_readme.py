@@ -3,9 +3,11 @@
 import re
 import shutil
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
+from diffthrust._diagnosis import Verdict
 from diffthrust._spec import load_spec
 from diffthrust._status import Status
 
@@ -20,12 +22,13 @@ def blocks(language: str) -> list[str]:
 def test_python_runs(tmp_path, monkeypatch, capsys):
     shutil.copytree(ROOT / "fits" / "jason_thruster", tmp_path / "fits" / "jason_thruster")
     monkeypatch.chdir(tmp_path)
-    assert len(blocks("python")) == 3
+    assert len(blocks("python")) == 4
     exec(compile("\n".join(blocks("python")), "README.md", "exec"), {"__name__": "readme"})
     printed = capsys.readouterr().out
     assert "Status: converged" in printed
     assert "thruster + coulomb_friction" in printed
     assert (tmp_path / "unseen.png").stat().st_size > 10_000
+    assert "<html" in (tmp_path / "diagnosis.html").read_text()
 
 
 def test_first_snippet_is_short():
@@ -46,6 +49,11 @@ def test_spec_file_is_read(tmp_path):
 @pytest.mark.parametrize("status", list(Status), ids=lambda status: status.value)
 def test_every_status_is_explained(status):
     assert f"| `{status.value}` |" in TEXT
+
+
+@pytest.mark.parametrize("verdict", get_args(Verdict))
+def test_every_verdict_is_explained(verdict):
+    assert f"| `{verdict}` |" in TEXT
 
 
 def test_links_lead_somewhere():
