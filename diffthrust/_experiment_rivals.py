@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from diffthrust._arrange import build
 from diffthrust._errors import InputError
 from diffthrust._log import Log
 from diffthrust._model import Model
-from diffthrust._problem import build
 from diffthrust._result import Fit
 from diffthrust._solver import solve
 from diffthrust._status import examine

@@ -11,12 +11,13 @@ from typing import Literal
 import numpy as np
 
 from diffthrust._arguments import check_arguments, listed
+from diffthrust._arrange import build
 from diffthrust._compare import Comparison, compare
 from diffthrust._horizons import schedule, through, whole_runs
 from diffthrust._innovations import clipped, disturbance_of, observer_for, one_step_errors, polished
 from diffthrust._log import Log
 from diffthrust._model import Model
-from diffthrust._problem import Problem, build
+from diffthrust._problem import Problem
 from diffthrust._result import Estimate, Fit
 from diffthrust._solver import solve
 from diffthrust._starts import Progress, draw

@@ -7,10 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from diffthrust._arrange import restarts
 from diffthrust._errors import InputError
 from diffthrust._log import Log
 from diffthrust._model import Model
-from diffthrust._problem import Problem, restarts
+from diffthrust._problem import Problem
 from diffthrust._starts import Progress, Search, search
 
 GROWTH = 1.1

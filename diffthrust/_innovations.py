@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from diffthrust._arrange import build, channels_of
 from diffthrust._channels import listing
 from diffthrust._errors import InputError
 from diffthrust._intake import bridged
@@ -18,7 +19,7 @@ from diffthrust._likelihood import residuals
 from diffthrust._log import Log
 from diffthrust._model import Model
 from diffthrust._observer import CLIP, Observer, is_memory, observer_of
-from diffthrust._problem import Problem, build, channels_of
+from diffthrust._problem import Problem
 from diffthrust._result import Estimate, Fit
 from diffthrust._solver import Solved, solve
 from diffthrust._starts import Search

@@ -16,6 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from diffthrust._arrange import build, channels_of
 from diffthrust._effect import Effect
 from diffthrust._likelihood import Quadratic, named_values, noise_of
 from diffthrust._log import Log
@@ -23,7 +24,7 @@ from diffthrust._model import Model
 from diffthrust._observer import CLIP, guesses, innovations, is_memory, observer_of
 from diffthrust._places import KNOTS, Place, places_of, readings, unknown_at
 from diffthrust._probes import probes
-from diffthrust._problem import Problem, build, channels_of
+from diffthrust._problem import Problem
 from diffthrust._score import promise, score_test
 from diffthrust._solver import solve
 

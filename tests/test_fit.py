@@ -5,7 +5,7 @@ import pytest
 from reference import inputs, noise, thruster, vessel
 
 import diffthrust as dft
-from diffthrust._problem import build, restarts
+from diffthrust._arrange import build, restarts
 from diffthrust._status import examine
 
 TRUE = {"alpha": 0.037, "beta": 42.0, "ct": 0.02}

@@ -12,8 +12,8 @@ from scipy.optimize import minimize_scalar
 
 import diffthrust as dft
 from diffthrust import Log, simulate
+from diffthrust._arrange import build, restarts
 from diffthrust._likelihood import TAIL, evaluate
-from diffthrust._problem import build, restarts
 from diffthrust.effects import ActuatorLag, ReverseThrustAsymmetry
 
 compiled = jax.jit(evaluate, static_argnums=0)

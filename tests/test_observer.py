@@ -14,10 +14,10 @@ from scipy.stats import chi2
 
 import diffthrust as dft
 from diffthrust import InputError, Log
+from diffthrust._arrange import build
 from diffthrust._innovations import observer_for, one_step, one_step_errors
 from diffthrust._likelihood import evaluate
 from diffthrust._observer import innovations
-from diffthrust._problem import build
 from diffthrust._solver import solve
 from diffthrust._spec_file import FitPart
 from diffthrust._status import Status, examine

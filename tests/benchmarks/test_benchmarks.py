@@ -24,8 +24,8 @@ from scipy.optimize import least_squares
 
 import diffthrust as dft
 from diffthrust import _simulate
+from diffthrust._arrange import build
 from diffthrust._likelihood import evaluate
-from diffthrust._problem import build
 from diffthrust._solver import solve
 from diffthrust.effects import ActuatorLag, CommandDeadband, ReverseThrustAsymmetry
 
@@ -195,7 +195,7 @@ LONG = """
 import os, sys, time
 import numpy as np
 import diffthrust as dft
-from diffthrust._problem import build
+from diffthrust._arrange import build
 from diffthrust._solver import solve
 n = int(sys.argv[1])
 rng = np.random.default_rng(0)
