@@ -22,7 +22,7 @@ from diffthrust._missing import missing_signals, remaining_structure
 from diffthrust._model import Model
 from diffthrust._result import Fit
 from diffthrust._step_check import CoarseStepWarning
-from diffthrust._trials import Trial, Trials
+from diffthrust._trials import Trial, Trials, side_by_side
 
 MOST_STAGES = 5
 MARGIN = 4.0
@@ -189,11 +189,15 @@ class _Search:
         levels = self.trials.levels(self.present)
         found = []
         names = [n for n in self.trials.candidates if n not in self.present.effects]
-        for i, name in enumerate(names):
+
+        def one(name: str) -> Trial | None:
             self.say(
-                f"stage {number + 1}: trying {name}", 0.2 + 0.1 * number + 0.1 * i / len(names)
+                f"stage {number + 1}: trying {name}",
+                0.2 + 0.1 * number + 0.1 * names.index(name) / len(names),
             )
-            trial = self.trials.tried(name, self.present, levels, keep=3.0)
+            return self.trials.tried(name, self.present, levels, keep=3.0)
+
+        for name, trial in zip(names, side_by_side(one, names), strict=True):
             if trial is None:
                 continue
             if self.trials.redundant(trial):
@@ -201,8 +205,9 @@ class _Search:
             else:
                 found.append((name, trial))
         found.sort(key=lambda pair: pair[1].expected)
-        ended = [(n, self.trials.further(t)) for n, t in found[:CARRIED]]
-        return [(self._rated(number, n, t), t) for n, t in [*ended, *found[CARRIED:]]]
+        ended = side_by_side(self.trials.further, [trial for _, trial in found[:CARRIED]])
+        ended += [trial for _, trial in found[CARRIED:]]
+        return [(self._rated(number, n, t), t) for (n, _), t in zip(found, ended, strict=True)]
 
     def _rated(self, number: int, name: str, trial: Trial) -> Candidate:
         from scipy.special import chdtrc  # slow to import
@@ -225,15 +230,20 @@ class _Search:
         )
 
     def _drop(self) -> None:
-        """Take out every effect without which the criterion is no worse."""
-        for name in self.present.effects[:-1]:
+        """Take out every effect without which the criterion is no worse.
+
+        The last one too: on its way to the optimum the fit may have found a better noise.
+        """
+        newest = self.present.effects[-1]
+        for name in self.present.effects:
             rest = tuple(n for n in self.present.effects if n != name)
             values = self.trials.absent(name, self.present.values)
             without = self.trials.solve(rest, values, self.present.begin)
             fewer = len(self.present.names) - len(without.names)
             loss = 2 * (without.cost - self.present.cost) - fewer * math.log(self.trials.samples)
             if loss < MARGIN:
-                self.dropped.append(name)
+                if name != newest:
+                    self.dropped.append(name)
                 self.present = without
 
     def _stage(self) -> Stage:

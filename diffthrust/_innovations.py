@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
-from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -15,10 +12,10 @@ from diffthrust._arrange import build, channels_of
 from diffthrust._channels import listing
 from diffthrust._errors import InputError
 from diffthrust._intake import bridged
-from diffthrust._likelihood import residuals
 from diffthrust._log import Log
 from diffthrust._model import Model
 from diffthrust._observer import CLIP, Observer, is_memory, observer_of
+from diffthrust._passes import passes, with_clip
 from diffthrust._problem import Problem
 from diffthrust._result import Estimate, Fit
 from diffthrust._solver import Solved, solve
@@ -61,8 +58,7 @@ def clipped(found: Search, problem: Problem) -> tuple[Search, Problem]:
     A spike then moves the states no further than a large error does.
     """
     for _ in range(2):
-        limit = jnp.asarray(CLIP * found.best.quadratic.sigma)
-        problem = replace(problem, arrays={**problem.arrays, "clip": limit})
+        problem = with_clip(problem, CLIP * found.best.quadratic.sigma)
         found = found.followed(problem)
     return found, problem
 
@@ -152,30 +148,8 @@ def one_step(fit: Fit, logs: Sequence[Log], substeps: int = 1) -> list[dict[str,
 
 def one_step_errors(problem: Problem, z: np.ndarray) -> list[dict[str, np.ndarray]]:
     """Measured minus predicted, ``(T,)`` by log and channel; NaN where nothing was measured."""
-    found: list[dict[str, np.ndarray]] = [{} for _ in problem.logs]
-    passes = _residuals(problem.layout, problem.arrays, jnp.asarray(z))
-    for batch, indices, rests in zip(problem.arrays["batches"], problem.order, passes, strict=True):
-        rests = np.where(np.isnan(batch["measured"]), np.nan, rests)
-        for row, index in enumerate(indices):
-            log = problem.logs[index]
-            for i, channel in enumerate(problem.layout.channels):
-                if channel in log.measured:
-                    found[index][channel] = rests[row, i, : len(log)]
-    return found
-
-
-@partial(jax.jit, static_argnums=0)
-def _residuals(layout: Any, arrays: Any, z: Any) -> Any:
-    """Residuals ``(B, C, T)`` of each batch of logs."""
-    n, m = layout.width or len(layout.free), len(layout.starts)
-    at, found = n, []
-    for index, batch in enumerate(arrays["batches"]):
-        count = batch["time"].shape[0]
-        starts = z[at : at + count * m].reshape(count, m)
-        at += count * m
-
-        def one(log: Any, index: int = index) -> Any:
-            return residuals(layout, index, arrays, log, z[:n], log["start"])
-
-        found.append(jax.lax.map(one, {**batch, "start": starts}))
-    return found
+    channels = problem.layout.channels
+    return [
+        {c: one.errors[i] for i, c in enumerate(channels) if c in log.measured}
+        for one, log in zip(passes(problem, z), problem.logs, strict=True)
+    ]

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from diffthrust._diagnosis import Missing, Remaining
-from diffthrust._places import Place, hats, knots_of, slopes_at
+from diffthrust._places import Place, hats, knots_of, slopes_along
+from diffthrust._smoother import Errors, smoothed
 from diffthrust._trials import Trial, Trials
 
 Curve = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -110,40 +111,27 @@ def _runs(
     trials: Trials, place: Place, trial: Trial
 ) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Time, missing signal and its standard error of each log, in the unit of the port."""
-    rates, outputs = slopes_at(trials.model, trials.logs[0])
-    target = place.state or place.output or ""
-    slope = float((rates if place.state else outputs)[target][1][place.port])
-    out = []
-    for path in trials.path(trial):
-        time = path["time"]
-        if place.state:
-            step = np.diff(time, append=2 * time[-1] - time[-2])
-            gain = trial.values.get(f"noise.{place.state}.gain.{place.state}", 0.0)
-            error = path.get(f"error.{place.state}", np.zeros_like(time))
-            raw = path.get(f"drift.{place.state}", np.zeros_like(time)) + gain * error / step
-        else:
-            raw = path[f"rest.{target}"]
-        smooth, spread = _smooth(raw / slope)
-        out.append((time, smooth, spread))
-    return out
-
-
-def _smooth(raw: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Smoothed series and its standard error: a running mean as wide as cross-validation likes."""
-    best: tuple[float, np.ndarray, np.ndarray] | None = None
-    for half in (1, 2, 4, 8, 16, 32):
-        if 4 * half + 2 > raw.size:
-            break
-        weights = np.hanning(2 * half + 3)[1:-1]
-        weights /= weights.sum()
-        wide = np.convolve(np.pad(raw, half, mode="edge"), weights, mode="valid")
-        own = weights[half]
-        left_out = (raw - wide) / (1.0 - own)
-        score = float(np.mean(left_out**2))
-        if best is None or score < best[0]:
-            noise = np.sqrt(np.mean((raw - wide) ** 2) / max(1e-9, (1.0 - own)))
-            error = np.full(raw.size, noise * np.sqrt(np.sum(weights**2)))
-            best = (score, wide, error)
-    if best is None:
-        return raw, np.zeros_like(raw)
-    return best[1], best[2]
+    model = trials.with_values(trials.model, trial.values)
+    channel = place.state or place.output
+    paths, runs = trials.path(trial), []
+    for path, log in zip(paths, trials.problem.logs, strict=True):
+        step = np.diff(path["time"], append=2 * path["time"][-1] - path["time"][-2])
+        decay, push = slopes_along(model, path, place)
+        still = np.zeros_like(step)
+        if channel not in log.measured:
+            runs.append(Errors(np.full_like(step, np.nan), still, still, still, still))
+            continue
+        seen = np.where(np.isnan(log.measured[channel]), np.nan, path[f"rest.{channel}"])
+        if place.output:
+            runs.append(Errors(seen, still, still, still, push))
+            continue
+        turned = (path[channel] < 0) & (channel in log.unsigned)
+        grown = np.expm1(np.clip(decay * step, -50.0, 1.0))
+        within = np.where(grown == 0, step, grown / np.where(decay == 0, 1.0, decay))
+        kept, seen = 1.0 + grown, np.where(turned, -seen, seen)
+        undone = kept * path[f"moved.{channel}"] + within * path.get(f"pushed.{channel}", 0.0)
+        runs.append(Errors(seen, kept, undone, within * push, still))
+    step = trials.logs[0].step
+    lasting = float(np.exp(-step / trial.values.get(f"noise.{channel}.correlation", step)))
+    found = smoothed(runs, lasting)
+    return [(path["time"], *one) for path, one in zip(paths, found, strict=True)]

@@ -184,8 +184,9 @@ def innovations(
 ) -> tuple[Any, dict[str, Any]]:
     """Errors of the one-step predictions, ``(C, T)``, and the states before each correction.
 
-    Of outputs that are not states, the states come with ``rest.OUTPUT``, what is left of the
-    measurement before its own past has predicted it.
+    The states come with ``moved.STATE``, what the correction adds to a corrected state, and
+    ``pushed.STATE``, the random acceleration until the next sample; and with ``rest.CHANNEL``, what
+    is left of a measurement before its own past has predicted it.
 
     Args:
         observer: what is corrected by what.
@@ -199,17 +200,20 @@ def innovations(
     series, path = march(model, grid, log["time"], log["inputs"], start, {}, run)
     signals = {**series, "time": log["time"]}
     ahead = read_out(model, Signals({**path, **signals}))
-    after = read_out(model, Signals({**run.correct(path, signals, run.rows), **signals}))
+    corrected = run.correct(path, signals, run.rows)
+    after = read_out(model, Signals({**corrected, **signals}))
+    told = {f"moved.{n}": corrected[n] - path[n] for n, _ in observer.corrected}
+    told |= {f"pushed.{n}": corrected[f"drift.{n}"] for n in observer.forced}
     errors = []
     for c in observer.channels:
+        modelled = ahead[c] if c in observer.fed else after[c]
+        told[f"rest.{c}"] = rest = run.error(c, modelled, run.rows[c], 0.0)
         if c in observer.fed:
-            errors.append(run.error(c, ahead[c], run.rows[c], path[f"colour.{c}"]))
+            errors.append(run.error(c, modelled, run.rows[c], path[f"colour.{c}"]))
         else:
-            rest = run.error(c, after[c], run.rows[c], 0.0)
-            path[f"rest.{c}"] = rest
             gain, limit = values[f"noise.{c}.colour"], run.clip[observer.channels.index(c)]
             errors.append(_whitened(rest, run.rows[c], gain, run.rows[f"colour.{c}"], limit))
-    return jnp.stack(errors), path
+    return jnp.stack(errors), {**path, **told}
 
 
 def _whitened(rest: Any, measured: Any, gain: Any, kept: Any, limit: Any) -> Any:

@@ -107,6 +107,28 @@ def readings(model: Model, series: Mapping[str, Any]) -> dict[str, np.ndarray]:
     return {name: np.broadcast_to(np.asarray(value), shape) for name, value in port.seen.items()}
 
 
+def slopes_along(
+    model: Model, series: Mapping[str, Any], place: Place
+) -> tuple[np.ndarray, np.ndarray]:
+    """Derivatives of what a place drives, by its own state (zero of an output) and by its port.
+
+    Of the rate of the place's state, or of its output, at every sample of a log, ``(T,)`` each.
+    """
+    given = {name: jnp.asarray(value, float) for name, value in series.items()}
+    own, still = given.get(place.state or "", jnp.zeros(())), jnp.zeros_like(given["time"])
+
+    def driven(x: Any, push: Any) -> Any:
+        s = Signals({**given, place.state: x} if place.state else given)
+        rates, outputs = equations_of(model, s, Reading(model.effects, s, {place.port: push}))
+        value = rates[place.state] if place.state else outputs[place.output]
+        return jnp.broadcast_to(value, still.shape)
+
+    ones, zeros = jnp.ones_like(own), jnp.zeros_like(own)
+    _, by_state = jax.jvp(driven, (own, still), (ones, jnp.zeros_like(still)))
+    _, by_port = jax.jvp(driven, (own, still), (zeros, jnp.ones_like(still)))
+    return np.asarray(by_state if place.state else still), np.asarray(by_port)
+
+
 @cache
 def unknown_at(port: str) -> type[Effect]:
     """An effect that adds given series to what passes a port, each times a free coefficient."""

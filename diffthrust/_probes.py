@@ -13,8 +13,12 @@ from diffthrust._parameters import Relative
 
 MOST_PROBES = 6
 """An effect is tried from at most so many points."""
-NEAR = 0.005
+NEAR = 0.0005
 """The first probe of an effect is so small a share of its trial value."""
+APART = 1.2
+"""A limit acts on nothing until it acts on much: its probes stand this close to each other."""
+LIMITS = 12
+"""So many of them are tried, upward from the lowest trial value."""
 
 
 def probes(effect: Effect, levels: Mapping[str, float]) -> list[dict[str, float]]:
@@ -28,11 +32,13 @@ def probes(effect: Effect, levels: Mapping[str, float]) -> list[dict[str, float]
         low, high = p.limits
         inside = [v for v in values if low <= v <= high and np.isfinite(v)]
         tried[name] = inside or [float(np.clip(p.scale, low, high))]
-    for name, values in tried.items():  # so wide a limit hardly acts: a start for a faint one
-        if np.isinf(named[name].null or 0.0):
-            tried[name] = [*values, 1.6 * max(values), 2.5 * max(values)]
+    for name, values in tried.items():
+        if is_limit(effect):
+            reach = max(APART**LIMITS, 2.5 * max(values) / min(values))
+            tried[name] = list(min(values) * np.geomspace(1.0, reach, LIMITS + 1))
     points = list(product(*tried.values()))
-    points = points[:: max(1, len(points) // MOST_PROBES)][:MOST_PROBES]
+    if not is_limit(effect):
+        points = points[:: max(1, len(points) // MOST_PROBES)][:MOST_PROBES]
     nulls = [named[n].null for n in tried]
     near: list[tuple[float, ...]] = []
     if all(null is None or np.isfinite(null) for null in nulls):  # from there, the score test
@@ -47,6 +53,11 @@ def probes(effect: Effect, levels: Mapping[str, float]) -> list[dict[str, float]
         {f"{effect.name}.{n}": v for n, v in zip(tried, point, strict=True)}
         for point in (*near, *points)
     ]
+
+
+def is_limit(effect: Effect) -> bool:
+    """Whether the effect does nothing where a parameter of it is infinite."""
+    return any(np.isinf(p.null or 0.0) for p in effect._parameters.values())
 
 
 def _ends(named: Mapping[str, Any], names: Iterable[str]) -> tuple[list[float], list[float]]:

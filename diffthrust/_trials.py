@@ -7,26 +7,30 @@ that hundreds of trials share one compilation.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Any
+from typing import TypeVar
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._arrange import build, channels_of
 from diffthrust._effect import Effect
-from diffthrust._likelihood import Quadratic, named_values, noise_of
+from diffthrust._likelihood import Quadratic
 from diffthrust._log import Log
 from diffthrust._model import Model
-from diffthrust._observer import CLIP, guesses, innovations, is_memory, observer_of
+from diffthrust._observer import CLIP, guesses, is_memory, observer_of
+from diffthrust._passes import nrmse, passes, unseen_cost, with_clip
 from diffthrust._places import KNOTS, Place, places_of, readings, unknown_at
-from diffthrust._probes import probes
+from diffthrust._probes import is_limit, probes
 from diffthrust._problem import Problem
 from diffthrust._score import promise, score_test
 from diffthrust._solver import solve
+
+Item = TypeVar("Item")
+Found = TypeVar("Found")
 
 SAME = 1e-6
 """An effect is redundant that keeps less than this of its information beside the others."""
@@ -37,6 +41,12 @@ ENOUGH = 2e-3
 ROOM = 4
 """Parameters of effects that are estimated together with all of the model's and the observer's;
 with more, the observer's memories are held at what they were, and then its gains."""
+
+
+def side_by_side(work: Callable[[Item], Found], items: Sequence[Item]) -> list[Found]:
+    """``work`` on each item, on all cores: compiled code runs without Python's lock."""
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return list(pool.map(work, items))
 
 
 @dataclass(frozen=True)
@@ -189,15 +199,15 @@ class Trials:
         An effect that explains much leaves little noise: the observer's gains may be far from what
         they were. Then large errors are limited to a few times what errors now are.
         """
-        begun = [
-            self.solve(effects, {**values, **guess}, begin, budget=12)
-            for guess in guesses(self.nuisance)
-        ]
+
+        def one(guess: Mapping[str, float]) -> Trial:
+            return self.solve(effects, {**values, **guess}, begin, budget=12)
+
+        begun = side_by_side(one, guesses(self.nuisance))
         trial = min(begun, key=lambda trial: trial.expected)
         for _ in range(2):
             trial = self.further(trial, budget=150)
-            arrays = {**self.problem.arrays, "clip": jnp.asarray(CLIP * trial.quadratic.sigma)}
-            self.problem = replace(self.problem, arrays=arrays)
+            self.problem = with_clip(self.problem, CLIP * trial.quadratic.sigma)
         return self.further(trial, budget=150)
 
     def tried(
@@ -217,9 +227,9 @@ class Trials:
             return None
         promised.sort(key=lambda trial: trial.expected)
         hopeful = [one for one in promised[:2] if 2 * (present.cost - one.expected) > keep]
-        null = self.candidates[effect].at_null()._parameters.values()
-        if any(np.isinf(p.value) for p in null):  # no score there: start from the weakest probe
-            hopeful.append(min(promised, key=lambda trial: trial.cost))
+        acting = [one for one in promised if one.cost != present.cost]
+        if is_limit(self.candidates[effect]) and acting:  # no score at its null: the weakest probe
+            hopeful.append(min(acting, key=lambda trial: trial.cost))
         if not hopeful:
             return None
         begun = [self.further(one, budget=FEW) for one in hopeful]
@@ -255,20 +265,7 @@ class Trials:
 
     def path(self, trial: Trial) -> list[dict[str, np.ndarray]]:
         """For each training log the series of inputs and states, predicted one step ahead."""
-        problem = self.problem.focus(trial.names, trial.values, trial.begin)
-        passes = _forward(
-            problem.layout, problem.arrays, jnp.asarray(problem.start()[: problem.shared])
-        )
-        found: list[dict[str, np.ndarray]] = [{} for _ in problem.logs]
-        batches = problem.arrays["batches"]
-        for batch, indices, (errors, path) in zip(batches, problem.order, passes, strict=True):
-            for row, index in enumerate(indices):
-                size = len(problem.logs[index])
-                series = {**batch["inputs"], **path, "time": batch["time"]}
-                found[index] = {n: np.asarray(v)[row, :size] for n, v in series.items()}
-                for i, channel in enumerate(problem.layout.channels):
-                    found[index][f"error.{channel}"] = np.asarray(errors)[row, i, :size]
-        return found
+        return [one.path for one in passes(self._at(self.problem, trial))]
 
     def readings(self, paths: Sequence[Mapping[str, np.ndarray]]) -> list[dict[str, np.ndarray]]:
         """What passes each port of the model as it was given, log by log."""
@@ -278,52 +275,27 @@ class Trials:
     def unseen_gain(self, before: Trial, after: Trial) -> float:
         """Gain of log-likelihood on the unseen logs; NaN without any.
 
-        The noise levels are those of the unseen logs: a model that halves the errors of both is
-        better, although what remains on other manoeuvres may be larger than on the training logs.
+        With the observer of either trial, whichever is better: an effect that explains much leaves
+        an observer that corrects little, and a single event that it misses would then count most.
         """
         if self.unseen is None:
             return float("nan")
-        return self._unseen_cost(before) - self._unseen_cost(after)
-
-    def _unseen_cost(self, trial: Trial) -> float:
-        assert self.unseen is not None
-        arrays = {**self.unseen.arrays, "clip": self.problem.arrays["clip"]}
-        problem = replace(self.unseen, arrays=arrays).focus(trial.names, trial.values)
-        passes = _forward(
-            problem.layout, problem.arrays, jnp.asarray(problem.start()[: problem.shared])
-        )
-        rests, counts = [], 0.0
-        for (errors, _), batch in zip(passes, problem.arrays["batches"], strict=True):
-            seen = np.isfinite(np.asarray(batch["measured"]))
-            seen[..., : max(10, seen.shape[-1] // 50)] = False  # errors of the initial states
-            rests.append(jnp.where(seen, errors, 0.0))
-            counts = counts + jnp.asarray(seen.sum(axis=(0, 2)), float)
-        return float(noise_of(problem.layout, {**problem.arrays, "counts": counts}, rests)[0])
+        unseen = with_clip(self.unseen, self.problem.arrays["clip"])
+        noise = {name: before.values[name] for name in self.nuisance}
+        louder = replace(after, values={**after.values, **noise})
+        one, *others = (unseen_cost(self._at(unseen, trial)) for trial in (before, after, louder))
+        return one - min(others)
 
     def simulation_errors(self, trial: Trial) -> tuple[float, float | None]:
         """NRMSE of the simulation, without correction, on training and unseen logs."""
         still = {n: 0.0 for n in self.nuisance if not is_memory(n)}
-        values = {**trial.values, **still}
-        train = self._nrmse(self.problem.focus(trial.names, values, trial.begin))
-        if self.unseen is None:
-            return train, None
-        return train, self._nrmse(self.unseen.focus(trial.names, values))
+        pure = replace(trial, values={**trial.values, **still})
+        train = nrmse(self._at(self.problem, pure))
+        return train, None if self.unseen is None else nrmse(self._at(self.unseen, pure))
 
-    def _nrmse(self, problem: Problem) -> float:
-        passes = _forward(
-            problem.layout, problem.arrays, jnp.asarray(problem.start()[: problem.shared])
-        )
-        channels = len(problem.layout.channels)
-        errors, measured = ([np.empty(0)] * channels for _ in range(2))
-        for (rest, _), batch in zip(passes, problem.arrays["batches"], strict=True):
-            rest, given = np.asarray(rest), np.asarray(batch["measured"])
-            for i in range(channels):
-                seen = np.isfinite(given[:, i])
-                errors[i] = np.append(errors[i], rest[:, i][seen])
-                measured[i] = np.append(measured[i], given[:, i][seen])
-        pairs = zip(errors, measured, strict=True)
-        ratios = [np.mean(e**2) / np.var(m) for e, m in pairs if e.size]
-        return float(np.sqrt(np.mean(ratios)))
+    def _at(self, problem: Problem, trial: Trial) -> Problem:
+        begin = trial.begin if problem is self.problem else None
+        return problem.focus(trial.names, trial.values, begin)
 
     def unit_at(self, place: Place) -> str:
         """The unit of what passes a port: the one that its description ends with."""
@@ -371,21 +343,3 @@ class Trials:
         p, found, covariance = score_test(q, len(known), len(names))
         beyond = KNOTS - len(names)  # hats for which so many effects left no room
         return p, np.pad(found, (0, beyond)), np.pad(covariance, (0, beyond))
-
-
-@partial(jax.jit, static_argnums=0)
-def _forward(layout: Any, arrays: Any, z: Any) -> Any:
-    """Innovations ``(B, C, T)`` and predicted states of each batch of logs."""
-    values = named_values(layout, arrays, z)
-    model = layout.key.model.bind(values)
-    out = []
-    for grid, batch in zip(layout.grids, arrays["batches"], strict=True):
-
-        def one(log: Any, grid: Any = grid) -> Any:
-            told = {**log, "clip": arrays["clip"]}
-            begin = {n: log["start"][i] for i, n in enumerate(layout.starts)}
-            states = {**log["held"], **begin}
-            return innovations(layout.observer, model, grid, values, told, states)
-
-        out.append(jax.lax.map(one, batch))
-    return out
