@@ -12,7 +12,7 @@ from typing import Any
 from diffthrust._arguments import listed
 from diffthrust._candidates import candidates_of
 from diffthrust._compare import compare
-from diffthrust._diagnosis import Candidate, Diagnosis, Stage, Verdict
+from diffthrust._diagnosis import Candidate, Diagnosis, Remaining, Stage, Verdict
 from diffthrust._effect import Effect
 from diffthrust._errors import InputError
 from diffthrust._experiment import Experiment, suggest_experiment
@@ -20,6 +20,7 @@ from diffthrust._fit import fit as fit_model
 from diffthrust._log import Log
 from diffthrust._missing import missing_signals, remaining_structure
 from diffthrust._model import Model
+from diffthrust._places import KNOTS
 from diffthrust._result import Fit
 from diffthrust._step_check import CoarseStepWarning
 from diffthrust._trials import Trial, Trials, side_by_side
@@ -32,6 +33,9 @@ CARRIED = 6
 """So many of the effects tried at a stage are fitted to the end."""
 ALIKE = 8.0
 """Effects whose criteria differ by less than this cannot be told apart (odds of some 50 to 1)."""
+
+PART = 0.3
+"""An effect that explains less than this part of what an unknown signal does is not it."""
 
 Progress = Callable[[str, float], None]
 
@@ -85,7 +89,7 @@ def diagnose(
     groups = search.groups()
     search.say("what no known effect explains", 0.9)
     missing = missing_signals(search.trials, search.first)
-    remaining = search.timed("remaining", remaining_structure, search.trials, search.present)
+    remaining = search.timed("remaining", search.structure)
     verdict: Verdict = "effects_found" if search.present.effects else "adequate"
     if remaining is not None:
         verdict = "unexplained"
@@ -121,6 +125,7 @@ class _Search:
     ranking: list[Candidate] = field(default_factory=list)
     dropped: list[str] = field(default_factory=list)
     seconds: dict[str, float] = field(default_factory=dict)
+    _structure: tuple[Trial, Remaining | None] | None = None
 
     def timed(self, what: str, work: Callable[..., Any], *args: Any, **options: Any) -> Any:
         begun = time.perf_counter()
@@ -152,7 +157,7 @@ class _Search:
             return self.advance()
         self.ranking += [candidate for candidate, _ in rated]
         for candidate, trial in rated:
-            if candidate.delta_bic > -MARGIN:
+            if candidate.delta_bic > -MARGIN or not self._comparable(candidate):
                 return False
             clipped = self.trials.problem
             settled = self.timed(
@@ -170,6 +175,23 @@ class _Search:
             self.stages.append(self.timed("refit", self._stage))
             return True
         return False
+
+    def _comparable(self, candidate: Candidate) -> bool:
+        """Whether an effect explains what is missing, not a small part that it happens to touch.
+
+        A function of one signal that no known effect is like may explain far more.
+        """
+        left = self.timed("remaining", self.structure)
+        if left is None:
+            return True
+        unknown = left.gain - KNOTS * math.log(self.trials.samples)
+        return -candidate.delta_bic > PART * unknown
+
+    def structure(self) -> Remaining | None:
+        """What the present model leaves unexplained."""
+        if self._structure is None or self._structure[0] is not self.present:
+            self._structure = (self.present, remaining_structure(self.trials, self.present))
+        return self._structure[1]
 
     def _better_noise(self, candidate: Candidate, trial: Trial) -> bool:
         """Whether a trial, its effect taken out, explains the logs better than the present one.

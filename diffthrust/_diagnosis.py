@@ -100,11 +100,15 @@ class Remaining:
         port: where it enters.
         depends_on: the signal on which it depends.
         share: share of the squared one-step errors at that place that it explains.
+        manner: whether something is added there, or what is there is scaled.
+        gain: likelihood ratio that a function of the signal, `KNOTS` numbers, promises.
     """
 
     port: str
     depends_on: str
     share: float
+    manner: Literal["adds", "scales"] = "adds"
+    gain: float = float("nan")
 
 
 @dataclass(frozen=True)
@@ -207,6 +211,12 @@ class Diagnosis:
                 }
                 for c in self.ranking
             ],
-            "remaining": dict(vars(left)) if left else None,
+            "remaining": {
+                "port": left.port,
+                "depends_on": left.depends_on,
+                "share": left.share,
+            }
+            if left
+            else None,
             "untestable": dict(self.untestable),
         }

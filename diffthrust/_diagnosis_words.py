@@ -161,9 +161,10 @@ def remaining_words(diag: Diagnosis) -> str:
         if diag.verdict == "unexplained":
             return "Structure remains that no known effect explains; its place is not clear."
         return "Nothing that can be told from noise remains."
+    enters = "it enters at" if left.manner == "adds" else "it scales what passes"
     still = "Structure still remains" if diag.best else "Structure remains"
     return (
-        f"{still} that no known effect explains: it enters at {place_words(diag.model, left.port)} "
+        f"{still} that no known effect explains: {enters} {place_words(diag.model, left.port)} "
         f"and depends on {left.depends_on}, which explains {percent(left.share)} of the "
         "squared one-step errors there."
     )

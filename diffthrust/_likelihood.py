@@ -43,7 +43,7 @@ class Quadratic(NamedTuple):
     scores: Any
 
 
-BLOCKS = 16
+BLOCKS = 48
 """Blocks of time into which each log is divided for the scatter of the gradient."""
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,6 +11,11 @@ from diffthrust._diagnosis import Missing, Remaining
 from diffthrust._places import Place, hats, knots_of, slopes_along
 from diffthrust._smoother import Errors, smoothed
 from diffthrust._trials import Trial, Trials
+
+NAMED = 0.05
+"""Once there is structure, it is told by the largest that a single test would find."""
+PAST = (20, 100)
+"""Samples over which the past of a signal is remembered."""
 
 Curve = tuple[np.ndarray, np.ndarray, np.ndarray]
 
@@ -88,23 +94,74 @@ def missing_signals(trials: Trials, trial: Trial) -> tuple[Missing, ...]:
 
 
 def remaining_structure(trials: Trials, trial: Trial) -> Remaining | None:
-    """The place and signal on which the errors still depend, if they do."""
+    """The place and signal on which the errors still depend, if they do.
+
+    At each place a sum with a function of one signal is tried, and at each port behind it a factor
+    that is one; of the signals as they are, and of their recent past, which tells of states that
+    the model lacks.
+    """
     found = []
+    paths = trials.path(trial)
+    ports = trials.readings(paths)
     for place in trials.places:
-        for name, (series, _) in bases(signals_at(trials, place, trial)).items():
-            p, coefficients, covariance = trials.unknown(place.port, trial, series)
-            gain = float(coefficients @ np.linalg.pinv(covariance, hermitian=True) @ coefficients)
-            found.append((p, place.port, name, gain))
-    seen = [
-        (gain, port, name, 1.0 - float(np.exp(-gain / trials.samples)))
-        for p, port, name, gain in found
-        if p < LEVEL / len(found)
-    ]
-    worth = [one for one in seen if one[3] >= LEAST]
-    if not worth:
+        signals = signals_at(trials, place, trial)
+        factors = _factors(trials.behind(place), ports)
+        for name, (series, _) in bases({**signals, **_past(signals, paths)}).items():
+            tried = {(place.port, "adds"): series}
+            for port, factor in factors.items():
+                scaled = [s * f for s, f in zip(series, factor, strict=True)]
+                tried[port, "scales"] = scaled
+            for (port, manner), each in tried.items():
+                p, coefficients, covariance = trials.unknown(place.port, trial, each)
+                gain = coefficients @ np.linalg.pinv(covariance, hermitian=True) @ coefficients
+                share = 1.0 - float(np.exp(-gain / trials.samples_at(place)))
+                found.append((float(gain), p, Remaining(port, name, share, manner)))
+    worth = [one for one in found if one[2].share >= LEAST]
+    if not any(p < LEVEL / len(found) for _, p, _ in worth):
         return None
-    _, port, name, share = max(worth)
-    return Remaining(port, name, share)
+    gain, _, left = max((one for one in worth if one[1] < NAMED), key=lambda one: one[0])
+    return replace(left, gain=gain)
+
+
+def _factors(
+    names: Sequence[str], ports: Sequence[Mapping[str, np.ndarray]]
+) -> dict[str, list[np.ndarray]]:
+    """What passes some ports, log by log and of unit size; of several that go alike, the first."""
+    found: dict[str, list[np.ndarray]] = {}
+    for name in names:
+        level = np.sqrt(np.mean(np.concatenate([one[name] for one in ports]) ** 2))
+        unit = [one[name] / max(level, 1e-300) for one in ports]
+        joined = np.concatenate(unit)
+        alike = (abs(np.mean(joined * np.concatenate(other))) for other in found.values())
+        if level > 0 and not any(one > 1.0 - 1e-9 for one in alike):
+            found[name] = unit
+    return found
+
+
+def _past(
+    signals: Mapping[str, Sequence[np.ndarray]], paths: Sequence[Mapping[str, np.ndarray]]
+) -> dict[str, list[np.ndarray]]:
+    """The running means of inputs and states over some recent samples, log by log."""
+    found = {}
+    for name, series in signals.items():
+        if name == "time" or name.startswith("d("):
+            continue
+        for samples in PAST:
+            told = f"the last {samples * _step(paths[0]):.2g} s of {name}"
+            found[told] = [_recent(one, samples) for one in series]
+    return found
+
+
+def _step(path: Mapping[str, np.ndarray]) -> float:
+    return float(np.median(np.diff(path["time"])))
+
+
+def _recent(series: np.ndarray, samples: int) -> np.ndarray:
+    """Mean of the past of a series that forgets over so many samples."""
+    from scipy.signal import lfilter  # slow to import
+
+    kept = np.exp(-1.0 / samples)
+    return lfilter([1.0 - kept], [1.0, -kept], series, zi=[kept * series[0]])[0]
 
 
 def _runs(

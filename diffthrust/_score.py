@@ -13,8 +13,9 @@ MOST_REMOVED = 0.9
 def score_test(q: Quadratic, base: int, more: int) -> tuple[float, np.ndarray, np.ndarray]:
     """Robust score test of ``more`` coordinates at zero, after ``base`` estimated ones.
 
-    The gradient is made orthogonal to that of the estimated coordinates (Neyman 1959), and its
-    scatter is taken from blocks of time (Hotelling's law for their number). Also the one-step
+    The gradient is made orthogonal to that of the estimated coordinates (Neyman 1959). Its square
+    in units of the information is divided by the scatter of the gradient over blocks of time in the
+    same units, so that errors that last for less than a block raise no alarm. Also the one-step
     estimate of the coordinates and its covariance.
     """
     from scipy.special import fdtrc  # slow to import
@@ -25,25 +26,20 @@ def score_test(q: Quadratic, base: int, more: int) -> tuple[float, np.ndarray, n
     through = cross @ np.linalg.pinv(nuisance, rcond=1e-11, hermitian=True)
     left = information[base:, base:] - through @ cross.T
     clear = scores[base:] - through @ scores[:base]
-    total = clear.sum(axis=1)
     values, vectors = np.linalg.eigh(left)
     own = np.diagonal(information)[base:]
     kept = values > 1e-8 * max(own.max(initial=0.0), 1e-300)
     rank = int(kept.sum())
-    if rank == 0:
+    blocks = int(np.sum(np.any(scores != 0, axis=0)))
+    if rank == 0 or blocks < 3:
         return 1.0, np.zeros(more), np.full((more, more), np.nan)
     basis = vectors[:, kept] / np.sqrt(values[kept])
     seen = basis.T @ clear
-    blocks = int(np.sum(np.any(scores != 0, axis=0)))
-    moved = basis.T @ total
-    if blocks <= rank + 2:
-        return 1.0, np.zeros(more), np.full((more, more), np.nan)
-    centred = seen - moved[:, None] / blocks * np.any(scores != 0, axis=0)
-    scatter = centred @ centred.T * blocks / (blocks - 1)
-    hotelling = float(moved @ np.linalg.solve(scatter, moved))
-    ratio = hotelling * (blocks - rank) / ((blocks - 1) * rank)
+    scatter = max(1.0, float(np.sum(seen**2)) / rank)
+    ratio = float(np.sum(seen.sum(axis=1) ** 2)) / rank / scatter
     inverse = basis @ basis.T
-    return float(fdtrc(rank, blocks - rank, ratio)), -inverse @ total, inverse
+    found = -inverse @ clear.sum(axis=1)
+    return float(fdtrc(rank, rank * (blocks - 1), ratio)), found, inverse
 
 
 def promise(q: Quadratic, movable: np.ndarray) -> float:

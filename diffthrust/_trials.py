@@ -23,7 +23,7 @@ from diffthrust._log import Log
 from diffthrust._model import Model
 from diffthrust._observer import CLIP, guesses, is_memory, observer_of
 from diffthrust._passes import nrmse, passes, unseen_cost, with_clip
-from diffthrust._places import KNOTS, Place, places_of, readings, unknown_at
+from diffthrust._places import KNOTS, Place, places_of, readings, slopes_at, unknown_at
 from diffthrust._probes import is_limit, probes
 from diffthrust._problem import Problem
 from diffthrust._score import promise, score_test
@@ -296,6 +296,20 @@ class Trials:
     def _at(self, problem: Problem, trial: Trial) -> Problem:
         begin = trial.begin if problem is self.problem else None
         return problem.focus(trial.names, trial.values, begin)
+
+    def behind(self, place: Place) -> tuple[str, ...]:
+        """The ports whose signal drives what a place drives, and nothing else; itself included."""
+        rates, outputs = slopes_at(self.model, self.logs[0])
+        part, target = (rates, place.state) if place.state else (outputs, place.output)
+        others = [part[n][1] for n in part if n != target]
+        own = part[target][1]
+        return tuple(p for p in own if own[p] != 0 and all(other[p] == 0 for other in others))
+
+    def samples_at(self, place: Place) -> float:
+        """Measurements of what a place drives; all of them where it drives a state unmeasured."""
+        counts = np.asarray(self.problem.arrays["counts"])
+        channel, channels = place.state or place.output, self.problem.layout.channels
+        return float(counts[channels.index(channel)]) if channel in channels else self.samples
 
     def unit_at(self, place: Place) -> str:
         """The unit of what passes a port: the one that its description ends with."""

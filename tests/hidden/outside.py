@@ -1,7 +1,8 @@
 """Effects that no term of the catalogue expresses, for the reference simulator's tables.
 
 Each row says at which ports of the model its signal may rightly be placed: torques on the shaft
-add up, so the net port ``shaft`` is right for all of them, and the port of the torque concerned.
+add up, so the net port ``shaft`` is right for all of them, and the port of the torque concerned;
+likewise the forces on a hull and its accelerations.
 """
 
 from __future__ import annotations
@@ -103,10 +104,12 @@ OUTSIDE: dict[str, Outside] = {
 }
 VESSEL_OUTSIDE: dict[str, Outside] = {
     "resistance_hump": Outside(
-        Effect("hull", resistance_hump), _ports("surge_force"), _ports("surge")
+        Effect("hull", resistance_hump),
+        _ports("surge_force", "surge_acceleration"),
+        _ports("surge"),
     ),
     "bow_wave_turning": Outside(
-        Effect("hull", bow_wave_turning), _ports("yaw_moment"), _ports("surge")
+        Effect("hull", bow_wave_turning), _ports("yaw_moment", "yaw_acceleration"), _ports("surge")
     ),
 }
 
