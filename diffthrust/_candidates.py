@@ -10,6 +10,7 @@ from diffthrust._errors import InputError
 from diffthrust._log import Log
 from diffthrust._lookup import catalogue
 from diffthrust._model import Model
+from diffthrust._places import unseen_at
 
 
 def candidates_of(
@@ -44,6 +45,8 @@ def candidates_of(
     inputs = set.intersection(*(set(log.inputs) for log in logs))
     has = {effect.name for effect in model.effects}
     places = {*model.ports, *inputs, *model.outputs}
+    unseen = unseen_at(model, logs[0], measured)
+    given = [name for name in model.states if name in logs[0].inputs]
     tried: list[Effect] = []
     untestable: dict[str, str] = {}
     for effect in chosen:
@@ -60,6 +63,9 @@ def candidates_of(
             untestable[effect.name] = f"needs the channel {listing(lacking)}, which no log has"
         elif all(p in model.outputs and p not in measured for p in effect.ports):
             untestable[effect.name] = f"the channel {listing(effect.ports)} is not measured"
+        elif all(port in unseen for port in effect.ports):
+            why = f" while the logs prescribe {listing(given)}" if given else ""
+            untestable[effect.name] = f"nothing that is measured depends on it{why}"
         else:
             tried.append(effect)
     return tried, untestable

@@ -125,6 +125,8 @@ class _Search:
     ranking: list[Candidate] = field(default_factory=list)
     dropped: list[str] = field(default_factory=list)
     seconds: dict[str, float] = field(default_factory=dict)
+    options: dict[str, Any] = field(default_factory=dict)
+    refused: set[str] = field(default_factory=set)
     _structure: tuple[Trial, Remaining | None] | None = None
 
     def timed(self, what: str, work: Callable[..., Any], *args: Any, **options: Any) -> Any:
@@ -136,10 +138,12 @@ class _Search:
     def begin(self, fit: Fit | Model, wanted: Any) -> None:
         """Fit the model as it is, and compile the trials."""
         self.say("fitting the model as it is", 0.0)
-        if isinstance(fit, Model):
-            fit = self._fitted(fit)
-        elif self.unseen and fit.holdout is None:
-            fit = self._fitted(fit.model)
+        if isinstance(fit, Fit):
+            self.options = {"likelihood": fit.likelihood, "loss": fit.loss}
+            if fit.horizon is not None:
+                self.options["horizon"] = fit.horizon
+        if isinstance(fit, Model) or (self.unseen and fit.holdout is None):
+            fit = self._fitted(fit if isinstance(fit, Model) else fit.model)
         self.given = fit.model
         effects, self.untestable = candidates_of(fit.model, (*self.train, *self.unseen), wanted)
         self.stages.append(Stage((), fit))
@@ -165,7 +169,8 @@ class _Search:
             )
             if self.trials.unseen_gain(self.present, settled) < 0.0:
                 self.trials.problem = clipped
-                continue  # fits these logs, and makes others worse
+                self.refused.add(candidate.effect)  # fits these logs, and makes others worse
+                continue
             effects = self.present.effects
             self.present = settled
             self._drop()
@@ -284,11 +289,12 @@ class _Search:
                 holdout=self.unseen or None,
                 starts=4,
                 seed=self.seed,
+                **self.options,
             )
 
     def groups(self) -> tuple[tuple[str, ...], ...]:
         """For each added effect those that, in its place, explain the logs as well."""
-        rivals = {c.effect for c in self.ranking if c.delta_bic < -MARGIN}
+        rivals = {c.effect for c in self.ranking if c.delta_bic < -MARGIN} - self.refused
         levels = self.trials.levels(self.first)
         out = []
         for name in self.present.effects:

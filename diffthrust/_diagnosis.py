@@ -80,6 +80,7 @@ class Missing:
         p_value: of the test that it depends on nothing, allowing for all signals tried.
         curve: its mean as a function of that signal: abscissa, mean and standard error, each
             ``(K,)``; empty without a dependence.
+        logs: names of the training logs.
     """
 
     port: str
@@ -90,6 +91,17 @@ class Missing:
     share: float
     p_value: float
     curve: tuple[np.ndarray, np.ndarray, np.ndarray] = field(repr=False)
+    logs: tuple[str, ...] = ()
+
+    @property
+    def size(self) -> float:
+        """Root mean square of the signal over all logs."""
+        return float(np.sqrt(np.mean(np.concatenate([run[1] for run in self.runs]) ** 2)))
+
+    @property
+    def error(self) -> float:
+        """Root mean square of its standard error; NaN where it is not known."""
+        return float(np.sqrt(np.mean(np.concatenate([run[2] for run in self.runs]) ** 2)))
 
 
 @dataclass(frozen=True)

@@ -156,7 +156,9 @@ def _traces(panel: Axes, before: Run, after: Run | None, name: str) -> None:
 
 
 def _over_time(panel: Axes, missing: Missing) -> None:
-    time, signal, error = missing.runs[0]
+    index = max(range(len(missing.runs)), key=lambda i: np.mean(missing.runs[i][1] ** 2))
+    time, signal, error = missing.runs[index]
+    name = _plain(missing.logs[index]) if missing.logs else f"training log {index + 1}"
     panel.fill_between(
         time,
         signal - _BAND * error,
@@ -172,7 +174,7 @@ def _over_time(panel: Axes, missing: Missing) -> None:
     panel.set_ylabel(
         f"{missing.port} [{missing.unit}]" if missing.unit else missing.port, fontsize=9
     )
-    panel.set_title(f"missing at '{missing.port}', first training log", loc="left", fontsize=10)
+    panel.set_title(f"missing at '{missing.port}', {name}", loc="left", fontsize=10)
     panel.legend(loc="upper right", fontsize=8, ncols=2, framealpha=0.9)
     panel.margins(x=0.01)
     _plainly(panel)

@@ -25,7 +25,7 @@ class MyEffect(dft.Effect):
 
     def __call__(self, value, s):
         signal = {signal}
-        return value + self.strength * signal  # put your law in place of this line
+        return {law}  # put your law in place of this line
 
 
 # In Python:      fit = dft.fit(model + MyEffect(), logs, holdout=unseen)
@@ -42,12 +42,14 @@ def skeleton(diag: Diagnosis) -> str:
     if left is None:
         return ""
     found = next((m for m in diag.missing if m.port == left.port), None)
-    here = found.unit if found else _unit(diag.model, left.port)
+    adds = left.manner == "adds"
+    here = (found.unit if found else _unit(diag.model, left.port)) if adds else ""
     signal, unit = _signal(diag.model, left.depends_on)
     effects = [*(effect.name for effect in diag.fit.model.effects), "my_effect.py:MyEffect"]
     return _CODE.format(
         port=left.port,
         signal=signal,
+        law="value + self.strength * signal" if adds else "value * (1.0 + self.strength * signal)",
         unit=f"{_bracketed(here or '1')}/{_bracketed(unit)}" if unit else here,
         effects=", ".join(f'"{name}"' for name in effects),
     )

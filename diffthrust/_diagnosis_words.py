@@ -7,8 +7,6 @@ import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from diffthrust._display import number, units
 from diffthrust._effect import Effect
 from diffthrust._model import Model
@@ -20,6 +18,8 @@ if TYPE_CHECKING:
     from diffthrust._metrics import Errors
     from diffthrust._result import Estimate, Fit
 
+_TOLD = 1.5
+"""A signal without a known dependence is told where it is so many times its standard error."""
 _NAMED = 2
 """Channels that the summary names (more are told by their mean), and hints that it repeats."""
 
@@ -135,9 +135,12 @@ def group_words(diag: Diagnosis) -> list[str]:
 
 def missing_words(missing: Missing, model: Model) -> str:
     """The missing signal at a port: its size, and on what it depends."""
-    signal = np.concatenate([values for _, values, _ in missing.runs])
-    size = f"{number(float(np.sqrt(np.mean(signal**2))), 2)} {missing.unit}".rstrip()
-    words = f"At {place_words(model, missing.port)} a signal of {size} (RMS) is missing; "
+    here = place_words(model, missing.port)
+    if missing.depends_on is None and missing.size < _TOLD * missing.error:
+        least = f"{number(missing.error, 2)} {missing.unit}".rstrip()
+        return f"At {here} nothing is missing that shows above its standard error of {least}."
+    size = f"{number(missing.size, 2)} {missing.unit}".rstrip()
+    words = f"At {here} a signal of {size} (RMS) is missing; "
     if missing.depends_on is None:
         return f"{words}it depends on none of the model's signals ({probability(missing.p_value)})."
     return (

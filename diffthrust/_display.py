@@ -41,11 +41,23 @@ def fit_table(fit: Fit) -> RenderableType:
         Text(fit.message),
         Text(),
         parameter_table(fit.parameters),
+        *_observer_parts(fit),
         Text(),
         error_table([("training", fit.train), ("unseen", fit.holdout)], units(fit.model)),
         *(Text(f"Note: {note}") for note in fit.notes),
     ]
     return Group(*parts)
+
+
+def _observer_parts(fit: Fit) -> list[RenderableType]:
+    """What the innovations form found of random forces and lasting sensor errors."""
+    if not fit.disturbance:
+        return []
+    table = _table("Noise", "Value", "Unit", "", numbers=(1,))
+    for name, e in fit.disturbance.items():
+        told = name.removeprefix("noise.")
+        table.add_row(told, number(e.value, 3), escape(e.unit), "at its bound" * e.at_bound)
+    return [Text(), table]
 
 
 def parameter_table(parameters: Mapping[str, Estimate]) -> Table:

@@ -88,6 +88,7 @@ def missing_signals(trials: Trials, trial: Trial) -> tuple[Missing, ...]:
                 share=share if depends else 0.0,
                 p_value=adjusted,
                 curve=curve if depends else nothing,
+                logs=tuple(log.name for log in trials.logs),
             )
         )
     return tuple(sorted(found, key=lambda m: (-m.share, m.p_value)))

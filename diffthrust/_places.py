@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -55,17 +55,17 @@ class Reading(Ports):
 
 
 def slopes_at(model: Model, log: Log) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Derivatives of rates and outputs by states and by ports, at one point of a log.
+    """Derivatives of rates and outputs by states, ports and inputs, at one point of a log.
 
     Returns:
-        ``{rate: (by_state, by_port)}`` and the same of the outputs.
+        ``{rate: (by_state, by_port, by_input)}`` and the same of the outputs.
     """
     rng = np.random.default_rng(0)
     inputs = {n: jnp.asarray(np.nanmean(np.abs(v)) + 0.1) for n, v in inputs_of(model, log).items()}
     at = {n: jnp.asarray(rng.uniform(0.3, 0.7)) for n in model.all_states if n not in inputs}
 
-    def both(x: dict[str, Any], push: dict[str, Any]) -> Any:
-        s = Signals({**inputs, "time": jnp.zeros(()), **x})
+    def both(x: dict[str, Any], push: dict[str, Any], given: dict[str, Any]) -> Any:
+        s = Signals({**given, "time": jnp.zeros(()), **x})
         rates, outputs = equations_of(model, s, Reading(model.effects, s, push))
         return tuple(
             {n: jnp.asarray(v, float) for n, v in part.items() if n in known}
@@ -73,8 +73,21 @@ def slopes_at(model: Model, log: Log) -> tuple[dict[str, Any], dict[str, Any]]:
         )
 
     still = {n: jnp.zeros(()) for n in model.ports}
-    rates, outputs = jax.jacfwd(both, argnums=(0, 1))(at, still)
+    rates, outputs = jax.jacfwd(both, argnums=(0, 1, 2))(at, still, inputs)
     return rates, outputs
+
+
+def unseen_at(model: Model, log: Log, channels: Collection[str]) -> set[str]:
+    """Ports and inputs through which nothing reaches a measured channel.
+
+    Where a state is prescribed by the log, what would drive it drives nothing.
+    """
+    rates, outputs = slopes_at(model, log)
+    seen = [rates[n] for n in model.states if n not in log.inputs]
+    seen += [outputs[n] for n in outputs if n in channels and n not in log.inputs]
+    names = [(1, port) for port in model.ports]
+    names += [(2, name) for name in inputs_of(model, log) if name not in model.states]
+    return {name for part, name in names if all(one[part][name] == 0 for one in seen)}
 
 
 def places_of(model: Model, log: Log, channels: Sequence[str]) -> tuple[Place, ...]:

@@ -53,7 +53,8 @@ def smoothed(runs: Sequence[Errors], lasting: float) -> list[tuple[np.ndarray, n
     """
     joined = np.concatenate([run.seen for run in runs])
     moved = np.concatenate([np.hypot(run.pushed, run.direct) for run in runs])
-    noise = float(np.sqrt(np.nanmean(joined**2)))
+    known = joined[np.isfinite(joined)]
+    noise = float(np.sqrt(np.mean(known**2))) if known.size else 0.0
     unit = float(np.sqrt(np.mean(moved**2)))
     if not noise > 0 or not unit > 0:
         return [(np.zeros(run.seen.size), np.full(run.seen.size, np.nan)) for run in runs]
@@ -69,7 +70,7 @@ def smoothed(runs: Sequence[Errors], lasting: float) -> list[tuple[np.ndarray, n
     best = int(np.argmin(cost + count * np.log(squares / count)))
     chosen = [_filter(run, grid[best : best + 1], lasting) for run in scaled]
     total = sum(float(one.squares[0]) for one in chosen)
-    scale = noise * np.sqrt(total / np.isfinite(joined).sum())
+    scale = noise * np.sqrt(total / known.size)
     out = []
     for one in chosen:
         means, covariances = _smoother(one)

@@ -137,7 +137,11 @@ def test_the_missing_signal_in_words(full):
     told, untold = (missing_words(missing, full.model) for missing in full.missing)
     assert "15 rad/s^2 (RMS)" in told
     assert "depends most on command, which explains 91 % of its variance (p < 0.001)" in told
-    assert "depends on none of the model's signals (p = 0.40)" in untold
+    assert "nothing is missing that shows above its standard error of 3.0 rad/s^2" in untold
+    time, signal, _ = full.missing[1].runs[0]
+    sure = replace(full.missing[1], runs=((time, signal, np.full(time.size, 1.0)),))
+    words = missing_words(sure, full.model)
+    assert "depends on none of the model's signals (p = 0.40)" in words
 
 
 def test_places_and_stages(full):
@@ -180,14 +184,16 @@ def test_phrases():
 
 
 @pytest.mark.parametrize(
-    ("port", "signal"),
+    ("port", "signal", "manner"),
     [
-        ("load", "|speed|"), ("drive", "command"), ("propeller", "speed"),
-        ("shaft", "time since the start"), ("shaft", "rate of speed"), ("command", "command"),
+        ("load", "|speed|", "adds"), ("drive", "command", "adds"), ("propeller", "speed", "adds"),
+        ("shaft", "time since the start", "adds"), ("shaft", "rate of speed", "adds"),
+        ("command", "command", "adds"), ("drive", "time", "scales"),
+        ("load", "the last 1 s of speed", "scales"),
     ],
 )  # fmt: skip
-def test_the_skeleton_runs_and_does_nothing_at_its_null(full, port, signal):
-    diag = replace(full, remaining=Remaining(port, signal, 0.5))
+def test_the_skeleton_runs_and_does_nothing_at_its_null(full, port, signal, manner):
+    diag = replace(full, remaining=Remaining(port, signal, 0.5, manner))
     code = skeleton(diag)
     scope: dict = {}
     exec(code, scope)
@@ -206,6 +212,8 @@ def test_the_skeleton_has_the_unit_of_its_strength(full):
     assert 'unit="(rad/s^2)/(rad/s)"' in skeleton(full)
     at_thrust = replace(full, remaining=Remaining("propeller", "command", 0.5))
     assert 'unit="N/V"' in skeleton(at_thrust)
+    scaled = replace(full, remaining=Remaining("propeller", "command", 0.5, "scales"))
+    assert 'unit="1/V"' in skeleton(scaled)
     assert skeleton(made.found(full)) == ""
 
 
