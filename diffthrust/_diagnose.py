@@ -12,6 +12,7 @@ from typing import Any
 from diffthrust._arguments import listed
 from diffthrust._candidates import candidates_of
 from diffthrust._compare import compare
+from diffthrust._criterion import criterion
 from diffthrust._diagnosis import Candidate, Diagnosis, Remaining, Stage, Verdict
 from diffthrust._effect import Effect
 from diffthrust._errors import InputError
@@ -22,6 +23,7 @@ from diffthrust._missing import missing_signals, remaining_structure
 from diffthrust._model import Model
 from diffthrust._places import KNOTS
 from diffthrust._result import Fit
+from diffthrust._screen import screened
 from diffthrust._step_check import CoarseStepWarning
 from diffthrust._trials import Trial, Trials, side_by_side
 
@@ -34,6 +36,10 @@ CARRIED = 6
 ALIKE = 8.0
 """Effects whose criteria differ by less than this cannot be told apart (odds of some 50 to 1)."""
 
+ALONE = 0.05
+"""An effect is worth a closer look where its likelihood ratio alone would come so rarely."""
+CLEAR = 20.0
+"""Where the criterion falls by more than this, no noise that it makes superfluous matters."""
 PART = 0.3
 """An effect that explains less than this part of what an unknown signal does is not it."""
 
@@ -127,6 +133,7 @@ class _Search:
     seconds: dict[str, float] = field(default_factory=dict)
     options: dict[str, Any] = field(default_factory=dict)
     refused: set[str] = field(default_factory=set)
+    _criterion: tuple[Trial, float] | None = None
     _structure: tuple[Trial, Remaining | None] | None = None
 
     def timed(self, what: str, work: Callable[..., Any], *args: Any, **options: Any) -> Any:
@@ -157,7 +164,8 @@ class _Search:
         number = len(self.stages) - 1
         tried = self.timed("screen", self._screen, number)
         rated = sorted(tried, key=lambda pair: pair[0].delta_bic)
-        if rated and self._better_noise(*rated[0]):
+        worth = rated and rated[0][0].delta_bic < -MARGIN
+        if worth and self._better_noise(*rated[0]):
             return self.advance()
         self.ranking += [candidate for candidate, _ in rated]
         for candidate, trial in rated:
@@ -213,20 +221,15 @@ class _Search:
         return True
 
     def _screen(self, number: int) -> list[tuple[Candidate, Trial]]:
-        levels = self.trials.levels(self.present)
-        found = []
         names = [n for n in self.trials.candidates if n not in self.present.effects]
 
-        def one(name: str) -> Trial | None:
-            self.say(
-                f"stage {number + 1}: trying {name}",
-                0.2 + 0.1 * number + 0.1 * names.index(name) / len(names),
-            )
-            return self.trials.tried(name, self.present, levels, keep=3.0)
+        def say(name: str) -> None:
+            share = 0.2 + 0.1 * number + 0.1 * names.index(name) / len(names)
+            self.say(f"stage {number + 1}: trying {name}", share)
 
-        for name, trial in zip(names, side_by_side(one, names), strict=True):
-            if trial is None:
-                continue
+        found = []
+        levels = self.trials.levels(self.present)
+        for name, trial in screened(self.trials, names, self.present, levels, say).items():
             if self.trials.redundant(trial):
                 self.untestable.setdefault(name, "other parameters do the same to what is measured")
             else:
@@ -240,7 +243,11 @@ class _Search:
         from scipy.special import chdtrc  # slow to import
 
         ratio = max(0.0, 2 * (self.present.cost - trial.cost))
-        more = len(trial.names) - len(self.present.names)
+        more = sum(n.startswith(f"{name}.") for n in trial.names)
+        p_value = float(chdtrc(more, ratio))
+        delta = more * math.log(self.trials.samples) - ratio
+        if delta > -CLEAR and p_value < ALONE:
+            delta = criterion(self.trials, trial) - self._present_criterion()
         errors = self.trials.simulation_errors(trial)
         named = self.trials.problem.named
         own = [n for n in trial.names if n.startswith(f"{name}.")]
@@ -248,13 +255,18 @@ class _Search:
             stage=number,
             effect=name,
             likelihood_ratio=ratio,
-            delta_bic=more * math.log(self.trials.samples) - ratio,
-            p_value=float(chdtrc(more, ratio)),
+            delta_bic=delta,
+            p_value=p_value,
             holdout_gain=self.trials.unseen_gain(self.present, trial),
             train_nrmse=errors[0],
             holdout_nrmse=errors[1],
             parameters={n.partition(".")[2]: (trial.values[n], named[n].unit) for n in own},
         )
+
+    def _present_criterion(self) -> float:
+        if self._criterion is None or self._criterion[0] is not self.present:
+            self._criterion = (self.present, criterion(self.trials, self.present))
+        return self._criterion[1]
 
     def _drop(self) -> None:
         """Take out every effect without which the criterion is no worse.
@@ -266,8 +278,10 @@ class _Search:
             rest = tuple(n for n in self.present.effects if n != name)
             values = self.trials.absent(name, self.present.values)
             without = self.trials.solve(rest, values, self.present.begin)
-            fewer = len(self.present.names) - len(without.names)
-            loss = 2 * (without.cost - self.present.cost) - fewer * math.log(self.trials.samples)
+            own = sum(n.startswith(f"{name}.") for n in self.present.names)
+            loss = 2 * (without.cost - self.present.cost) - own * math.log(self.trials.samples)
+            if loss < CLEAR:
+                loss = criterion(self.trials, without) - self._present_criterion()
             if loss < MARGIN:
                 if name != newest:
                     self.dropped.append(name)
@@ -302,10 +316,8 @@ class _Search:
             values = self.trials.absent(name, self.present.values)
             without = self.trials.solve(rest, values, self.present.begin)
             alike = [name]
-            for rival in sorted(rivals - set(self.present.effects)):
-                trial = self.trials.tried(rival, without, levels, keep=3.0)
-                if trial is None:
-                    continue
+            others = sorted(rivals - set(self.present.effects))
+            for rival, trial in screened(self.trials, others, without, levels).items():
                 trial = self.trials.further(trial)
                 more = (len(trial.names) - len(self.present.names)) * math.log(self.trials.samples)
                 if 2 * (trial.cost - self.present.cost) + more < ALIKE:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from diffthrust._diagnosis import Missing, Remaining
 from diffthrust._places import Place, hats, knots_of, slopes_along
 from diffthrust._smoother import Errors, smoothed
-from diffthrust._trials import Trial, Trials
+from diffthrust._trials import Trial, Trials, side_by_side
 
 NAMED = 0.05
 """Once there is structure, it is told by the largest that a single test would find."""
@@ -68,8 +69,13 @@ def missing_signals(trials: Trials, trial: Trial) -> tuple[Missing, ...]:
         nothing = (np.empty(0), np.empty(0), np.empty(0))
         best: tuple[float, str | None, float, Curve] = (1.0, None, 0.0, nothing)
         tests = bases(signals)
-        for name, (series, knots) in tests.items():
-            p, coefficients, covariance = trials.unknown(place.port, trial, series)
+
+        def tested(series: list[np.ndarray], port: str = place.port) -> Any:
+            return trials.unknown(port, trial, series)
+
+        answers = side_by_side(tested, [series for series, _ in tests.values()])
+        for (name, (series, knots)), answer in zip(tests.items(), answers, strict=True):
+            p, coefficients, covariance = answer
             if p < best[0]:
                 fitted = np.concatenate([coefficients @ s for s in series])
                 share = float(np.var(fitted) / max(np.var(wobble), np.var(fitted), 1e-300))
@@ -101,22 +107,26 @@ def remaining_structure(trials: Trials, trial: Trial) -> Remaining | None:
     that is one; of the signals as they are, and of their recent past, which tells of states that
     the model lacks.
     """
-    found = []
     paths = trials.path(trial)
     ports = trials.readings(paths)
+    tests = []
     for place in trials.places:
         signals = signals_at(trials, place, trial)
         factors = _factors(trials.behind(place), ports)
         for name, (series, _) in bases({**signals, **_past(signals, paths)}).items():
-            tried = {(place.port, "adds"): series}
+            tests.append((place, place.port, name, "adds", series))
             for port, factor in factors.items():
                 scaled = [s * f for s, f in zip(series, factor, strict=True)]
-                tried[port, "scales"] = scaled
-            for (port, manner), each in tried.items():
-                p, coefficients, covariance = trials.unknown(place.port, trial, each)
-                gain = coefficients @ np.linalg.pinv(covariance, hermitian=True) @ coefficients
-                share = 1.0 - float(np.exp(-gain / trials.samples_at(place)))
-                found.append((float(gain), p, Remaining(port, name, share, manner)))
+                tests.append((place, port, name, "scales", scaled))
+
+    def tested(test: Any) -> tuple[float, float, Remaining]:
+        place, port, name, manner, series = test
+        p, coefficients, covariance = trials.unknown(place.port, trial, series)
+        gain = float(coefficients @ np.linalg.pinv(covariance, hermitian=True) @ coefficients)
+        share = 1.0 - float(np.exp(-gain / trials.samples_at(place)))
+        return gain, p, Remaining(port, name, share, manner)
+
+    found = side_by_side(tested, tests)
     worth = [one for one in found if one[2].share >= LEAST]
     if not any(p < LEVEL / len(found) for _, p, _ in worth):
         return None

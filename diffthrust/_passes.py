@@ -43,7 +43,7 @@ def passes(problem: Problem, z: np.ndarray | None = None) -> list[Pass]:
     z = problem.start() if z is None else z
     found: dict[int, Pass] = {}
     batches = problem.arrays["batches"]
-    done = _pass(problem.layout, problem.arrays, jnp.asarray(z))
+    done, _ = _pass(problem.layout, problem.arrays, jnp.asarray(z))
     for batch, indices, (errors, path) in zip(batches, problem.order, done, strict=True):
         measured = np.asarray(batch["measured"])
         errors = np.where(np.isnan(measured), np.nan, errors)
@@ -89,17 +89,9 @@ def settled_start(problem: Problem) -> Problem:
     return problem.focus(problem.free, problem.values(z), z[first:])
 
 
-def unseen_cost(problem: Problem) -> float:
-    """Negative log-likelihood of logs at their own noise level, and at their best initial states.
-
-    A model that halves the errors of training and unseen logs is better, although what remains on
-    other manoeuvres may be larger than on the training logs.
-    """
-    done = passes(settled_start(problem))
-    counts = np.sum([np.isfinite(one.errors).sum(axis=1) for one in done], axis=0)
-    arrays = {**problem.arrays, "counts": jnp.asarray(counts, float)}
-    rests = [jnp.asarray(np.nan_to_num(one.errors))[None] for one in done]
-    return float(noise_of(problem.layout, arrays, rests)[0])
+def cost(problem: Problem) -> float:
+    """Negative log-likelihood at the problem's values."""
+    return float(_pass(problem.layout, problem.arrays, jnp.asarray(problem.start()))[1])
 
 
 def nrmse(problem: Problem) -> float:
@@ -122,7 +114,7 @@ def with_clip(problem: Problem, clip: Any) -> Problem:
 
 @partial(jax.jit, static_argnums=0)
 def _pass(layout: Layout, arrays: Any, z: Any) -> Any:
-    """Errors ``(B, C, T)`` and the paths of each batch of logs."""
+    """Errors ``(B, C, T)`` and the paths of each batch of logs; negative log-likelihood of all."""
     n, m = layout.width or len(layout.free), len(layout.starts)
     values = named_values(layout, arrays, z[:n])
     model = layout.key.model.bind(values)
@@ -139,4 +131,4 @@ def _pass(layout: Layout, arrays: Any, z: Any) -> Any:
             return innovations(layout.observer, model, grid, values, told, states)
 
         out.append(jax.lax.map(one, {**batch, "start": starts}))
-    return out
+    return out, noise_of(layout, arrays, [errors for errors, _ in out])[0]

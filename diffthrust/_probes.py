@@ -13,7 +13,7 @@ from diffthrust._parameters import Relative
 
 MOST_PROBES = 6
 """An effect is tried from at most so many points."""
-NEAR = 0.0005
+NEAR = 2e-5
 """The first probe of an effect is so small a share of its trial value."""
 APART = 1.2
 """A limit acts on nothing until it acts on much: its probes stand this close to each other."""
@@ -21,8 +21,19 @@ LIMITS = 12
 """So many of them are tried, upward from the lowest trial value."""
 
 
-def probes(effect: Effect, levels: Mapping[str, float]) -> list[dict[str, float]]:
-    """Points from which an effect is tried: its parameters' trial values in the logs' scale."""
+def probes(
+    effect: Effect, levels: Mapping[str, float]
+) -> tuple[list[dict[str, float]], list[dict[str, float]]]:
+    """Points from which an effect is tried: next to its null, and at trial values.
+
+    Args:
+        effect: the effect.
+        levels: the level of each signal of the logs, in which trial values are given.
+
+    Returns:
+        Points next to the null, one for each trial value of parameters without one (none where the
+        null is infinite), and points in the logs' scale.
+    """
     named = effect._parameters
     tried = {}
     for name, p in named.items():
@@ -49,10 +60,11 @@ def probes(effect: Effect, levels: Mapping[str, float]) -> list[dict[str, float]
         located = [p for p, n in zip(zip(*near, strict=True), nulls, strict=True) if n is None]
         keys = list(zip(*located, strict=True)) if located else [()] * len(near)
         near = list(dict(zip(reversed(keys), reversed(near), strict=True)).values())
-    return [
-        {f"{effect.name}.{n}": v for n, v in zip(tried, point, strict=True)}
-        for point in (*near, *points)
-    ]
+    far, close = (
+        [{f"{effect.name}.{n}": v for n, v in zip(tried, point, strict=True)} for point in part]
+        for part in (points, near)
+    )
+    return close, far
 
 
 def is_limit(effect: Effect) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import jax.numpy as jnp
@@ -71,7 +72,7 @@ class Problem:
         """Those of them that are the model's; the observer's come after them."""
         return tuple(name for name in self.free if name not in self.nuisance)
 
-    @property
+    @cached_property
     def named(self) -> dict[str, Parameter]:
         """The parameters of the model and of the observer, by full name."""
         return {**self.model.parameters, **self.nuisance}
@@ -94,10 +95,11 @@ class Problem:
         chosen = where + [spare] * (layout.width - len(where))
         nuisance = {n: p.with_value(values.get(n, p.value)) for n, p in self.nuisance.items()}
         model = self.model.replace({n: values[n] for n in self.model.parameters if n in values})
-        rest = {n: jnp.asarray(values.get(n, p.value)) for n, p in named.items()}
+        # arrays of numpy: as many of jax would take as long as a pass over the logs
+        rest = {n: np.asarray(values.get(n, p.value), float) for n, p in named.items()}
         moved = replace(self, model=model, nuisance=nuisance, chosen=tuple(names))
-        scales = jnp.asarray([moved.named[n].scale for n in layout.free])
-        numbers = {"chosen": jnp.asarray(chosen), "values": rest, "scales": scales}
+        scales = np.array([moved.named[n].scale for n in layout.free])
+        numbers = {"chosen": np.array(chosen), "values": rest, "scales": scales}
         batches = list(self.arrays["batches"])
         if begin is not None and begin.size:
             sizes = [batch["start"].size for batch in batches]

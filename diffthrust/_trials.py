@@ -8,7 +8,7 @@ that hundreds of trials share one compilation.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import TypeVar
@@ -22,9 +22,8 @@ from diffthrust._likelihood import Quadratic
 from diffthrust._log import Log
 from diffthrust._model import Model
 from diffthrust._observer import CLIP, guesses, is_memory, observer_of
-from diffthrust._passes import nrmse, passes, unseen_cost, with_clip
+from diffthrust._passes import cost, nrmse, passes, settled_start, with_clip
 from diffthrust._places import KNOTS, Place, places_of, readings, slopes_at, unknown_at
-from diffthrust._probes import is_limit, probes
 from diffthrust._problem import Problem
 from diffthrust._score import promise, score_test
 from diffthrust._solver import solve
@@ -34,8 +33,6 @@ Found = TypeVar("Found")
 
 SAME = 1e-6
 """An effect is redundant that keeps less than this of its information beside the others."""
-FEW = 6
-"""Steps from each of the best probes, before it is known which effects matter."""
 ENOUGH = 2e-3
 """A trial ends where a full step would gain less log-likelihood than this."""
 ROOM = 4
@@ -132,6 +129,11 @@ class Trials:
 
     # -- fits --------------------------------------------------------------------------------------
 
+    @property
+    def room(self) -> int:
+        """Parameters of effects for which there is room beside all of the model's own and noise."""
+        return (self.problem.layout.width or 0) - len(self.own) - len(self.nuisance)
+
     def moved(self, effects: Sequence[str]) -> tuple[str, ...]:
         """The parameters that are estimated with some effects present."""
         named = self.problem.named
@@ -147,9 +149,13 @@ class Trials:
         values: Mapping[str, float],
         begin: np.ndarray | None = None,
         budget: int = 40,
+        still: Collection[str] = (),
     ) -> Trial:
-        """Fit with some effects present, from given values and initial states."""
-        names = self.moved(effects)
+        """Fit with some effects present, from given values and initial states.
+
+        Parameters named in ``still`` stay where they are.
+        """
+        names = tuple(name for name in self.moved(effects) if name not in still)
         problem = self.problem.focus(names, values, begin)
         found = solve(problem, problem.start(), budget, ENOUGH)
         q, z = found.quadratic, found.z
@@ -210,31 +216,11 @@ class Trials:
             self.problem = with_clip(self.problem, CLIP * trial.quadratic.sigma)
         return self.further(trial, budget=150)
 
-    def tried(
-        self, effect: str, present: Trial, levels: Mapping[str, float], keep: float
-    ) -> Trial | None:
-        """The present model with one more effect, carried a few steps from its best probes.
-
-        ``None`` where no probe promises a likelihood ratio above ``keep``.
-        """
-        effects = (*present.effects, effect)
-        promised = []
-        for probe in probes(self.candidates[effect], levels):
-            one = self.solve(effects, {**present.values, **probe}, present.begin, budget=1)
-            if np.isfinite(one.cost):
-                promised.append(one)
-        if not promised:
-            return None
-        promised.sort(key=lambda trial: trial.expected)
-        hopeful = [one for one in promised[:2] if 2 * (present.cost - one.expected) > keep]
-        acting = [one for one in promised if one.cost != present.cost]
-        if is_limit(self.candidates[effect]) and acting:  # no score at its null: the weakest probe
-            hopeful.append(min(acting, key=lambda trial: trial.cost))
-        if not hopeful:
-            return None
-        begun = [self.further(one, budget=FEW) for one in hopeful]
-        best = min(begun, key=lambda trial: trial.expected)
-        return best if 2 * (present.cost - best.expected) > keep else None
+    def cost(
+        self, effects: Sequence[str], values: Mapping[str, float], begin: np.ndarray | None
+    ) -> float:
+        """Negative log-likelihood at given values: a tenth of the work of a derivative."""
+        return cost(self.problem.focus(self.moved(effects), values, begin))
 
     def redundant(self, trial: Trial) -> bool:
         """Whether the last effect of a trial does nothing that the other parameters cannot."""
@@ -275,15 +261,19 @@ class Trials:
     def unseen_gain(self, before: Trial, after: Trial) -> float:
         """Gain of log-likelihood on the unseen logs; NaN without any.
 
-        With the observer of either trial, whichever is better: an effect that explains much leaves
-        an observer that corrects little, and a single event that it misses would then count most.
+        The noise levels are those of the unseen logs, and initial states their best: a model that
+        halves the errors of both is better, although on other manoeuvres more may remain.
+        Taken with the observer of either trial, whichever is better: an effect that explains much
+        leaves an observer that corrects little, and a single event that it misses would count most.
         """
         if self.unseen is None:
             return float("nan")
         unseen = with_clip(self.unseen, self.problem.arrays["clip"])
         noise = {name: before.values[name] for name in self.nuisance}
         louder = replace(after, values={**after.values, **noise})
-        one, *others = (unseen_cost(self._at(unseen, trial)) for trial in (before, after, louder))
+        one, *others = (
+            cost(settled_start(self._at(unseen, trial))) for trial in (before, after, louder)
+        )
         return one - min(others)
 
     def simulation_errors(self, trial: Trial) -> tuple[float, float | None]:

@@ -189,7 +189,7 @@ def test_phrases():
         ("load", "|speed|", "adds"), ("drive", "command", "adds"), ("propeller", "speed", "adds"),
         ("shaft", "time since the start", "adds"), ("shaft", "rate of speed", "adds"),
         ("command", "command", "adds"), ("drive", "time", "scales"),
-        ("load", "the last 1 s of speed", "scales"),
+        ("propeller", "the last 1 s of speed", "scales"),
     ],
 )  # fmt: skip
 def test_the_skeleton_runs_and_does_nothing_at_its_null(full, port, signal, manner):

@@ -1,0 +1,146 @@
+"""Which effects are worth a fit: score tests next to their nulls, and probes at several sizes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from diffthrust._probes import probes
+from diffthrust._score import promise
+from diffthrust._solver import solve
+from diffthrust._trials import Trial, Trials, side_by_side
+
+HOPE = 2.0
+"""Likelihood ratio that a probe must promise to be followed."""
+SILENT = 0.1
+"""Where the score next to the null says less than this, the effect may have a threshold: the
+weakest probe that acts is followed, whatever it promises."""
+KEEP = 3.0
+"""Likelihood ratio that must be promised after `FEW` steps: less, nothing would come of it."""
+FEW = 6
+"""Steps from each of the best probes, before it is known which effects matter."""
+MANY = 20
+"""Steps across a threshold, where a search creeps."""
+FAR = 0.25
+"""A probe whose cost rises by more than this times the samples is no start."""
+
+Point = Mapping[str, float]
+
+
+def screened(
+    trials: Trials,
+    names: Sequence[str],
+    present: Trial,
+    levels: Mapping[str, float],
+    say: Callable[[str], None] = lambda name: None,
+) -> dict[str, Trial]:
+    """The present model with each of some effects, carried a few steps from its best probes.
+
+    Args:
+        trials: the fits.
+        names: the candidates.
+        present: the model as it is so far.
+        levels: `Trials.levels`.
+        say: told each name as its turn comes.
+
+    Returns:
+        Trials by name; candidates of which nothing is to be hoped are left out.
+    """
+    points = {name: probes(trials.candidates[name], levels) for name in names}
+    scored = scores(trials, present, {name: near for name, (near, _) in points.items()})
+
+    def one(name: str) -> Trial | None:
+        say(name)
+        effects = (*present.effects, name)
+
+        def followed(point: Point, budget: int) -> Trial:
+            return trials.solve(effects, {**present.values, **point}, present.begin, budget)
+
+        def gain(expected: float) -> float:
+            return 2 * (present.cost - expected)
+
+        starts = list(scored[name])
+        far = _far(trials, name, present, points[name][1], followed)
+        silent = all(gain(expected) < SILENT for expected, _ in starts)
+        if far and silent:
+            far[0] = (min(far[0][0], present.cost - HOPE), far[0][1])
+        starts += far
+        starts = [pair for pair in starts if gain(pair[0]) >= HOPE]
+        starts = sorted(starts, key=lambda pair: pair[0])[:2]
+        ends = [followed(point, MANY if silent else FEW) for _, point in starts]
+        best = min(ends, key=lambda trial: trial.expected, default=None)
+        return best if best is not None and gain(best.expected) > KEEP else None
+
+    found = zip(names, side_by_side(one, names), strict=True)
+    return {name: trial for name, trial in found if trial is not None}
+
+
+def scores(
+    trials: Trials, present: Trial, near: Mapping[str, Sequence[Point]]
+) -> dict[str, list[tuple[float, Point]]]:
+    """For each point next to a null the cost that a full step from there promises.
+
+    As many effects as there is room for are there at once: so near to their nulls none feels the
+    others, and one forward-mode pass scores them all.
+    """
+    found: dict[str, list[tuple[float, Point]]] = {name: [] for name in near}
+    turns = max(map(len, near.values()), default=0)
+    groups = [
+        group
+        for turn in range(turns)
+        for group in _packed({n: p[turn] for n, p in near.items() if len(p) > turn}, trials.room)
+    ]
+
+    def scored(group: Mapping[str, Point]) -> list[float]:
+        effects = (*present.effects, *group)
+        values = {**present.values, **{k: v for point in group.values() for k, v in point.items()}}
+        names = trials.moved(effects)
+        problem = trials.problem.focus(names, values, present.begin)
+        q = solve(problem, problem.start(), budget=1).quadratic
+        if not np.isfinite(q.cost):
+            return [np.inf] * len(group)
+        costs = []
+        for name in group:
+            others = tuple(f"{other}." for other in group if other != name)
+            movable = np.ones(q.gradient.size, bool)
+            movable[: len(names)] = [not n.startswith(others) for n in names] if others else True
+            costs.append(float(q.cost) - promise(q, movable))
+        return costs
+
+    for group, costs in zip(groups, side_by_side(scored, groups), strict=True):
+        for (name, point), cost in zip(group.items(), costs, strict=True):
+            found[name].append((cost, point))
+    return found
+
+
+def _packed(points: Mapping[str, Point], room: int) -> list[dict[str, Point]]:
+    """The points in groups of no more parameters than there is room for; at least one each."""
+    groups: list[dict[str, Point]] = []
+    free = 0
+    for name, point in points.items():
+        if not groups or len(point) > free:
+            groups.append({})
+            free = room
+        groups[-1][name] = point
+        free -= len(point)
+    return groups
+
+
+def _far(
+    trials: Trials,
+    name: str,
+    present: Trial,
+    points: Sequence[Point],
+    followed: Callable[[Point, int], Trial],
+) -> list[tuple[float, Point]]:
+    """Of points far from the null the two with the least cost, with the cost that they promise."""
+    effects = (*present.effects, name)
+    found = []
+    for point in points:
+        cost = trials.cost(effects, {**present.values, **point}, present.begin)
+        if np.isfinite(cost) and cost != present.cost:
+            found.append((cost, point))
+    worth = present.cost + FAR * trials.samples
+    chosen = sorted((pair for pair in found if pair[0] < worth), key=lambda pair: pair[0])[:2]
+    return [(followed(point, 1).expected, point) for _, point in chosen]
