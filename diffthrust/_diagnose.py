@@ -164,9 +164,11 @@ class _Search:
         number = len(self.stages) - 1
         tried = self.timed("screen", self._screen, number)
         rated = sorted(tried, key=lambda pair: pair[0].delta_bic)
-        worth = rated and rated[0][0].delta_bic < -MARGIN
-        if worth and self._better_noise(*rated[0]):
-            return self.advance()
+        for place, (candidate, trial) in enumerate(rated):
+            doubtful = place == 0 or self.trials.idle(trial)
+            worth = doubtful and candidate.delta_bic < -MARGIN
+            if worth and self._better_noise(candidate, trial):
+                return self.advance()
         self.ranking += [candidate for candidate, _ in rated]
         for candidate, trial in rated:
             if candidate.delta_bic > -MARGIN or not self._comparable(candidate):

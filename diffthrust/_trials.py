@@ -35,6 +35,8 @@ SAME = 1e-6
 """An effect is redundant that keeps less than this of its information beside the others."""
 ENOUGH = 2e-3
 """A trial ends where a full step would gain less log-likelihood than this."""
+IDLE = 1e-6
+"""An effect does nothing that is nearer to its null than this, in units of its scale."""
 ROOM = 4
 """Parameters of effects that are estimated together with all of the model's and the observer's;
 with more, the observer's memories are held at what they were, and then its gains."""
@@ -221,6 +223,15 @@ class Trials:
     ) -> float:
         """Negative log-likelihood at given values: a tenth of the work of a derivative."""
         return cost(self.problem.focus(self.moved(effects), values, begin))
+
+    def idle(self, trial: Trial) -> bool:
+        """Whether the last effect of a trial has gone back to its null."""
+        effect = self.candidates[trial.effects[-1]]
+        nulls = {n: p for n, p in effect._parameters.items() if p.null is not None}
+        return any(
+            abs(trial.values[f"{effect.name}.{n}"] - p.null) < IDLE * p.scale
+            for n, p in nulls.items()
+        )
 
     def redundant(self, trial: Trial) -> bool:
         """Whether the last effect of a trial does nothing that the other parameters cannot."""
