@@ -28,6 +28,8 @@ from diffthrust._step_check import CoarseStepWarning
 from diffthrust._trials import Trial, Trials, side_by_side
 
 MOST_STAGES = 5
+MOST_SUBSTEPS = 2
+"""Integrator steps per sample of the trials: over one sample ahead, errors do not build up."""
 MARGIN = 4.0
 """An effect is added where it lowers the information criterion by more than this, so that one of
 some thirty candidates passes by chance in about one diagnosis of a hundred."""
@@ -155,8 +157,17 @@ class _Search:
         effects, self.untestable = candidates_of(fit.model, (*self.train, *self.unseen), wanted)
         self.stages.append(Stage((), fit))
         self.say("compiling the trials", 0.1)
-        self.trials = Trials(fit.model, effects, self.train, self.unseen, fit.substeps)
-        self.present = self.timed("compile", self.trials.base, self.trials.values_of(fit.model))
+        for substeps in dict.fromkeys((min(fit.substeps, MOST_SUBSTEPS), fit.substeps)):
+            self.trials = Trials(fit.model, effects, self.train, self.unseen, substeps)
+            self.present = self.timed("compile", self.trials.base, self.trials.values_of(fit.model))
+            if math.isfinite(self.present.cost):
+                break
+        else:
+            raise InputError(
+                f"The '{fit.model}' cannot be carried over these logs at the parameters of its fit "
+                f"({fit.status.value}): expected finite one-step errors, found none.",
+                "Give bounds that keep its time constants longer than a fifth of a sample.",
+            )
         self.first = self.present
 
     def advance(self) -> bool:

@@ -31,16 +31,21 @@ def signals_at(trials: Trials, place: Place, trial: Trial) -> dict[str, list[np.
     """The signals on which something missing at a place may depend, log by log.
 
     All are known before the sample whose error they are to explain (a smoothed rate would contain
-    that very error): the rate is the one that the model predicts.
+    that very error): the rate of a state is the one that the model predicts.
     """
     paths = trials.path(trial)
     model = trials.model
     names = [n for n in (*model.inputs, *model.optional_inputs) if n in paths[0]]
     names += [n for n in model.states if n in paths[0] and n in trials.problem.layout.channels]
     out = {n: [path[n] for path in paths] for n in dict.fromkeys(names)}
-    if place.state:
-        rates = [one[place.port] for one in trials.readings(paths)]
-        out[f"d({place.state})/dt"] = [np.asarray(rate) for rate in rates]
+    ports = trials.readings(paths)
+    for other in trials.places:
+        if other.state and place.state in (other.state, None):
+            out[f"d({other.state})/dt"] = [np.asarray(one[other.port]) for one in ports]
+    for name in model.states:  # one that the log prescribes moves as it was recorded
+        if name in trials.logs[0].inputs:
+            out[name] = [path[name] for path in paths]
+            out[f"d({name})/dt"] = [np.gradient(path[name], path["time"]) for path in paths]
     out["time"] = [path["time"] - path["time"][0] for path in paths]
     return out
 
@@ -122,6 +127,8 @@ def remaining_structure(trials: Trials, trial: Trial) -> Remaining | None:
     def tested(test: Any) -> tuple[float, float, Remaining]:
         place, port, name, manner, series = test
         p, coefficients, covariance = trials.unknown(place.port, trial, series)
+        if np.isnan(covariance).any():  # nothing of it shows beside the estimated parameters
+            return 0.0, 1.0, Remaining(port, name, 0.0, manner)
         gain = float(coefficients @ np.linalg.pinv(covariance, hermitian=True) @ coefficients)
         share = 1.0 - float(np.exp(-gain / trials.samples_at(place)))
         return gain, p, Remaining(port, name, share, manner)

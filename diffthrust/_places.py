@@ -93,11 +93,15 @@ def unseen_at(model: Model, log: Log, channels: Collection[str]) -> set[str]:
 def places_of(model: Model, log: Log, channels: Sequence[str]) -> tuple[Place, ...]:
     """One port for every state that a port drives, and one for every measured output that one does.
 
+    States that the log prescribes are driven by nothing.
+
     Of several ports that come to the same, the last: the sum of all that acts there.
     """
     rates, outputs = slopes_at(model, log)
     places: list[Place] = []
     for state in model.states:
+        if state in log.inputs:
+            continue  # it is given: nothing drives it
         pushing = [p for p in model.ports if state in rates and rates[state][1][p] != 0]
         if pushing:
             # the port nearest to the state: it drives no other as well, if there is such a one

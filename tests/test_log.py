@@ -5,6 +5,7 @@ import pickle
 import numpy as np
 import pytest
 
+import diffthrust as dft
 from diffthrust._errors import InputError
 from diffthrust._log import Log
 
@@ -191,3 +192,43 @@ def test_what_cannot_be_used_is_named(changes, words):
     for word in words:
         assert word in str(caught.value)
     assert caught.value.mend
+
+
+def test_averages_stand_at_the_middle_of_their_samples():
+    time = np.arange(10) * 0.1
+    heading = np.array([170.0, 174, 178, -178, -174, -170, -166, -162, -158, -154])
+    seen = np.array([1.0, 3, np.nan, 5, np.nan, np.nan, np.nan, np.nan, 9, 9])
+    log = dft.Log(
+        time,
+        {"command": time},
+        {"speed": seen, "heading": heading},
+        units={"heading": "deg"},
+        noise={"speed": 0.2},
+    )
+    coarse = log.averaged(4)
+    np.testing.assert_allclose(coarse.time, [0.15, 0.55])
+    np.testing.assert_allclose(coarse.inputs["command"], coarse.time)  # a ramp stays a ramp
+    np.testing.assert_allclose(coarse.measured["speed"], [3.0, np.nan])
+    heading = np.rad2deg(coarse.values("heading", "rad"))
+    np.testing.assert_allclose(heading, [176.0, 192.0])  # across the jump
+    assert coarse.noise["speed"] == pytest.approx(0.1)
+    assert coarse.hold["command"] == "linear"
+    assert "4 samples each were averaged into one" in coarse.notes[-1]
+    assert len(log.averaged(1)) == 10
+    with pytest.raises(InputError, match=r"from 1 to 10, found 11"):
+        log.averaged(11)
+    with pytest.raises(InputError, match=r"whole number"):
+        log.averaged(2.5)
+
+
+def test_a_fit_to_averages_finds_the_same_parameters():
+    rng = np.random.default_rng(1)
+    time = np.arange(4000) * 0.01
+    command = 2.0 * np.sin(0.8 * time) * np.sin(0.13 * time)
+    run = dft.simulate(dft.Thruster(), dft.Log(time, {"command": command}))
+    measured = {n: run[n] + 0.3 * rng.standard_normal(time.size) for n in ("speed", "thrust")}
+    log = dft.Log(time, {"command": command}, measured)
+    fine, coarse = (dft.fit(dft.Thruster(), one, starts=1) for one in (log, log.averaged(5)))
+    for name, estimate in fine.parameters.items():
+        # to what the averages blur of a motion that takes a few of them
+        assert coarse.parameters[name].value == pytest.approx(estimate.value, rel=0.02)

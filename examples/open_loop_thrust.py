@@ -1,0 +1,42 @@
+"""Thrust that overshoots and kicks back: open-loop runs of a thruster, speed as the input.
+
+A voltage is switched on and off again; the thrust overshoots at the run-up and turns negative at
+the stop, which a law of the speed alone cannot do. The measured speed drives the model, so that
+only the thrust is on trial; the file name tells the sign of the speed, and the load cell's tare is
+taken from the rest before the start. The diagnosis finds what makes overshoot and kick. Out come
+the error with and without, and a figure of an unseen run. Data: J. Boehm, MSc thesis, University of
+Maryland, 2019.
+
+    python examples/open_loop_thrust.py [FOLDER FOR REPORT AND FIGURE]
+"""
+
+import numpy as np
+from _data import data_folder, output_folder
+
+import diffthrust as dft
+from diffthrust import Column
+
+TRAIN = ("plus15V", "plus3V", "minus2V", "minus25V")
+UNSEEN = ("plus2V", "plus25V", "minus15V", "minus3V")
+
+
+def read(name: str) -> dft.Log:
+    log = dft.read_log(
+        data_folder("ngs_thruster") / f"open_loop_{name}.csv",
+        time="time_s",
+        inputs={"speed": Column("tach_rad_s", unit="rad/s", scale=-1 if "minus" in name else 1)},
+        measured={"thrust": Column("thrust_N", unit="N")},
+    ).averaged(8)
+    speed, thrust = log.inputs["speed"], log.measured["thrust"]
+    tare = np.median(thrust[np.abs(speed) < 1.0])
+    inputs = {"speed": speed, "command": np.zeros_like(speed)}  # what drove it was not logged
+    return dft.Log(log.time, inputs, {"thrust": thrust - tare}, hold="linear", name=name)
+
+
+train, unseen = [read(name) for name in TRAIN], [read(name) for name in UNSEEN]
+fit = dft.fit(dft.Thruster(), train, holdout=unseen)
+diag = dft.diagnose(fit, train, holdout=unseen, experiment=False)
+print(diag.report())
+diag.save(output_folder() / "open_loop_diagnosis.html")
+diag.plot().savefig(output_folder() / "open_loop_stages.png", dpi=100)
+print(f"Report and figure: {output_folder()}")
