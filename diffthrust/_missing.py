@@ -187,7 +187,7 @@ def _runs(
 ) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Time, missing signal and its standard error of each log, in the unit of the port."""
     model = trials.with_values(trials.model, trial.values)
-    channel = place.state or place.output
+    channel = place.target
     paths, runs = trials.path(trial), []
     for path, log in zip(paths, trials.problem.logs, strict=True):
         step = np.diff(path["time"], append=2 * path["time"][-1] - path["time"][-2])

@@ -115,6 +115,8 @@ def with_clip(problem: Problem, clip: Any) -> Problem:
 @partial(jax.jit, static_argnums=0)
 def _pass(layout: Layout, arrays: Any, z: Any) -> Any:
     """Errors ``(B, C, T)`` and the paths of each batch of logs; negative log-likelihood of all."""
+    observer = layout.observer
+    assert observer is not None
     n, m = layout.width or len(layout.free), len(layout.starts)
     values = named_values(layout, arrays, z[:n])
     model = layout.key.model.bind(values)
@@ -128,7 +130,7 @@ def _pass(layout: Layout, arrays: Any, z: Any) -> Any:
             told = {**log, "clip": arrays["clip"]}
             begin = {name: log["start"][i] for i, name in enumerate(layout.starts)}
             states = {**log["held"], **begin}
-            return innovations(layout.observer, model, grid, values, told, states)
+            return innovations(observer, model, grid, values, told, states)
 
         out.append(jax.lax.map(one, {**batch, "start": starts}))
     return out, noise_of(layout, arrays, [errors for errors, _ in out])[0]

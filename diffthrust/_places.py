@@ -37,6 +37,11 @@ class Place:
     state: str | None
     output: str | None
 
+    @property
+    def target(self) -> str:
+        """What it drives: a state or an output."""
+        return self.state or self.output or ""
+
 
 class Reading(Ports):
     """Ports that note what passes, and may add something to it."""
@@ -137,7 +142,7 @@ def slopes_along(
     def driven(x: Any, push: Any) -> Any:
         s = Signals({**given, place.state: x} if place.state else given)
         rates, outputs = equations_of(model, s, Reading(model.effects, s, {place.port: push}))
-        value = rates[place.state] if place.state else outputs[place.output]
+        value = (rates if place.state else outputs)[place.target]
         return jnp.broadcast_to(value, still.shape)
 
     ones, zeros = jnp.ones_like(own), jnp.zeros_like(own)

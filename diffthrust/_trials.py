@@ -227,10 +227,10 @@ class Trials:
     def idle(self, trial: Trial) -> bool:
         """Whether the last effect of a trial has gone back to its null."""
         effect = self.candidates[trial.effects[-1]]
-        nulls = {n: p for n, p in effect._parameters.items() if p.null is not None}
-        return any(
-            abs(trial.values[f"{effect.name}.{n}"] - p.null) < IDLE * p.scale
-            for n, p in nulls.items()
+        return all(
+            abs(trial.values[f"{effect.name}.{name}"] - p.null) < IDLE * p.scale
+            for name, p in effect._parameters.items()
+            if p.null is not None
         )
 
     def redundant(self, trial: Trial) -> bool:
@@ -301,16 +301,18 @@ class Trials:
     def behind(self, place: Place) -> tuple[str, ...]:
         """The ports whose signal drives what a place drives, and nothing else; itself included."""
         rates, outputs = slopes_at(self.model, self.logs[0])
-        part, target = (rates, place.state) if place.state else (outputs, place.output)
-        others = [part[n][1] for n in part if n != target]
-        own = part[target][1]
+        part = rates if place.state else outputs
+        others = [part[n][1] for n in part if n != place.target]
+        own = part[place.target][1]
         return tuple(p for p in own if own[p] != 0 and all(other[p] == 0 for other in others))
 
     def samples_at(self, place: Place) -> float:
         """Measurements of what a place drives; all of them where it drives a state unmeasured."""
         counts = np.asarray(self.problem.arrays["counts"])
-        channel, channels = place.state or place.output, self.problem.layout.channels
-        return float(counts[channels.index(channel)]) if channel in channels else self.samples
+        channels = self.problem.layout.channels
+        if place.target not in channels:
+            return self.samples
+        return float(counts[channels.index(place.target)])
 
     def unit_at(self, place: Place) -> str:
         """The unit of what passes a port: the one that its description ends with."""

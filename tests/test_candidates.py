@@ -99,3 +99,19 @@ def test_an_entry_point_that_is_no_effect_or_takes_a_name_is_refused(installed):
     installed(EntryPoint("again", "diffthrust.effects:CommandDelay", "diffthrust.effects"))
     with pytest.raises(dft.InputError, match=r"(?s)'command_delay'.*taken"):
         candidates_of(dft.Thruster(), [log()])
+
+
+def test_what_would_drive_a_prescribed_state_cannot_be_tested():
+    time = np.arange(50) * 0.05
+    speed = {"speed": 10.0 * np.sin(time), "command": np.sin(time)}
+    given = dft.Log(time=time, inputs=speed, measured={"thrust": np.cos(time)})
+    tried, untestable = candidates_of(dft.Thruster(), [given])
+    assert {"axial_flow", "thrust_sensor_lag"} <= {effect.name for effect in tried}
+    for name in ("linear_damping", "command_deadband", "actuator_lag"):
+        assert "nothing that is measured depends on it" in untestable[name]
+        assert "prescribe 'speed'" in untestable[name]
+
+
+def test_what_no_channel_shows_cannot_be_tested():
+    _, untestable = candidates_of(dft.Thruster(), [log(measured=("speed",))])
+    assert "nothing that is measured depends on it" in untestable["cavitation"]

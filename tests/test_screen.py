@@ -1,0 +1,117 @@
+"""The screen of a diagnosis and its criterion, on made-up trials and on one small set of logs."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+from reference import inputs, noise, thruster
+
+import diffthrust as dft
+from diffthrust._criterion import criterion, noises
+from diffthrust._probes import probes
+from diffthrust._screen import _packed, scores, screened
+from diffthrust._trials import Trials
+
+TIME = np.arange(500) * 0.05
+SAMPLES = 1000.0
+NOISE = ("noise.speed.drift.speed", "noise.speed.memory", "noise.thrust.colour",
+         "noise.thrust.correlation")  # fmt: skip
+
+
+def test_points_share_a_pass_as_far_as_there_is_room():
+    points = {"a": {"a.x": 1.0}, "b": {"b.x": 1.0, "b.y": 1.0}, "c": {"c.x": 1.0}}
+    assert [list(group) for group in _packed(points, 3)] == [["a", "b"], ["c"]]
+    assert [list(group) for group in _packed(points, 0)] == [["a"], ["b"], ["c"]]
+
+
+def test_noises_are_gains_with_their_memory():
+    found = noises(NOISE)
+    assert [noise.parameters for noise in found] == [NOISE[:2], NOISE[2:]]
+
+
+@dataclass(frozen=True)
+class Made:
+    """A trial with as much of `Trial` as the criterion reads."""
+
+    cost: float
+    values: dict = field(default_factory=dict)
+    names: tuple = ("alpha", "effect.size", *NOISE)
+    effects: tuple = ("effect",)
+    begin: None = None
+
+
+class Costs:
+    """Trials in which taking out each noise costs what was said."""
+
+    nuisance = NOISE
+    samples = SAMPLES
+
+    def __init__(self, drift, colour):
+        self.rise = {"noise.speed.drift.speed": drift, "noise.thrust.colour": colour}
+
+    def solve(self, effects, values, begin, budget, still=()):
+        lost = sum(rise for name, rise in self.rise.items() if values[name] == 0.0)
+        names = tuple(n for n in Made.names if n not in still)
+        return Made(100.0 + lost, dict(values), names, effects)
+
+
+@pytest.mark.parametrize(
+    ("drift", "colour", "kept"), [(50.0, 50.0, 4), (1.0, 50.0, 2), (1.0, 1.0, 0), (5.0, 5.0, 0)]
+)
+def test_the_criterion_takes_out_the_noise_that_is_not_worth_its_price(drift, colour, kept):
+    """A noise of two parameters is worth it where it gains more than ln(1000) = 6.9."""
+    values = {"noise.speed.drift.speed": 0.1, "noise.thrust.colour": 0.2}
+    values |= {"noise.speed.memory": 1.0, "noise.thrust.correlation": 1.0}
+    lost = sum(rise for rise in (drift, colour) if rise < np.log(SAMPLES))
+    expected = 2 * (100.0 + lost) + (2 + kept) * np.log(SAMPLES)
+    found = criterion(Costs(drift, colour), Made(100.0, values))
+    assert found == pytest.approx(expected)
+
+
+@pytest.fixture(scope="module")
+def trials():
+    """A shaft with Coulomb friction, and three candidates."""
+    rng = np.random.default_rng(2)
+    logs = []
+    for _ in range(2):
+        command = inputs.low_passed_random(TIME, 2.0, rng)
+        record = thruster.simulate(TIME, command, method="rk4", coulomb_friction=20.0)
+        record = noise.measure(record, rng, speed=noise.Sensor(0.3), thrust=noise.Sensor(0.2))
+        logs.append(dft.Log(record.time, record.inputs, record.measured))
+    fit = dft.fit(dft.Thruster(), logs, starts=2)
+    known = dft.effects.EFFECTS
+    names = ("coulomb_friction", "thrust_sensor_offset", "command_saturation")
+    made = Trials(fit.model, [known[n]() for n in names], logs, [])
+    return made, made.base(made.values_of(fit.model))
+
+
+def test_effects_scored_together_are_scored_as_alone(trials):
+    made, base = trials
+    levels = made.levels(base)
+    near = {name: probes(effect, levels)[0] for name, effect in made.candidates.items()}
+    assert not near.pop("command_saturation")  # a limit has no neighbourhood of its null
+    together = scores(made, base, near)
+    for name, points in near.items():
+        alone = scores(made, base, {name: points})[name]
+        # the others are there at some 1e-5 of their size
+        assert together[name][0][0] == pytest.approx(alone[0][0], abs=0.05)
+    gain = {name: 2 * (base.cost - pairs[0][0]) for name, pairs in together.items()}
+    assert gain["coulomb_friction"] > 50 > 15 > gain["thrust_sensor_offset"]
+
+
+def test_the_screen_leaves_out_what_is_hopeless_and_keeps_what_is_there(trials):
+    made, base = trials
+    told = []
+    found = screened(made, list(made.candidates), base, made.levels(base), told.append)
+    assert sorted(told) == sorted(made.candidates)
+    assert "coulomb_friction" in found
+    best = found["coulomb_friction"]
+    assert 2 * (base.cost - best.cost) > 50
+    assert best.values["coulomb_friction.level"] == pytest.approx(20.0, rel=0.1)
+
+
+def test_an_effect_at_its_null_is_idle(trials):
+    made, base = trials
+    there = made.solve(("coulomb_friction",), {**base.values, "coulomb_friction.level": 20.0})
+    assert not made.idle(there)
+    assert made.idle(replace(there, values=made.absent("coulomb_friction", there.values)))
