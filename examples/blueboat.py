@@ -4,7 +4,8 @@ The vessel is fitted to runs 216 to 226 and tried on runs 228, 230 and 232, whic
 The files are read as they are: the clock is in milliseconds, the forces come from a static map of
 the thrusters, and the speeds of one run end before its clock does. The basic model fails here, and
 the comparison shows it: out come the errors by channel, how far the modelled motion follows the
-measured one, and a figure of the unseen runs. Data: J. Kristiansen, BlueBoatSystemIdentification.
+measured one, that one channel does not mean what its header says, and a figure of the unseen runs.
+Data: J. Kristiansen, BlueBoatSystemIdentification.
 
     python examples/blueboat.py [FOLDER FOR THE FIGURE]
 """
@@ -62,6 +63,9 @@ for name, error in comparison.errors.channels.items():
         f"better than a constant. The model swings {swing:.0%} as far as the vessel; the "
         f"correlation of the two is {together:+.2f}."
     )
+print("What does not fit together:")
+for hint in comparison.hints:
+    print(f"- {hint}")
 stuck = [name for name, estimate in fit.parameters.items() if estimate.at_bound]
 print(f"Parameters that these logs push against a bound: {', '.join(stuck) or 'none'}.")
 figure = output_folder() / "blueboat_unseen.png"
