@@ -2,66 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from diffthrust._diagnosis import Missing, Remaining
-from diffthrust._places import Place, hats, knots_of, slopes_along
+from diffthrust._diagnosis import Missing
+from diffthrust._places import Place, slopes_along
 from diffthrust._smoother import Errors, smoothed
+from diffthrust._structure import bases, signals_at, unknown
 from diffthrust._trials import Trial, Trials, side_by_side
 
-NAMED = 0.05
-"""Once there is structure, it is told by the largest that a single test would find."""
-PAST = (20, 100)
-"""Samples over which the past of a signal is remembered."""
-
 Curve = tuple[np.ndarray, np.ndarray, np.ndarray]
-
-LEVEL = 0.01
-"""False alarms of "unexplained", over all ports and signals together."""
-LEAST = 0.01
-"""Structure that explains less of the squared one-step errors is not worth a word: the difference
-between two ways to integrate the same physics comes to as much."""
-
-
-def signals_at(trials: Trials, place: Place, trial: Trial) -> dict[str, list[np.ndarray]]:
-    """The signals on which something missing at a place may depend, log by log.
-
-    All are known before the sample whose error they are to explain (a smoothed rate would contain
-    that very error): the rate of a state is the one that the model predicts.
-    """
-    paths = trials.path(trial)
-    model = trials.model
-    names = [n for n in (*model.inputs, *model.optional_inputs) if n in paths[0]]
-    names += [n for n in model.states if n in paths[0] and n in trials.problem.layout.channels]
-    out = {n: [path[n] for path in paths] for n in dict.fromkeys(names)}
-    ports = trials.readings(paths)
-    for other in trials.places:
-        if other.state and place.state in (other.state, None):
-            out[f"d({other.state})/dt"] = [np.asarray(one[other.port]) for one in ports]
-    for name in model.states:  # one that the log prescribes moves as it was recorded
-        if name in trials.logs[0].inputs:
-            out[name] = [path[name] for path in paths]
-            out[f"d({name})/dt"] = [np.gradient(path[name], path["time"]) for path in paths]
-    out["time"] = [path["time"] - path["time"][0] for path in paths]
-    return out
-
-
-def bases(
-    signals: Mapping[str, Sequence[np.ndarray]],
-) -> dict[str, tuple[list[np.ndarray], np.ndarray]]:
-    """For each signal its piecewise-linear basis log by log, and the knots."""
-    out = {}
-    for name, series in signals.items():
-        pooled = np.concatenate(series)
-        if np.ptp(pooled) <= 1e-9 * (1.0 + np.max(np.abs(pooled))):
-            continue  # a constant
-        knots = knots_of(pooled)
-        out[name] = ([hats(one, knots) for one in series], knots)
-    return out
 
 
 def missing_signals(trials: Trials, trial: Trial) -> tuple[Missing, ...]:
@@ -76,7 +27,7 @@ def missing_signals(trials: Trials, trial: Trial) -> tuple[Missing, ...]:
         tests = bases(signals)
 
         def tested(series: list[np.ndarray], port: str = place.port) -> Any:
-            return trials.unknown(port, trial, series)
+            return unknown(trials, port, trial, series)
 
         answers = side_by_side(tested, [series for series, _ in tests.values()])
         for (name, (series, knots)), answer in zip(tests.items(), answers, strict=True):
@@ -92,10 +43,10 @@ def missing_signals(trials: Trials, trial: Trial) -> tuple[Missing, ...]:
         found.append(
             Missing(
                 port=place.port,
-                unit=trials.unit_at(place),
+                unit=unit_at(trials, place),
                 runs=tuple(runs),
                 depends_on=depends,
-                dependence_unit=trials.unit_of(depends) if depends else "",
+                dependence_unit=unit_of(trials, depends) if depends else "",
                 share=share if depends else 0.0,
                 p_value=adjusted,
                 curve=curve if depends else nothing,
@@ -103,83 +54,6 @@ def missing_signals(trials: Trials, trial: Trial) -> tuple[Missing, ...]:
             )
         )
     return tuple(sorted(found, key=lambda m: (-m.share, m.p_value)))
-
-
-def remaining_structure(trials: Trials, trial: Trial) -> Remaining | None:
-    """The place and signal on which the errors still depend, if they do.
-
-    At each place a sum with a function of one signal is tried, and at each port behind it a factor
-    that is one; of the signals as they are, and of their recent past, which tells of states that
-    the model lacks.
-    """
-    paths = trials.path(trial)
-    ports = trials.readings(paths)
-    tests = []
-    for place in trials.places:
-        signals = signals_at(trials, place, trial)
-        factors = _factors(trials.behind(place), ports)
-        for name, (series, _) in bases({**signals, **_past(signals, paths)}).items():
-            tests.append((place, place.port, name, "adds", series))
-            for port, factor in factors.items():
-                scaled = [s * f for s, f in zip(series, factor, strict=True)]
-                tests.append((place, port, name, "scales", scaled))
-
-    def tested(test: Any) -> tuple[float, float, Remaining]:
-        place, port, name, manner, series = test
-        p, coefficients, covariance = trials.unknown(place.port, trial, series)
-        if np.isnan(covariance).any():  # nothing of it shows beside the estimated parameters
-            return 0.0, 1.0, Remaining(port, name, 0.0, manner)
-        gain = float(coefficients @ np.linalg.pinv(covariance, hermitian=True) @ coefficients)
-        share = 1.0 - float(np.exp(-gain / trials.samples_at(place)))
-        return gain, p, Remaining(port, name, share, manner)
-
-    found = side_by_side(tested, tests)
-    worth = [one for one in found if one[2].share >= LEAST]
-    if not any(p < LEVEL / len(found) for _, p, _ in worth):
-        return None
-    gain, _, left = max((one for one in worth if one[1] < NAMED), key=lambda one: one[0])
-    return replace(left, gain=gain)
-
-
-def _factors(
-    names: Sequence[str], ports: Sequence[Mapping[str, np.ndarray]]
-) -> dict[str, list[np.ndarray]]:
-    """What passes some ports, log by log and of unit size; of several that go alike, the first."""
-    found: dict[str, list[np.ndarray]] = {}
-    for name in names:
-        level = np.sqrt(np.mean(np.concatenate([one[name] for one in ports]) ** 2))
-        unit = [one[name] / max(level, 1e-300) for one in ports]
-        joined = np.concatenate(unit)
-        alike = (abs(np.mean(joined * np.concatenate(other))) for other in found.values())
-        if level > 0 and not any(one > 1.0 - 1e-9 for one in alike):
-            found[name] = unit
-    return found
-
-
-def _past(
-    signals: Mapping[str, Sequence[np.ndarray]], paths: Sequence[Mapping[str, np.ndarray]]
-) -> dict[str, list[np.ndarray]]:
-    """The running means of inputs and states over some recent samples, log by log."""
-    found = {}
-    for name, series in signals.items():
-        if name == "time" or name.startswith("d("):
-            continue
-        for samples in PAST:
-            told = f"the last {samples * _step(paths[0]):.2g} s of {name}"
-            found[told] = [_recent(one, samples) for one in series]
-    return found
-
-
-def _step(path: Mapping[str, np.ndarray]) -> float:
-    return float(np.median(np.diff(path["time"])))
-
-
-def _recent(series: np.ndarray, samples: int) -> np.ndarray:
-    """Mean of the past of a series that forgets over so many samples."""
-    from scipy.signal import lfilter  # slow to import
-
-    kept = np.exp(-1.0 / samples)
-    return lfilter([1.0 - kept], [1.0, -kept], series, zi=[kept * series[0]])[0]
 
 
 def _runs(
@@ -210,3 +84,16 @@ def _runs(
     lasting = float(np.exp(-step / trial.values.get(f"noise.{channel}.correlation", step)))
     found = smoothed(runs, lasting)
     return [(path["time"], *one) for path, one in zip(paths, found, strict=True)]
+
+
+def unit_at(trials: Trials, place: Place) -> str:
+    """The unit of what passes a port: the one that its description ends with."""
+    text = trials.model.ports[place.port]
+    return text[text.rfind("[") + 1 : -1] if text.endswith("]") else ""
+
+
+def unit_of(trials: Trials, signal: str) -> str:
+    """The unit of an input, state or output, or of its rate."""
+    units = {**trials.model.inputs, **trials.model.optional_inputs, **trials.model.all_states}
+    units |= {f"d({n})/dt": f"{u}/s" for n, u in trials.model.states.items()}
+    return {**units, "time": "s"}.get(signal, "")

@@ -13,7 +13,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
-import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._arrange import build, channels_of
@@ -23,9 +22,9 @@ from diffthrust._log import Log
 from diffthrust._model import Model
 from diffthrust._observer import CLIP, guesses, is_memory, observer_of
 from diffthrust._passes import cost, nrmse, passes, settled_start, with_clip
-from diffthrust._places import KNOTS, Place, places_of, readings, slopes_at, unknown_at
+from diffthrust._places import KNOTS, places_of, readings, unknown_at
 from diffthrust._problem import Problem
-from diffthrust._score import promise, score_test
+from diffthrust._score import promise
 from diffthrust._solver import solve
 
 Item = TypeVar("Item")
@@ -301,66 +300,3 @@ class Trials:
     def _at(self, problem: Problem, trial: Trial) -> Problem:
         begin = trial.begin if problem is self.problem else None
         return problem.focus(trial.names, trial.values, begin)
-
-    def behind(self, place: Place) -> tuple[str, ...]:
-        """The ports whose signal drives what a place drives, and nothing else; itself included."""
-        rates, outputs = slopes_at(self.model, self.logs[0])
-        part = rates if place.state else outputs
-        others = [part[n][1] for n in part if n != place.target]
-        own = part[place.target][1]
-        return tuple(p for p in own if own[p] != 0 and all(other[p] == 0 for other in others))
-
-    def samples_at(self, place: Place) -> float:
-        """Measurements of what a place drives; all of them where it drives a state unmeasured."""
-        counts = np.asarray(self.problem.arrays["counts"])
-        channels = self.problem.layout.channels
-        if place.target not in channels:
-            return self.samples
-        return float(counts[channels.index(place.target)])
-
-    def unit_at(self, place: Place) -> str:
-        """The unit of what passes a port: the one that its description ends with."""
-        text = self.model.ports[place.port]
-        return text[text.rfind("[") + 1 : -1] if text.endswith("]") else ""
-
-    def unit_of(self, signal: str) -> str:
-        """The unit of an input, state or output, or of its rate."""
-        units = {**self.model.inputs, **self.model.optional_inputs, **self.model.all_states}
-        units |= {f"d({n})/dt": f"{u}/s" for n, u in self.model.states.items()}
-        return {**units, "time": "s"}.get(signal, "")
-
-    # -- signals of unknown form -------------------------------------------------------------------
-
-    def unknown(
-        self, port: str, trial: Trial, series: Sequence[np.ndarray]
-    ) -> tuple[float, np.ndarray, np.ndarray]:
-        """Test given series at a port: do the errors contain any combination of them?
-
-        Args:
-            port: the port.
-            trial: the present model.
-            series: for each log ``(KNOTS, T)``.
-
-        Returns:
-            The p-value of the score test, robust to correlation within blocks of time; the
-            estimated coefficients; their covariance.
-        """
-        names = [f"unknown {port}.c{i}" for i in range(KNOTS)]
-        given = self.unknowns[port].needs
-        # errors that are white say of the observer's gains nothing that they say of a mean
-        known = [n for n in trial.names if n not in self.nuisance]
-        names = names[: (self.problem.layout.width or 0) - len(known)]
-        problem = self.problem.focus((*known, *names), trial.values, trial.begin)
-        batches = []
-        for batch, indices in zip(problem.arrays["batches"], problem.order, strict=True):
-            length = batch["time"].shape[1]
-            rows = np.zeros((KNOTS, len(indices), length))
-            for row, index in enumerate(indices):
-                rows[:, row, : series[index].shape[1]] = series[index]
-            anew = {name: jnp.asarray(rows[i]) for i, name in enumerate(given)}
-            batches.append({**batch, "inputs": {**batch["inputs"], **anew}})
-        problem = replace(problem, arrays={**problem.arrays, "batches": batches})
-        q = solve(problem, problem.start(), budget=1).quadratic
-        p, found, covariance = score_test(q, len(known), len(names))
-        beyond = KNOTS - len(names)  # hats for which so many effects left no room
-        return p, np.pad(found, (0, beyond)), np.pad(covariance, (0, beyond))

@@ -1,0 +1,288 @@
+"""The stages of a diagnosis: screen the candidates, add the best, drop what became superfluous."""
+
+from __future__ import annotations
+
+import math
+import time
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from diffthrust._candidates import candidates_of
+from diffthrust._criterion import criterion
+from diffthrust._diagnosis import Candidate, Remaining, Stage
+from diffthrust._errors import InputError
+from diffthrust._experiment import Experiment, suggest_experiment
+from diffthrust._fit import fit as fit_model
+from diffthrust._log import Log
+from diffthrust._model import Model
+from diffthrust._places import KNOTS
+from diffthrust._result import Fit
+from diffthrust._screen import screened
+from diffthrust._step_check import CoarseStepWarning
+from diffthrust._structure import remaining_structure
+from diffthrust._trials import Trial, Trials, side_by_side
+
+MOST_SUBSTEPS = 2
+"""Integrator steps per sample of the trials: over one sample ahead, errors do not build up."""
+MARGIN = 4.0
+"""An effect is added where it lowers the information criterion by more than this, so that one of
+some thirty candidates passes by chance in about one diagnosis of a hundred."""
+CARRIED = 6
+"""So many of the effects tried at a stage are fitted to the end."""
+ALIKE = 8.0
+"""Effects whose criteria differ by less than this cannot be told apart (odds of some 50 to 1)."""
+
+ALONE = 0.05
+"""An effect is worth a closer look where its likelihood ratio alone would come so rarely."""
+CLEAR = 20.0
+"""Where the criterion falls by more than this, no noise that it makes superfluous matters."""
+PART = 0.3
+"""An effect that explains less than this part of what an unknown signal does is not it."""
+
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass
+class Stages:
+    """The stages of one diagnosis."""
+
+    train: Sequence[Log]
+    unseen: Sequence[Log]
+    seed: int
+    say: Progress
+    stages: list[Stage] = field(default_factory=list)
+    ranking: list[Candidate] = field(default_factory=list)
+    dropped: list[str] = field(default_factory=list)
+    seconds: dict[str, float] = field(default_factory=dict)
+    options: dict[str, Any] = field(default_factory=dict)
+    refused: set[str] = field(default_factory=set)
+    _criterion: tuple[Trial, float] | None = None
+    _structure: tuple[Trial, Remaining | None] | None = None
+
+    def timed(self, what: str, work: Callable[..., Any], *args: Any, **options: Any) -> Any:
+        begun = time.perf_counter()
+        done = work(*args, **options)
+        self.seconds[what] = self.seconds.get(what, 0.0) + time.perf_counter() - begun
+        return done
+
+    def begin(self, fit: Fit | Model, wanted: Any) -> None:
+        """Fit the model as it is, and compile the trials."""
+        self.say("fitting the model as it is", 0.0)
+        if isinstance(fit, Fit):
+            self.options = {"likelihood": fit.likelihood, "loss": fit.loss}
+            if fit.horizon is not None:
+                self.options["horizon"] = fit.horizon
+        if isinstance(fit, Model) or (self.unseen and fit.holdout is None):
+            fit = self._fitted(fit if isinstance(fit, Model) else fit.model)
+        self.given = fit.model
+        effects, self.untestable = candidates_of(fit.model, (*self.train, *self.unseen), wanted)
+        self.stages.append(Stage((), fit))
+        self.say("compiling the trials", 0.1)
+        for substeps in dict.fromkeys((min(fit.substeps, MOST_SUBSTEPS), fit.substeps)):
+            self.trials = Trials(fit.model, effects, self.train, self.unseen, substeps)
+            self.present = self.timed("compile", self.trials.base, self.trials.values_of(fit.model))
+            if math.isfinite(self.present.cost):
+                break
+        else:
+            raise InputError(
+                f"The '{fit.model}' cannot be carried over these logs at the parameters of its fit "
+                f"({fit.status.value}): expected finite one-step errors, found none.",
+                "Give bounds that keep its time constants longer than a fifth of a sample.",
+            )
+        self.first = self.present
+
+    def advance(self) -> bool:
+        """Add the best effect, if any is worth it; drop what it made superfluous."""
+        number = len(self.stages) - 1
+        tried = self.timed("screen", self._screen, number)
+        rated = sorted(tried, key=lambda pair: pair[0].delta_bic)
+        for place, (candidate, trial) in enumerate(rated):
+            doubtful = place == 0 or self.trials.idle(trial)
+            worth = doubtful and candidate.delta_bic < -MARGIN
+            if worth and self._better_noise(candidate, trial):
+                return self.advance()
+        self.ranking += [candidate for candidate, _ in rated]
+        for candidate, trial in rated:
+            if candidate.delta_bic > -MARGIN or not self._comparable(candidate):
+                return False
+            clipped = self.trials.problem
+            settled = self.timed(
+                "screen", self.trials.settled, trial.effects, trial.values, trial.begin
+            )
+            if self.trials.unseen_gain(self.present, settled) < 0.0:
+                self.trials.problem = clipped
+                self.refused.add(candidate.effect)  # fits these logs, and makes others worse
+                continue
+            effects = self.present.effects
+            self.present = settled
+            self._drop()
+            if set(self.present.effects) == set(effects):
+                return False
+            self.say(f"refitting with {candidate.effect}", 0.3 + 0.1 * number)
+            self.stages.append(self.timed("refit", self._stage))
+            return True
+        return False
+
+    def _comparable(self, candidate: Candidate) -> bool:
+        """Whether an effect explains what is missing, not a small part that it happens to touch.
+
+        A function of one signal that no known effect is like may explain far more.
+        """
+        left = self.timed("remaining", self.structure)
+        if left is None:
+            return True
+        unknown = left.gain - KNOTS * math.log(self.trials.samples)
+        return -candidate.delta_bic > PART * unknown
+
+    def structure(self) -> Remaining | None:
+        """What the present model leaves unexplained."""
+        if self._structure is None or self._structure[0] is not self.present:
+            self._structure = (self.present, remaining_structure(self.trials, self.present))
+        return self._structure[1]
+
+    def _better_noise(self, candidate: Candidate, trial: Trial) -> bool:
+        """Whether a trial, its effect taken out, explains the logs better than the present one.
+
+        Its gain was then not the effect's: on its way the fit has found a better noise.
+        """
+        clipped = self.trials.problem
+        values = self.trials.absent(candidate.effect, trial.values)
+        without = self.trials.settled(self.present.effects, values, trial.begin)
+        if without.cost > self.present.cost - 0.5 * MARGIN:
+            self.trials.problem = clipped
+            return False
+        self.present = without
+        return True
+
+    def _screen(self, number: int) -> list[tuple[Candidate, Trial]]:
+        names = [n for n in self.trials.candidates if n not in self.present.effects]
+
+        def say(name: str) -> None:
+            share = 0.2 + 0.1 * number + 0.1 * names.index(name) / len(names)
+            self.say(f"stage {number + 1}: trying {name}", share)
+
+        found = []
+        levels = self.trials.levels(self.present)
+        for name, trial in screened(self.trials, names, self.present, levels, say).items():
+            if self.trials.redundant(trial):
+                self.untestable.setdefault(name, "other parameters do the same to what is measured")
+            else:
+                found.append((name, trial))
+        found.sort(key=lambda pair: pair[1].expected)
+        ended = side_by_side(self.trials.further, [trial for _, trial in found[:CARRIED]])
+        ended += [trial for _, trial in found[CARRIED:]]
+        return [(self._rated(number, n, t), t) for (n, _), t in zip(found, ended, strict=True)]
+
+    def _rated(self, number: int, name: str, trial: Trial) -> Candidate:
+        from scipy.special import chdtrc  # slow to import
+
+        ratio = max(0.0, 2 * (self.present.cost - trial.cost))
+        more = sum(n.startswith(f"{name}.") for n in trial.names)
+        p_value = float(chdtrc(more, ratio))
+        delta = more * math.log(self.trials.samples) - ratio
+        if delta > -CLEAR and p_value < ALONE:
+            delta = criterion(self.trials, trial) - self._present_criterion()
+        errors = self.trials.simulation_errors(trial)
+        named = self.trials.problem.named
+        own = [n for n in trial.names if n.startswith(f"{name}.")]
+        return Candidate(
+            stage=number,
+            effect=name,
+            likelihood_ratio=ratio,
+            delta_bic=delta,
+            p_value=p_value,
+            holdout_gain=self.trials.unseen_gain(self.present, trial),
+            train_nrmse=errors[0],
+            holdout_nrmse=errors[1],
+            parameters={n.partition(".")[2]: (trial.values[n], named[n].unit) for n in own},
+        )
+
+    def _present_criterion(self) -> float:
+        if self._criterion is None or self._criterion[0] is not self.present:
+            self._criterion = (self.present, criterion(self.trials, self.present))
+        return self._criterion[1]
+
+    def _drop(self) -> None:
+        """Take out every effect without which the criterion is no worse.
+
+        The last one too: on its way to the optimum the fit may have found a better noise.
+        """
+        newest = self.present.effects[-1]
+        for name in self.present.effects:
+            rest = tuple(n for n in self.present.effects if n != name)
+            values = self.trials.absent(name, self.present.values)
+            without = self.trials.solve(rest, values, self.present.begin)
+            own = sum(n.startswith(f"{name}.") for n in self.present.names)
+            loss = 2 * (without.cost - self.present.cost) - own * math.log(self.trials.samples)
+            if loss < CLEAR:
+                loss = criterion(self.trials, without) - self._present_criterion()
+            if loss < MARGIN:
+                if name != newest:
+                    self.dropped.append(name)
+                self.present = without
+
+    def _stage(self) -> Stage:
+        effects = [self.trials.candidates[n] for n in self.present.effects]
+        model = self.trials.with_values(self.given + effects, self.present.values)
+        return Stage(self.present.effects, self._fitted(model))
+
+    def _fitted(self, model: Model) -> Fit:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", CoarseStepWarning)  # a note of the fit says the same
+            return self.timed(
+                "refit",
+                fit_model,
+                model,
+                self.train,
+                holdout=self.unseen or None,
+                starts=4,
+                seed=self.seed,
+                **self.options,
+            )
+
+    def groups(self) -> tuple[tuple[str, ...], ...]:
+        """For each added effect those that, in its place, explain the logs as well."""
+        rivals = {c.effect for c in self.ranking if c.delta_bic < -MARGIN} - self.refused
+        levels = self.trials.levels(self.first)
+        out = []
+        for name in self.present.effects:
+            rest = tuple(n for n in self.present.effects if n != name)
+            values = self.trials.absent(name, self.present.values)
+            without = self.trials.solve(rest, values, self.present.begin)
+            alike = [name]
+            others = sorted(rivals - set(self.present.effects))
+            for rival, trial in screened(self.trials, others, without, levels).items():
+                trial = self.trials.further(trial)
+                more = (len(trial.names) - len(self.present.names)) * math.log(self.trials.samples)
+                if 2 * (trial.cost - self.present.cost) + more < ALIKE:
+                    alike.append(rival)
+            out.append(tuple(alike))
+        return tuple(out)
+
+    def proposal(self, groups: Sequence[Sequence[str]]) -> Experiment | None:
+        """The test that would separate the first group of several."""
+        for i, group in enumerate(groups):
+            if len(group) < 2:
+                continue
+            self.say("looking for a test that separates " + " and ".join(group), 0.95)
+            effects = [self.trials.candidates[n] for n in self.present.effects]
+            rivals = [self.stages[-1].fit]
+            for name in group[1:3]:
+                effects[i] = self.trials.candidates[name]
+                rivals.append(self._fitted(self.given + effects))
+            log = max(self.train, key=lambda log: log.duration)
+            try:
+                return self.timed(
+                    "experiment",
+                    suggest_experiment,
+                    rivals,
+                    duration=min(log.duration, 2000 * log.step),
+                    step=log.step,
+                    logs=self.train,
+                )
+            except InputError:
+                return None  # inputs that cannot be prescribed
+        return None
