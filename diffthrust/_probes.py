@@ -44,7 +44,7 @@ def probes(
         inside = [v for v in values if low <= v <= high and np.isfinite(v)]
         tried[name] = inside or [float(np.clip(p.scale, low, high))]
     for name, values in tried.items():
-        if is_limit(effect):
+        if np.isinf(named[name].null or 0.0):  # a limit
             reach = max(APART**LIMITS, 2.5 * max(values) / min(values))
             tried[name] = list(min(values) * np.geomspace(1.0, reach, LIMITS + 1))
     points = list(product(*tried.values()))

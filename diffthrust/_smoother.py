@@ -121,13 +121,11 @@ def _filter(run: Errors, grid: np.ndarray, lasting: float, most: int | None = No
 
 def _smoother(found: _Filtered) -> tuple[np.ndarray, np.ndarray]:
     """Means ``(T, 3)`` and covariances ``(T, 3, 3)``, given all samples."""
-    *_, mean, covariance, _ = found.moments[-1]
-    out = [(mean, covariance)]
-    for now, after in zip(found.moments[-2::-1], found.moments[:0:-1], strict=True):
-        (*_, x, p, moves), (ahead, spread, *_) = now, after
-        back = p @ moves.T @ np.linalg.pinv(spread, rcond=1e-12, hermitian=True)
-        mean = x + back @ (mean - ahead)
-        covariance = p + back @ (covariance - spread) @ back.T
-        out.append((mean, covariance))
-    means, covariances = zip(*out[::-1], strict=True)
-    return np.array(means), np.array(covariances)
+    ahead, spread, means, covariances, moves = map(np.array, zip(*found.moments, strict=True))
+    undone = np.linalg.pinv(spread[1:], rcond=1e-12, hermitian=True)
+    backs = covariances[:-1] @ moves[:-1].transpose(0, 2, 1) @ undone
+    for t in range(len(backs) - 1, -1, -1):
+        back = backs[t]
+        means[t] += back @ (means[t + 1] - ahead[t + 1])
+        covariances[t] += back @ (covariances[t + 1] - spread[t + 1]) @ back.T
+    return means, covariances

@@ -174,20 +174,28 @@ class Stages:
         found.sort(key=lambda pair: pair[1].expected)
         ended = side_by_side(self.trials.further, [trial for _, trial in found[:CARRIED]])
         ended += [trial for _, trial in found[CARRIED:]]
-        return [(self._rated(number, n, t), t) for (n, _), t in zip(found, ended, strict=True)]
+        self._present_criterion()  # before any of several threads asks
+        leading = min((self._price(trial) + 2 * trial.cost for trial in ended), default=0.0)
 
-    def _rated(self, number: int, name: str, trial: Trial) -> Candidate:
+        def rated(trial: Trial) -> Candidate:
+            return self._rated(number, trial, leading)
+
+        return list(zip(side_by_side(rated, ended), ended, strict=True))
+
+    def _rated(self, number: int, trial: Trial, leading: float) -> Candidate:
+        """What is told of a trial; its noises are priced where that may make it the best."""
         from scipy.special import chdtrc  # slow to import
 
+        name = trial.effects[-1]
+        own = self._own(name, trial)
         ratio = max(0.0, 2 * (self.present.cost - trial.cost))
-        more = sum(n.startswith(f"{name}.") for n in trial.names)
-        p_value = float(chdtrc(more, ratio))
-        delta = more * math.log(self.trials.samples) - ratio
-        if delta > -CLEAR and p_value < ALONE:
+        p_value = float(chdtrc(len(own), ratio))
+        delta = self._price(trial) - ratio
+        behind = self._price(trial) + 2 * trial.cost - leading
+        if delta > -CLEAR and p_value < ALONE and behind < CLEAR:
             delta = criterion(self.trials, trial) - self._present_criterion()
         errors = self.trials.simulation_errors(trial)
         named = self.trials.problem.named
-        own = [n for n in trial.names if n.startswith(f"{name}.")]
         return Candidate(
             stage=number,
             effect=name,
@@ -212,17 +220,29 @@ class Stages:
         """
         newest = self.present.effects[-1]
         for name in self.present.effects:
-            rest = tuple(n for n in self.present.effects if n != name)
-            values = self.trials.absent(name, self.present.values)
-            without = self.trials.solve(rest, values, self.present.begin)
-            own = sum(n.startswith(f"{name}.") for n in self.present.names)
-            loss = 2 * (without.cost - self.present.cost) - own * math.log(self.trials.samples)
+            without = self._without(name)
+            loss = 2 * (without.cost - self.present.cost) - self._price(self.present, name)
             if loss < CLEAR:
                 loss = criterion(self.trials, without) - self._present_criterion()
             if loss < MARGIN:
                 if name != newest:
                     self.dropped.append(name)
                 self.present = without
+
+    def _without(self, name: str) -> Trial:
+        """The present model, fitted without one of its effects."""
+        rest = tuple(n for n in self.present.effects if n != name)
+        values = self.trials.absent(name, self.present.values)
+        return self.trials.solve(rest, values, self.present.begin)
+
+    @staticmethod
+    def _own(name: str, trial: Trial) -> list[str]:
+        """The estimated parameters of one effect."""
+        return [n for n in trial.names if n.rpartition(".")[0] == name]
+
+    def _price(self, trial: Trial, name: str | None = None) -> float:
+        """What the criterion charges for an effect of a trial; the last one if not said."""
+        return len(self._own(name or trial.effects[-1], trial)) * math.log(self.trials.samples)
 
     def _stage(self) -> Stage:
         effects = [self.trials.candidates[n] for n in self.present.effects]
@@ -249,15 +269,13 @@ class Stages:
         levels = self.trials.levels(self.first)
         out = []
         for name in self.present.effects:
-            rest = tuple(n for n in self.present.effects if n != name)
-            values = self.trials.absent(name, self.present.values)
-            without = self.trials.solve(rest, values, self.present.begin)
-            alike = [name]
+            without = self._without(name)
+            alike, price = [name], self._price(self.present, name)
             others = sorted(rivals - set(self.present.effects))
             for rival, trial in screened(self.trials, others, without, levels).items():
                 trial = self.trials.further(trial)
-                more = (len(trial.names) - len(self.present.names)) * math.log(self.trials.samples)
-                if 2 * (trial.cost - self.present.cost) + more < ALIKE:
+                worse = 2 * (trial.cost - self.present.cost)
+                if worse + self._price(trial) - price < ALIKE:
                     alike.append(rival)
             out.append(tuple(alike))
         return tuple(out)

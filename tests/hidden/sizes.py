@@ -85,14 +85,18 @@ REDUNDANT: dict[str, Size] = {
 OUTSIDE: dict[str, Size] = {
     "command_play": Size(0.1, None, 0.1, lambda x, k: {"play": x * k["command"]}),
     "motor_heating": Size(0.6, None, 0.6, lambda x, k: {"loss": x, "warm": k["drive"]}),
-    "load_hump": Size(0.15, None, 0.15, lambda x, k: {"height": x * k["drive"], **_middle(k)}),
+    "load_hump": Size(
+        0.15, None, 0.15, lambda x, k: {"height": x * k["drive"], **_bump(0.55, 0.12, k["speed"])}
+    ),
     "load_memory": Size(0.4, None, 0.4, lambda x, k: {"relief": x * k["alpha"]}),
-    "thrust_hollow": Size(0.3, None, 0.3, lambda x, k: {"depth": x, **_middle(k)}),
+    "thrust_hollow": Size(
+        0.3, None, 0.3, lambda x, k: {"depth": x, **_bump(0.55, 0.12, k["speed"])}
+    ),
     "reverse_stall": Size(
         0.3,
         None,
         0.3,
-        lambda x, k: {"depth": x, "middle": 0.5 * k["speed"], "width": 0.05 * k["speed"]},
+        lambda x, k: {"depth": x, **_bump(0.5, 0.05, k["speed"])},
     ),
 }
 
@@ -142,27 +146,19 @@ VESSEL_OUTSIDE: dict[str, Size] = {
         0.25,
         None,
         0.25,
-        lambda x, k: {
-            "height": x * k["force"],
-            "middle": 0.75 * k["surge"],
-            "width": 0.12 * k["surge"],
-        },
+        lambda x, k: {"height": x * k["force"], **_bump(0.75, 0.12, k["surge"])},
     ),
     "bow_wave_turning": Size(
         0.3,
         None,
         0.3,
-        lambda x, k: {
-            "moment": x * k["moment"],
-            "middle": 0.75 * k["surge"],
-            "width": 0.12 * k["surge"],
-        },
+        lambda x, k: {"moment": x * k["moment"], **_bump(0.75, 0.12, k["surge"])},
     ),
 }
 
 
-def _middle(k: Scale) -> dict[str, float]:
-    return {"middle": 0.55 * k["speed"], "width": 0.12 * k["speed"]}
+def _bump(middle: float, width: float, top: float) -> dict[str, float]:
+    return {"middle": middle * top, "width": width * top}
 
 
 ALL = {**THRUSTER, **REDUNDANT, **OUTSIDE, **VESSEL, **VESSEL_OUTSIDE}
