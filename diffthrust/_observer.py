@@ -156,8 +156,7 @@ class Correction:
         for c in o.fed:
             modelled = sensor(c, outputs[c])
             e = self.error(c, modelled, row[c], state[f"colour.{c}"])
-            limit = self.clip[o.channels.index(c)]
-            told[c] = jnp.clip(e, -limit, limit)
+            told[c] = limited(e, self.clip[o.channels.index(c)])
             turned = self.unsigned[o.channels.index(c)] & (modelled < 0)
             errors[c] = jnp.where(turned, -told[c], told[c])
         new = dict(state)
@@ -177,6 +176,16 @@ class Correction:
             held = state[f"colour.{c}"] + v[f"noise.{c}.colour"] * told[c]
             new[f"colour.{c}"] = row[f"colour.{c}"] * held
         return new
+
+
+def limited(error: Any, limit: Any) -> Any:
+    """What an error corrects: itself where it is small, no more than ``limit``.
+
+    The bend is smooth (half a per cent at 0.7 of the limit, 8 % at the limit). A corner would hold
+    fits: with some thousand samples there is always one that sits on it.
+    """
+    square = jnp.minimum((error / limit) ** 2, 1e30)
+    return error / jnp.sqrt(jnp.sqrt(jnp.sqrt(1.0 + square**4)))
 
 
 def innovations(
@@ -222,7 +231,7 @@ def _whitened(rest: Any, measured: Any, gain: Any, kept: Any, limit: Any) -> Any
     def body(colour: Any, x: Any) -> tuple[Any, Any]:
         r, seen, keep = x
         e = jnp.where(seen, r - colour, 0.0)
-        return keep * (colour + gain * jnp.clip(e, -limit, limit)), e
+        return keep * (colour + gain * limited(e, limit)), e
 
     seen = ~jnp.isnan(measured)
     _, errors = jax.lax.scan(body, jnp.zeros(()), (rest, seen, kept))

@@ -60,14 +60,13 @@ def screened(
         def gain(expected: float) -> float:
             return 2 * (present.cost - expected)
 
-        starts = list(scored[name])
+        near = sorted(scored[name], key=lambda pair: pair[0])
         far = _far(trials, name, present, points[name][1], followed)
-        silent = all(gain(expected) < SILENT for expected, _ in starts)
+        silent = all(gain(expected) < SILENT for expected, _ in near)
         if far and silent:
             far[0] = (min(far[0][0], present.cost - HOPE), far[0][1])
-        starts += far
-        starts = [pair for pair in starts if gain(pair[0]) >= HOPE]
-        starts = sorted(starts, key=lambda pair: pair[0])[:2]
+        starts = [pair for pair in (*near[:1], *far[:1], *near[1:], *far[1:])
+                  if gain(pair[0]) >= HOPE][:2]  # fmt: skip
         ends = [followed(point, MANY if silent else FEW) for _, point in starts]
         best = min(ends, key=lambda trial: trial.expected, default=None)
         return best if best is not None and gain(best.expected) > KEEP else None

@@ -185,7 +185,7 @@ def plain_observer(log, values, model, clip=np.inf):
     for drive, measured in zip(log.inputs["u"], log.measured["x"], strict=True):
         e = 0.0 if np.isnan(measured) else measured - (abs(x) if unsigned else x) - lasting
         errors.append(np.nan if np.isnan(measured) else e)
-        e = np.clip(e, -clip, clip)
+        e = e / (1.0 + (e / clip) ** 8) ** 0.125
         pull = -e if unsigned and x < 0 else e
         x += values["x__gain__x"] * pull
         force = kept * (force + values["x__drift__x"] / STEP * pull)
