@@ -54,6 +54,7 @@ def candidates_of(
         elsewhere = [port for port in effect.ports if port not in places]
         if effect.name in has:
             continue
+        remembered = [p for p in effect.ports if effect.memory and p in model.states]
         if elsewhere:
             if wanted is not None:
                 _ = model + effect  # says what is wrong
@@ -63,6 +64,18 @@ def candidates_of(
             untestable[effect.name] = f"needs the channel {listing(lacking)}, which no log has"
         elif all(p in model.outputs and p not in measured for p in effect.ports):
             untestable[effect.name] = f"the channel {listing(effect.ports)} is not measured"
+        elif remembered:
+            untestable[effect.name] = (
+                f"reads the past of {listing(remembered)}, by which the trials correct the model"
+            )
+        elif all(p.null is None for p in effect._parameters.values()):
+            if wanted is not None:
+                raise InputError(
+                    f"candidates: the effect {effect.name!r} has no parameter with a null value: "
+                    "at which value does it leave the model unchanged?",
+                    "Give one in its declaration, such as parameter(0.3, null=0.0).",
+                )
+            untestable[effect.name] = "no parameter of it has a null value"
         elif all(port in unseen for port in effect.ports):
             why = f" while the logs prescribe {listing(given)}" if given else ""
             untestable[effect.name] = f"nothing that is measured depends on it{why}"

@@ -78,7 +78,9 @@ def _runs(
         grown = np.expm1(np.clip(decay * step, -50.0, 1.0))
         within = np.where(grown == 0, step, grown / np.where(decay == 0, 1.0, decay))
         kept, seen = 1.0 + grown, np.where(turned, -seen, seen)
-        undone = kept * path[f"moved.{channel}"] + within * path.get(f"pushed.{channel}", 0.0)
+        undone = kept * path.get(f"moved.{channel}", 0.0) + within * path.get(
+            f"pushed.{channel}", 0.0
+        )
         runs.append(Errors(seen, kept, undone, within * push, still))
     step = trials.logs[0].step
     lasting = float(np.exp(-step / trial.values.get(f"noise.{channel}.correlation", step)))

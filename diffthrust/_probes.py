@@ -41,10 +41,11 @@ def probes(
             continue
         values = _trial_values(p.probes, levels) or ((p.value,) if p.null != p.value else ())
         low, high = p.limits
-        inside = [v for v in values if low <= v <= high and np.isfinite(v)]
+        limit = np.isinf(p.null or 0.0)
+        inside = [v for v in values if low <= v <= high and np.isfinite(v) and (v > 0 or not limit)]
         tried[name] = inside or [float(np.clip(p.scale, low, high))]
-    for name, values in tried.items():
-        if np.isinf(named[name].null or 0.0):  # a limit
+        if limit:
+            values = tried[name]
             reach = max(APART**LIMITS, 2.5 * max(values) / min(values))
             tried[name] = list(min(values) * np.geomspace(1.0, reach, LIMITS + 1))
     points = list(product(*tried.values()))

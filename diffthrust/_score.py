@@ -52,6 +52,8 @@ def promise(q: Quadratic, movable: np.ndarray) -> float:
     live = (length > 0) & movable
     scaled = q.information[np.ix_(live, live)] / np.outer(length[live], length[live])
     slope = q.gradient[live] / length[live]
+    if not live.any() or not q.energy > 0:
+        return 0.0
     removed = float(slope @ np.linalg.pinv(scaled, rcond=1e-9, hermitian=True) @ slope)
     energy = float(q.energy) / len(q.sigma)
     return -0.5 * energy * float(np.log1p(-min(removed / energy, MOST_REMOVED)))

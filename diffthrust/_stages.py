@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from diffthrust._candidates import candidates_of
+from diffthrust._compare import compare
 from diffthrust._criterion import criterion
 from diffthrust._diagnosis import Candidate, Remaining, Stage
 from diffthrust._errors import InputError
@@ -21,7 +22,7 @@ from diffthrust._places import KNOTS
 from diffthrust._result import Fit
 from diffthrust._screen import screened
 from diffthrust._step_check import CoarseStepWarning
-from diffthrust._structure import remaining_structure
+from diffthrust._structure import gain_of, remaining_structure
 from diffthrust._trials import Trial, Trials, side_by_side
 
 MOST_SUBSTEPS = 2
@@ -40,6 +41,8 @@ CLEAR = 20.0
 """Where the criterion falls by more than this, no noise that it makes superfluous matters."""
 PART = 0.3
 """An effect that explains less than this part of what an unknown signal does is not it."""
+OWN = 0.5
+"""It is something else, and missing as well, if it keeps so much of its gain beside that signal."""
 
 
 Progress = Callable[[str, float], None]
@@ -58,7 +61,7 @@ class Stages:
     dropped: list[str] = field(default_factory=list)
     seconds: dict[str, float] = field(default_factory=dict)
     options: dict[str, Any] = field(default_factory=dict)
-    refused: set[str] = field(default_factory=set)
+    refused: dict[str, str] = field(default_factory=dict)
     _criterion: tuple[Trial, float] | None = None
     _structure: tuple[Trial, Remaining | None] | None = None
 
@@ -75,8 +78,10 @@ class Stages:
             self.options = {"likelihood": fit.likelihood, "loss": fit.loss}
             if fit.horizon is not None:
                 self.options["horizon"] = fit.horizon
-        if isinstance(fit, Model) or (self.unseen and fit.holdout is None):
-            fit = self._fitted(fit if isinstance(fit, Model) else fit.model)
+        if isinstance(fit, Model):
+            fit = self._fitted(fit)
+        elif not self._is_of_these_logs(fit):
+            fit = self._fitted(fit.model)
         self.given = fit.model
         effects, self.untestable = candidates_of(fit.model, (*self.train, *self.unseen), wanted)
         self.stages.append(Stage((), fit))
@@ -90,9 +95,19 @@ class Stages:
             raise InputError(
                 f"The '{fit.model}' cannot be carried over these logs at the parameters of its fit "
                 f"({fit.status.value}): expected finite one-step errors, found none.",
-                "Give bounds that keep its time constants longer than a fifth of a sample.",
+                "Give bounds that keep its time constants longer than a fifth of a sample, and "
+                "leave out effects of your own whose derivative at the null is infinite.",
             )
         self.first = self.present
+
+    def _is_of_these_logs(self, fit: Fit) -> bool:
+        """Whether a fit's errors are those of the logs of this diagnosis."""
+        if len(fit.initial) != len(self.train) or (fit.holdout is None) == bool(self.unseen):
+            return False
+        told = [(fit.train, compare(fit, self.train, initial=fit.initial, substeps=fit.substeps))]
+        if fit.holdout:
+            told.append((fit.holdout, compare(fit, self.unseen, substeps=fit.substeps)))
+        return all(math.isclose(a.nrmse, b.errors.nrmse, rel_tol=1e-6) for a, b in told)
 
     def advance(self) -> bool:
         """Add the best effect, if any is worth it; drop what it made superfluous."""
@@ -105,16 +120,23 @@ class Stages:
             if worth and self._better_noise(candidate, trial):
                 return self.advance()
         self.ranking += [candidate for candidate, _ in rated]
-        for candidate, trial in rated:
-            if candidate.delta_bic > -MARGIN or not self._comparable(candidate):
-                return False
+        for place, (candidate, trial) in enumerate(rated):
+            if place:  # beside the first its noise may not have been priced
+                candidate = self._rated(number, trial, math.inf)
+            if candidate.delta_bic > -MARGIN:
+                continue
+            if not self._comparable(candidate, trial):
+                self.refused[candidate.effect] = (
+                    "explains a small part of what a signal of unknown form explains"
+                )
+                continue
             clipped = self.trials.problem
             settled = self.timed(
                 "screen", self.trials.settled, trial.effects, trial.values, trial.begin
             )
             if self.trials.unseen_gain(self.present, settled) < 0.0:
                 self.trials.problem = clipped
-                self.refused.add(candidate.effect)  # fits these logs, and makes others worse
+                self.refused[candidate.effect] = "fits the training logs, and unseen logs worse"
                 continue
             effects = self.present.effects
             self.present = settled
@@ -126,16 +148,21 @@ class Stages:
             return True
         return False
 
-    def _comparable(self, candidate: Candidate) -> bool:
+    def _comparable(self, candidate: Candidate, trial: Trial) -> bool:
         """Whether an effect explains what is missing, not a small part that it happens to touch.
 
-        A function of one signal that no known effect is like may explain far more.
+        A function of one signal that no known effect is like may explain far more. What an effect
+        explains is its own where that function explains as much beside it as it did alone.
         """
         left = self.timed("remaining", self.structure)
         if left is None:
             return True
         unknown = left.gain - KNOTS * math.log(self.trials.samples)
-        return -candidate.delta_bic > PART * unknown
+        if -candidate.delta_bic > PART * unknown:
+            return True
+        beside = self.timed("remaining", gain_of, self.trials, trial, left)
+        kept = candidate.likelihood_ratio - (left.gain - beside)
+        return kept > max(OWN * candidate.likelihood_ratio, self._price(trial) + MARGIN)
 
     def structure(self) -> Remaining | None:
         """What the present model leaves unexplained."""
@@ -265,7 +292,7 @@ class Stages:
 
     def groups(self) -> tuple[tuple[str, ...], ...]:
         """For each added effect those that, in its place, explain the logs as well."""
-        rivals = {c.effect for c in self.ranking if c.delta_bic < -MARGIN} - self.refused
+        rivals = {c.effect for c in self.ranking if c.delta_bic < -MARGIN}
         levels = self.trials.levels(self.first)
         out = []
         for name in self.present.effects:
@@ -274,8 +301,10 @@ class Stages:
             others = sorted(rivals - set(self.present.effects))
             for rival, trial in screened(self.trials, others, without, levels).items():
                 trial = self.trials.further(trial)
-                worse = 2 * (trial.cost - self.present.cost)
-                if worse + self._price(trial) - price < ALIKE:
+                worse = trial.cost - self.present.cost
+                if rival in self.refused:
+                    worse -= self.trials.unseen_gain(self.present, trial)
+                if 2 * worse + self._price(trial) - price < ALIKE:
                     alike.append(rival)
             out.append(tuple(alike))
         return tuple(out)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Literal, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -34,8 +34,9 @@ def signals_at(trials: Trials, place: Place, trial: Trial) -> dict[str, list[np.
     """
     paths = trials.path(trial)
     model = trials.model
-    names = [n for n in (*model.inputs, *model.optional_inputs) if n in paths[0]]
-    names += [n for n in model.states if n in paths[0] and n in trials.problem.layout.channels]
+    everywhere = set.intersection(*(set(path) for path in paths))
+    names = [n for n in (*model.inputs, *model.optional_inputs) if n in everywhere]
+    names += [n for n in model.states if n in everywhere and n in trials.problem.layout.channels]
     out = {n: [path[n] for path in paths] for n in dict.fromkeys(names)}
     ports = trials.readings(paths)
     for other in trials.places:
@@ -99,6 +100,16 @@ def unknown(
     return p, np.pad(found, (0, beyond)), np.pad(covariance, (0, beyond))
 
 
+class Suspect(NamedTuple):
+    """Something that may be missing: where, on what it depends, and the series that tell."""
+
+    place: Place
+    port: str
+    signal: str
+    manner: Literal["adds", "scales"]
+    series: list[np.ndarray]
+
+
 def remaining_structure(trials: Trials, trial: Trial) -> Remaining | None:
     """The place and signal on which the errors still depend, if they do.
 
@@ -106,33 +117,47 @@ def remaining_structure(trials: Trials, trial: Trial) -> Remaining | None:
     that is one; of the signals as they are, and of their recent past, which tells of states that
     the model lacks.
     """
+
+    def tested(suspect: Suspect) -> tuple[float, Remaining]:
+        p, gain = _gain(trials, trial, suspect)
+        share = 1.0 - float(np.exp(-gain / samples_at(trials, suspect.place)))
+        return p, Remaining(suspect.port, suspect.signal, share, suspect.manner, gain)
+
+    found = side_by_side(tested, _suspects(trials, trial))
+    worth = [one for one in found if one[1].share >= LEAST]
+    if not any(p < LEVEL / len(found) for p, _ in worth):
+        return None
+    return max((left for p, left in worth if p < NAMED), key=lambda left: left.gain)
+
+
+def gain_of(trials: Trials, trial: Trial, left: Remaining) -> float:
+    """The likelihood ratio that given structure promises beside a trial."""
+    named = (left.port, left.depends_on, left.manner)
+    alike = (s for s in _suspects(trials, trial) if (s.port, s.signal, s.manner) == named)
+    return max((_gain(trials, trial, suspect)[1] for suspect in alike), default=0.0)
+
+
+def _suspects(trials: Trials, trial: Trial) -> list[Suspect]:
     paths = trials.path(trial)
     ports = trials.readings(paths)
-    tests = []
+    suspects = []
     for place in trials.places:
         signals = signals_at(trials, place, trial)
         factors = _factors(behind(trials, place), ports)
         for name, (series, _) in bases({**signals, **_past(signals, paths)}).items():
-            tests.append((place, place.port, name, "adds", series))
+            suspects.append(Suspect(place, place.port, name, "adds", series))
             for port, factor in factors.items():
                 scaled = [s * f for s, f in zip(series, factor, strict=True)]
-                tests.append((place, port, name, "scales", scaled))
+                suspects.append(Suspect(place, port, name, "scales", scaled))
+    return suspects
 
-    def tested(test: Any) -> tuple[float, float, Remaining]:
-        place, port, name, manner, series = test
-        p, coefficients, covariance = unknown(trials, place.port, trial, series)
-        if np.isnan(covariance).any():  # nothing of it shows beside the estimated parameters
-            return 0.0, 1.0, Remaining(port, name, 0.0, manner)
-        gain = float(coefficients @ np.linalg.pinv(covariance, hermitian=True) @ coefficients)
-        share = 1.0 - float(np.exp(-gain / samples_at(trials, place)))
-        return gain, p, Remaining(port, name, share, manner)
 
-    found = side_by_side(tested, tests)
-    worth = [one for one in found if one[2].share >= LEAST]
-    if not any(p < LEVEL / len(found) for _, p, _ in worth):
-        return None
-    gain, _, left = max((one for one in worth if one[1] < NAMED), key=lambda one: one[0])
-    return replace(left, gain=gain)
+def _gain(trials: Trials, trial: Trial, suspect: Suspect) -> tuple[float, float]:
+    """p-value and likelihood ratio of a suspect."""
+    p, found, covariance = unknown(trials, suspect.place.port, trial, suspect.series)
+    if np.isnan(covariance).any():  # nothing of it shows beside the estimated parameters
+        return 1.0, 0.0
+    return p, float(found @ np.linalg.pinv(covariance, hermitian=True) @ found)
 
 
 def _factors(

@@ -108,7 +108,7 @@ class Trials:
             everything = everything + effect.at_null()
         self.candidates = {effect.name: effect for effect in candidates}
         self.own = tuple(n for n, p in model.parameters.items() if not p.fixed)
-        remembering = {p for e in (*candidates, *model.effects) if e.memory for p in e.ports}
+        remembering = {p for e in model.effects if e.memory for p in e.ports}
         observer = observer_of(model, logs[0], channels, remembering)
         kept = {"substeps": substeps, "observer": observer, "loss": "student_t"}
         first = build(everything, self._with_series(logs), **kept)
@@ -258,6 +258,7 @@ class Trials:
         found = {
             name: float(np.quantile(np.abs(np.concatenate([one[name] for one in series])), 0.9))
             for name in series[0]
+            if all(name in one for one in series)
         }
         return {**found, "duration": max(log.duration for log in self.logs)}
 
