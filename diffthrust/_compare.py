@@ -156,11 +156,13 @@ class Comparison:
 
     @cached_property
     def hints(self) -> tuple[str, ...]:
-        """Sentences on channels that may not mean what their names say, and on runs that stand out.
+        """Sentences on channels that may not mean what their names say; mostly none."""
+        return hints(self.model, self.runs, self.agreement.values())
 
-        Mostly none.
-        """
-        return (*hints(self.model, self.runs, self.agreement.values()), *self._outstanding())
+    @cached_property
+    def outstanding(self) -> tuple[str, ...]:
+        """Sentences on runs whose errors stand out from those of the others; mostly none."""
+        return tuple(self._outstanding())
 
     @property
     def tabular(self) -> bool:
@@ -247,7 +249,7 @@ class Comparison:
             "regimes": [regime.to_json() for regime in self.regimes],
             "tests": {name: tests.to_json() for name, tests in self.tests.items()},
             "agreement": {name: a.to_json() for name, a in self.agreement.items()},
-            "hints": list(self.hints),
+            "hints": [*self.hints, *self.outstanding],
         }
 
 

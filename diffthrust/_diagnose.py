@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from diffthrust._arguments import listed
 from diffthrust._compare import compare
-from diffthrust._diagnosis import Diagnosis, Verdict
+from diffthrust._diagnosis import Diagnosis, Missing, Verdict
 from diffthrust._effect import Effect
 from diffthrust._log import Log
 from diffthrust._missing import missing_signals
@@ -65,13 +65,22 @@ def diagnose(
         pass
     groups = search.groups()
     search.say("what no known effect explains", 0.9)
-    missing = missing_signals(search.trials, search.first)
+    missing = search.timed("missing", missing_signals, search.trials, search.first)
     remaining = search.timed("remaining", search.structure)
+    first, last = search.stages[0].fit, search.stages[-1].fit
+    trained = (
+        compare(first, train, initial=first.initial),
+        compare(last, train, initial=last.initial),
+    )
+    held = (compare(first, unseen), compare(last, unseen)) if unseen else trained
     verdict: Verdict = "effects_found" if search.present.effects else "adequate"
-    if remaining is not None:
+    if remaining is not None or held[1].hints:
         verdict = "unexplained"
-    last = search.stages[-1].fit
-    shown = unseen or train
+    left: tuple[Missing, ...] = ()
+    if remaining is not None and search.present.effects:
+        left = search.timed("missing", missing_signals, search.trials, search.present)
+    tested = {candidate.effect for candidate in search.ranking}
+    channels = search.trials.problem.layout.channels
     return Diagnosis(
         verdict=verdict,
         model=search.given,
@@ -82,9 +91,14 @@ def diagnose(
         remaining=remaining,
         untestable=search.untestable,
         dropped=tuple(search.dropped),
-        before=compare(search.stages[0].fit, shown),
-        after=compare(last, shown),
+        before=held[0],
+        after=held[1],
         missing=missing,
+        left=left,
+        refused={n: why for n, why in search.refused.items() if n not in search.present.effects},
+        silent=tuple(sorted(search.silent - tested - set(search.untestable))),
+        one_step=dict(zip(channels, map(float, search.present.quadratic.sigma), strict=True)),
+        trained=trained,
         experiment=search.proposal(groups) if experiment else None,
         seconds=search.seconds,
     )

@@ -33,7 +33,8 @@ class Candidate:
         delta_bic: its Bayesian information criterion less that of the stage: negative is better.
         p_value: of the likelihood ratio, for this effect alone.
         holdout_gain: gain of log-likelihood of the innovations on the unseen logs; NaN without any.
-        train_nrmse: simulation error on the training logs, where it was refitted in full.
+        train_nrmse: simulation error on the training logs, at the parameters that predict each
+            sample best from all before it (those of a stage are fitted to whole runs).
         holdout_nrmse: the same on the unseen logs.
         parameters: its estimated parameters, name to value and unit.
     """
@@ -77,6 +78,7 @@ class Missing:
         depends_on: the model's signal on which it depends most, ``None`` where on none.
         dependence_unit: the unit of that signal.
         share: share of the missing signal's variance that the dependence explains.
+        gain: likelihood ratio of the dependence; 0 without one.
         p_value: of the test that it depends on nothing, allowing for all signals tried.
         curve: its mean as a function of that signal: abscissa, mean and standard error, each
             ``(K,)``; empty without a dependence.
@@ -92,6 +94,7 @@ class Missing:
     p_value: float
     curve: tuple[np.ndarray, np.ndarray, np.ndarray] = field(repr=False)
     logs: tuple[str, ...] = ()
+    gain: float = 0.0
 
     @property
     def size(self) -> float:
@@ -141,8 +144,14 @@ class Diagnosis:
         before: the model as given, held against the logs (unseen ones, if any): where it fails.
         after: the last stage, held against the same.
         missing: the missing signals of the model as given, the one that explains most first.
+        left: those of the last stage, where structure remains beside the effects that were added.
         experiment: the test that would best separate the first group of several, if there is one.
         seconds: time spent, by part of the work.
+        refused: effects that improved the fit of the training logs and were not added, with the
+            reason.
+        silent: effects that were tried, and promised nothing.
+        one_step: standard deviation of the last stage's one-step errors, by channel.
+        trained: the model as given and the last stage, held against the training logs.
     """
 
     verdict: Verdict
@@ -159,6 +168,11 @@ class Diagnosis:
     missing: tuple[Missing, ...]
     experiment: Experiment | None
     seconds: Mapping[str, float]
+    refused: Mapping[str, str] = field(default_factory=dict)
+    silent: tuple[str, ...] = ()
+    one_step: Mapping[str, float] = field(default_factory=dict)
+    trained: tuple[Comparison, Comparison] | None = field(default=None, repr=False)
+    left: tuple[Missing, ...] = ()
 
     @property
     def added(self) -> tuple[str, ...]:

@@ -20,7 +20,9 @@ from diffthrust._diagnosis_words import (
     first_line,
     group_words,
     missing_words,
+    refused_words,
     remaining_words,
+    silent_words,
     stage_words,
     summary,
     verdict_words,
@@ -64,12 +66,24 @@ def diagnosis_table(diag: Diagnosis) -> RenderableType:
         *_section("Stages", _rich(stage_rows(diag)), dropped_words(diag)),
         *_section("Where the model as given fails", *failure_words(diag.before)),
         *_section("Missing signal", *(missing_words(m, diag.model) for m in diag.missing)),
-        *_section("Effects tried", *([_rich(ranking_rows(diag))] if diag.ranking else [])),
+        *_section("Errors by log", _rich(log_rows(diag))),
+        *_section(
+            "Effects tried",
+            *([_rich(ranking_rows(diag))] if diag.ranking else []),
+            *refused_words(diag),
+            silent_words(diag),
+        ),
         *_section("What these logs cannot tell apart", *group_words(diag)),
         *_section("Proposed test", *([diag.experiment.sentence] if diag.experiment else [])),
     ]
     if diag.remaining:
-        parts += _section("What remains", remaining_words(diag), HOW, skeleton(diag))
+        parts += _section(
+            "What remains",
+            remaining_words(diag),
+            *(missing_words(m, diag.model) for m in diag.left[:1]),
+            HOW,
+            skeleton(diag),
+        )
     parts += _section("Parameters", _rich(parameter_rows(diag)))
     if diag.untestable:
         parts += _section("Not testable by these logs", _rich(untestable_rows(diag)))
@@ -102,25 +116,30 @@ def log_rows(diag: Diagnosis) -> Rows:
     """Errors of each log by the model as given and by the last stage, so that a bad run shows."""
     unit = units(diag.model)
     several = len(diag.stages) > 1
+    held = [("unseen" if diag.stages[0].holdout else "training", diag.before, diag.after)]
+    if diag.trained and diag.stages[0].holdout:
+        held.append(("training", *diag.trained))
     blocks = []
-    for before, after in zip(diag.before.runs, diag.after.runs, strict=True):
-        shown = [before.errors, after.errors] if several else [before.errors]
-        rows = [
-            (
-                spelt(name),
-                *(number(_rmse(e, name), 3) for e in shown),
-                unit.get(name, ""),
-                *(number(_nrmse(e, name), 2) for e in shown),
-            )
-            for name in before.errors.channels
-        ]
-        blocks.append(tuple((before.name if i == 0 else "", *row) for i, row in enumerate(rows)))
+    for kind, first, last in held:
+        for before, after in zip(first.runs, last.runs, strict=True):
+            shown = [before.errors, after.errors] if several else [before.errors]
+            rows = [
+                (
+                    spelt(name),
+                    *(number(_rmse(e, name), 3) for e in shown),
+                    unit.get(name, ""),
+                    *(number(_nrmse(e, name), 2) for e in shown),
+                )
+                for name in before.errors.channels
+            ]
+            told = (before.name, kind)
+            blocks.append(tuple((*(told if i == 0 else ("", "")), *r) for i, r in enumerate(rows)))
     if several:
         sizes, shares = ("RMSE as given", "last stage"), ("NRMSE as given", "last stage")
     else:
         sizes, shares = ("RMSE",), ("NRMSE",)
-    numbers = (2, 3, 5, 6) if several else (2, 4)
-    return Rows(("Log", "Channel", *sizes, "Unit", *shares), tuple(blocks), numbers)
+    numbers = (3, 4, 6, 7) if several else (3, 5)
+    return Rows(("Log", "", "Channel", *sizes, "Unit", *shares), tuple(blocks), numbers)
 
 
 def ranking_rows(diag: Diagnosis) -> Rows:

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 _TOLD = 1.5
 """A signal without a known dependence is told where it is so many times its standard error."""
+_GROWN = 4.0
+"""Errors over whole runs are told apart from one-step errors where they are so much larger."""
 _NAMED = 2
 """Channels that the summary names (more are told by their mean), and hints that it repeats."""
 
@@ -36,6 +38,11 @@ def summary(diag: Diagnosis) -> str:
     if diag.best:
         them = "it" if len(diag.best) == 1 else "them"
         sentences = [f"The {model} lacks {joined(_found(diag))}: with {them} {gain_words(diag)}."]
+    elif diag.verdict == "adequate" and not (diag.ranking or diag.silent):
+        sentences = [
+            f"These logs can test none of the effects: whether the {model} lacks one, they do not "
+            "tell."
+        ]
     elif diag.verdict == "adequate":
         sentences = [
             f"The {model} is adequate: nothing that these logs can test is missing from it."
@@ -46,6 +53,7 @@ def summary(diag: Diagnosis) -> str:
         sentences.append(remaining_words(diag))
     if not diag.best:
         sentences.append(f"{capitalised(level_words(diag))}.")
+    sentences += forced_words(diag)
     if diag.before.hints:
         sentences.append("A channel may not mean what its name says:")
         sentences += diag.before.hints[:_NAMED]
@@ -121,6 +129,39 @@ def level_words(diag: Diagnosis) -> str:
         for i, (name, e) in enumerate(after.channels.items())
     ]
     return joined(parts)
+
+
+def forced_words(diag: Diagnosis) -> list[str]:
+    """How much of the error over whole runs is left to random forces and lasting sensor errors."""
+    logs, _, after = _errors(diag)
+    unit = units(diag.model)
+    grown = {n: e.rmse / diag.one_step[n] for n, e in after.channels.items() if n in diag.one_step}
+    name = max(grown, key=lambda n: _rank(grown[n]), default="")
+    if not name or not grown[name] > _GROWN:
+        return []
+    whole, step = (
+        f"{number(size, 2)} {unit.get(name, '')}".rstrip()
+        for size in (after.channels[name].rmse, diag.one_step[name])
+    )
+    return [
+        f"From one sample to the next the {spelt(name)} is predicted to {step}, over whole runs of "
+        f"{logs} to {whole}: the rest the diagnosis leaves to random forces and lasting errors of "
+        "sensors, which no signal of these logs explains."
+    ]
+
+
+def refused_words(diag: Diagnosis) -> list[str]:
+    """Effects that were not added although they fit the training logs better, and why."""
+    return [
+        f"{capitalised(an(spelt(name)))} was not added: it {why}."
+        for name, why in diag.refused.items()
+    ]
+
+
+def silent_words(diag: Diagnosis) -> str:
+    """The effects that were tried in vain."""
+    names = joined(an(spelt(name)) for name in diag.silent)
+    return f"Nothing comes of {names}." if diag.silent else ""
 
 
 def group_words(diag: Diagnosis) -> list[str]:
@@ -208,6 +249,8 @@ def caution_words(diag: Diagnosis) -> list[str]:
             "No log was kept unseen: the errors are those of the logs that the models were fitted "
             "to, which every effect lowers. Give holdout logs."
         )
+    for trained in (diag.trained or (diag.before,))[:1]:
+        words += trained.outstanding
     return [*words, *diag.fit.notes]
 
 

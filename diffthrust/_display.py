@@ -121,7 +121,7 @@ def findings(comparison: Comparison) -> list[tuple[str, list[str]]]:
     if not regimes and not comparison.tabular:
         regimes = ["No regime stands out from what chance would give."]
     found = [
-        ("What does not fit together", list(comparison.hints)),
+        ("What does not fit together", [*comparison.hints, *comparison.outstanding]),
         ("Where the error sits (inputs as recorded, other signals as modelled)", regimes),
         ("Is the residual noise?", [tests.sentence for tests in comparison.tests.values()]),
     ]

@@ -46,6 +46,12 @@ class Effect(Component):
             cls.port = cls.ports[0]
         elif cls.port:
             cls.ports = (cls.port,)
+        if cls.name and not cls.name.isidentifier():
+            raise InputError(
+                f"Effect {cls.__name__}: the name {cls.name!r} is not made of letters, digits and "
+                "underscores.",
+                "Write it like the names of Python: my_effect.",
+            )
         missing = [field for field in ("name", "port") if not getattr(cls, field)]
         if missing:
             raise InputError(

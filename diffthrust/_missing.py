@@ -9,7 +9,7 @@ import numpy as np
 from diffthrust._diagnosis import Missing
 from diffthrust._places import Place, slopes_along
 from diffthrust._smoother import Errors, smoothed
-from diffthrust._structure import bases, signals_at, unknown
+from diffthrust._structure import bases, ratio_of, signals_at, unknown
 from diffthrust._trials import Trial, Trials, side_by_side
 
 Curve = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -23,7 +23,7 @@ def missing_signals(trials: Trials, trial: Trial) -> tuple[Missing, ...]:
         runs = _runs(trials, place, trial)
         wobble = np.concatenate([signal for _, signal, _ in runs])
         nothing = (np.empty(0), np.empty(0), np.empty(0))
-        best: tuple[float, str | None, float, Curve] = (1.0, None, 0.0, nothing)
+        best: tuple[float, str | None, float, float, Curve] = (1.0, None, 0.0, 0.0, nothing)
         tests = bases(signals)
 
         def tested(series: list[np.ndarray], port: str = place.port) -> Any:
@@ -34,10 +34,11 @@ def missing_signals(trials: Trials, trial: Trial) -> tuple[Missing, ...]:
             p, coefficients, covariance = answer
             if p < best[0]:
                 fitted = np.concatenate([coefficients @ s for s in series])
-                share = float(np.var(fitted) / max(np.var(wobble), np.var(fitted), 1e-300))
+                share = _alike(fitted, wobble)
+                gain = ratio_of(coefficients, covariance)
                 errors = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
-                best = (p, name, share, (knots, coefficients, errors))
-        p, name, share, curve = best
+                best = (p, name, share, gain, (knots, coefficients, errors))
+        p, name, share, gain, curve = best
         adjusted = min(1.0, p * max(1, len(tests)))
         depends = name if adjusted < 0.05 else None
         found.append(
@@ -51,9 +52,18 @@ def missing_signals(trials: Trials, trial: Trial) -> tuple[Missing, ...]:
                 p_value=adjusted,
                 curve=curve if depends else nothing,
                 logs=tuple(log.name for log in trials.logs),
+                gain=gain if depends else 0.0,
             )
         )
-    return tuple(sorted(found, key=lambda m: (-m.share, m.p_value)))
+    return tuple(sorted(found, key=lambda m: (-m.gain, m.p_value)))
+
+
+def _alike(fitted: np.ndarray, signal: np.ndarray) -> float:
+    """Share of a signal's variance that goes with another."""
+    seen = np.isfinite(signal)
+    both = np.array([fitted[seen], signal[seen]])
+    (own, cross), (_, whole) = np.cov(both) if seen.sum() > 1 else np.zeros((2, 2))
+    return float(cross**2 / (own * whole)) if own * whole > 0 else 0.0
 
 
 def _runs(

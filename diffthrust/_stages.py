@@ -62,6 +62,7 @@ class Stages:
     seconds: dict[str, float] = field(default_factory=dict)
     options: dict[str, Any] = field(default_factory=dict)
     refused: dict[str, str] = field(default_factory=dict)
+    silent: set[str] = field(default_factory=set)
     _criterion: tuple[Trial, float] | None = None
     _structure: tuple[Trial, Remaining | None] | None = None
 
@@ -198,6 +199,7 @@ class Stages:
                 self.untestable.setdefault(name, "other parameters do the same to what is measured")
             else:
                 found.append((name, trial))
+        self.silent.update({*names} - {name for name, _ in found})
         found.sort(key=lambda pair: pair[1].expected)
         ended = side_by_side(self.trials.further, [trial for _, trial in found[:CARRIED]])
         ended += [trial for _, trial in found[CARRIED:]]

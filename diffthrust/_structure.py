@@ -157,7 +157,12 @@ def _gain(trials: Trials, trial: Trial, suspect: Suspect) -> tuple[float, float]
     p, found, covariance = unknown(trials, suspect.place.port, trial, suspect.series)
     if np.isnan(covariance).any():  # nothing of it shows beside the estimated parameters
         return 1.0, 0.0
-    return p, float(found @ np.linalg.pinv(covariance, hermitian=True) @ found)
+    return p, ratio_of(found, covariance)
+
+
+def ratio_of(coefficients: np.ndarray, covariance: np.ndarray) -> float:
+    """The likelihood ratio of coefficients that were estimated with a covariance."""
+    return float(coefficients @ np.linalg.pinv(covariance, hermitian=True) @ coefficients)
 
 
 def _factors(

@@ -132,6 +132,7 @@ def adequate(full: Diagnosis) -> Diagnosis:
         after=held,
         missing=(),
         experiment=None,
+        silent=("coulomb_friction",),
     )
 
 

@@ -19,6 +19,7 @@ from diffthrust._diagnosis import Diagnosis, Remaining
 from diffthrust._diagnosis_plots import missing_figure, ranking_figure, stages_figure
 from diffthrust._diagnosis_report import page
 from diffthrust._diagnosis_skeleton import skeleton
+from diffthrust._diagnosis_tables import log_rows
 from diffthrust._diagnosis_words import (
     caution_words,
     group_words,
@@ -238,8 +239,34 @@ def test_the_table_tells_every_part(full):
 def test_the_table_of_an_adequate_model_has_no_empty_parts(full):
     text = made.adequate(full).report()
     assert "Verdict: adequate" in text
-    for word in ("Missing signal", "Effects tried", "Proposed test", "What remains", "Last stage"):
+    for word in ("Missing signal", "BIC change", "Proposed test", "What remains", "Last stage"):
         assert word not in text
+    assert "Nothing comes of Coulomb friction." in text
+    nothing = replace(made.adequate(full), silent=())
+    assert "Effects tried" not in nothing.report()
+    assert nothing.summary.startswith("These logs can test none of the effects")
+
+
+def test_the_summary_tells_what_is_left_to_random_forces(full):
+    told = replace(made.found(full), one_step={"speed": 0.01}).summary
+    assert "From one sample to the next the speed is predicted to 0.010 rad/s, over whole" in told
+    assert "random forces" not in replace(made.found(full), one_step={"speed": 1.0}).summary
+
+
+def test_refused_effects_are_told_with_the_reason(full):
+    why = "fits the training logs, and unseen logs worse"
+    diag = replace(full, refused={"actuator_lag": why})
+    sentence = f"An actuator lag was not added: it {why}."
+    assert sentence in diag.report().replace("\n", " ")
+    assert sentence in page(diag)
+
+
+def test_the_errors_of_every_log_are_told(full):
+    train, unseen = made.logs()
+    held = [dft.compare(stage.fit, train) for stage in (full.stages[0], full.stages[-1])]
+    rows = log_rows(replace(full, trained=tuple(held)))
+    told = [row[:2] for block in rows.blocks for row in block if row[0]]
+    assert told == [(unseen.name, "unseen"), (train.name, "training")]
 
 
 # -- figures ---------------------------------------------------------------------------------------

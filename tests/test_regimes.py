@@ -197,7 +197,7 @@ def test_a_comparison_says_where_the_error_sits():
     assert "command" in comparison.regimes[0].signal or "speed" in comparison.regimes[0].signal
     assert comparison.regimes is comparison.regimes  # worked out once
     assert not comparison.tests["speed"].white
-    assert comparison.hints == ()
+    assert comparison.hints == comparison.outstanding == ()
     report = comparison.report()
     assert "of the squared speed error lies where" in report.replace("\n", " ")
     assert "Is the residual noise?" in report
@@ -226,7 +226,7 @@ def test_one_bad_run_stands_out():
         units={"command": "V", "speed": "rad/s"},
         name="run 1",
     )
-    (hint,) = dft.compare(dft.Thruster(), made).hints
+    (hint,) = dft.compare(dft.Thruster(), made).outstanding
     assert hint.startswith("run 1: its speed error (RMSE 4.98 rad/s)")
     assert hint.endswith("% of the squared error of all runs.")
 
