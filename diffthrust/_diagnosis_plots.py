@@ -171,13 +171,15 @@ def _over_time(panel: Axes, missing: Missing) -> None:
     panel.plot(*thinned(time, signal), color=BLUE, linewidth=1.1, label="missing signal")
     panel.axhline(0.0, color="0.4", linewidth=0.8)
     panel.set_xlabel("time [s]", fontsize=9)
-    panel.set_ylabel(
-        f"{missing.port} [{missing.unit}]" if missing.unit else missing.port, fontsize=9
-    )
+    panel.set_ylabel(_here(missing), fontsize=9)
     panel.set_title(f"missing at '{missing.port}', {name}", loc="left", fontsize=10)
     panel.legend(loc="upper right", fontsize=8, ncols=2, framealpha=0.9)
     panel.margins(x=0.01)
     _plainly(panel)
+
+
+def _here(missing: Missing) -> str:
+    return f"{missing.port} [{missing.unit}]" if missing.unit else missing.port
 
 
 def _over_signal(panel: Axes, missing: Missing) -> None:
@@ -194,6 +196,7 @@ def _over_signal(panel: Axes, missing: Missing) -> None:
     panel.plot(x, mean, color=VERMILLION, linewidth=1.6)
     unit = f" [{missing.dependence_unit}]" if missing.dependence_unit else ""
     panel.set_xlabel(f"{missing.depends_on}{unit}", fontsize=9)
+    panel.set_ylabel(_here(missing), fontsize=9)
     panel.set_title(
         f"{missing.depends_on} explains {percent(missing.share)} of it", loc="left", fontsize=10
     )
