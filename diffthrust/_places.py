@@ -162,7 +162,7 @@ def unknown_at(port: str) -> type[Effect]:
         return value
 
     body = {f"c{i}": parameter(0.0, null=0.0, size=1.0) for i in range(KNOTS)}
-    place = {"name": f"unknown {port}", "port": port, "needs": series, "__call__": call}
+    place = {"name": f"unknown_{port}", "port": port, "needs": series, "__call__": call}
     return type("Unknown", (Effect,), {**body, **place})
 
 

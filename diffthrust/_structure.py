@@ -79,7 +79,7 @@ def unknown(
         The p-value of the score test, robust to correlation within blocks of time; the
         estimated coefficients; their covariance.
     """
-    names = [f"unknown {port}.c{i}" for i in range(KNOTS)]
+    names = [f"unknown_{port}.c{i}" for i in range(KNOTS)]
     given = trials.unknowns[port].needs
     # errors that are white say of the observer's gains nothing that they say of a mean
     known = [n for n in trial.names if n not in trials.nuisance]
