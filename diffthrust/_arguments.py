@@ -1,4 +1,4 @@
-"""Checks of what a caller gives to `fit`, before any work is done."""
+"""Checks of what a caller gives to a fit or a diagnosis, before any work is done."""
 
 from __future__ import annotations
 
@@ -31,15 +31,16 @@ def check_arguments(
     model: Any,
     logs: Sequence[Log],
     unseen: Sequence[Log],
-    starts: Any,
+    *,
     seed: Any,
-    substeps: Any,
-    loss: str,
-    initial: str,
-    likelihood: str,
-    horizon: Any,
+    starts: Any = 1,
+    substeps: Any = None,
+    loss: str = "gaussian",
+    initial: str = "auto",
+    likelihood: str = "simulation",
+    horizon: Any = None,
 ) -> None:
-    """Raise `InputError` for an argument of `fit` that cannot be meant."""
+    """Raise `InputError` for an argument of `fit` or `diagnose` that cannot be meant."""
     if not isinstance(model, Model):
         raise InputError(
             f"Expected a model, found {model!r}.", "Give an instance, such as dft.Thruster()."
@@ -73,7 +74,7 @@ def check_arguments(
     for log in unseen:  # before the work, not after it
         inputs_of(model, log)
     if not logs:
-        raise InputError("A fit needs at least one log, found none.", "Give at least one log.")
+        raise InputError("Expected at least one log to fit, found none.", "Give at least one log.")
     if all(p.fixed for p in model.parameters.values()):
         raise InputError(
             f"Every parameter of '{model}' is fixed: there is nothing to fit.",

@@ -12,24 +12,28 @@ from diffthrust._lookup import catalogue
 from diffthrust._model import Model
 from diffthrust._places import unseen_at
 
+Candidates = str | Effect | type[Effect] | Sequence[str | Effect | type[Effect]]
+
 
 def candidates_of(
     model: Model,
     logs: Sequence[Log],
-    wanted: Sequence[str | Effect | type[Effect]] | None = None,
+    wanted: Candidates | None = None,
 ) -> tuple[list[Effect], dict[str, str]]:
     """The effects to try, and those that cannot be tried on these logs, with the reason.
 
     Args:
         model: the model; effects that it has, and those made for other ports, are left out.
         logs: all logs, training and unseen.
-        wanted: names, effects or classes of effects; the whole catalogue where ``None``.
+        wanted: name, effect or class of effect, or several; the whole catalogue where ``None``.
 
     Raises:
         InputError: a wanted effect that does not exist or that the model has no port for.
     """
     known = catalogue()
     chosen: list[Effect] = []
+    if isinstance(wanted, str | Effect | type):
+        wanted = (wanted,)
     for one in known.values() if wanted is None else wanted:
         if isinstance(one, str):
             if one not in known:
@@ -40,7 +44,15 @@ def candidates_of(
                     "Correct the name, or give an effect of your own as an object.",
                 )
             one = known[one]
-        chosen.append(one if isinstance(one, Effect) else one())
+        if isinstance(one, type) and issubclass(one, Effect):
+            one = one()
+        if not isinstance(one, Effect):
+            raise InputError(
+                f"candidates: expected names, effects or classes of effects, found {one!r}.",
+                "Give for example 'command_deadband', or an effect of your own.",
+            )
+        if all(one.name != other.name for other in chosen):
+            chosen.append(one)
     measured = {name for log in logs for name in log.measured}
     inputs = set.intersection(*(set(log.inputs) for log in logs))
     has = {effect.name for effect in model.effects}

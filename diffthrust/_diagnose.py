@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from diffthrust._arguments import listed
+from diffthrust._arguments import check_arguments, listed
+from diffthrust._candidates import Candidates
 from diffthrust._compare import compare
 from diffthrust._diagnosis import Diagnosis, Missing, Verdict
-from diffthrust._effect import Effect
 from diffthrust._log import Log
 from diffthrust._missing import missing_signals
 from diffthrust._model import Model
@@ -22,7 +22,7 @@ def diagnose(
     logs: Log | Sequence[Log],
     *,
     holdout: Log | Sequence[Log] | None = None,
-    candidates: Sequence[str | Effect | type[Effect]] | None = None,
+    candidates: Candidates | None = None,
     experiment: bool = True,
     seed: int = 0,
     progress: Progress | None = None,
@@ -51,7 +51,8 @@ def diagnose(
         with what was found.
 
     Raises:
-        InputError: logs that do not fit the model.
+        InputError: logs that do not fit the model, or hold fewer measurements than the trials
+            estimate numbers; candidates that are no effects, or cannot be tried.
 
     Example:
         >>> diag = dft.diagnose(fit, train, holdout=unseen)
@@ -59,6 +60,8 @@ def diagnose(
         ('effects_found', ('command_deadband',))
     """
     train, unseen = listed(logs), listed(holdout) if holdout is not None else ()
+    model = fit.model if isinstance(fit, Fit) else fit
+    check_arguments(model, train, unseen, seed=seed)
     search = Stages(train, unseen, seed, progress or (lambda message, share: None))
     search.begin(fit, candidates)
     while len(search.present.effects) < MOST_STAGES and search.advance():

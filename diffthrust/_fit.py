@@ -89,7 +89,18 @@ def fit(
     """
     logs = listed(logs)
     unseen = listed(holdout) if holdout is not None else ()
-    check_arguments(model, logs, unseen, starts, seed, substeps, loss, initial, likelihood, horizon)
+    check_arguments(
+        model,
+        logs,
+        unseen,
+        seed=seed,
+        starts=starts,
+        substeps=substeps,
+        loss=loss,
+        initial=initial,
+        likelihood=likelihood,
+        horizon=horizon,
+    )
     rng = np.random.default_rng(seed)
     chosen = substeps or 1  # the first guess may need more than the optimum does
     observer = observer_for(model, logs) if likelihood == "innovations" else None

@@ -17,6 +17,7 @@ import numpy as np
 
 from diffthrust._arrange import build, channels_of
 from diffthrust._effect import Effect
+from diffthrust._errors import InputError
 from diffthrust._likelihood import Quadratic
 from diffthrust._log import Log
 from diffthrust._model import Model
@@ -119,6 +120,12 @@ class Trials:
             build(everything, self._with_series(unseen), **kept, width=width) if unseen else None
         )
         self.samples = float(np.sum(first.arrays["counts"]))
+        if self.samples <= (numbers := len(self.own) + len(self.nuisance)):
+            raise InputError(
+                f"The training logs hold {self.samples:.0f} measurements, and {numbers} numbers of "
+                f"'{model}' and of the noise are to be estimated.",
+                "Give longer logs, or fix parameters.",
+            )
 
     def _with_series(self, logs: Sequence[Log]) -> list[Log]:
         """The logs with room for the series of the unknown signals, zero at first."""

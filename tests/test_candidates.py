@@ -2,6 +2,7 @@
 
 from importlib.metadata import EntryPoint
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -74,6 +75,54 @@ def test_wanted_effects_by_name_class_and_object():
     wanted = ["command_delay", Ripple, dft.effects.CommandOffset(offset=0.1)]
     tried, _ = candidates_of(dft.Thruster(), [log()], wanted)
     assert [e.name for e in tried] == ["command_delay", "ripple", "command_offset"]
+
+
+def test_a_single_candidate_and_one_given_twice_count_once():
+    for wanted in ("command_delay", dft.effects.CommandDelay, ["command_delay"] * 2):
+        tried, _ = candidates_of(dft.Thruster(), [log()], wanted)
+        assert [e.name for e in tried] == ["command_delay"]
+
+
+def test_what_is_no_effect_is_refused():
+    with pytest.raises(dft.InputError, match="found 3"):
+        candidates_of(dft.Thruster(), [log()], [3])
+
+
+class Unanchored(dft.Effect):
+    """A damping that does not say at which rate it is not there."""
+
+    name = "unanchored"
+    port = "shaft"
+    rate: float = dft.parameter(0.3, "1/s", bounds=(0, None))
+
+    def __call__(self, value, s):
+        return value - self.rate * s.speed
+
+
+def test_an_effect_that_names_no_null_is_no_candidate(installed):
+    with pytest.raises(dft.InputError, match=r"'unanchored' has no parameter with a null"):
+        candidates_of(dft.Thruster(), [log()], [Unanchored])
+    installed(EntryPoint("unanchored", f"{__name__}:Unanchored", "diffthrust.effects"))
+    tried, untestable = candidates_of(dft.Thruster(), [log()])
+    assert "null" in untestable["unanchored"]
+    assert "unanchored" not in {e.name for e in tried}
+
+
+class SpeedSensorMemory(dft.Effect):
+    """The speed sensor shows what was."""
+
+    name = "speed_sensor_memory"
+    port = "speed"
+    memory = True
+    share: float = dft.parameter(0.1, null=0.0)
+
+    def __call__(self, value, s):
+        return value - self.share * jnp.diff(value, prepend=value[:1])
+
+
+def test_a_memory_on_a_state_that_corrects_the_trials_cannot_be_tested():
+    _, untestable = candidates_of(dft.Thruster(), [log()], [SpeedSensorMemory])
+    assert "reads the past of 'speed'" in untestable["speed_sensor_memory"]
 
 
 def test_an_unknown_name_is_answered_with_the_nearest():

@@ -100,6 +100,49 @@ def test_the_missing_signals_are_in_the_units_of_their_ports(diag):
     assert np.median(signal) == pytest.approx(1.0, abs=0.15)
 
 
+def first_three(log):
+    rows = {name: values[:3] for name, values in log.measured.items()}
+    return dft.Log(log.time[:3], {"command": log.inputs["command"][:3]}, rows)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda log: [], "at least one log"),
+        (first_three, "hold 6 measurements"),
+    ],
+)
+def test_logs_that_tell_nothing_are_refused(change, words):
+    with pytest.raises(dft.InputError, match=words):
+        dft.diagnose(dft.Thruster(), change(logs(1)[0]))
+
+
+def test_what_is_no_model_is_refused():
+    with pytest.raises(dft.InputError, match="Expected a model"):
+        dft.diagnose("thruster", logs(1))
+
+
+def test_the_diagnosis_tells_the_errors_of_its_own_logs():
+    one, other, unseen = logs(command_deadband=0.4)
+    fit = dft.fit(dft.Thruster(), one, holdout=other)
+    found = dft.diagnose(fit, one, candidates="linear_damping", experiment=False)
+    assert found.stages[0].holdout is None
+    found = dft.diagnose(fit, one, holdout=unseen, candidates="linear_damping", experiment=False)
+    expected = dft.compare(found.stages[0].fit, unseen).errors.nrmse
+    assert found.stages[0].holdout.nrmse == pytest.approx(expected, rel=1e-9)
+    assert expected != pytest.approx(fit.holdout.nrmse, rel=1e-3)
+
+
+def test_an_optional_input_that_only_the_first_log_has_is_left_out():
+    one, other, unseen = logs()
+    flow = {**one.inputs, "inflow": np.sin(one.time)}
+    first = dft.Log(one.time, flow, one.measured, name=one.name)
+    found = dft.diagnose(
+        dft.Thruster(), [first, other], holdout=unseen, candidates=FEW[:1], experiment=False
+    )
+    assert found.verdict == "adequate"
+
+
 def test_nothing_is_named_where_nothing_is_missing():
     *train, unseen = logs(seed=4)
     found = dft.diagnose(dft.Thruster(), train, holdout=unseen, candidates=FEW)
