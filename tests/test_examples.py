@@ -128,15 +128,16 @@ def test_blueboat(tmp_path):
     figure(tmp_path, "blueboat_unseen.png")
 
 
+@pytest.mark.slow
 def test_esso_osaka(tmp_path):
     data_folder("esso_osaka")
     text = run("esso_osaka", tmp_path)
-    errors = unseen(text)
-    assert "Status: converged" in text
-    assert errors["surge"] <= 0.31
-    assert errors["sway"] <= 0.80
-    assert errors["yaw_rate"] <= 0.48
-    figure(tmp_path, "esso_unseen.png")
+    stages = re.findall(r"^- (basic model.*): NRMSE (\S+) \(surge", text, re.MULTILINE)
+    assert float(stages[0][1]) == pytest.approx(0.552, abs=0.01)  # the basic model fails
+    assert "wind" in stages[-1][0]
+    assert float(stages[-1][1]) <= 0.29
+    figure(tmp_path, "esso_diagnosis.html")
+    figure(tmp_path, "esso_stages.png")
 
 
 @pytest.mark.parametrize(
