@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from diffthrust._arguments import check_arguments, listed
 from diffthrust._candidates import Candidates
+from diffthrust._channels import listing
 from diffthrust._compare import compare
 from diffthrust._diagnosis import Diagnosis, Missing, Verdict
+from diffthrust._errors import InputError
 from diffthrust._log import Log
 from diffthrust._missing import missing_signals
 from diffthrust._model import Model
 from diffthrust._result import Fit
+from diffthrust._rivals import groups_of, proposal
 from diffthrust._stages import Progress, Stages
 
 MOST_STAGES = 5
@@ -24,6 +27,7 @@ def diagnose(
     holdout: Log | Sequence[Log] | None = None,
     candidates: Candidates | None = None,
     experiment: bool = True,
+    limits: Mapping[str, tuple[float, float]] | None = None,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Diagnosis:
@@ -43,6 +47,8 @@ def diagnose(
         holdout: unseen logs: they guard against effects that only imitate noise.
         candidates: names or objects of effects to try; all that fit the model where ``None``.
         experiment: propose a test that would separate effects that these logs cannot.
+        limits: lowest and highest value of each input in that test, in the model's unit; by default
+            the range of the training logs.
         seed: of the starts of the fits.
         progress: called with a message and the share done.
 
@@ -62,11 +68,17 @@ def diagnose(
     train, unseen = listed(logs), listed(holdout) if holdout is not None else ()
     model = fit.model if isinstance(fit, Fit) else fit
     check_arguments(model, train, unseen, seed=seed)
+    for name in limits or {}:
+        if name not in model.inputs:
+            raise InputError(
+                f"limits: '{model}' has no input {name!r}; it has {listing(model.inputs)}.",
+                "Correct the name.",
+            )
     search = Stages(train, unseen, seed, progress or (lambda message, share: None))
     search.begin(fit, candidates)
     while len(search.present.effects) < MOST_STAGES and search.advance():
         pass
-    groups = search.groups()
+    groups = groups_of(search)
     search.say("what no known effect explains", 0.9)
     missing = search.timed("missing", missing_signals, search.trials, search.first)
     remaining = search.timed("remaining", search.structure)
@@ -102,6 +114,6 @@ def diagnose(
         silent=tuple(sorted(search.silent - tested - set(search.untestable))),
         one_step=dict(zip(channels, map(float, search.present.quadratic.sigma), strict=True)),
         trained=trained,
-        experiment=search.proposal(groups) if experiment else None,
+        experiment=proposal(search, groups, limits) if experiment else None,
         seconds=search.seconds,
     )

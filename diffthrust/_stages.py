@@ -14,7 +14,6 @@ from diffthrust._compare import compare
 from diffthrust._criterion import criterion
 from diffthrust._diagnosis import Candidate, Remaining, Stage
 from diffthrust._errors import InputError
-from diffthrust._experiment import Experiment, suggest_experiment
 from diffthrust._fit import fit as fit_model
 from diffthrust._log import Log
 from diffthrust._model import Model
@@ -32,9 +31,6 @@ MARGIN = 4.0
 some thirty candidates passes by chance in about one diagnosis of a hundred."""
 CARRIED = 6
 """So many of the effects tried at a stage are fitted to the end."""
-ALIKE = 8.0
-"""Effects whose criteria differ by less than this cannot be told apart (odds of some 50 to 1)."""
-
 ALONE = 0.05
 """An effect is worth a closer look where its likelihood ratio alone would come so rarely."""
 CLEAR = 20.0
@@ -80,9 +76,9 @@ class Stages:
             if fit.horizon is not None:
                 self.options["horizon"] = fit.horizon
         if isinstance(fit, Model):
-            fit = self._fitted(fit)
+            fit = self.fitted(fit)
         elif not self._is_of_these_logs(fit):
-            fit = self._fitted(fit.model)
+            fit = self.fitted(fit.model)
         self.given = fit.model
         effects, self.untestable = candidates_of(fit.model, (*self.train, *self.unseen), wanted)
         self.stages.append(Stage((), fit))
@@ -163,7 +159,7 @@ class Stages:
             return True
         beside = self.timed("remaining", gain_of, self.trials, trial, left)
         kept = candidate.likelihood_ratio - (left.gain - beside)
-        return kept > max(OWN * candidate.likelihood_ratio, self._price(trial) + MARGIN)
+        return kept > max(OWN * candidate.likelihood_ratio, self.price(trial) + MARGIN)
 
     def structure(self) -> Remaining | None:
         """What the present model leaves unexplained."""
@@ -204,7 +200,7 @@ class Stages:
         ended = side_by_side(self.trials.further, [trial for _, trial in found[:CARRIED]])
         ended += [trial for _, trial in found[CARRIED:]]
         self._present_criterion()  # before any of several threads asks
-        leading = min((self._price(trial) + 2 * trial.cost for trial in ended), default=0.0)
+        leading = min((self.price(trial) + 2 * trial.cost for trial in ended), default=0.0)
 
         def rated(trial: Trial) -> Candidate:
             return self._rated(number, trial, leading)
@@ -219,8 +215,8 @@ class Stages:
         own = self._own(name, trial)
         ratio = max(0.0, 2 * (self.present.cost - trial.cost))
         p_value = float(chdtrc(len(own), ratio))
-        delta = self._price(trial) - ratio
-        behind = self._price(trial) + 2 * trial.cost - leading
+        delta = self.price(trial) - ratio
+        behind = self.price(trial) + 2 * trial.cost - leading
         if delta > -CLEAR and p_value < ALONE and behind < CLEAR:
             delta = criterion(self.trials, trial) - self._present_criterion()
         errors = self.trials.simulation_errors(trial)
@@ -249,8 +245,8 @@ class Stages:
         """
         newest = self.present.effects[-1]
         for name in self.present.effects:
-            without = self._without(name)
-            loss = 2 * (without.cost - self.present.cost) - self._price(self.present, name)
+            without = self.without(name)
+            loss = 2 * (without.cost - self.present.cost) - self.price(self.present, name)
             if loss < CLEAR:
                 loss = criterion(self.trials, without) - self._present_criterion()
             if loss < MARGIN:
@@ -258,7 +254,7 @@ class Stages:
                     self.dropped.append(name)
                 self.present = without
 
-    def _without(self, name: str) -> Trial:
+    def without(self, name: str) -> Trial:
         """The present model, fitted without one of its effects."""
         rest = tuple(n for n in self.present.effects if n != name)
         values = self.trials.absent(name, self.present.values)
@@ -269,16 +265,16 @@ class Stages:
         """The estimated parameters of one effect."""
         return [n for n in trial.names if n.rpartition(".")[0] == name]
 
-    def _price(self, trial: Trial, name: str | None = None) -> float:
+    def price(self, trial: Trial, name: str | None = None) -> float:
         """What the criterion charges for an effect of a trial; the last one if not said."""
         return len(self._own(name or trial.effects[-1], trial)) * math.log(self.trials.samples)
 
     def _stage(self) -> Stage:
         effects = [self.trials.candidates[n] for n in self.present.effects]
         model = self.trials.with_values(self.given + effects, self.present.values)
-        return Stage(self.present.effects, self._fitted(model))
+        return Stage(self.present.effects, self.fitted(model))
 
-    def _fitted(self, model: Model) -> Fit:
+    def fitted(self, model: Model) -> Fit:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", CoarseStepWarning)  # a note of the fit says the same
             return self.timed(
@@ -291,47 +287,3 @@ class Stages:
                 seed=self.seed,
                 **self.options,
             )
-
-    def groups(self) -> tuple[tuple[str, ...], ...]:
-        """For each added effect those that, in its place, explain the logs as well."""
-        rivals = {c.effect for c in self.ranking if c.delta_bic < -MARGIN}
-        levels = self.trials.levels(self.first)
-        out = []
-        for name in self.present.effects:
-            without = self._without(name)
-            alike, price = [name], self._price(self.present, name)
-            others = sorted(rivals - set(self.present.effects))
-            for rival, trial in screened(self.trials, others, without, levels).items():
-                trial = self.trials.further(trial)
-                worse = trial.cost - self.present.cost
-                if rival in self.refused:
-                    worse -= self.trials.unseen_gain(self.present, trial)
-                if 2 * worse + self._price(trial) - price < ALIKE:
-                    alike.append(rival)
-            out.append(tuple(alike))
-        return tuple(out)
-
-    def proposal(self, groups: Sequence[Sequence[str]]) -> Experiment | None:
-        """The test that would separate the first group of several."""
-        for i, group in enumerate(groups):
-            if len(group) < 2:
-                continue
-            self.say("looking for a test that separates " + " and ".join(group), 0.95)
-            effects = [self.trials.candidates[n] for n in self.present.effects]
-            rivals = [self.stages[-1].fit]
-            for name in group[1:3]:
-                effects[i] = self.trials.candidates[name]
-                rivals.append(self._fitted(self.given + effects))
-            log = max(self.train, key=lambda log: log.duration)
-            try:
-                return self.timed(
-                    "experiment",
-                    suggest_experiment,
-                    rivals,
-                    duration=min(log.duration, 2000 * log.step),
-                    step=log.step,
-                    logs=self.train,
-                )
-            except InputError:
-                return None  # inputs that cannot be prescribed
-        return None

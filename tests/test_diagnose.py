@@ -117,6 +117,11 @@ def test_logs_that_tell_nothing_are_refused(change, words):
         dft.diagnose(dft.Thruster(), change(logs(1)[0]))
 
 
+def test_limits_of_an_input_that_is_not_there_are_refused_before_the_work():
+    with pytest.raises(dft.InputError, match=r"limits: .* no input 'thrust'"):
+        dft.diagnose(dft.Thruster(), logs(1), limits={"thrust": (-1.0, 1.0)})
+
+
 def test_what_is_no_model_is_refused():
     with pytest.raises(dft.InputError, match="Expected a model"):
         dft.diagnose("thruster", logs(1))
