@@ -139,8 +139,9 @@ class Correction:
 
     def error(self, channel: str, modelled: Any, measured: Any, colour: Any) -> Any:
         """Measured minus predicted; zero where nothing was measured."""
-        unsigned = self.unsigned[self.observer.channels.index(channel)]
-        modelled = jnp.where(unsigned, jnp.abs(modelled), modelled)
+        i = self.observer.channels.index(channel)
+        size = modelled * direction(modelled, self.clip[i] / 8)
+        modelled = jnp.where(self.unsigned[i], size, modelled)
         rest = jnp.where(jnp.isnan(measured), 0.0, measured) - modelled - colour
         if channel in self.model.angles:
             rest = rest - 2 * jnp.pi * jnp.round(rest / (2 * jnp.pi))
@@ -156,9 +157,10 @@ class Correction:
         for c in o.fed:
             modelled = sensor(c, outputs[c])
             e = self.error(c, modelled, row[c], state[f"colour.{c}"])
-            told[c] = limited(e, self.clip[o.channels.index(c)])
-            turned = self.unsigned[o.channels.index(c)] & (modelled < 0)
-            errors[c] = jnp.where(turned, -told[c], told[c])
+            i = o.channels.index(c)
+            told[c] = limited(e, self.clip[i])
+            toward = jnp.where(self.unsigned[i], direction(modelled, self.clip[i]), 1.0)
+            errors[c] = toward * told[c]
         new = dict(state)
         for name, sources in o.corrected:
             own = name in o.fed
@@ -186,6 +188,16 @@ def limited(error: Any, limit: Any) -> Any:
     """
     square = jnp.minimum((error / limit) ** 2, 1e30)
     return error / jnp.sqrt(jnp.sqrt(jnp.sqrt(1.0 + square**4)))
+
+
+def direction(modelled: Any, width: Any) -> Any:
+    """The sign of what a sensor without one shows, smooth where it passes zero.
+
+    Next to zero such a sensor does not tell on which side the state is, and a correction that jumps
+    from one side to the other makes the likelihood jump with it.
+    """
+    smooth = jnp.tanh(modelled / jnp.where(jnp.isfinite(width), width, 1.0))
+    return jnp.where(jnp.isfinite(width), smooth, jnp.where(modelled < 0, -1.0, 1.0))
 
 
 def innovations(

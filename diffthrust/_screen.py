@@ -60,13 +60,14 @@ def screened(
         def gain(expected: float) -> float:
             return 2 * (present.cost - expected)
 
-        near = sorted(scored[name], key=lambda pair: pair[0])
+        starts = list(scored[name])
         far = _far(trials, name, present, points[name][1], followed)
-        silent = all(gain(expected) < SILENT for expected, _ in near)
+        silent = all(gain(expected) < SILENT for expected, _ in starts)
         if far and silent:
             far[0] = (min(far[0][0], present.cost - HOPE), far[0][1])
-        starts = [pair for pair in (*near[:1], *far[:1], *near[1:], *far[1:])
-                  if gain(pair[0]) >= HOPE][:2]  # fmt: skip
+        starts = sorted(starts + far, key=lambda pair: pair[0])[:2]
+        starts += [pair for pair in far[:1] if pair not in starts]
+        starts = [pair for pair in starts if gain(pair[0]) >= HOPE]
         ends = [followed(point, MANY if silent else FEW) for _, point in starts]
         best = min(ends, key=lambda trial: trial.expected, default=None)
         return best if best is not None and gain(best.expected) > KEEP else None
