@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import product
 from typing import Any
 
@@ -15,6 +15,8 @@ MOST_PROBES = 6
 """An effect is tried from at most so many points."""
 NEAR = 2e-5
 """The first probe of an effect is so small a share of its trial value."""
+PLACES = 24
+"""Next to the null, so many places or directions of an effect are tried."""
 APART = 1.2
 """A limit acts on nothing until it acts on much: its probes stand this close to each other."""
 LIMITS = 12
@@ -31,8 +33,8 @@ def probes(
         levels: the level of each signal of the logs, in which trial values are given.
 
     Returns:
-        Points next to the null, one for each trial value of parameters without one (none where the
-        null is infinite), and points in the logs' scale.
+        Points next to the null, spread over the range of parameters without one (none where a null
+        is infinite), and points in the logs' scale.
     """
     named = effect._parameters
     tried = {}
@@ -51,21 +53,32 @@ def probes(
     points = list(product(*tried.values()))
     if not is_limit(effect):
         points = points[:: max(1, len(points) // MOST_PROBES)][:MOST_PROBES]
-    nulls = [named[n].null for n in tried]
     near: list[tuple[float, ...]] = []
-    if all(null is None or np.isfinite(null) for null in nulls):  # from there, the score test
-        for point in points:
-            pairs = zip(nulls, point, strict=True)
-            near.append(tuple(v if n is None else n + NEAR * abs(v - n) for n, v in pairs))
-        near = [tuple(map(float, np.clip(p, *_ends(named, tried)))) for p in near]
-        located = [p for p, n in zip(zip(*near, strict=True), nulls, strict=True) if n is None]
-        keys = list(zip(*located, strict=True)) if located else [()] * len(near)
-        near = list(dict(zip(reversed(keys), reversed(near), strict=True)).values())
+    nulls = {n: named[n].null for n in tried}
+    if all(null is None or np.isfinite(null) for null in nulls.values()):  # from there, the score
+        many = max(1, round(PLACES ** (1.0 / max(1, list(nulls.values()).count(None)))))
+        beside = [
+            _spread(tried[n], many, named[n].transform == "log")
+            if null is None
+            else [null + NEAR * abs(tried[n][0] - null)]
+            for n, null in nulls.items()
+        ]
+        near = [tuple(map(float, np.clip(p, *_ends(named, tried)))) for p in product(*beside)]
     far, close = (
         [{f"{effect.name}.{n}": v for n, v in zip(tried, point, strict=True)} for point in part]
         for part in (points, near)
     )
     return close, far
+
+
+def _spread(values: Sequence[float], many: int, positive: bool) -> list[float]:
+    """So many places over the range of the trial values and half a gap beyond its ends."""
+    if len(values) == 1:
+        return list(values)
+    at = np.log(values) if positive else np.array(values)
+    gap = np.ptp(at) / (len(at) - 1)
+    found = np.linspace(at.min() - gap / 2, at.max() + gap / 2, many)
+    return list(np.exp(found) if positive else found)
 
 
 def is_limit(effect: Effect) -> bool:

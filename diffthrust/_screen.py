@@ -57,6 +57,21 @@ def screened(
         def followed(point: Point, budget: int) -> Trial:
             return trials.solve(effects, {**present.values, **point}, present.begin, budget)
 
+        # next to the null nothing tells where a place or a direction should move: it waits until
+        # the effect has a size
+        waiting = {
+            f"{name}.{n}"
+            for n, p in trials.candidates[name]._parameters.items()
+            if p.null is None and not p.fixed
+        }
+
+        def risen(point: Point, budget: int) -> Trial:
+            if not waiting:
+                return followed(point, budget)
+            values = {**present.values, **point}
+            sized = trials.solve(effects, values, present.begin, FEW, still=waiting)
+            return trials.solve(effects, sized.values, sized.begin, budget)
+
         def gain(expected: float) -> float:
             return 2 * (present.cost - expected)
 
@@ -65,10 +80,9 @@ def screened(
         silent = all(gain(expected) < SILENT for expected, _ in starts)
         if far and silent:
             far[0] = (min(far[0][0], present.cost - HOPE), far[0][1])
-        starts = sorted(starts + far, key=lambda pair: pair[0])[:2]
-        starts += [pair for pair in far[:1] if pair not in starts]
-        starts = [pair for pair in starts if gain(pair[0]) >= HOPE]
-        ends = [followed(point, MANY if silent else FEW) for _, point in starts]
+        starts = [pair for pair in starts + far if gain(pair[0]) >= HOPE]
+        starts = sorted(starts, key=lambda pair: pair[0])[:2]
+        ends = [risen(point, MANY if silent else FEW) for _, point in starts]
         best = min(ends, key=lambda trial: trial.expected, default=None)
         return best if best is not None and gain(best.expected) > KEEP else None
 

@@ -35,6 +35,9 @@ ALONE = 0.05
 """An effect is worth a closer look where its likelihood ratio alone would come so rarely."""
 CLEAR = 20.0
 """Where the criterion falls by more than this, no noise that it makes superfluous matters."""
+WORSE = 3.0
+"""An effect that costs the unseen logs more log-likelihood than this (odds of 20 to 1) is refused:
+of an effect at the limit of detection they may by chance tell either way."""
 PART = 0.3
 """An effect that explains less than this part of what an unknown signal does is not it."""
 OWN = 0.5
@@ -131,7 +134,7 @@ class Stages:
             settled = self.timed(
                 "screen", self.trials.settled, trial.effects, trial.values, trial.begin
             )
-            if self.trials.unseen_gain(self.present, settled) < 0.0:
+            if self.trials.unseen_gain(self.present, settled) < -WORSE:
                 self.trials.problem = clipped
                 self.refused[candidate.effect] = "fits the training logs, and unseen logs worse"
                 continue
