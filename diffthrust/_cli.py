@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -28,12 +29,41 @@ app = typer.Typer(
 SpecPath = Annotated[
     Path, typer.Argument(metavar="SPEC", help="A spec file (TOML), or a folder with a fit.toml.")
 ]
+
+
+def _ends(*kinds: str) -> Callable[[Path | None], Path | None]:
+    """A check before the work: the name of a file says what will be in it."""
+
+    def check(path: Path | None) -> Path | None:
+        from diffthrust._files import ending
+
+        try:
+            if path:
+                ending(path, *kinds)
+        except InputError as error:
+            raise typer.BadParameter(str(error)) from None
+        return path
+
+    return check
+
+
 JsonPath = Annotated[
-    Path | None, typer.Option("--json", metavar="FILE", help="Write the results as JSON.")
+    Path | None,
+    typer.Option(
+        "--json",
+        metavar="FILE.json",
+        help="Write the results as JSON.",
+        callback=_ends(".json"),
+    ),
 ]
 ReportPath = Annotated[
     Path | None,
-    typer.Option("--report", metavar="FILE.html", help="Write a page with tables and figures."),
+    typer.Option(
+        "--report",
+        metavar="FILE.html",
+        help="Write a page with tables and figures.",
+        callback=_ends(".html", ".htm"),
+    ),
 ]
 
 
@@ -197,9 +227,11 @@ def effects() -> None:
     with session():
         from diffthrust._display import effects_table
         from diffthrust._lookup import catalogue
-        from diffthrust.models import MODELS
+        from diffthrust.models import MODELS, Vessel
 
-        table = effects_table(catalogue().values(), MODELS.values())
+        models = {name: model() for name, model in MODELS.items()}
+        models["vessel (twin)"] = Vessel(drive="twin")
+        table = effects_table(catalogue().values(), models)
     _show(table)
 
 
@@ -271,13 +303,9 @@ def _write_report(
 def _write_figure(path: Path, comparison: Comparison) -> None:
     from io import BytesIO
 
-    from diffthrust._files import write_whole
+    from diffthrust._files import ending, write_whole
 
-    kind = path.suffix.lower().removeprefix(".")
-    if kind not in ("png", "svg", "pdf"):
-        raise InputError(
-            f"{path}: expected a figure ending in .png, .svg or .pdf.", "Change the ending."
-        )
+    kind = ending(path, ".png", ".svg", ".pdf").removeprefix(".")
     out = BytesIO()
     comparison.plot().savefig(out, format=kind, dpi=120)
     write_whole(path, out.getvalue())

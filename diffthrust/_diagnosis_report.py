@@ -29,7 +29,7 @@ from diffthrust._diagnosis_words import (
     summary,
     verdict_words,
 )
-from diffthrust._files import write_whole
+from diffthrust._files import write_page
 from diffthrust._phrases import capitalised
 from diffthrust._report import STYLE, image
 
@@ -49,9 +49,9 @@ def write_report(diag: Diagnosis, path: Path | str, *, title: str = "", spec: st
         spec: text of a spec file, shown at the end.
 
     Raises:
-        InputError: the file cannot be written.
+        InputError: a file that does not end in ``.html``, or cannot be written.
     """
-    write_whole(Path(path), page(diag, title=title, spec=spec).encode())
+    write_page(Path(path), page(diag, title=title, spec=spec))
 
 
 def page(diag: Diagnosis, *, title: str = "", spec: str = "") -> str:

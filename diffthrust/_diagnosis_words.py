@@ -44,9 +44,16 @@ def summary(diag: Diagnosis) -> str:
             "tell."
         ]
     elif diag.verdict == "adequate":
-        sentences = [
-            f"The {model} is adequate: nothing that these logs can test is missing from it."
-        ]
+        tried = len({c.effect for c in diag.ranking} | {*diag.silent})
+        all_tried = f"none of the {tried} effects that were tried" if tried > 1 else "no effect"
+        sentences = [f"The {model} is adequate: {all_tried} helps on these logs."]
+        errors = _errors(diag)[2].channels
+        blind = [spelt(name) for name, e in errors.items() if e.nrmse >= 1.0]
+        if blind:
+            sentences = [
+                f"These logs tell of nothing that the {model} lacks, and yet it follows "
+                f"{joined(blind)} no better than a constant would: do they move what drives it?"
+            ]
     else:
         sentences = [f"The {model} lacks something that no known effect explains."]
     if diag.verdict == "unexplained":
@@ -178,8 +185,7 @@ def missing_words(missing: Missing, model: Model) -> str:
     """The missing signal at a port: its size, and on what it depends."""
     here = place_words(model, missing.port)
     if missing.depends_on is None and missing.size < _TOLD * missing.error:
-        least = f"{number(missing.error, 2)} {missing.unit}".rstrip()
-        return f"At {here} nothing is missing that shows above its standard error of {least}."
+        return f"At {here} nothing is missing that shows."
     size = f"{number(missing.size, 2)} {missing.unit}".rstrip()
     words = f"At {here} a signal of {size} (RMS) is missing; "
     if missing.depends_on is None:

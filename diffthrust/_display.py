@@ -161,12 +161,11 @@ def check_table(checked: Checked) -> RenderableType:
     return Group(table, *mends, summary)
 
 
-def effects_table(effects: Iterable[type[Effect]], models: Iterable[type[Model]]) -> RenderableType:
+def effects_table(effects: Iterable[type[Effect]], models: Mapping[str, Model]) -> RenderableType:
     """The catalogue: what each effect does, where, with which parameters, for which models."""
     parts: list[RenderableType] = []
-    models = tuple(models)
     for effect in sorted(effects, key=lambda e: (e.port, e.name)):
-        suits = [model.name for model in models if _suits(model(), effect())]
+        suits = [name for name, model in models.items() if _suits(model, effect())]
         first = (effect.__doc__ or "").strip().splitlines()
         table = Table(box=None, show_header=False, padding=(0, 1), pad_edge=False)
         table.add_column(style="dim", no_wrap=True)

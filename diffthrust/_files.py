@@ -34,8 +34,34 @@ def write_whole(path: Path, data: bytes) -> None:
         ) from None
 
 
+def ending(path: Path, *kinds: str) -> str:
+    """The ending of a file to write, of those that its content may have.
+
+    Raises:
+        InputError: another ending; what is written would not be what the name says, and it might be
+            the name of a log or a spec.
+    """
+    found = path.suffix.lower()
+    if found not in kinds:
+        raise InputError(
+            f"{path}: expected a file ending in {' or '.join(kinds)}.", "Change the ending."
+        )
+    return found
+
+
+def write_page(path: Path, text: str) -> None:
+    """Write a page of HTML.
+
+    Raises:
+        InputError: another ending than ``.html``, or a folder that cannot be written to.
+    """
+    ending(path, ".html", ".htm")
+    write_whole(path, text.encode())
+
+
 def write_json(path: Path, data: Mapping[str, Any]) -> None:
     """Write plain data as JSON, with ``null`` where a number is not finite."""
+    ending(path, ".json")
     text = json.dumps(plain(data), indent=2, allow_nan=False, ensure_ascii=False)
     write_whole(path, f"{text}\n".encode())
 

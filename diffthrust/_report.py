@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from diffthrust._display import number, units, with_error
-from diffthrust._files import write_whole
+from diffthrust._files import write_page
 from diffthrust._metrics import Errors
 
 if TYPE_CHECKING:
@@ -123,7 +123,7 @@ def write_report(
         checks=_checks(fit) if fit else [],
         spec=spec,
     )
-    write_whole(path, text.encode())
+    write_page(path, text)
 
 
 def _parameters(fit: Fit) -> Iterable[tuple[str, ...]]:

@@ -107,6 +107,9 @@ class ResidualTests:
                 f"{self.channel}: the residual is correlated over {self.correlation_time:.2g} s "
                 f"({self.lag_one:+.2f} from sample to sample), so that its {self.samples} samples "
                 f"tell as much as {self.effective_samples:.0f} independent ones"
+                if self.effective_samples < 0.9 * self.samples
+                else f"{self.channel}: the residual is slightly correlated "
+                f"({self.lag_one:+.2f} from sample to sample)"
             )
         if abs(self.mean) > 3 * self.mean_error:
             side = "above" if self.mean > 0 else "below"
@@ -116,7 +119,7 @@ class ResidualTests:
             )
         related = [s for s in self.signals.values() if s.related]
         if not related:
-            return words + ", and it is not related to any signal."
+            return words + ", and no relation to a signal can be shown."
         most = max(related, key=lambda s: abs(s.peak) / s.band)
         when = f"{most.lag:.2g} s before" if most.lag > 0 else f"{-most.lag:.2g} s later"
         return (

@@ -50,7 +50,7 @@ class Signals(Mapping[str, Any]):
         except KeyError:
             raise InputError(
                 f"The equations read the signal '{name}', which this log and model do not have; "
-                f"there are {listing(self._values)}.",
+                f"there are {listing(n for n in self._values if '.' not in n)}.",
                 f"Give the log an input '{name}', or use a model or effect that does without it.",
             ) from None
 

@@ -38,6 +38,8 @@ CLEAR = 20.0
 WORSE = 3.0
 """An effect that costs the unseen logs more log-likelihood than this (odds of 20 to 1) is refused:
 of an effect at the limit of detection they may by chance tell either way."""
+SPOILT = 1.2
+"""An effect is refused with which the error of whole unseen runs grows by more than this."""
 PART = 0.3
 """An effect that explains less than this part of what an unknown signal does is not it."""
 OWN = 0.5
@@ -138,15 +140,27 @@ class Stages:
                 self.trials.problem = clipped
                 self.refused[candidate.effect] = "fits the training logs, and unseen logs worse"
                 continue
-            effects = self.present.effects
+            before, dropped = self.present, list(self.dropped)
             self.present = settled
             self._drop()
-            if set(self.present.effects) == set(effects):
+            if set(self.present.effects) == set(before.effects):
                 return False
             self.say(f"refitting with {candidate.effect}", 0.3 + 0.1 * number)
-            self.stages.append(self.timed("refit", self._stage))
+            stage = self.timed("refit", self._stage)
+            if self._spoils(stage):
+                self.present, self.dropped, self.trials.problem = before, dropped, clipped
+                self.refused[candidate.effect] = (
+                    "predicts the next sample better, and whole unseen runs worse"
+                )
+                continue
+            self.stages.append(stage)
             return True
         return False
+
+    def _spoils(self, stage: Stage) -> bool:
+        """Whether a new stage simulates the unseen logs clearly worse than the one before."""
+        old, new = self.stages[-1].holdout, stage.holdout
+        return old is not None and new is not None and new.nrmse > SPOILT * old.nrmse
 
     def _comparable(self, candidate: Candidate, trial: Trial) -> bool:
         """Whether an effect explains what is missing, not a small part that it happens to touch.

@@ -28,6 +28,9 @@ class Status(Enum):
     NOT_CONVERGED = "not_converged"
     SIMULATION_FAILED = "simulation_failed"
 
+    def __str__(self) -> str:
+        return self.value
+
     @property
     def ok(self) -> bool:
         """Whether the parameters and their errors can be used as they are."""

@@ -82,7 +82,7 @@ def test_the_summary_admits_what_cannot_be_told_apart_and_what_remains(full):
 def test_an_adequate_model_is_said_to_be_so_and_no_more(full):
     text = made.adequate(full).summary
     assert text.startswith(
-        "The thruster with command dead band is adequate: nothing that these logs"
+        "The thruster with command dead band is adequate: no effect helps on these logs."
     )
     assert "the speed error on the training logs is 0.29 rad/s" in text.replace(
         "The speed", "the speed"
@@ -138,7 +138,7 @@ def test_the_missing_signal_in_words(full):
     told, untold = (missing_words(missing, full.model) for missing in full.missing)
     assert "15 rad/s^2 (RMS)" in told
     assert "depends most on command, which explains 91 % of its variance (p < 0.001)" in told
-    assert "nothing is missing that shows above its standard error of 3.0 rad/s^2" in untold
+    assert "nothing is missing that shows." in untold
     time, signal, _ = full.missing[1].runs[0]
     sure = replace(full.missing[1], runs=((time, signal, np.full(time.size, 1.0)),))
     words = missing_words(sure, full.model)
