@@ -10,7 +10,7 @@ import numpy as np
 from diffthrust._diagnosis_words import stage_words
 from diffthrust._display import number
 from diffthrust._phrases import percent, spelt
-from diffthrust._plots import BLUE, GREY, VERMILLION, thinned
+from diffthrust._plots import BLUE, GREY, VERMILLION, literal, thinned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,7 +49,7 @@ def stages_figure(diag: Diagnosis) -> Figure:
         _traces(panel, before, after if several else None, name)
     axes[-1].set_xlabel("time [s]", fontsize=9)
     kind = "unseen log" if diag.stages[0].holdout else "training log"
-    axes[0].set_title(f"{kind} {_plain(before.name)}", loc="left", fontsize=10)
+    axes[0].set_title(f"{kind} {literal(before.name)}", loc="left", fontsize=10)
     axes[0].legend(loc="upper right", fontsize=8, ncols=3, frameon=True, framealpha=0.9)
     return figure
 
@@ -158,7 +158,7 @@ def _traces(panel: Axes, before: Run, after: Run | None, name: str) -> None:
 def _over_time(panel: Axes, missing: Missing) -> None:
     index = max(range(len(missing.runs)), key=lambda i: np.mean(missing.runs[i][1] ** 2))
     time, signal, error = missing.runs[index]
-    name = _plain(missing.logs[index]) if missing.logs else f"training log {index + 1}"
+    name = literal(missing.logs[index]) if missing.logs else f"training log {index + 1}"
     panel.fill_between(
         time,
         signal - _BAND * error,
@@ -224,11 +224,6 @@ def _bars(panel: Axes, tried: list[Candidate], diag: Diagnosis) -> None:
     panel.set_xlim(0.0, 1.2 * max(ratios) or 1.0)
     panel.set_xlabel("likelihood ratio [-]", fontsize=9)
     _plainly(panel)
-
-
-def _plain(name: str) -> str:
-    """A name from outside, which must not be read as a formula."""
-    return name.replace("$", r"\$")
 
 
 def _plainly(panel: Axes) -> None:

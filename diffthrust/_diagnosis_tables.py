@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from diffthrust._metrics import Errors
     from diffthrust._result import Fit
 
-_SHOWN = 6
-"""Candidates listed of each stage."""
+_SHOWN, _LEAST = 6, 1.0
+"""Candidates listed of each stage, and the likelihood ratio that they have; the best always."""
 
 
 @dataclass(frozen=True)
@@ -148,7 +148,7 @@ def ranking_rows(diag: Diagnosis) -> Rows:
     for stage in sorted({c.stage for c in diag.ranking}):
         tried = [c for c in diag.ranking if c.stage == stage]
         rows = []
-        for c in tried[:_SHOWN]:
+        for c in [c for c in tried[:_SHOWN] if c.likelihood_ratio >= _LEAST] or tried[:1]:
             estimates = [
                 f"{spelt(k)} {number(v, 3)} {u}".rstrip() for k, (v, u) in c.parameters.items()
             ]

@@ -168,7 +168,7 @@ def refused_words(diag: Diagnosis) -> list[str]:
 def silent_words(diag: Diagnosis) -> str:
     """The effects that were tried in vain."""
     names = joined(an(spelt(name)) for name in diag.silent)
-    return f"Nothing comes of {names}." if diag.silent else ""
+    return f"Tried in vain: {names}." if diag.silent else ""
 
 
 def group_words(diag: Diagnosis) -> list[str]:

@@ -19,6 +19,11 @@ _COLUMNS = 3
 _POINTS = 4000
 
 
+def literal(name: str) -> str:
+    """A name from outside, which must not be read as a formula."""
+    return name.replace("$", r"\$")
+
+
 def comparison_figure(comparison: Comparison) -> Figure:
     """Measured and modelled on top, the residual below, for each channel of each run.
 
@@ -99,7 +104,7 @@ def _label(
 ) -> None:
     trace, error = run.channels[name], run.errors.channels.get(name)
     unit = f" [{trace.unit}]" if trace.unit else ""
-    lines = [run.name] if name == next(iter(run.channels)) else []
+    lines = [literal(run.name)] if name == next(iter(run.channels)) else []
     if error is not None:
         size = f"RMSE {error.rmse:.3g} {trace.unit}".rstrip()
         percent = f"{round(error.fit_percent, 1) + 0.0:.1f} %"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from diffthrust._derived import derived_signals
-from diffthrust._plots import BLUE, GREY, VERMILLION, styled, thinned
+from diffthrust._plots import BLUE, GREY, VERMILLION, literal, styled, thinned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -62,7 +62,7 @@ def _in_time(axes: Axes, comparison: Comparison, name: str, regime: Regime | Non
         _shade(axes, run.time, _inside(comparison, run, regime))
     time, rest = thinned(run.time, run.channels[name].residual)
     axes.plot(time, rest, color=BLUE, linewidth=0.9)
-    which = f"{run.name}{', the worst run' if len(runs) > 1 else ''}"
+    which = f"{literal(run.name)}{', the worst run' if len(runs) > 1 else ''}"
     label = "sample" if comparison.tabular else "time [s]"
     styled(axes, f"{name}\n{which}", label, _labelled("residual", run.channels[name].unit))
 

@@ -241,7 +241,7 @@ def test_the_table_of_an_adequate_model_has_no_empty_parts(full):
     assert "Verdict: adequate" in text
     for word in ("Missing signal", "BIC change", "Proposed test", "What remains", "Last stage"):
         assert word not in text
-    assert "Nothing comes of Coulomb friction." in text
+    assert "Tried in vain: Coulomb friction." in text
     nothing = replace(made.adequate(full), silent=())
     assert "Effects tried" not in nothing.report()
     assert nothing.summary.startswith("These logs can test none of the effects")
