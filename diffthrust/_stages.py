@@ -123,39 +123,41 @@ class Stages:
                 return self.advance()
         self.ranking += [candidate for candidate, _ in rated]
         for place, (candidate, trial) in enumerate(rated):
-            if place:  # beside the first its noise may not have been priced
+            if place and candidate.p_value < ALONE:  # beside the first its noise was not priced
                 candidate = self._rated(number, trial, math.inf)
             if candidate.delta_bic > -MARGIN:
                 continue
-            if not self._comparable(candidate, trial):
-                self.refused[candidate.effect] = (
-                    "explains a small part of what a signal of unknown form explains"
-                )
-                continue
-            clipped = self.trials.problem
-            settled = self.timed(
-                "screen", self.trials.settled, trial.effects, trial.values, trial.begin
-            )
-            if self.trials.unseen_gain(self.present, settled) < -WORSE:
-                self.trials.problem = clipped
-                self.refused[candidate.effect] = "fits the training logs, and unseen logs worse"
-                continue
-            before, dropped = self.present, list(self.dropped)
-            self.present = settled
-            self._drop()
-            if set(self.present.effects) == set(before.effects):
-                return False
+            why = self._refusal(candidate, trial)
+            if why is None:
+                return len(self.stages) - 1 > number
+            self.refused[candidate.effect] = why
+        return False
+
+    def _refusal(self, candidate: Candidate, trial: Trial) -> str | None:
+        """Add an effect, with a stage of its own, or say why not.
+
+        Without a stage nor a reason the effect has turned out superfluous.
+        """
+        if not self._comparable(candidate, trial):
+            return "explains a small part of what a signal of unknown form explains"
+        before, dropped, clipped = self.present, list(self.dropped), self.trials.problem
+        settled = self.timed(
+            "screen", self.trials.settled, trial.effects, trial.values, trial.begin
+        )
+        if self.trials.unseen_gain(before, settled) < -WORSE:
+            self.trials.problem = clipped
+            return "fits the training logs, and unseen logs worse"
+        self.present = settled
+        self._drop()
+        if set(self.present.effects) != set(before.effects):
+            number = len(self.stages) - 1
             self.say(f"refitting with {candidate.effect}", 0.3 + 0.1 * number)
             stage = self.timed("refit", self._stage)
             if self._spoils(stage):
                 self.present, self.dropped, self.trials.problem = before, dropped, clipped
-                self.refused[candidate.effect] = (
-                    "predicts the next sample better, and whole unseen runs worse"
-                )
-                continue
+                return "predicts the next sample better, and whole unseen runs worse"
             self.stages.append(stage)
-            return True
-        return False
+        return None
 
     def _spoils(self, stage: Stage) -> bool:
         """Whether a new stage simulates the unseen logs clearly worse than the one before."""

@@ -17,7 +17,7 @@ from diffthrust import InputError, Log
 from diffthrust._arrange import build
 from diffthrust._innovations import observer_for, one_step, one_step_errors
 from diffthrust._likelihood import evaluate
-from diffthrust._observer import innovations
+from diffthrust._observer import direction, innovations, limited
 from diffthrust._solver import solve
 from diffthrust._spec_file import FitPart
 from diffthrust._status import Status, examine
@@ -493,3 +493,19 @@ def test_without_a_measured_state_there_is_nothing_to_correct():
     driven = Log(log.time, {"speed": log.measured["speed"]}, {"thrust": log.measured["thrust"]})
     with pytest.raises(InputError, match="drive the model alike"):
         dft.fit(GUESS, [log, driven], likelihood="innovations")
+
+
+def test_what_an_error_corrects_bends_smoothly_into_its_limit():
+    errors = jnp.array([-1e12, -20.0, -1.0, 0.0, 1.0, 20.0, 1e12])
+    told = limited(errors, 4.0)
+    assert told == pytest.approx([-4.0, -4.0, -1.0, 0.0, 1.0, 4.0, 4.0], rel=2e-5)
+    assert limited(errors, jnp.inf) == pytest.approx(errors)
+    slopes = jax.vmap(jax.grad(limited), (0, None))(errors, 4.0)
+    assert np.all(np.isfinite(slopes))
+
+
+def test_the_direction_of_an_unsigned_sensor_passes_zero_smoothly():
+    speeds = jnp.array([-9.0, 0.0, 9.0])
+    assert direction(speeds, 1.0) == pytest.approx([-1.0, 0.0, 1.0])
+    assert direction(speeds, jnp.inf) == pytest.approx([-1.0, 1.0, 1.0])
+    assert jax.grad(direction)(0.0, 2.0) == pytest.approx(0.5)

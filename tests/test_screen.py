@@ -115,3 +115,19 @@ def test_an_effect_at_its_null_is_idle(trials):
     there = made.solve(("coulomb_friction",), {**base.values, "coulomb_friction.level": 20.0})
     assert not made.idle(there)
     assert made.idle(replace(there, values=made.absent("coulomb_friction", there.values)))
+
+
+def test_an_instant_is_found_wherever_it_lies():
+    rng = np.random.default_rng(5)
+    command = inputs.low_passed_random(TIME, 2.0, rng)
+    record = thruster.simulate(TIME, command, method="rk4")
+    lost = np.where(TIME > 9.0, 0.9, 1.0)
+    record.measured["thrust"] = record.measured["thrust"] * lost
+    record = noise.measure(record, rng, speed=noise.Sensor(0.3), thrust=noise.Sensor(0.2))
+    log = dft.Log(record.time, record.inputs, record.measured)
+    made = Trials(dft.Thruster(), [dft.effects.ThrustDegradation()], [log], [])
+    base = made.base(made.values_of(dft.Thruster()))
+    found = screened(made, ["thrust_degradation"], base, made.levels(base))
+    values = found["thrust_degradation"].values
+    assert values["thrust_degradation.instant"] == pytest.approx(9.0, abs=0.5)
+    assert values["thrust_degradation.fraction"] == pytest.approx(0.1, rel=0.2)
