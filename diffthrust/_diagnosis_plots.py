@@ -119,8 +119,10 @@ def _falling(panel: Axes, diag: Diagnosis) -> None:
             )
     panel.set_ylim(0.0, 1.12 * top if top > 0 else 1.0)
     panel.set_xlim(-0.4, len(where) - 0.6)
-    words = [textwrap.fill(stage_words(diag, int(i)), 16) for i in where]
-    panel.set_xticks(where, words)
+    many = len(where) > 3  # side by side their names would run into each other
+    words = [textwrap.fill(stage_words(diag, int(i)), 24 if many else 16) for i in where]
+    slanted = {"rotation": 35, "ha": "right", "rotation_mode": "anchor"} if many else {}
+    panel.set_xticks(where, words, **slanted)
     panel.set_title("error by stage", loc="left", fontsize=10)
     panel.set_ylabel("NRMSE [-]", fontsize=9)
     panel.legend(fontsize=8, frameon=True, framealpha=0.9)
