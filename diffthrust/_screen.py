@@ -22,6 +22,8 @@ FEW = 6
 """Steps from each of the best probes, before it is known which effects matter."""
 MANY = 20
 """Steps across a threshold, where a search creeps."""
+IDLE = 1e-6
+"""A probe that changes the cost by less does nothing: a limit that nothing reaches."""
 FAR = 0.25
 """A probe whose cost rises by more than this times the samples is no start."""
 
@@ -153,7 +155,7 @@ def _far(
     found = []
     for point in points:
         cost = trials.cost(effects, {**present.values, **point}, present.begin)
-        if np.isfinite(cost) and cost != present.cost:
+        if np.isfinite(cost) and abs(cost - present.cost) > IDLE:
             found.append((cost, point))
     worth = present.cost + FAR * trials.samples
     chosen = sorted((pair for pair in found if pair[0] < worth), key=lambda pair: pair[0])[:2]
