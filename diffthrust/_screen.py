@@ -117,10 +117,12 @@ def scores(
         if not np.isfinite(q.cost):
             return [np.inf] * len(group)
         costs = []
+        barred = np.array([_barred(trials, n, g) for n, g in zip(names, q.gradient, strict=False)])
         for name in group:
             others = tuple(f"{other}." for other in group if other != name)
             movable = np.ones(q.gradient.size, bool)
             movable[: len(names)] = [not n.startswith(others) for n in names] if others else True
+            movable[: len(names)] &= ~barred
             costs.append(float(q.cost) - promise(q, movable))
         return costs
 
@@ -128,6 +130,15 @@ def scores(
         for (name, point), cost in zip(group.items(), costs, strict=True):
             found[name].append((cost, point))
     return found
+
+
+def _barred(trials: Trials, name: str, slope: float) -> bool:
+    """Whether a parameter of an effect would have to leave its null beyond a bound."""
+    p = trials.problem.named.get(name)
+    if p is None or p.null is None:
+        return False
+    low, high = p.limits
+    return bool((p.null <= low and slope > 0) or (p.null >= high and slope < 0))
 
 
 def _packed(points: Mapping[str, Point], room: int) -> list[dict[str, Point]]:

@@ -55,8 +55,7 @@ for hint in comparison.hints:
     print(f"- {hint}")
 
 suspects = ["swapped_thrusters", "quadratic_yaw_drag", "quadratic_surge_drag"]
-short = [log for log in train if log.duration < 60]  # enough to tell, and soon done
-diag = dft.diagnose(fit.model, short, holdout=unseen, candidates=suspects, experiment=False)
+diag = dft.diagnose(fit, train, holdout=unseen, candidates=suspects, experiment=False)
 print(diag.report())
 print("The error on the unseen runs as the diagnosis went on:")
 for stage in diag.stages:
