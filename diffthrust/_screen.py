@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from diffthrust._probes import probes
+from diffthrust._probes import is_limit, probes
 from diffthrust._score import promise
 from diffthrust._solver import solve
 from diffthrust._trials import Trial, Trials, side_by_side
@@ -24,6 +24,10 @@ MANY = 20
 """Steps across a threshold, where a search creeps."""
 IDLE = 1e-6
 """A probe that changes the cost by less does nothing: a limit that nothing reaches."""
+HALVINGS = 10
+"""So often the gap is halved between a limit that acts and one that nothing reaches."""
+INSIDE = (0.999, 0.997, 0.99, 0.97)
+"""A limit is tried at these shares of the least that nothing reaches: faint ones lie there."""
 FAR = 0.25
 """A probe whose cost rises by more than this times the samples is no start."""
 
@@ -163,11 +167,35 @@ def _far(
 ) -> list[tuple[float, Point]]:
     """Of points far from the null the two with the least cost, with the cost that they promise."""
     effects = (*present.effects, name)
-    found = []
-    for point in points:
-        cost = trials.cost(effects, {**present.values, **point}, present.begin)
-        if np.isfinite(cost) and abs(cost - present.cost) > IDLE:
-            found.append((cost, point))
-    worth = present.cost + FAR * trials.samples
-    chosen = sorted((pair for pair in found if pair[0] < worth), key=lambda pair: pair[0])[:2]
+
+    def cost(point: Point) -> float:
+        return trials.cost(effects, {**present.values, **point}, present.begin)
+
+    def acts(cost: float) -> bool:
+        return abs(cost - present.cost) > IDLE
+
+    found = [(cost(point), point) for point in points]
+    if is_limit(trials.candidates[name]) and len(points[0]) == 1:
+        (key,) = points[0]
+        below = max((point[key] for at, point in found if acts(at)), default=np.inf)
+        above = min((point[key] for at, point in found if not acts(at)), default=0.0)
+        if below < above:
+            edge = edge_of(below, above, lambda value: acts(cost({key: value})))
+            found += [(cost({key: share * edge}), {key: share * edge}) for share in INSIDE]
+    worth = present.cost + FAR * trials.samples  # NaN and infinite costs are worth nothing
+    found = [(at, point) for at, point in found if acts(at) and at < worth]
+    chosen = sorted(found, key=lambda pair: pair[0])[:2]
     return [(followed(point, 1).expected, point) for _, point in chosen]
+
+
+def edge_of(low: float, high: float, acts: Callable[[float], bool]) -> float:
+    """The largest value, about, at which a limit still acts, between one that does and one not.
+
+    Example:
+        >>> round(edge_of(1.0, 2.0, lambda value: value < 1.5), 2)
+        1.5
+    """
+    for _ in range(HALVINGS):
+        middle = float(np.sqrt(low * high))
+        low, high = (middle, high) if acts(middle) else (low, middle)
+    return low

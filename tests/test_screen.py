@@ -9,7 +9,7 @@ from reference import inputs, noise, thruster
 import diffthrust as dft
 from diffthrust._criterion import criterion, noises
 from diffthrust._probes import probes
-from diffthrust._screen import _packed, scores, screened
+from diffthrust._screen import _packed, edge_of, scores, screened
 from diffthrust._trials import Trials
 
 TIME = np.arange(500) * 0.05
@@ -131,3 +131,23 @@ def test_an_instant_is_found_wherever_it_lies():
     values = found["thrust_degradation"].values
     assert values["thrust_degradation.instant"] == pytest.approx(9.0, abs=0.5)
     assert values["thrust_degradation.fraction"] == pytest.approx(0.1, rel=0.2)
+
+
+def test_the_edge_of_a_limit_is_found_from_inside():
+    edge = edge_of(1.0, 1.2, lambda value: value < 1.137)
+    assert 1.137 > edge > 1.137 * (1 - 2e-4)
+
+
+def test_a_limit_that_cuts_only_the_highest_commands_is_found():
+    rng = np.random.default_rng(8)
+    command = inputs.low_passed_random(TIME, 2.0, rng)
+    limit = 0.985 * np.abs(command).max()
+    record = thruster.simulate(TIME, np.clip(command, -limit, limit), method="rk4")
+    record = noise.measure(record, rng, speed=noise.Sensor(0.05), thrust=noise.Sensor(0.05))
+    log = dft.Log(record.time, {"command": command}, record.measured)
+    made = Trials(dft.Thruster(), [dft.effects.CommandSaturation()], [log], [])
+    base = made.base(made.values_of(dft.Thruster()))
+    found = screened(made, ["command_saturation"], base, made.levels(base))
+    assert found["command_saturation"].values["command_saturation.limit"] == pytest.approx(
+        limit, rel=5e-3
+    )
