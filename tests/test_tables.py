@@ -71,7 +71,8 @@ def test_the_table_of_a_check():
 
 
 def test_the_catalogue_of_effects():
-    text = " ".join(rendered(effects_table(EFFECTS.values(), MODELS.values())).split())
+    models = {name: model() for name, model in MODELS.items()}
+    text = " ".join(rendered(effects_table(EFFECTS.values(), models)).split())
     for name, effect in EFFECTS.items():
         assert name in text
         assert (effect.__doc__ or "").strip().splitlines()[0] in text
