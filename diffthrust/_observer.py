@@ -140,7 +140,8 @@ class Correction:
     def error(self, channel: str, modelled: Any, measured: Any, colour: Any) -> Any:
         """Measured minus predicted; zero where nothing was measured."""
         i = self.observer.channels.index(channel)
-        size = modelled * direction(modelled, self.clip[i] / 8)
+        # half a standard deviation of the errors: wider, it would bend what is read above zero
+        size = modelled * direction(modelled, 0.5 * self.clip[i] / CLIP)
         modelled = jnp.where(self.unsigned[i], size, modelled)
         rest = jnp.where(jnp.isnan(measured), 0.0, measured) - modelled - colour
         if channel in self.model.angles:
