@@ -97,7 +97,8 @@ def build(
         "noise": jnp.asarray([1.0 if s is None else s for s in noise]),
         "floor": jnp.asarray([(1e-8 * s) ** 2 for s in spread]),
         "counts": jnp.asarray(counts, float),
-        "clip": jnp.full(len(channels), jnp.inf),
+        "clip": jnp.asarray(np.full(len(channels), np.inf)),
+        "reach": jnp.asarray(np.ones(())),
         "prior": {n: (jnp.asarray(p.mean), jnp.asarray(p.std)) for n, p in priors.items() if p},
     }
     return Problem(model, tuple(logs), layout, arrays, tuple(order), nuisance=nuisance)

@@ -14,8 +14,8 @@ from diffthrust._errors import InputError
 from diffthrust._intake import bridged
 from diffthrust._log import Log
 from diffthrust._model import Model
-from diffthrust._observer import CLIP, Observer, is_memory, observer_of
-from diffthrust._passes import passes, with_clip
+from diffthrust._observer import CLIP, REAL, WIDE, Observer, is_memory, observer_of
+from diffthrust._passes import cost, passes, with_clip
 from diffthrust._problem import Problem
 from diffthrust._result import Estimate, Fit
 from diffthrust._solver import Solved, solve
@@ -55,11 +55,16 @@ def observer_for(model: Model, logs: Sequence[Log]) -> Observer:
 def clipped(found: Search, problem: Problem) -> tuple[Search, Problem]:
     """The search carried on with errors limited to a few times what they are.
 
-    A spike then moves the states no further than a large error does.
+    A spike then moves the states no further than a large error does. Where large errors are no
+    spikes, they move the states further.
     """
     for _ in range(2):
         problem = with_clip(problem, CLIP * found.best.quadratic.sigma)
         found = found.followed(problem)
+    wide = with_clip(problem, problem.arrays["clip"], reach=WIDE)
+    freer = found.followed(wide)
+    if freer.best.quadratic.cost < found.best.quadratic.cost - REAL:
+        return freer, wide
     return found, problem
 
 
@@ -141,6 +146,9 @@ def one_step(fit: Fit, logs: Sequence[Log], substeps: int = 1) -> list[dict[str,
         noise = [fit.noise.get(name, np.inf) for name in problem.layout.channels]
         arrays["clip"] = jnp.asarray(CLIP * np.array(noise))
     problem = replace(problem, nuisance=nuisance, arrays=arrays)
+    wide = with_clip(problem, arrays["clip"], reach=WIDE)
+    if cost(wide) < cost(problem) - REAL:
+        problem = wide
     rests = one_step_errors(problem, problem.start())
     at = [bridged(log)[1] for log in logs]
     return [{n: rest[i] for n, rest in run.items()} for run, i in zip(rests, at, strict=True)]

@@ -69,7 +69,7 @@ def residuals(layout: Layout, index: int, arrays: Any, log: Any, z: Any, start: 
     model = layout.key.model.bind(values)
     states = {**log["held"], **{n: start[i] for i, n in enumerate(layout.starts)}}
     if layout.observer is not None:
-        told = {**log, "clip": arrays["clip"]}
+        told = {**log, "clip": arrays["clip"], "reach": arrays["reach"]}
         return innovations(layout.observer, model, grid, values, told, states)[0]
     anew = {n: (log["restart_" + n], log["sign_" + n]) for n in grid.restarted}
     outputs, _ = trajectory(model, grid, log["time"], log["inputs"], states, anew)

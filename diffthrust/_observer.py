@@ -31,6 +31,11 @@ from diffthrust._simulate import Grid, equations_of, march, read_out
 
 CLIP = 4.0
 """An error of more than so many standard deviations corrects as much as one of that size."""
+WIDE = 5.0
+"""Or one of so many times that size, where large errors are no spikes of a sensor, but tell how the
+states moved;"""
+REAL = 10.0
+"""this makes the logs likelier by so much (log-likelihood)."""
 
 
 @dataclass(frozen=True)
@@ -119,6 +124,7 @@ class Correction:
     ) -> None:
         self.observer, self.model, self.values = observer, model, values
         self.unsigned, self.clip = log["unsigned"], log["clip"]
+        self.limit = log["reach"] * self.clip
         step = jnp.diff(time, append=time[-1:])
         kept = {f"drift.{n}": values[f"noise.{n}.memory"] for n in observer.forced}
         kept |= {f"colour.{c}": values[f"noise.{c}.correlation"] for c in observer.channels}
@@ -159,7 +165,7 @@ class Correction:
             modelled = sensor(c, outputs[c])
             e = self.error(c, modelled, row[c], state[f"colour.{c}"])
             i = o.channels.index(c)
-            told[c] = limited(e, self.clip[i])
+            told[c] = limited(e, self.limit[i])
             toward = jnp.where(self.unsigned[i], direction(modelled, self.clip[i]), 1.0)
             errors[c] = toward * told[c]
         new = dict(state)
@@ -233,7 +239,7 @@ def innovations(
         if c in observer.fed:
             errors.append(run.error(c, modelled, run.rows[c], path[f"colour.{c}"]))
         else:
-            gain, limit = values[f"noise.{c}.colour"], run.clip[observer.channels.index(c)]
+            gain, limit = values[f"noise.{c}.colour"], run.limit[observer.channels.index(c)]
             errors.append(_whitened(rest, run.rows[c], gain, run.rows[f"colour.{c}"], limit))
     return jnp.stack(errors), {**path, **told}
 

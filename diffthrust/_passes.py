@@ -107,9 +107,16 @@ def nrmse(problem: Problem) -> float:
     return float(np.sqrt(np.mean(ratios)))
 
 
-def with_clip(problem: Problem, clip: Any) -> Problem:
-    """The problem with errors limited at ``clip``, ``(C,)``, where they correct states."""
-    return replace(problem, arrays={**problem.arrays, "clip": jnp.asarray(clip)})
+def with_clip(problem: Problem, clip: Any, reach: Any = 1.0) -> Problem:
+    """The problem with errors limited where they correct states.
+
+    Args:
+        problem: in the innovations form.
+        clip: size of a large error, ``(C,)``.
+        reach: errors are limited at so many times that.
+    """
+    given = {"clip": jnp.asarray(clip), "reach": jnp.asarray(np.asarray(reach, float))}
+    return replace(problem, arrays={**problem.arrays, **given})
 
 
 @partial(jax.jit, static_argnums=0)
@@ -127,7 +134,7 @@ def _pass(layout: Layout, arrays: Any, z: Any) -> Any:
         at += count * m
 
         def one(log: Any, grid: Any = grid) -> Any:
-            told = {**log, "clip": arrays["clip"]}
+            told = {**log, "clip": arrays["clip"], "reach": arrays["reach"]}
             begin = {name: log["start"][i] for i, name in enumerate(layout.starts)}
             states = {**log["held"], **begin}
             return innovations(observer, model, grid, values, told, states)

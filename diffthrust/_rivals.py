@@ -19,7 +19,7 @@ def groups_of(search: Stages) -> tuple[tuple[str, ...], ...]:
     levels = search.trials.levels(search.first)
     out = []
     for name in search.present.effects:
-        without = search.without(name)
+        without = search.trials.further(search.without(name))
         alike, price = [name], search.price(search.present, name)
         others = sorted(rivals - set(search.present.effects))
         for rival, trial in screened(search.trials, others, without, levels).items():

@@ -40,6 +40,7 @@ def screened(
     present: Trial,
     levels: Mapping[str, float],
     say: Callable[[str], None] = lambda name: None,
+    given: Mapping[str, float] | None = None,
 ) -> dict[str, Trial]:
     """The present model with each of some effects, carried a few steps from its best probes.
 
@@ -49,6 +50,7 @@ def screened(
         present: the model as it is so far.
         levels: `Trials.levels`.
         say: told each name as its turn comes.
+        given: values of the model's parameters from which far probes are tried as well.
 
     Returns:
         Trials by name; candidates of which nothing is to be hoped are left out.
@@ -89,6 +91,8 @@ def screened(
         starts = [pair for pair in starts + far if gain(pair[0]) >= HOPE]
         starts = sorted(starts, key=lambda pair: pair[0])[:2]
         ends = [risen(point, MANY if silent else FEW) for _, point in starts]
+        if given is not None:
+            ends += _anew(trials, name, present, points[name][1], given)
         best = min(ends, key=lambda trial: trial.expected, default=None)
         return best if best is not None and gain(best.expected) > KEEP else None
 
@@ -186,6 +190,21 @@ def _far(
     found = [(at, point) for at, point in found if acts(at) and at < worth]
     chosen = sorted(found, key=lambda pair: pair[0])[:2]
     return [(followed(point, 1).expected, point) for _, point in chosen]
+
+
+def _anew(
+    trials: Trials, name: str, present: Trial, points: Sequence[Point], given: Point
+) -> list[Trial]:
+    """The best of points far from the null, with the model's parameters as they were given.
+
+    The fit of a model that is wrong at heart may have run to where its effect shows no more.
+    """
+    effects, values = (*present.effects, name), {**present.values, **given}
+    found = [(trials.cost(effects, {**values, **point}, None), point) for point in points]
+    cost, point = min(found, key=lambda pair: pair[0], default=(np.inf, {}))
+    if not cost < trials.cost(effects, values, None) - HOPE:
+        return []
+    return [trials.solve(effects, {**values, **point}, None, MANY)]
 
 
 def edge_of(low: float, high: float, acts: Callable[[float], bool]) -> float:

@@ -17,6 +17,8 @@ from diffthrust._problem import Problem
 
 MOST_STEPS = 300
 _CONTACT = 1e-9  # a coordinate this near to its bound counts as lying on it
+_FLAT = 1e-10  # what is left is told of the quadratic with so much curvature added
+_ROUNDS = 100  # most rounds for which sides of the box bound a step
 
 
 class _State(eqx.Module):
@@ -76,21 +78,18 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
 
     def _move(self, y: Any, q: Quadratic, damping: Any) -> tuple[Any, Any]:
         """The damped step within the box, and what an undamped one would still gain."""
-        low, high = y <= self.lower + _CONTACT, y >= self.upper - _CONTACT
-        outward = (low & (q.gradient > 0)) | (high & (q.gradient < 0))
-        gradient = jnp.where(outward, 0.0, q.gradient)
         scale = jnp.sqrt(jnp.diagonal(q.information))
-        held = outward | (scale == 0) | ~jnp.isfinite(scale)
+        held = (scale == 0) | ~jnp.isfinite(scale)
         scale = jnp.where(held, 1.0, scale)
         scaled = q.information / scale[:, None] / scale[None, :]
         scaled = jnp.where(held[:, None] | held[None, :], 0.0, scaled)
         scaled = jnp.where(jnp.isfinite(scaled), scaled, 0.0)
-        slope = jnp.where(held, 0.0, gradient / scale)
-        values, vectors = jnp.linalg.eigh(scaled)
-        along = vectors.T @ slope
-        move = -vectors @ (along / (jnp.maximum(values, 0.0) + damping)) / scale
-        left = 0.5 * jnp.sum(along**2 / (jnp.maximum(values, 0.0) + 1e-10))
-        return jnp.clip(y + move, self.lower, self.upper) - y, left
+        slope = jnp.where(held, 0.0, q.gradient / scale)
+        low, high = (self.lower - y) * scale, (self.upper - y) * scale
+        move = _in_box(scaled + damping * jnp.eye(y.size), slope, low, high)
+        full = _in_box(scaled + _FLAT * jnp.eye(y.size), slope, low, high)
+        left = -(slope @ full + 0.5 * full @ scaled @ full)
+        return jnp.clip(y + move / scale, self.lower, self.upper) - y, left
 
     def terminate(
         self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any
@@ -114,6 +113,42 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         result: Any,
     ) -> tuple[Any, Any, dict[str, Any]]:
         return y, state.quadratic, {}
+
+
+def _in_box(matrix: Any, slope: Any, low: Any, high: Any) -> Any:
+    """The least of ``slope @ x + x @ matrix @ x / 2`` between ``low <= 0`` and ``high >= 0``.
+
+    A primal active set (Nocedal & Wright 2006, section 16.5): from zero towards the least of the
+    coordinates that are free, as far as the first side of the box, which then holds one more; at
+    the least, the side that holds back most lets go. To cut a step off at the sides instead would
+    turn it uphill where coordinates depend on each other.
+    """
+    eye = jnp.eye(slope.size)
+
+    def again(state: Any) -> Any:
+        x, fixed, _, count = state
+        pull = slope + matrix @ x
+        free = jnp.where(fixed[:, None] | fixed[None, :], eye, matrix)
+        step = -jnp.linalg.solve(free, jnp.where(fixed, 0.0, pull))
+        side = jnp.where(step < 0, low, high)
+        reach = jnp.where(fixed | (step == 0), jnp.inf, (side - x) / jnp.where(step == 0, 1, step))
+        first = jnp.argmin(reach)
+        blocked = reach[first] < 1.0
+        x = x + jnp.minimum(1.0, jnp.maximum(reach[first], 0.0)) * step
+        x = jnp.where(blocked, x.at[first].set(side[first]), x)
+        pull = slope + matrix @ x
+        back = jnp.where(x <= low, -pull, 0.0) + jnp.where(x >= high, pull, 0.0)
+        back = jnp.where(fixed & (low < high), back, 0.0)
+        worst = jnp.argmax(back)
+        releases = ~blocked & (back[worst] > 1e-12)
+        fixed = jnp.where(blocked, fixed.at[first].set(True), fixed)
+        fixed = jnp.where(releases, fixed.at[worst].set(False), fixed)
+        return x, fixed, blocked | releases, count + 1
+
+    outward = ((low >= -_CONTACT) & (slope > 0)) | ((high <= _CONTACT) & (slope < 0))
+    begun = (jnp.zeros_like(slope), outward, jnp.array(True), 0)
+    x, *_ = jax.lax.while_loop(lambda state: state[2] & (state[3] < _ROUNDS), again, begun)
+    return jnp.clip(x, low, high)
 
 
 class Solved(NamedTuple):

@@ -29,17 +29,27 @@ MOST_SUBSTEPS = 2
 MARGIN = 4.0
 """An effect is added where it lowers the information criterion by more than this, so that one of
 some thirty candidates passes by chance in about one diagnosis of a hundred."""
+SCREENS = 3
+"""Most screens for one stage: a better noise may come to light again and again on flat ridges."""
 CARRIED = 6
 """So many of the effects tried at a stage are fitted to the end."""
 ALONE = 0.05
 """An effect is worth a closer look where its likelihood ratio alone would come so rarely."""
 CLEAR = 20.0
 """Where the criterion falls by more than this, no noise that it makes superfluous matters."""
+PLAIN = 10 * CLEAR
+"""Nor is any doubt left where so much is gained or lost."""
 WORSE = 3.0
-"""An effect that costs the unseen logs more log-likelihood than this (odds of 20 to 1) is refused:
-of an effect at the limit of detection they may by chance tell either way."""
+"""An effect that costs the unseen logs more log-likelihood than this (odds of 20 to 1) is refused,
+and one whose gain is no longer worth its price when that cost is taken from it."""
 SPOILT = 1.2
 """An effect is refused with which the error of whole unseen runs grows by more than this."""
+GROWN = 1.01
+"""The same holds where that of training runs grows as well, and both by more than this."""
+POOR = 0.5
+"""With a larger error of whole training runs (NRMSE) the fit may have gone astray."""
+NOTHING = 1e-4
+"""Nor one with which the error of whole training runs changes by less than this."""
 PART = 0.3
 """An effect that explains less than this part of what an unknown signal does is not it."""
 OWN = 0.5
@@ -64,7 +74,9 @@ class Stages:
     options: dict[str, Any] = field(default_factory=dict)
     refused: dict[str, str] = field(default_factory=dict)
     silent: set[str] = field(default_factory=set)
+    guess: dict[str, float] | None = None
     _criterion: tuple[Trial, float] | None = None
+    _spared: dict[str, tuple[Trial, Trial]] = field(default_factory=dict)
     _structure: tuple[Trial, Remaining | None] | None = None
 
     def timed(self, what: str, work: Callable[..., Any], *args: Any, **options: Any) -> Any:
@@ -81,6 +93,7 @@ class Stages:
             if fit.horizon is not None:
                 self.options["horizon"] = fit.horizon
         if isinstance(fit, Model):
+            self.guess = {n: p.value for n, p in fit.parameters.items()}
             fit = self.fitted(fit)
         elif not self._is_of_these_logs(fit):
             fit = self.fitted(fit.model)
@@ -112,16 +125,29 @@ class Stages:
         return all(math.isclose(a.nrmse, b.errors.nrmse, rel_tol=1e-6) for a, b in told)
 
     def advance(self) -> bool:
-        """Add the best effect, if any is worth it; drop what it made superfluous."""
+        """Add the best effect, if any is worth it; drop what it made superfluous.
+
+        On its way a better noise may be found; then the candidates are screened anew beside it.
+        """
+        for again in reversed(range(SCREENS)):
+            before = self.present
+            if self._added(again > 0):
+                return True
+            if self.present is before:
+                break
+        return False
+
+    def _added(self, again: bool) -> bool:
         number = len(self.stages) - 1
         tried = self.timed("screen", self._screen, number)
         rated = sorted(tried, key=lambda pair: pair[0].delta_bic)
         for place, (candidate, trial) in enumerate(rated):
-            doubtful = place == 0 or self.trials.idle(trial)
-            worth = doubtful and candidate.delta_bic < -MARGIN
+            doubtful = (place == 0 and candidate.delta_bic > -PLAIN) or self.trials.idle(trial)
+            worth = again and doubtful and candidate.delta_bic < -MARGIN
             if worth and self._better_noise(candidate, trial):
-                return self.advance()
-        self.ranking += [candidate for candidate, _ in rated]
+                return False
+        earlier = [candidate for candidate in self.ranking if candidate.stage < number]
+        self.ranking = earlier + [candidate for candidate, _ in rated]
         for place, (candidate, trial) in enumerate(rated):
             if place and candidate.p_value < ALONE:  # beside the first its noise was not priced
                 candidate = self._rated(number, trial, math.inf)
@@ -144,7 +170,8 @@ class Stages:
         settled = self.timed(
             "screen", self.trials.settled, trial.effects, trial.values, trial.begin
         )
-        if self.trials.unseen_gain(before, settled) < -WORSE:
+        unseen = self.trials.unseen_gain(before, settled)
+        if unseen < -WORSE or candidate.delta_bic - 2 * min(unseen, 0.0) > -MARGIN:
             self.trials.problem = clipped
             return "fits the training logs, and unseen logs worse"
         self.present = settled
@@ -153,16 +180,24 @@ class Stages:
             number = len(self.stages) - 1
             self.say(f"refitting with {candidate.effect}", 0.3 + 0.1 * number)
             stage = self.timed("refit", self._stage)
-            if self._spoils(stage):
+            if (why := self._no_better(stage)) is not None:
                 self.present, self.dropped, self.trials.problem = before, dropped, clipped
-                return "predicts the next sample better, and whole unseen runs worse"
+                return f"predicts the next sample better, and {why}"
             self.stages.append(stage)
         return None
 
-    def _spoils(self, stage: Stage) -> bool:
-        """Whether a new stage simulates the unseen logs clearly worse than the one before."""
-        old, new = self.stages[-1].holdout, stage.holdout
-        return old is not None and new is not None and new.nrmse > SPOILT * old.nrmse
+    def _no_better(self, stage: Stage) -> str | None:
+        """Why the simulations of a new stage speak against it, if they do."""
+        last = self.stages[-1]
+        if math.isclose(stage.train.nrmse, last.train.nrmse, rel_tol=NOTHING):
+            return "changes nothing in whole runs"
+        if last.holdout is not None and stage.holdout is not None:
+            unseen = stage.holdout.nrmse / last.holdout.nrmse
+            if unseen > SPOILT:
+                return "whole unseen runs worse"
+            if min(unseen, stage.train.nrmse / last.train.nrmse) > GROWN:
+                return "whole runs worse, unseen and training ones"
+        return None
 
     def _comparable(self, candidate: Candidate, trial: Trial) -> bool:
         """Whether an effect explains what is missing, not a small part that it happens to touch.
@@ -194,11 +229,16 @@ class Stages:
         clipped = self.trials.problem
         values = self.trials.absent(candidate.effect, trial.values)
         without = self.trials.settled(self.present.effects, values, trial.begin)
-        if without.cost > self.present.cost - 0.5 * MARGIN:
-            self.trials.problem = clipped
-            return False
-        self.present = without
-        return True
+        better = without.cost < self.present.cost - 0.5 * MARGIN
+        if better and not self._worse_unseen(without):
+            self.present = without
+            return True
+        self.trials.problem = clipped
+        return False
+
+    def _worse_unseen(self, trial: Trial) -> bool:
+        """Whether a trial with its own noise predicts unseen logs worse than the present one."""
+        return self.trials.unseen_cost(trial) > self.trials.unseen_cost(self.present) + WORSE
 
     def _screen(self, number: int) -> list[tuple[Candidate, Trial]]:
         names = [n for n in self.trials.candidates if n not in self.present.effects]
@@ -209,7 +249,9 @@ class Stages:
 
         found = []
         levels = self.trials.levels(self.present)
-        for name, trial in screened(self.trials, names, self.present, levels, say).items():
+        given = self.guess if self.stages[-1].train.nrmse > POOR else None
+        screen = screened(self.trials, names, self.present, levels, say, given)
+        for name, trial in screen.items():
             if self.trials.redundant(trial):
                 self.untestable.setdefault(name, "other parameters do the same to what is measured")
             else:
@@ -274,10 +316,20 @@ class Stages:
                 self.present = without
 
     def without(self, name: str) -> Trial:
-        """The present model, fitted without one of its effects."""
-        rest = tuple(n for n in self.present.effects if n != name)
-        values = self.trials.absent(name, self.present.values)
-        return self.trials.solve(rest, values, self.present.begin)
+        """The present model, fitted without one of its effects.
+
+        Not to the end where a few steps show that much is lost.
+        """
+        present = self.present
+        if name in self._spared and self._spared[name][0] is present:
+            return self._spared[name][1]
+        rest = tuple(n for n in present.effects if n != name)
+        values = self.trials.absent(name, present.values)
+        found = self.trials.solve(rest, values, present.begin, budget=12)
+        if found.promise > 0 and found.expected < present.cost + PLAIN:
+            found = self.trials.further(found)
+        self._spared[name] = (present, found)
+        return found
 
     @staticmethod
     def _own(name: str, trial: Trial) -> list[str]:

@@ -21,7 +21,7 @@ from diffthrust._errors import InputError
 from diffthrust._likelihood import Quadratic
 from diffthrust._log import Log
 from diffthrust._model import Model
-from diffthrust._observer import CLIP, guesses, is_memory, observer_of
+from diffthrust._observer import CLIP, REAL, WIDE, guesses, is_memory, observer_of
 from diffthrust._passes import cost, nrmse, passes, settled_start, with_clip
 from diffthrust._places import KNOTS, places_of, readings, unknown_at
 from diffthrust._problem import Problem
@@ -37,6 +37,8 @@ ENOUGH = 2e-3
 """A trial ends where a full step would gain less log-likelihood than this."""
 IDLE = 1e-6
 """An effect does nothing that is nearer to its null than this, in units of its scale."""
+LONG = 60
+"""Steps that carry a trial to its end: a search that goes on creeps along a flat ridge."""
 ROOM = 4
 """Parameters of effects that are estimated together with all of the model's and the observer's;
 with more, the observer's memories are held at what they were, and then its gains."""
@@ -203,8 +205,18 @@ class Trials:
         return {**values, **own}
 
     def base(self, values: Mapping[str, float]) -> Trial:
-        """The model as it is, at given values of its parameters."""
-        return self.settled((), {n: p.value for n, p in self.problem.named.items()} | dict(values))
+        """The model as it is, from given values of its parameters.
+
+        Here it is seen at what size errors are limited.
+        """
+        start = {n: p.value for n, p in self.problem.named.items()} | dict(values)
+        limited, before = self.settled((), start), self.problem
+        self.problem = with_clip(before, before.arrays["clip"], reach=WIDE)
+        wide = self.further(limited, budget=LONG)
+        if wide.cost < limited.cost - REAL:
+            return wide
+        self.problem = before
+        return limited
 
     def settled(
         self,
@@ -223,10 +235,11 @@ class Trials:
 
         begun = side_by_side(one, guesses(self.nuisance))
         trial = min(begun, key=lambda trial: trial.expected)
+        reach = self.problem.arrays["reach"]
         for _ in range(2):
-            trial = self.further(trial, budget=150)
-            self.problem = with_clip(self.problem, CLIP * trial.quadratic.sigma)
-        return self.further(trial, budget=150)
+            trial = self.further(trial, budget=LONG)
+            self.problem = with_clip(self.problem, CLIP * trial.quadratic.sigma, reach)
+        return self.further(trial, budget=LONG)
 
     def cost(
         self, effects: Sequence[str], values: Mapping[str, float], begin: np.ndarray | None
@@ -288,15 +301,21 @@ class Trials:
         Taken with the observer of either trial, whichever is better: an effect that explains much
         leaves an observer that corrects little, and a single event that it misses would count most.
         """
-        if self.unseen is None:
-            return float("nan")
-        unseen = with_clip(self.unseen, self.problem.arrays["clip"])
         noise = {name: before.values[name] for name in self.nuisance}
         louder = replace(after, values={**after.values, **noise})
-        one, *others = (
-            cost(settled_start(self._at(unseen, trial))) for trial in (before, after, louder)
-        )
+        one, *others = (self.unseen_cost(trial) for trial in (before, after, louder))
         return one - min(others)
+
+    def unseen_cost(self, trial: Trial) -> float:
+        """Negative log-likelihood of the unseen logs, from their best initial states.
+
+        NaN without unseen logs, infinite where the trial cannot be carried over them.
+        """
+        if self.unseen is None:
+            return float("nan")
+        unseen = with_clip(self.unseen, self.problem.arrays["clip"], self.problem.arrays["reach"])
+        found = cost(settled_start(self._at(unseen, trial)))
+        return found if np.isfinite(found) else float("inf")
 
     def simulation_errors(self, trial: Trial) -> tuple[float, float | None]:
         """NRMSE of the simulation, without correction, on training and unseen logs."""

@@ -406,7 +406,7 @@ def test_a_driving_state_that_is_not_measured_follows_the_gusts():
     values = {name: e.value for name, e in fit.disturbance.items()}
     problem = build(fit.model, [log], initial="measured", observer=observer_for(model, [log]))
     batch = jax.tree.map(lambda a: a[0], problem.arrays["batches"][0])
-    told = {**batch, "clip": problem.arrays["clip"]}
+    told = {**batch, "clip": problem.arrays["clip"], "reach": 1.0}
     layout = problem.layout
     _, path = innovations(layout.observer, fit.model, layout.grids[0], values, told, batch["held"])
     ours = np.sqrt(np.mean((np.asarray(path["velocity"]) - truth) ** 2))

@@ -8,8 +8,10 @@ from reference import inputs, noise, thruster
 
 import diffthrust as dft
 from diffthrust._criterion import criterion, noises
+from diffthrust._observer import WIDE
 from diffthrust._probes import probes
 from diffthrust._screen import _packed, edge_of, scores, screened
+from diffthrust._solver import _solve
 from diffthrust._trials import Trials
 
 TIME = np.arange(500) * 0.05
@@ -151,3 +153,32 @@ def test_a_limit_that_cuts_only_the_highest_commands_is_found():
     assert found["command_saturation"].values["command_saturation.limit"] == pytest.approx(
         limit, rel=5e-3
     )
+
+
+def test_all_trials_share_one_compilation(trials):
+    made, base = trials
+    before = _solve._cache_size()
+    screened(made, list(made.candidates), base, made.levels(base))
+    made.settled(("coulomb_friction",), base.values, base.begin)
+    assert _solve._cache_size() == before
+    fresh = Trials(made.model, list(made.candidates.values()), made.logs[:1], [])
+    fresh.base(fresh.values_of(fresh.model))
+    assert _solve._cache_size() == before + 1  # from the first guess to the last limit of errors
+
+
+@pytest.mark.parametrize(("what", "reach"), [("spikes of the sensor", 1.0), ("jolts", WIDE)])
+def test_large_errors_are_limited_only_where_they_are_spikes(what, reach):
+    rng = np.random.default_rng(4)
+    command = inputs.low_passed_random(TIME, 2.0, rng)
+    jolts = np.where(rng.random(TIME.size) < 0.03, rng.choice([-1.0, 1.0], TIME.size), 0.0)
+    if what == "jolts":  # of the shaft, which keeps the speed that they leave
+        record = thruster.simulate(TIME, command + 4.0 * jolts, method="rk4")
+    else:
+        record = thruster.simulate(TIME, command, method="rk4")
+    record = noise.measure(record, rng, speed=noise.Sensor(0.05), thrust=noise.Sensor(0.05))
+    if what != "jolts":
+        record.measured["speed"] = record.measured["speed"] + 10.0 * jolts
+    log = dft.Log(record.time, {"command": command}, record.measured)
+    made = Trials(dft.Thruster(), [], [log], [])
+    made.base(made.values_of(dft.Thruster()))
+    assert made.problem.arrays["reach"] == reach

@@ -7,11 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 import pytest
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, lsq_linear
 
 import diffthrust  # noqa: F401
 from diffthrust._likelihood import Quadratic
-from diffthrust._solver import BoundedLevenbergMarquardt
+from diffthrust._solver import BoundedLevenbergMarquardt, _in_box
 
 
 @cache
@@ -214,3 +214,34 @@ def test_the_quadratic_that_comes_back_belongs_to_the_point_that_comes_back():
         y, q, _, _ = minimise(rosenbrock, [-1.2, 1.0], budget=budget)
         r = np.asarray(rosenbrock(jnp.asarray(y)))
         assert float(q.cost) == pytest.approx(0.5 * np.sum(r**2), rel=1e-12, abs=1e-20)
+
+
+def test_a_step_in_the_box_is_as_good_as_that_of_an_independent_solver():
+    rng, step = np.random.default_rng(0), jax.jit(_in_box)
+    for _ in range(60):
+        n = 12
+        slopes = rng.normal(size=(n + 5, n)) * 10 ** rng.uniform(-3, 0, n) @ rng.normal(size=(n, n))
+        slopes /= np.linalg.norm(slopes, axis=0)  # strongly dependent columns
+        rest = 10.0 * rng.normal(size=n + 5)
+        matrix, slope = slopes.T @ slopes + 1e-6 * np.eye(n), slopes.T @ rest
+        low, high = -(10 ** rng.uniform(-2, 3, n)), 10 ** rng.uniform(-2, 3, n)
+        low[0] = high[1] = 0.0
+        factor = np.linalg.cholesky(matrix).T
+        against = -np.linalg.solve(factor.T, slope)
+        known = lsq_linear(factor, against, (low, high), method="bvls", tol=1e-14).x
+        found = np.asarray(step(matrix, slope, low, high))
+        assert np.all((found >= low) & (found <= high))
+        ours, theirs = (slope @ x + 0.5 * x @ matrix @ x for x in (found, known))
+        assert ours <= theirs + 1e-6 * abs(theirs)
+
+
+@pytest.mark.parametrize(("power", "steps", "at"), [(1, 12, 8.0), (3, 30, 2.0)])
+def test_a_bound_on_a_ridge_does_not_stop_the_others(power, steps, at):
+    # along the ridge both grow together: a step that is cut off at the bound leads uphill
+    def residual(y):
+        return jnp.stack([10.0 * (y[0] - y[1] ** power), y[1] - 9.0, 0.1 * y[2]])
+
+    point, _, done, count = minimise(residual, [1.0, 1.0, 1.0], high=[8.0, 20.0, 20.0])
+    assert done
+    assert count < steps
+    np.testing.assert_allclose(point, [8.0, at, 0.0], rtol=1e-2, atol=1e-9)
