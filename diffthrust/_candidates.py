@@ -12,6 +12,9 @@ from diffthrust._lookup import catalogue
 from diffthrust._model import Model
 from diffthrust._places import unseen_at
 
+EVERY = "all"
+"""The word for the whole catalogue."""
+
 Candidates = str | Effect | type[Effect] | Sequence[str | Effect | type[Effect]]
 
 
@@ -25,23 +28,30 @@ def candidates_of(
     Args:
         model: the model; effects that it has, and those made for other ports, are left out.
         logs: all logs, training and unseen.
-        wanted: name, effect or class of effect, or several; the whole catalogue where ``None``.
+        wanted: name, effect or class of effect, or several; "all" is the whole catalogue, which is
+            tried where ``None``.
 
     Raises:
         InputError: a wanted effect that does not exist or that the model has no port for.
     """
     known = catalogue()
     chosen: list[Effect] = []
-    if isinstance(wanted, str | Effect | type):
-        wanted = (wanted,)
-    for one in known.values() if wanted is None else wanted:
+    asked: set[str] = set()
+    if wanted is None or isinstance(wanted, str | Effect | type):
+        wanted = (wanted or EVERY,)
+    for one in wanted:
+        if isinstance(one, str) and one == EVERY:
+            names = {other.name for other in chosen}
+            chosen += [effect() for name, effect in known.items() if name not in names]
+            continue
         if isinstance(one, str):
             if one not in known:
                 near = nearest(one, known)
                 raise InputError(
                     f"candidates: the effect {one!r} is not known{f' ({near})' if near else ''}; "
                     f"there are {listing(known)}.",
-                    "Correct the name, or give an effect of your own as an object.",
+                    "Correct the name. An effect of your own is given as an object, on the command "
+                    "line as my_effect.py:MyEffect; 'all' stands for the catalogue.",
                 )
             one = known[one]
         if isinstance(one, type) and issubclass(one, Effect):
@@ -51,8 +61,8 @@ def candidates_of(
                 f"candidates: expected names, effects or classes of effects, found {one!r}.",
                 "Give for example 'command_deadband', or an effect of your own.",
             )
-        if all(one.name != other.name for other in chosen):
-            chosen.append(one)
+        asked.add(one.name)
+        chosen = [other for other in chosen if other.name != one.name] + [one]
     measured = {name for log in logs for name in log.measured}
     inputs = set.intersection(*(set(log.inputs) for log in logs))
     has = {effect.name for effect in model.effects}
@@ -68,7 +78,7 @@ def candidates_of(
             continue
         remembered = [p for p in effect.ports if effect.memory and p in model.states]
         if elsewhere:
-            if wanted is not None:
+            if effect.name in asked:
                 _ = model + effect  # says what is wrong
                 untestable[effect.name] = f"needs the input {listing(elsewhere)}"
             continue
@@ -81,7 +91,7 @@ def candidates_of(
                 f"reads the past of {listing(remembered)}, by which the trials correct the model"
             )
         elif all(p.null is None for p in effect._parameters.values()):
-            if wanted is not None:
+            if effect.name in asked:
                 raise InputError(
                     f"candidates: the effect {effect.name!r} has no parameter with a null value: "
                     "at which value does it leave the model unchanged?",

@@ -147,7 +147,7 @@ def diagnose(
         typer.Option(
             "--candidates",
             metavar="A,B,...",
-            help="Effects to try; by default all that the model and its logs allow.",
+            help="Effects to try, also script.py:Class; 'all', the default, is the catalogue.",
         ),
     ] = None,
     json: JsonPath = None,
@@ -196,22 +196,26 @@ def check(
 @app.command()
 def demo(
     output: Annotated[
-        Path, typer.Option("--output", metavar="DIR", help="Where to put the figure.")
+        Path, typer.Option("--output", metavar="DIR", help="Where to put what it writes.")
     ] = Path("demo_output"),
+    missing: Annotated[
+        bool,
+        typer.Option("--missing", help="Diagnose a thruster with effects that its model lacks."),
+    ] = False,
 ) -> None:
     """Fit the thruster to a log that comes with the package, and try it on an unseen one."""
+    from diffthrust._demo import folder_at, hidden_folder
+
+    if missing:
+        with session():
+            folder = hidden_folder(output)
+        _show(f"Made three logs of a thruster, and a spec of a plainer one, in {folder}.")
+        return diagnose(folder, report=output / "diagnosis.html")
     with session() as progress:
         loaded = _load(demo_folder())
         train, holdout = loaded.train_logs(), loaded.holdout_logs()
         found = loaded.fit(progress, train=train, holdout=holdout)
-        try:
-            output.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(
-                f"{output}: the folder cannot be made ({error.strerror}).",
-                "Name another: diffthrust demo --output DIR.",
-            ) from None
-        figure = output / "comparison.png"
+        figure = folder_at(output) / "comparison.png"
         _write_figure(figure, _comparisons(loaded, found, train, holdout)["unseen logs"])
     from diffthrust._display import fit_table
 

@@ -46,7 +46,8 @@ def diagnose(
         fit: a fit, or a model that is fitted first.
         logs: training logs.
         holdout: unseen logs: they guard against effects that only imitate noise.
-        candidates: names or objects of effects to try; all that fit the model where ``None``.
+        candidates: names or objects of effects to try; all that fit the model where ``None``. The
+            word "all" stands for the catalogue: ``["all", MyEffect()]``.
         experiment: propose a test that would separate effects that these logs cannot.
         limits: lowest and highest value of each input in that test, in the model's unit; by default
             the range of the training logs.
@@ -69,6 +70,11 @@ def diagnose(
     train, unseen = listed(logs), listed(holdout) if holdout is not None else ()
     model = fit.model if isinstance(fit, Fit) else fit
     check_arguments(model, train, unseen, seed=seed)
+    if limits is not None and not isinstance(limits, Mapping):
+        raise InputError(
+            f"limits: expected a dictionary by the names of inputs, found {limits!r}.",
+            f"Write limits={{'{next(iter(model.inputs), 'input')}': (low, high)}}.",
+        )
     for name in limits or {}:
         if name not in model.inputs:
             raise InputError(

@@ -221,6 +221,7 @@ class Diagnosis:
             "stages": [
                 {
                     "effects": list(stage.effects),
+                    "parameters": {n: dict(vars(e)) for n, e in stage.fit.parameters.items()},
                     "train": stage.train.to_json(),
                     "holdout": stage.holdout.to_json() if stage.holdout else None,
                 }

@@ -124,6 +124,13 @@ def _inputs(
     models: Sequence[Model], limits: Any, held: Any, logs: Sequence[Log]
 ) -> tuple[dict[str, tuple[float, float]], dict[str, float]]:
     """Limits of the inputs that are moved, and values of those that are not."""
+    name = next(iter(models[0].inputs), "input")
+    for what, example, pairs in (("limits", "(low, high)", limits), ("held", "0.0", held)):
+        if pairs is not None and not isinstance(pairs, Mapping):
+            raise InputError(
+                f"{what}: expected a dictionary by the names of inputs, found {pairs!r}.",
+                f"Write {what}={{'{name}': {example}}}.",
+            )
     limits, held = dict(limits or {}), dict(held or {})
     known = _unique(
         name

@@ -101,6 +101,7 @@ def fit(
         likelihood=likelihood,
         horizon=horizon,
     )
+    guess = {name: p.value for name, p in model.parameters.items()}
     rng = np.random.default_rng(seed)
     chosen = substeps or 1  # the first guess may need more than the optimum does
     observer = observer_for(model, logs) if likelihood == "innovations" else None
@@ -181,6 +182,7 @@ def fit(
         likelihood=likelihood,
         loss=loss,
         disturbance=disturbance_of(final, best.z) if observer else None,
+        guess=guess,
     )
 
 

@@ -60,6 +60,15 @@ def effect_class(word: str, folder: Path) -> type[Effect]:
     return _class(word, folder, Effect, catalogue(), "effect")
 
 
+def named(word: str) -> Effect:
+    """The effect of a canonical name, at its typical size.
+
+    Raises:
+        InputError: there is none of that name.
+    """
+    return _class(word, Path(), Effect, catalogue(), "effect")()
+
+
 def made(cls: type[Model], options: Mapping[str, Any]) -> Model:
     """The model with these options of its constructor.
 

@@ -153,7 +153,11 @@ class Model(Component):
 
     # -- effects -----------------------------------------------------------------------------------
 
-    def __add__(self, other: Effect | Sequence[Effect]) -> Self:
+    def __add__(self, other: Effect | str | Sequence[Effect | str]) -> Self:
+        if isinstance(other, str):
+            from diffthrust._lookup import named  # knows models
+
+            other = named(other)
         if isinstance(other, list | tuple):
             model = self
             for effect in other:

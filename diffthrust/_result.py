@@ -57,6 +57,7 @@ class Fit:
         disturbance: gains and memories of the random forces and of lasting sensor errors, by name,
             estimated with the parameters of an "innovations" fit; ``None`` otherwise.
         substeps: integrator steps per sample that were used.
+        guess: the values from which the search began, by full name.
         notes: what the user should know besides.
     """
 
@@ -78,6 +79,7 @@ class Fit:
     likelihood: str = "simulation"
     loss: str = "gaussian"
     disturbance: Mapping[str, Estimate] | None = field(default=None, repr=False)
+    guess: Mapping[str, float] = field(default_factory=dict, repr=False)
 
     def report(self) -> str:
         """Parameters, errors, status and notes as text for people."""

@@ -72,17 +72,31 @@ class Spec:
         logs = self.file.logs
         files = [*self.train, *self.holdout]
         alone = sum(other.name == path.name for other in files) == 1
-        return read_log(
-            path,
-            time=Column(logs.time.column, unit=logs.time.unit) if logs.time else None,
-            inputs=self.inputs,
-            measured=self.measured,
-            missing_values=[str(word) for word in logs.missing_values],
-            interpolate_inputs=logs.interpolate_inputs,
-            start=logs.start,
-            stop=logs.stop,
-            name=path.name if alone else f"{path.parent.name}/{path.name}",
-        )
+        try:
+            return read_log(
+                path,
+                time=Column(logs.time.column, unit=logs.time.unit) if logs.time else None,
+                inputs=self.inputs,
+                measured=self.measured,
+                missing_values=[str(word) for word in logs.missing_values],
+                interpolate_inputs=logs.interpolate_inputs,
+                start=logs.start,
+                stop=logs.stop,
+                name=path.name if alone else f"{path.parent.name}/{path.name}",
+            )
+        except InputError as error:
+            raise self._placed(error) from None
+
+    def _placed(self, error: InputError) -> InputError:
+        """An error that names a column or a channel, with the line where the spec names it."""
+        where = [(("logs", "time"), self.file.logs.time.column)] if self.file.logs.time else []
+        where += [(("channels", n), part.column) for n, part in self.file.channels.items()]
+        for loc, column in where:
+            if f"column {column!r}" in error.problem or f"channel '{loc[-1]}'" in error.problem:
+                key = "unit" if "unit" in error.problem else "column"
+                told = place(self.text, self.path, (*loc, key))
+                return InputError(f"{error.problem} It is named in {told}.", error.mend)
+        return error
 
     def fit(
         self,
@@ -101,13 +115,12 @@ class Spec:
         from diffthrust._fit import fit
 
         unseen = self.holdout_logs() if holdout is None else holdout
-        return fit(
-            self.model,
-            self.train_logs() if train is None else train,
-            holdout=unseen or None,
-            progress=progress,
-            **self.file.fit.model_dump(exclude_unset=True),
-        )
+        train = self.train_logs() if train is None else train
+        options = self.file.fit.model_dump(exclude_unset=True)
+        try:
+            return fit(self.model, train, holdout=unseen or None, progress=progress, **options)
+        except InputError as error:
+            raise self._placed(error) from None
 
     def diagnose(
         self,

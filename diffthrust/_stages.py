@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -74,7 +74,7 @@ class Stages:
     options: dict[str, Any] = field(default_factory=dict)
     refused: dict[str, str] = field(default_factory=dict)
     silent: set[str] = field(default_factory=set)
-    guess: dict[str, float] | None = None
+    guess: Mapping[str, float] = field(default_factory=dict)
     _criterion: tuple[Trial, float] | None = None
     _spared: dict[str, tuple[Trial, Trial]] = field(default_factory=dict)
     _structure: tuple[Trial, Remaining | None] | None = None
@@ -93,10 +93,12 @@ class Stages:
             if fit.horizon is not None:
                 self.options["horizon"] = fit.horizon
         if isinstance(fit, Model):
-            self.guess = {n: p.value for n, p in fit.parameters.items()}
             fit = self.fitted(fit)
-        elif not self._is_of_these_logs(fit):
-            fit = self.fitted(fit.model)
+            self.guess = fit.guess
+        else:
+            self.guess = fit.guess
+            if not self._is_of_these_logs(fit):
+                fit = self.fitted(fit.model)
         self.given = fit.model
         effects, self.untestable = candidates_of(fit.model, (*self.train, *self.unseen), wanted)
         self.stages.append(Stage((), fit))

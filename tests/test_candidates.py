@@ -164,3 +164,16 @@ def test_what_would_drive_a_prescribed_state_cannot_be_tested():
 def test_what_no_channel_shows_cannot_be_tested():
     _, untestable = candidates_of(dft.Thruster(), [log(measured=("speed",))])
     assert "nothing that is measured depends on it" in untestable["cavitation"]
+
+
+def test_all_stands_for_the_catalogue_beside_effects_of_ones_own():
+    logs = [log(measured=("speed",))]
+    every, lacking = candidates_of(dft.Thruster(), logs)
+    more, still = candidates_of(dft.Thruster(), logs, ["all", Ripple])
+    assert [e.name for e in more] == [*(e.name for e in every), "ripple"]
+    assert still == lacking
+    assert [e.name for e in candidates_of(dft.Thruster(), logs, "all")[0]] == [
+        e.name for e in every
+    ]
+    with pytest.raises(dft.InputError, match=r"my_effect\.py:MyEffect"):
+        candidates_of(dft.Thruster(), logs, ["all", "ripple"])

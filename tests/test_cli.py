@@ -14,7 +14,10 @@ import pytest
 from typer.testing import CliRunner
 
 import diffthrust
+import diffthrust as dft
 from diffthrust import _cache, _cli
+from diffthrust._demo import HIDDEN, hidden_folder
+from diffthrust._spec import load_spec
 
 FITS = Path(__file__).parents[1] / "fits"
 
@@ -190,3 +193,20 @@ def test_the_cache_never_breaks_anything(tmp_path, monkeypatch):
     assert _cache.enable_compilation_cache() is None
     monkeypatch.setenv("DIFFTHRUST_CACHE", str(tmp_path / "new"))
     assert _cache.enable_compilation_cache() == tmp_path / "new"
+
+
+def test_the_demo_of_a_missing_effect_is_a_folder_like_a_users(tmp_path):
+    spec = load_spec(hidden_folder(tmp_path / "out"))
+    train, unseen = spec.train_logs(), spec.holdout_logs()
+    plain = dft.fit(spec.model, train, holdout=unseen, starts=2)
+    better = dft.fit(spec.model + list(HIDDEN), train, holdout=unseen, starts=2)
+    assert plain.holdout.nrmse > 0.05
+    assert better.holdout.channels["thrust"].rmse == pytest.approx(0.2, rel=0.05)  # the sensor's
+    assert better.parameters["command_deadband.width"].value == pytest.approx(0.25, rel=0.02)
+
+
+@pytest.mark.slow
+def test_the_demo_finds_what_is_missing(tmp_path):
+    told = " ".join(run("demo", "--missing", "--output", tmp_path / "out").stdout.split())
+    assert "lacks a command dead band of 0.250 V and a reverse thrust asymmetry of" in told
+    assert (tmp_path / "out" / "diagnosis.html").is_file()

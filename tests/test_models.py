@@ -211,6 +211,15 @@ def test_a_lag_on_a_whole_series_is_refused():
         dft.Thruster() + SensorLag()
 
 
+def test_effects_can_be_added_by_name():
+    assert repr(dft.Thruster() + "actuator_lag") == repr(dft.Thruster() + ActuatorLag())
+    both = ["actuator_lag", dft.effects.CommandOffset()]
+    several = dft.Thruster() + both
+    assert [effect.name for effect in several.effects] == ["actuator_lag", "command_offset"]
+    with pytest.raises(InputError, match="nearest is 'actuator_lag'"):
+        dft.Thruster() + "actuator_lagg"
+
+
 def test_only_effects_can_be_added():
     with pytest.raises(TypeError):
         dft.Thruster() + 3

@@ -268,3 +268,12 @@ def test_files_that_are_no_specs(folder):
         load_spec(folder / "spec.toml")
     (folder / "spec.toml").write_text("\ufeff" + GOOD, encoding="utf-8")
     assert load_spec(folder / "spec.toml").model.name == "thruster"
+
+
+def test_a_wrong_column_or_unit_is_told_with_the_line_of_the_spec(folder):
+    for old, new, key in (('column = "rpm"', 'column = "rmp"', "column"),
+                          ('unit = "rpm"', 'unit = "N"', "unit")):  # fmt: skip
+        spec = load(folder, swap(old, new))
+        line = 1 + spec.text.splitlines().index(new)
+        with pytest.raises(InputError, match=rf"line {line}, channels\.speed\.{key}"):
+            spec.fit()
