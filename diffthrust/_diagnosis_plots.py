@@ -176,7 +176,7 @@ def _over_time(panel: Axes, missing: Missing) -> None:
     panel.set_ylabel(_here(missing), fontsize=9)
     panel.set_title(f"missing at '{missing.port}', {name}", loc="left", fontsize=10)
     panel.legend(loc="upper right", fontsize=8, ncols=2, framealpha=0.9)
-    panel.margins(x=0.01)
+    panel.margins(x=0.01, y=0.2)
     _plainly(panel)
 
 
@@ -193,9 +193,17 @@ def _over_signal(panel: Axes, missing: Missing) -> None:
         return
     panel.axhline(0.0, color="0.4", linewidth=0.8)
     panel.fill_between(
-        x, mean - _BAND * error, mean + _BAND * error, color=VERMILLION, alpha=0.25, linewidth=0
+        x,
+        mean - _BAND * error,
+        mean + _BAND * error,
+        color=VERMILLION,
+        alpha=0.25,
+        linewidth=0,
+        label=f"±{_BAND:g} standard errors",
     )
-    panel.plot(x, mean, color=VERMILLION, linewidth=1.6)
+    panel.plot(x, mean, color=VERMILLION, linewidth=1.6, label="its mean")
+    panel.legend(loc="upper right", fontsize=8, framealpha=0.9)
+    panel.margins(y=0.2)
     unit = f" [{missing.dependence_unit}]" if missing.dependence_unit else ""
     panel.set_xlabel(f"{missing.depends_on}{unit}", fontsize=9)
     panel.set_ylabel(_here(missing), fontsize=9)

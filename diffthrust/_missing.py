@@ -2,45 +2,48 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from diffthrust._diagnosis import Missing
 from diffthrust._places import Place, slopes_along
 from diffthrust._smoother import Errors, smoothed
-from diffthrust._structure import bases, ratio_of, signals_at, unknown
+from diffthrust._structure import LEAST, bases, ratio_of, signals_at, unknown
 from diffthrust._trials import Trial, Trials, side_by_side
+
+BLOCKS = 12
+"""Blocks of time in a log: what the mean of a signal leaves lasts, but for less than a block."""
+CLEAR = 0.05
+"""False alarms of a dependence, over all signals at a place together."""
 
 Curve = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def missing_signals(trials: Trials, trial: Trial) -> tuple[Missing, ...]:
-    """The missing signal at each place, the one that explains most first."""
+    """The missing signal at each place, the one that explains most first.
+
+    Of the signals on which the errors depend (score test) the one is told that explains most of it.
+    """
     found = []
     for place in trials.places:
-        signals = signals_at(trials, place, trial)
         runs = _runs(trials, place, trial)
-        wobble = np.concatenate([signal for _, signal, _ in runs])
-        nothing = (np.empty(0), np.empty(0), np.empty(0))
-        best: tuple[float, str | None, float, float, Curve] = (1.0, None, 0.0, 0.0, nothing)
-        tests = bases(signals)
+        tests = bases(signals_at(trials, place, trial))
 
         def tested(series: list[np.ndarray], port: str = place.port) -> Any:
             return unknown(trials, port, trial, series)
 
         answers = side_by_side(tested, [series for series, _ in tests.values()])
+        least = min((p for p, *_ in answers), default=1.0) * len(tests)
+        depends, gain, dependence = None, 0.0, NONE
         for (name, (series, knots)), answer in zip(tests.items(), answers, strict=True):
             p, coefficients, covariance = answer
-            if p < best[0]:
-                fitted = np.concatenate([coefficients @ s for s in series])
-                share = _alike(fitted, wobble)
-                gain = ratio_of(coefficients, covariance)
-                errors = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
-                best = (p, name, share, gain, (knots, coefficients, errors))
-        p, name, share, gain, curve = best
-        adjusted = min(1.0, p * max(1, len(tests)))
-        depends = name if adjusted < 0.05 else None
+            if (adjusted := p * len(tests)) < CLEAR:
+                gain = max(gain, ratio_of(coefficients, covariance))
+                told = dependence_of([signal for _, signal, _ in runs], series, knots)
+                if told.share > dependence.share:
+                    depends, dependence, least = name, told, adjusted
         found.append(
             Missing(
                 port=place.port,
@@ -48,22 +51,57 @@ def missing_signals(trials: Trials, trial: Trial) -> tuple[Missing, ...]:
                 runs=tuple(runs),
                 depends_on=depends,
                 dependence_unit=unit_of(trials, depends) if depends else "",
-                share=share if depends else 0.0,
-                p_value=adjusted,
-                curve=curve if depends else nothing,
+                share=dependence.share,
+                p_value=min(1.0, least),
+                curve=dependence.curve,
                 logs=tuple(log.name for log in trials.logs),
-                gain=gain if depends else 0.0,
+                gain=gain,
             )
         )
     return tuple(sorted(found, key=lambda m: (-m.gain, m.p_value)))
 
 
-def _alike(fitted: np.ndarray, signal: np.ndarray) -> float:
-    """Share of a signal's variance that goes with another."""
-    seen = np.isfinite(signal)
-    both = np.array([fitted[seen], signal[seen]])
-    (own, cross), (_, whole) = np.cov(both) if seen.sum() > 1 else np.zeros((2, 2))
-    return float(cross**2 / (own * whole)) if own * whole > 0 else 0.0
+class Dependence(NamedTuple):
+    """The mean of a signal over another: share of its variance, and knots, means and errors."""
+
+    share: float
+    curve: Curve
+
+
+NONE = Dependence(LEAST, (np.empty(0), np.empty(0), np.empty(0)))
+
+
+def dependence_of(
+    signal: Sequence[np.ndarray], series: Sequence[np.ndarray], knots: np.ndarray
+) -> Dependence:
+    """The mean of a signal as a function, straight between knots, of another one.
+
+    Args:
+        signal: log by log ``(T,)``; NaN where it is not known.
+        series: the basis of the function log by log, ``(K, T)``.
+        knots: ``(K,)``.
+
+    Returns:
+        What the function explains; its standard errors allow for correlation within blocks.
+    """
+    rows = np.concatenate([one.T for one in series])
+    known = np.concatenate(signal)
+    block = np.concatenate([i * BLOCKS + _blocks(one.size) for i, one in enumerate(signal)])
+    seen = np.isfinite(known)
+    rows, known, block = rows[seen], known[seen], block[seen]
+    if known.size <= knots.size or not np.ptp(known) > 0:
+        return NONE
+    inverse = np.linalg.pinv(rows.T @ rows, hermitian=True)
+    means = inverse @ rows.T @ known
+    rest = known - rows @ means
+    parts = [rows[block == b].T @ rest[block == b] for b in np.unique(block)]
+    errors = np.sqrt(np.diagonal(inverse @ (np.transpose(parts) @ parts) @ inverse))
+    share = 1.0 - float(np.var(rest) / np.var(known))
+    return Dependence(share, (knots, means, errors))
+
+
+def _blocks(samples: int) -> np.ndarray:
+    return np.arange(samples) * BLOCKS // samples
 
 
 def _runs(
