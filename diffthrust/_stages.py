@@ -13,6 +13,7 @@ from diffthrust._candidates import candidates_of
 from diffthrust._compare import compare
 from diffthrust._criterion import criterion
 from diffthrust._diagnosis import Candidate, Remaining, Stage
+from diffthrust._effect import Effect
 from diffthrust._errors import InputError
 from diffthrust._fit import fit as fit_model
 from diffthrust._log import Log
@@ -23,6 +24,7 @@ from diffthrust._screen import screened
 from diffthrust._step_check import CoarseStepWarning
 from diffthrust._structure import gain_of, remaining_structure
 from diffthrust._trials import Trial, Trials, side_by_side
+from diffthrust.effects import EFFECTS
 
 MOST_SUBSTEPS = 2
 """Integrator steps per sample of the trials: over one sample ahead, errors do not build up."""
@@ -109,13 +111,27 @@ class Stages:
             if math.isfinite(self.present.cost):
                 break
         else:
-            raise InputError(
-                f"The '{fit.model}' cannot be carried over these logs at the parameters of its fit "
-                f"({fit.status.value}): expected finite one-step errors, found none.",
-                "Give bounds that keep its time constants longer than a fifth of a sample, and "
-                "leave out effects of your own whose derivative at the null is infinite.",
-            )
+            raise self._not_finite(fit, effects)
         self.first = self.present
+
+    def _not_finite(self, fit: Fit, effects: Sequence[Effect]) -> InputError:
+        """What to say where no trial can be begun: the effects of the user's own that are why."""
+        for effect in effects:
+            if effect.name in EFFECTS:
+                continue
+            alone = Trials(fit.model, [effect], self.train, [], fit.substeps)
+            if not math.isfinite(alone.base(alone.values_of(fit.model)).cost):
+                return InputError(
+                    f"The effect '{effect.name}' cannot be tried: at its null value the errors or "
+                    "their derivatives are not finite.",
+                    "Write it so that its derivative at the null is finite (no root or logarithm "
+                    "of zero), or leave it out.",
+                )
+        return InputError(
+            f"The '{fit.model}' cannot be carried over these logs at the parameters of its fit "
+            f"({fit.status.value}): expected finite one-step errors, found none.",
+            "Give bounds that keep its time constants longer than a fifth of a sample.",
+        )
 
     def _is_of_these_logs(self, fit: Fit) -> bool:
         """Whether a fit's errors are those of the logs of this diagnosis."""

@@ -11,6 +11,7 @@ import os
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -210,6 +211,7 @@ class Trials:
         Here it is seen at what size errors are limited.
         """
         start = {n: p.value for n, p in self.problem.named.items()} | dict(values)
+        self._compile(start)
         limited, before = self.settled((), start), self.problem
         self.problem = with_clip(before, before.arrays["clip"], reach=WIDE)
         wide = self.further(limited, budget=LONG)
@@ -217,6 +219,16 @@ class Trials:
             return wide
         self.problem = before
         return limited
+
+    def _compile(self, values: Mapping[str, float]) -> None:
+        """Compile what all trials need side by side, not one after the other as it is called."""
+        problem = self.problem.focus(self.moved(()), values)
+        work = [partial(solve, problem, problem.start(), 1), partial(cost, problem)]
+        if self.unseen is not None:
+            work.append(partial(cost, self.unseen.focus(self.moved(()), values)))
+        with ThreadPoolExecutor(len(work)) as pool:
+            for done in [pool.submit(one) for one in work]:
+                done.result()
 
     def settled(
         self,

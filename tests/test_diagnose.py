@@ -2,6 +2,7 @@
 
 import json
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from reference import inputs, noise, thruster
@@ -168,3 +169,19 @@ def test_an_effect_of_the_user_is_found_without_unseen_logs():
     found = dft.diagnose(dft.Thruster(), out, candidates=[SquareRootDrag, "thrust_sensor_offset"])
     assert found.added == ("square_root_drag",)
     assert found.stages[0].holdout is None
+
+
+class Rooted(dft.Effect):
+    """An effect whose derivative at its null is infinite."""
+
+    name = "rooted"
+    port = "shaft"
+    size: float = dft.parameter(0.0, "rad^2/s^4", bounds=(0, None), null=0.0, size=1.0)
+
+    def __call__(self, value, s):
+        return value - jnp.sqrt(self.size)
+
+
+def test_an_effect_that_stops_the_trials_is_named():
+    with pytest.raises(dft.InputError, match="effect 'rooted' cannot be tried"):
+        dft.diagnose(dft.Thruster(), logs(1), candidates=["coulomb_friction", Rooted()])
