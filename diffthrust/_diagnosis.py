@@ -68,6 +68,10 @@ class Stage:
         return self.fit.holdout
 
 
+_TOLD = 1.5
+"""A signal without a known dependence is told where it is so many times its standard error."""
+
+
 @dataclass(frozen=True)
 class Missing:
     """The signal that is missing at one port, estimated without assuming its form.
@@ -105,6 +109,11 @@ class Missing:
     def error(self) -> float:
         """Root mean square of its standard error; NaN where it is not known."""
         return float(np.sqrt(np.mean(np.concatenate([run[2] for run in self.runs]) ** 2)))
+
+    @property
+    def shows(self) -> bool:
+        """Whether it depends on a signal, or is clearly larger than its error."""
+        return self.depends_on is not None or not self.size < _TOLD * self.error
 
 
 @dataclass(frozen=True)

@@ -58,12 +58,12 @@ def missing_figure(diag: Diagnosis, most: int = 2) -> Figure:
     """The missing signal at the ports that explain most: over time, and over what it depends on.
 
     Args:
-        diag: the diagnosis; ``diag.missing`` has at least one signal.
+        diag: the diagnosis; at least one signal of ``diag.missing`` shows.
         most: how many ports to show.
     """
     from matplotlib.figure import Figure
 
-    shown = diag.missing[:most]
+    shown = [missing for missing in diag.missing if missing.shows][:most]
     figure = Figure(figsize=(11.0, 0.6 + 2.9 * len(shown)), layout="constrained")
     axes = figure.subplots(len(shown), 2, squeeze=False, width_ratios=[1.9, 1])
     for (left, right), missing in zip(axes, shown, strict=True):
@@ -188,7 +188,7 @@ def _over_signal(panel: Axes, missing: Missing) -> None:
     x, mean, error = missing.curve
     if missing.depends_on is None or x.size == 0:
         panel.set_axis_off()
-        text = "depends on no signal of the model"
+        text = "no signal of the model explains it"
         panel.text(0.5, 0.5, text, ha="center", fontsize=9, transform=panel.transAxes)
         return
     panel.axhline(0.0, color="0.4", linewidth=0.8)

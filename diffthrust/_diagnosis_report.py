@@ -100,7 +100,7 @@ def _figures(diag: Diagnosis) -> dict[str, str]:
     from diffthrust._diagnosis_plots import missing_figure, ranking_figure, stages_figure
 
     drawn = {"stages": stages_figure(diag), "residuals": diag.before.plot_residuals()}
-    if diag.missing:
+    if any(missing.shows for missing in diag.missing):
         drawn["missing"] = missing_figure(diag)
     if diag.ranking:
         drawn["ranking"] = ranking_figure(diag)

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from diffthrust._metrics import Errors
     from diffthrust._result import Estimate, Fit
 
-_TOLD = 1.5
-"""A signal without a known dependence is told where it is so many times its standard error."""
 _GROWN = 4.0
 """Errors over whole runs are told apart from one-step errors where they are so much larger."""
 _NAMED = 2
@@ -184,7 +182,7 @@ def group_words(diag: Diagnosis) -> list[str]:
 def missing_words(missing: Missing, model: Model) -> str:
     """The missing signal at a port: its size, and on what it depends."""
     here = place_words(model, missing.port)
-    if missing.depends_on is None and missing.size < _TOLD * missing.error:
+    if not missing.shows:
         return f"At {here} nothing is missing that shows."
     size = f"{number(missing.size, 2)} {missing.unit}".rstrip()
     words = f"At {here} a signal of {size} (RMS) is missing; "
