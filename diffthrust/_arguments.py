@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from diffthrust._errors import InputError
@@ -25,6 +25,20 @@ def listed(logs: Any) -> tuple[Log, ...]:
             "Read a file with dft.read_log, or make a dft.Log.",
         )
     return tuple(found)
+
+
+def by_input(what: str, given: Any, model: Model, example: str) -> dict[str, Any]:
+    """What was given for the inputs of a model, by their names.
+
+    Raises:
+        InputError: something else than a dictionary.
+    """
+    if given is not None and not isinstance(given, Mapping):
+        raise InputError(
+            f"{what}: expected a dictionary by the names of inputs, found {given!r}.",
+            f"Write {what}={{'{next(iter(model.inputs), 'input')}': {example}}}.",
+        )
+    return dict(given or {})
 
 
 def check_arguments(

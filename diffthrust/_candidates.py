@@ -38,7 +38,7 @@ def candidates_of(
     chosen: list[Effect] = []
     asked: set[str] = set()
     if wanted is None or isinstance(wanted, str | Effect | type):
-        wanted = (wanted or EVERY,)
+        wanted = (EVERY if wanted is None else wanted,)
     for one in wanted:
         if isinstance(one, str) and one == EVERY:
             names = {other.name for other in chosen}
@@ -61,8 +61,9 @@ def candidates_of(
                 f"candidates: expected names, effects or classes of effects, found {one!r}.",
                 "Give for example 'command_deadband', or an effect of your own.",
             )
-        asked.add(one.name)
-        chosen = [other for other in chosen if other.name != one.name] + [one]
+        if one.name not in asked:  # what is named by itself replaces its like in the catalogue
+            asked.add(one.name)
+            chosen = [other for other in chosen if other.name != one.name] + [one]
     measured = {name for log in logs for name in log.measured}
     inputs = set.intersection(*(set(log.inputs) for log in logs))
     has = {effect.name for effect in model.effects}

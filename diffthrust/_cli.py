@@ -204,7 +204,7 @@ def demo(
     ] = False,
 ) -> None:
     """Fit the thruster to a log that comes with the package, and try it on an unseen one."""
-    from diffthrust._demo import folder_at, hidden_folder
+    from diffthrust._demo_missing import folder_at, hidden_folder
 
     if missing:
         with session():

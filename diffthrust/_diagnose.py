@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from diffthrust._arguments import check_arguments, listed
+from diffthrust._arguments import by_input, check_arguments, listed
 from diffthrust._candidates import Candidates
 from diffthrust._channels import listing
 from diffthrust._compare import compare
@@ -70,12 +70,7 @@ def diagnose(
     train, unseen = listed(logs), listed(holdout) if holdout is not None else ()
     model = fit.model if isinstance(fit, Fit) else fit
     check_arguments(model, train, unseen, seed=seed)
-    if limits is not None and not isinstance(limits, Mapping):
-        raise InputError(
-            f"limits: expected a dictionary by the names of inputs, found {limits!r}.",
-            f"Write limits={{'{next(iter(model.inputs), 'input')}': (low, high)}}.",
-        )
-    for name in limits or {}:
+    for name in by_input("limits", limits, model, "(low, high)"):
         if name not in model.inputs:
             raise InputError(
                 f"limits: '{model}' has no input {name!r}; it has {listing(model.inputs)}.",

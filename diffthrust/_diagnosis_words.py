@@ -187,7 +187,7 @@ def missing_words(missing: Missing, model: Model) -> str:
     size = f"{number(missing.size, 2)} {missing.unit}".rstrip()
     words = f"At {here} a signal of {size} (RMS) is missing; "
     if missing.depends_on is None and missing.p_value < 0.05:
-        return f"{words}none of the model's signals explains a hundredth of its variance."
+        return f"{words}no signal of the model on which it depends explains a hundredth of it."
     if missing.depends_on is None:
         return f"{words}it depends on none of the model's signals ({probability(missing.p_value)})."
     return (

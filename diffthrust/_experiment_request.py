@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from diffthrust._arguments import listed
+from diffthrust._arguments import by_input, listed
 from diffthrust._channels import listing, nearest
 from diffthrust._errors import InputError
 from diffthrust._experiment_designs import Design, Field, sequence
@@ -124,14 +124,8 @@ def _inputs(
     models: Sequence[Model], limits: Any, held: Any, logs: Sequence[Log]
 ) -> tuple[dict[str, tuple[float, float]], dict[str, float]]:
     """Limits of the inputs that are moved, and values of those that are not."""
-    name = next(iter(models[0].inputs), "input")
-    for what, example, pairs in (("limits", "(low, high)", limits), ("held", "0.0", held)):
-        if pairs is not None and not isinstance(pairs, Mapping):
-            raise InputError(
-                f"{what}: expected a dictionary by the names of inputs, found {pairs!r}.",
-                f"Write {what}={{'{name}': {example}}}.",
-            )
-    limits, held = dict(limits or {}), dict(held or {})
+    limits = by_input("limits", limits, models[0], "(low, high)")
+    held = by_input("held", held, models[0], "0.0")
     known = _unique(
         name
         for model in models

@@ -182,6 +182,7 @@ def fit(
         likelihood=likelihood,
         loss=loss,
         disturbance=disturbance_of(final, best.z) if observer else None,
+        reach=float(final.arrays["reach"]),
         guess=guess,
     )
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._arrange import build, channels_of
@@ -15,7 +14,7 @@ from diffthrust._intake import bridged
 from diffthrust._log import Log
 from diffthrust._model import Model
 from diffthrust._observer import CLIP, REAL, WIDE, Observer, is_memory, observer_of
-from diffthrust._passes import cost, passes, with_clip
+from diffthrust._passes import passes, with_clip
 from diffthrust._problem import Problem
 from diffthrust._result import Estimate, Fit
 from diffthrust._solver import Solved, solve
@@ -141,14 +140,10 @@ def one_step(fit: Fit, logs: Sequence[Log], substeps: int = 1) -> list[dict[str,
     for name, p in problem.nuisance.items():
         absent = p.value if is_memory(name) else 0.0
         nuisance[name] = p.with_value(found[name].value if name in found else absent)
-    arrays = dict(problem.arrays)
+    problem = replace(problem, nuisance=nuisance)
     if fit.loss == "student_t":
         noise = [fit.noise.get(name, np.inf) for name in problem.layout.channels]
-        arrays["clip"] = jnp.asarray(CLIP * np.array(noise))
-    problem = replace(problem, nuisance=nuisance, arrays=arrays)
-    wide = with_clip(problem, arrays["clip"], reach=WIDE)
-    if cost(wide) < cost(problem) - REAL:
-        problem = wide
+        problem = with_clip(problem, CLIP * np.array(noise), fit.reach)
     rests = one_step_errors(problem, problem.start())
     at = [bridged(log)[1] for log in logs]
     return [{n: rest[i] for n, rest in run.items()} for run, i in zip(rests, at, strict=True)]

@@ -61,12 +61,12 @@ def effect_class(word: str, folder: Path) -> type[Effect]:
 
 
 def named(word: str) -> Effect:
-    """The effect of a canonical name, at its typical size.
+    """The effect of a canonical name, or of ``script.py:Class``, as its class declares it.
 
     Raises:
         InputError: there is none of that name.
     """
-    return _class(word, Path(), Effect, catalogue(), "effect")()
+    return effect_class(word, Path())()
 
 
 def made(cls: type[Model], options: Mapping[str, Any]) -> Model:

@@ -10,13 +10,17 @@ import numpy as np
 from diffthrust._diagnosis import Missing
 from diffthrust._places import Place, slopes_along
 from diffthrust._smoother import Errors, smoothed
-from diffthrust._structure import LEAST, bases, ratio_of, signals_at, unknown
+from diffthrust._structure import bases, ratio_of, signals_at, unknown
 from diffthrust._trials import Trial, Trials, side_by_side
 
 BLOCKS = 12
 """Blocks of time in a log: what the mean of a signal leaves lasts, but for less than a block."""
-CLEAR = 0.05
+LEAST_BLOCKS = 3
+"""With fewer, nothing tells how sure a mean is."""
+SURE = 0.05
 """False alarms of a dependence, over all signals at a place together."""
+TOLD = 0.01
+"""A dependence that explains less of the missing signal's variance is not told."""
 
 Curve = tuple[np.ndarray, np.ndarray, np.ndarray]
 
@@ -39,11 +43,11 @@ def missing_signals(trials: Trials, trial: Trial) -> tuple[Missing, ...]:
         depends, gain, dependence = None, 0.0, NONE
         for (name, (series, knots)), answer in zip(tests.items(), answers, strict=True):
             p, coefficients, covariance = answer
-            if (adjusted := p * len(tests)) < CLEAR:
-                gain = max(gain, ratio_of(coefficients, covariance))
+            if p * len(tests) < SURE:
                 told = dependence_of([signal for _, signal, _ in runs], series, knots)
-                if told.share > dependence.share:
-                    depends, dependence, least = name, told, adjusted
+                if told.share > max(dependence.share, TOLD):
+                    depends, dependence, least = name, told, p * len(tests)
+                    gain = ratio_of(coefficients, covariance)
         found.append(
             Missing(
                 port=place.port,
@@ -68,7 +72,7 @@ class Dependence(NamedTuple):
     curve: Curve
 
 
-NONE = Dependence(LEAST, (np.empty(0), np.empty(0), np.empty(0)))
+NONE = Dependence(0.0, (np.empty(0), np.empty(0), np.empty(0)))
 
 
 def dependence_of(
@@ -82,7 +86,9 @@ def dependence_of(
         knots: ``(K,)``.
 
     Returns:
-        What the function explains; its standard errors allow for correlation within blocks.
+        What the function explains. Its standard errors are those of a jackknife over blocks of time
+        (Cameron & Miller 2015), which allows for correlation within them; where fewer than
+        `LEAST_BLOCKS` of them tell of a knot, its mean and error are NaN.
     """
     rows = np.concatenate([one.T for one in series])
     known = np.concatenate(signal)
@@ -91,11 +97,18 @@ def dependence_of(
     rows, known, block = rows[seen], known[seen], block[seen]
     if known.size <= knots.size or not np.ptp(known) > 0:
         return NONE
-    inverse = np.linalg.pinv(rows.T @ rows, hermitian=True)
-    means = inverse @ rows.T @ known
+    square, cross = rows.T @ rows, rows.T @ known
+    means = np.linalg.pinv(square, 1e-9, hermitian=True) @ cross
     rest = known - rows @ means
-    parts = [rows[block == b].T @ rest[block == b] for b in np.unique(block)]
-    errors = np.sqrt(np.diagonal(inverse @ (np.transpose(parts) @ parts) @ inverse))
+    without = []
+    for one in np.unique(block):
+        own, those = rows[block == one], known[block == one]
+        left = np.linalg.pinv(square - own.T @ own, 1e-9, hermitian=True)
+        without.append(left @ (cross - own.T @ those))
+    apart = np.array(without) - np.mean(without, axis=0)
+    errors = np.sqrt((1.0 - 1.0 / len(without)) * np.sum(apart**2, axis=0))
+    blind = np.array([np.unique(block[row > 0]).size < LEAST_BLOCKS for row in rows.T])
+    means, errors = np.where(blind, np.nan, means), np.where(blind, np.nan, errors)
     share = 1.0 - float(np.var(rest) / np.var(known))
     return Dependence(share, (knots, means, errors))
 

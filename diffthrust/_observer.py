@@ -32,10 +32,10 @@ from diffthrust._simulate import Grid, equations_of, march, read_out
 CLIP = 4.0
 """An error of more than so many standard deviations corrects as much as one of that size."""
 WIDE = 5.0
-"""Or one of so many times that size, where large errors are no spikes of a sensor, but tell how the
-states moved;"""
+"""As much as one of so many times that size, where large errors are no spikes of a sensor but tell
+how the states moved."""
 REAL = 10.0
-"""this makes the logs likelier by so much (log-likelihood)."""
+"""That is so where the logs are likelier with `WIDE` by more than this (log-likelihood)."""
 
 
 @dataclass(frozen=True)
@@ -221,7 +221,8 @@ def innovations(
         model: the model with (possibly traced) parameter values.
         grid: how to integrate.
         values: gains and memories by name.
-        log: arrays of one log: time, inputs, measured ``(C, T)``, unsigned and clip ``(C,)``.
+        log: arrays of one log: time, inputs, measured ``(C, T)``, unsigned and clip
+            ``(C,)``, and reach.
         start: initial states.
     """
     run = Correction(observer, model, values, log["time"], log)

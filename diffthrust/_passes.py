@@ -66,7 +66,7 @@ def settled_start(problem: Problem) -> Problem:
     if not states:
         return problem
     z = problem.start()
-    limit = np.asarray(problem.arrays["clip"])[:, None]
+    limit = (problem.arrays["reach"] * np.asarray(problem.arrays["clip"]))[:, None]
 
     def weighed(at: np.ndarray) -> list[np.ndarray]:
         rests = [np.clip(one.errors / limit, -1.0, 1.0) for one in passes(problem, at)]

@@ -57,6 +57,8 @@ class Fit:
         disturbance: gains and memories of the random forces and of lasting sensor errors, by name,
             estimated with the parameters of an "innovations" fit; ``None`` otherwise.
         substeps: integrator steps per sample that were used.
+        reach: an error of more than so many times four noise levels corrects the states of an
+            "innovations" fit with ``loss="student_t"`` no more than one of that size.
         guess: the values from which the search began, by full name.
         notes: what the user should know besides.
     """
@@ -79,6 +81,7 @@ class Fit:
     likelihood: str = "simulation"
     loss: str = "gaussian"
     disturbance: Mapping[str, Estimate] | None = field(default=None, repr=False)
+    reach: float = 1.0
     guess: Mapping[str, float] = field(default_factory=dict, repr=False)
 
     def report(self) -> str:

@@ -201,8 +201,10 @@ def _anew(
     """
     effects, values = (*present.effects, name), {**present.values, **given}
     found = [(trials.cost(effects, {**values, **point}, None), point) for point in points]
+    found = [pair for pair in found if np.isfinite(pair[0])]
     cost, point = min(found, key=lambda pair: pair[0], default=(np.inf, {}))
-    if not cost < trials.cost(effects, values, None) - HOPE:
+    without = trials.cost(effects, values, None)
+    if 2 * (without - cost) < HOPE or not found:
         return []
     return [trials.solve(effects, {**values, **point}, None, MANY)]
 

@@ -36,9 +36,9 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
 
     The objective returns ``(cost, Quadratic)``, so that one evaluation serves value, gradient and
     information. Damping is by the information's diagonal (Marquardt's scaling, Moré 1978), which
-    makes the steps independent of the parameters' units. Coordinates at a bound that the gradient
-    pushes outward are held (Bertsekas 1982); the step of the others is clipped to the box. The
-    iteration ends where a full Gauss-Newton step would gain less than ``atol`` in log-likelihood.
+    makes the steps independent of the parameters' units. A step is the best that the damped
+    quadratic allows within the box. The iteration ends where a full Gauss-Newton step would gain
+    less than ``atol`` in log-likelihood.
     A trial whose cost is not finite is rejected like any other bad trial.
     """
 
@@ -85,7 +85,8 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         scaled = jnp.where(held[:, None] | held[None, :], 0.0, scaled)
         scaled = jnp.where(jnp.isfinite(scaled), scaled, 0.0)
         slope = jnp.where(held, 0.0, q.gradient / scale)
-        low, high = (self.lower - y) * scale, (self.upper - y) * scale
+        low, high = (jnp.where(abs(side - y) <= _CONTACT, 0.0, side - y) * scale
+                     for side in (self.lower, self.upper))  # fmt: skip
         move = _in_box(scaled + damping * jnp.eye(y.size), slope, low, high)
         full = _in_box(scaled + _FLAT * jnp.eye(y.size), slope, low, high)
         left = -(slope @ full + 0.5 * full @ scaled @ full)
@@ -145,7 +146,7 @@ def _in_box(matrix: Any, slope: Any, low: Any, high: Any) -> Any:
         fixed = jnp.where(releases, fixed.at[worst].set(False), fixed)
         return x, fixed, blocked | releases, count + 1
 
-    outward = ((low >= -_CONTACT) & (slope > 0)) | ((high <= _CONTACT) & (slope < 0))
+    outward = ((low == 0) & (slope > 0)) | ((high == 0) & (slope < 0))
     begun = (jnp.zeros_like(slope), outward, jnp.array(True), 0)
     x, *_ = jax.lax.while_loop(lambda state: state[2] & (state[3] < _ROUNDS), again, begun)
     return jnp.clip(x, low, high)

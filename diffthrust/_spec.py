@@ -73,7 +73,7 @@ class Spec:
         files = [*self.train, *self.holdout]
         alone = sum(other.name == path.name for other in files) == 1
         try:
-            return read_log(
+            log = read_log(
                 path,
                 time=Column(logs.time.column, unit=logs.time.unit) if logs.time else None,
                 inputs=self.inputs,
@@ -84,8 +84,18 @@ class Spec:
                 stop=logs.stop,
                 name=path.name if alone else f"{path.parent.name}/{path.name}",
             )
+            self._check_units(log)
         except InputError as error:
             raise self._placed(error) from None
+        return log
+
+    def _check_units(self, log: Log) -> None:
+        """Raise `InputError` for a channel whose unit is not of the model's kind."""
+        model = self.model
+        known = {**model.outputs, **model.all_states, **model.optional_inputs, **model.inputs}
+        for name in (*log.inputs, *log.measured):
+            if name in known:
+                log.values(name, known[name])
 
     def _placed(self, error: InputError) -> InputError:
         """An error that names a column or a channel, with the line where the spec names it."""
@@ -93,7 +103,7 @@ class Spec:
         where += [(("channels", n), part.column) for n, part in self.file.channels.items()]
         for loc, column in where:
             if f"column {column!r}" in error.problem or f"channel '{loc[-1]}'" in error.problem:
-                key = "unit" if "unit" in error.problem else "column"
+                key = "unit" if "expected a unit" in error.problem else "column"
                 told = place(self.text, self.path, (*loc, key))
                 return InputError(f"{error.problem} It is named in {told}.", error.mend)
         return error
@@ -117,10 +127,7 @@ class Spec:
         unseen = self.holdout_logs() if holdout is None else holdout
         train = self.train_logs() if train is None else train
         options = self.file.fit.model_dump(exclude_unset=True)
-        try:
-            return fit(self.model, train, holdout=unseen or None, progress=progress, **options)
-        except InputError as error:
-            raise self._placed(error) from None
+        return fit(self.model, train, holdout=unseen or None, progress=progress, **options)
 
     def diagnose(
         self,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import statistics
 import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -17,6 +18,7 @@ from diffthrust._effect import Effect
 from diffthrust._errors import InputError
 from diffthrust._fit import fit as fit_model
 from diffthrust._log import Log
+from diffthrust._metrics import Errors
 from diffthrust._model import Model
 from diffthrust._places import KNOTS
 from diffthrust._result import Fit
@@ -39,19 +41,20 @@ ALONE = 0.05
 """An effect is worth a closer look where its likelihood ratio alone would come so rarely."""
 CLEAR = 20.0
 """Where the criterion falls by more than this, no noise that it makes superfluous matters."""
-PLAIN = 10 * CLEAR
-"""Nor is any doubt left where so much is gained or lost."""
+PLAIN = 200.0
+"""No doubt is left where the criterion falls, or the log-likelihood is lost, by so much."""
 WORSE = 3.0
 """An effect that costs the unseen logs more log-likelihood than this (odds of 20 to 1) is refused,
 and one whose gain is no longer worth its price when that cost is taken from it."""
 SPOILT = 1.2
 """An effect is refused with which the error of whole unseen runs grows by more than this."""
 GROWN = 1.01
-"""The same holds where that of training runs grows as well, and both by more than this."""
+"""So it is where both those of unseen and of training runs grow by more than this, in the mean of
+the channels;"""
+NOTHING = 1e-4
+"""and where the error of no channel changes by more than this over whole training runs."""
 POOR = 0.5
 """With a larger error of whole training runs (NRMSE) the fit may have gone astray."""
-NOTHING = 1e-4
-"""Nor one with which the error of whole training runs changes by less than this."""
 PART = 0.3
 """An effect that explains less than this part of what an unknown signal does is not it."""
 OWN = 0.5
@@ -94,13 +97,11 @@ class Stages:
             self.options = {"likelihood": fit.likelihood, "loss": fit.loss}
             if fit.horizon is not None:
                 self.options["horizon"] = fit.horizon
-        if isinstance(fit, Model):
-            fit = self.fitted(fit)
-            self.guess = fit.guess
-        else:
-            self.guess = fit.guess
-            if not self._is_of_these_logs(fit):
-                fit = self.fitted(fit.model)
+        given = fit
+        fit = self.fitted(given) if isinstance(given, Model) else given
+        self.guess = fit.guess
+        if fit is given and not self._is_of_these_logs(fit):
+            fit = self.fitted(fit.model)
         self.given = fit.model
         effects, self.untestable = candidates_of(fit.model, (*self.train, *self.unseen), wanted)
         self.stages.append(Stage((), fit))
@@ -117,7 +118,7 @@ class Stages:
     def _not_finite(self, fit: Fit, effects: Sequence[Effect]) -> InputError:
         """What to say where no trial can be begun: the effects of the user's own that are why."""
         for effect in effects:
-            if effect.name in EFFECTS:
+            if type(effect) is EFFECTS.get(effect.name):
                 continue
             alone = Trials(fit.model, [effect], self.train, [], fit.substeps)
             if not math.isfinite(alone.base(alone.values_of(fit.model)).cost):
@@ -164,6 +165,7 @@ class Stages:
             worth = again and doubtful and candidate.delta_bic < -MARGIN
             if worth and self._better_noise(candidate, trial):
                 return False
+        self.refused = {}  # what an earlier screen refused has been tried anew
         earlier = [candidate for candidate in self.ranking if candidate.stage < number]
         self.ranking = earlier + [candidate for candidate, _ in rated]
         for place, (candidate, trial) in enumerate(rated):
@@ -207,13 +209,16 @@ class Stages:
     def _no_better(self, stage: Stage) -> str | None:
         """Why the simulations of a new stage speak against it, if they do."""
         last = self.stages[-1]
-        if math.isclose(stage.train.nrmse, last.train.nrmse, rel_tol=NOTHING):
+        if not math.isfinite(stage.train.nrmse):
+            return "cannot be carried over whole runs"
+        trained = _growth(last.train, stage.train)
+        if all(abs(growth - 1.0) < NOTHING for growth in trained):
             return "changes nothing in whole runs"
         if last.holdout is not None and stage.holdout is not None:
-            unseen = stage.holdout.nrmse / last.holdout.nrmse
-            if unseen > SPOILT:
+            if stage.holdout.nrmse > SPOILT * last.holdout.nrmse:
                 return "whole unseen runs worse"
-            if min(unseen, stage.train.nrmse / last.train.nrmse) > GROWN:
+            unseen = _growth(last.holdout, stage.holdout)
+            if min(map(statistics.geometric_mean, (trained, unseen))) > GROWN:
                 return "whole runs worse, unseen and training ones"
         return None
 
@@ -267,7 +272,8 @@ class Stages:
 
         found = []
         levels = self.trials.levels(self.present)
-        given = self.guess if self.stages[-1].train.nrmse > POOR else None
+        astray = self.guess and self.stages[-1].train.nrmse > POOR
+        given = self.guess if astray else None
         screen = screened(self.trials, names, self.present, levels, say, given)
         for name, trial in screen.items():
             if self.trials.redundant(trial):
@@ -376,3 +382,9 @@ class Stages:
                 seed=self.seed,
                 **self.options,
             )
+
+
+def _growth(before: Errors, after: Errors) -> list[float]:
+    """By how much the error of each channel has grown; 1 where that cannot be told."""
+    pairs = [(before.channels[n].rmse, one.rmse) for n, one in after.channels.items()]
+    return [new / old if 0 < old < math.inf and 0 < new < math.inf else 1.0 for old, new in pairs]

@@ -177,3 +177,6 @@ def test_all_stands_for_the_catalogue_beside_effects_of_ones_own():
     ]
     with pytest.raises(dft.InputError, match=r"my_effect\.py:MyEffect"):
         candidates_of(dft.Thruster(), logs, ["all", "ripple"])
+    mine = dft.effects.CommandDeadband(width=1.0)
+    both = candidates_of(dft.Thruster(), logs, [mine, "command_deadband", "all"])[0]
+    assert [e.width for e in both if e.name == "command_deadband"] == [1.0]

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 import diffthrust
 import diffthrust as dft
 from diffthrust import _cache, _cli
-from diffthrust._demo import HIDDEN, hidden_folder
+from diffthrust._demo_missing import HIDDEN, hidden_folder
 from diffthrust._spec import load_spec
 
 FITS = Path(__file__).parents[1] / "fits"
@@ -132,6 +132,7 @@ def test_bad_input_is_one_message_and_status_2(sensor, tmp_path):
     assert "no/a.json" in refused("compare", spec, "--no-fit", "--json", tmp_path / "no/a.json")
     (tmp_path / "file").write_text("")
     assert "file" in refused("demo", "--output", tmp_path / "file")
+    assert "found another spec" in refused("demo", "--missing", "--output", sensor)
     spec.write_text(spec.read_text().replace('"m"', '"kg"'))
     assert "depth" in refused("fit", spec)
     run("fit", status=2)

@@ -10,7 +10,7 @@ import diffthrust as dft
 from diffthrust._criterion import criterion, noises
 from diffthrust._observer import WIDE
 from diffthrust._probes import probes
-from diffthrust._screen import _packed, edge_of, scores, screened
+from diffthrust._screen import _anew, _packed, edge_of, scores, screened
 from diffthrust._solver import _solve
 from diffthrust._trials import Trials
 
@@ -182,3 +182,25 @@ def test_large_errors_are_limited_only_where_they_are_spikes(what, reach):
     made = Trials(dft.Thruster(), [], [log], [])
     made.base(made.values_of(dft.Thruster()))
     assert made.problem.arrays["reach"] == reach
+
+
+class Astray:
+    """Trials in which an effect shows only with the parameters as they were given."""
+
+    def __init__(self, costs):
+        self.costs = costs
+
+    def cost(self, effects, values, begin):
+        return self.costs[values["alpha"], values["effect.size"]]
+
+    def solve(self, effects, values, begin, budget):
+        return dict(values)
+
+
+@pytest.mark.parametrize(("low", "followed"), [(60.0, [0.5]), (99.5, [])])
+def test_far_points_are_tried_with_the_values_as_they_were_given(low, followed):
+    costs = {(1.0, 0.0): 100.0, (1.0, 0.2): np.nan, (1.0, 0.5): low, (1.0, 0.9): 80.0 + low}
+    present = Made(90.0, {"alpha": 7.0, "effect.size": 0.0}, effects=())
+    points = [{"effect.size": size} for size in (0.2, 0.5, 0.9)]
+    found = _anew(Astray(costs), "effect", present, points, {"alpha": 1.0})
+    assert [values["effect.size"] for values in found] == followed

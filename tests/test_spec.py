@@ -276,4 +276,4 @@ def test_a_wrong_column_or_unit_is_told_with_the_line_of_the_spec(folder):
         spec = load(folder, swap(old, new))
         line = 1 + spec.text.splitlines().index(new)
         with pytest.raises(InputError, match=rf"line {line}, channels\.speed\.{key}"):
-            spec.fit()
+            spec.train_logs()

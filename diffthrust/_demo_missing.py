@@ -59,12 +59,18 @@ def hidden_folder(folder: Path) -> Path:
         InputError: the folder cannot be made or written to.
 
     Example:
-        >>> spec = dft.load_spec(hidden_folder(Path("demo_output")))
+        >>> spec = load_spec(hidden_folder(Path("demo_output")))
     """
     folder_at(folder)
+    spec = folder / "fit.toml"
+    if spec.exists() and not spec.read_text(errors="replace").startswith(SPEC.split(".")[0]):
+        raise InputError(
+            f"{spec}: expected an empty folder or that of an earlier demo, found another spec.",
+            "Name another folder: diffthrust demo --missing --output DIR.",
+        )
     for name, seed in SEEDS.items():
         write_whole(folder / name, _table(seed).encode())
-    write_whole(folder / "fit.toml", SPEC.format(folder=folder).encode())
+    write_whole(spec, SPEC.format(folder=folder).encode())
     return folder
 
 

@@ -1,0 +1,46 @@
+"""What speaks against a stage, on made-up errors."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from diffthrust._metrics import ChannelError, Errors
+from diffthrust._stages import Stages
+
+
+def errors(**nrmse):
+    channels = {n: ChannelError(10 * e, e, 100 * (1 - e), 500) for n, e in nrmse.items()}
+    return Errors(float(np.sqrt(np.mean(np.square([*nrmse.values()])))), channels)
+
+
+def stage(train, unseen=None):
+    return SimpleNamespace(train=train, holdout=unseen)
+
+
+BEFORE = stage(errors(speed=0.5, thrust=0.020), errors(speed=0.5, thrust=0.020))
+
+
+@pytest.mark.parametrize(
+    ("train", "unseen", "why"),
+    [
+        ((0.5, 0.019), (0.5, 0.019), None),  # the small channel alone gains
+        ((0.506, 0.010), (0.506, 0.010), None),  # one grows a little, the other is halved
+        ((0.5, 0.020), (0.5, 0.020), "changes nothing"),
+        ((0.49, 0.019), (0.61, 0.019), "whole unseen runs worse"),
+        ((0.51, 0.021), (0.51, 0.021), "unseen and training ones"),
+        ((0.51, 0.021), (0.49, 0.019), None),
+        ((np.inf, np.inf), (0.5, 0.020), "cannot be carried"),
+    ],
+)
+def test_simulations_speak_against_a_stage(train, unseen, why):
+    new = stage(*(errors(speed=a, thrust=b) for a, b in (train, unseen)))
+    search = Stages((), (), 0, lambda message, share: None, stages=[BEFORE])
+    told = search._no_better(new)
+    assert told is None if why is None else why in told
+
+
+def test_without_unseen_logs_only_training_runs_speak():
+    search = Stages((), (), 0, print, stages=[stage(errors(speed=0.5))])
+    assert search._no_better(stage(errors(speed=0.6))) is None
+    assert "changes nothing" in search._no_better(stage(errors(speed=0.5)))
