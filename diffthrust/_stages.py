@@ -276,7 +276,9 @@ class Stages:
         given = self.guess if astray else None
         screen = screened(self.trials, names, self.present, levels, say, given)
         for name, trial in screen.items():
-            if self.trials.redundant(trial):
+            # what gains so much, the other parameters cannot do from where they are
+            gains = self.present.cost - trial.cost > PLAIN
+            if not gains and self.trials.redundant(trial):
                 self.untestable.setdefault(name, "other parameters do the same to what is measured")
             else:
                 found.append((name, trial))
