@@ -200,11 +200,18 @@ class Stages:
             number = len(self.stages) - 1
             self.say(f"refitting with {candidate.effect}", 0.3 + 0.1 * number)
             stage = self.timed("refit", self._stage)
+            if self.dropped != dropped and self._missed(stage):
+                self.present, self.dropped = settled, dropped
+                stage = self.timed("refit", self._stage)
             if (why := self._no_better(stage)) is not None:
                 self.present, self.dropped, self.trials.problem = before, dropped, clipped
                 return f"predicts the next sample better, and {why}"
             self.stages.append(stage)
         return None
+
+    def _missed(self, stage: Stage) -> bool:
+        """Whether whole training runs miss an effect that one-step errors can do without."""
+        return statistics.geometric_mean(_growth(self.stages[-1].train, stage.train)) > GROWN
 
     def _no_better(self, stage: Stage) -> str | None:
         """Why the simulations of a new stage speak against it, if they do."""
