@@ -14,8 +14,11 @@ ALIKE = 8.0
 
 
 def groups_of(search: Stages) -> tuple[tuple[str, ...], ...]:
-    """For each added effect those that, in its place, explain the logs as well."""
-    rivals = {c.effect for c in search.ranking if c.delta_bic < -MARGIN}
+    """For each added effect those that, in its place, explain the logs as well.
+
+    Not those against which whole runs have spoken.
+    """
+    rivals = {c.effect for c in search.ranking if c.delta_bic < -MARGIN} - search.barred
     levels = search.trials.levels(search.first)
     out = []
     for name in search.present.effects:

@@ -78,6 +78,7 @@ class Stages:
     seconds: dict[str, float] = field(default_factory=dict)
     options: dict[str, Any] = field(default_factory=dict)
     refused: dict[str, str] = field(default_factory=dict)
+    barred: set[str] = field(default_factory=set)
     silent: set[str] = field(default_factory=set)
     guess: Mapping[str, float] = field(default_factory=dict)
     _criterion: tuple[Trial, float] | None = None
@@ -165,7 +166,7 @@ class Stages:
             worth = again and doubtful and candidate.delta_bic < -MARGIN
             if worth and self._better_noise(candidate, trial):
                 return False
-        self.refused = {}  # what an earlier screen refused has been tried anew
+        self.refused, self.barred = {}, set()  # what was refused earlier has been tried anew
         earlier = [candidate for candidate in self.ranking if candidate.stage < number]
         self.ranking = earlier + [candidate for candidate, _ in rated]
         for place, (candidate, trial) in enumerate(rated):
@@ -205,6 +206,7 @@ class Stages:
                 stage = self.timed("refit", self._stage)
             if (why := self._no_better(stage)) is not None:
                 self.present, self.dropped, self.trials.problem = before, dropped, clipped
+                self.barred.add(candidate.effect)
                 return f"predicts the next sample better, and {why}"
             self.stages.append(stage)
         return None

@@ -408,6 +408,12 @@ def test_every_verdict_has_its_page(full, kind):
     assert ("class MyEffect" in found.text) == (kind == "unexplained")
 
 
+def test_the_page_of_a_diagnosis_in_which_no_signal_is_missing(full):
+    text = _Page(page(replace(full, missing=full.missing[1:]))).text
+    assert "nothing is missing that shows" in text
+    assert "a band of two standard errors" not in text  # the caption of the figure
+
+
 def test_the_page_is_part_of_the_package():
     from importlib.resources import files
 
