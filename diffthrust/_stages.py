@@ -49,8 +49,8 @@ and one whose gain is no longer worth its price when that cost is taken from it.
 SPOILT = 1.2
 """An effect is refused with which the error of whole unseen runs grows by more than this."""
 GROWN = 1.01
-"""So it is where both those of unseen and of training runs grow by more than this, in the mean of
-the channels;"""
+"""So it is where those of unseen and of training runs together (the product of both, each in the
+mean of the channels) grow by more than this;"""
 NOTHING = 1e-4
 """and where the error of no channel changes by more than this over whole training runs."""
 POOR = 0.5
@@ -227,8 +227,8 @@ class Stages:
             if stage.holdout.nrmse > SPOILT * last.holdout.nrmse:
                 return "whole unseen runs worse"
             unseen = _growth(last.holdout, stage.holdout)
-            if min(map(statistics.geometric_mean, (trained, unseen))) > GROWN:
-                return "whole runs worse, unseen and training ones"
+            if math.prod(map(statistics.geometric_mean, (trained, unseen))) > GROWN:
+                return "whole runs worse, unseen and training ones together"
         return None
 
     def _comparable(self, candidate: Candidate, trial: Trial) -> bool:

@@ -30,6 +30,7 @@ BEFORE = stage(errors(speed=0.5, thrust=0.020), errors(speed=0.5, thrust=0.020))
         ((0.49, 0.019), (0.61, 0.019), "whole unseen runs worse"),
         ((0.51, 0.021), (0.51, 0.021), "unseen and training ones"),
         ((0.51, 0.021), (0.49, 0.019), None),
+        ((0.495, 0.0198), (0.52, 0.0208), "unseen and training ones"),
         ((np.inf, np.inf), (0.5, 0.020), "cannot be carried"),
     ],
 )
