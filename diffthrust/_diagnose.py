@@ -35,12 +35,12 @@ def diagnose(
 
     Every effect that the logs can test is tried in the innovations form of the model, in which
     random forces and lasting sensor errors have estimated sizes of their own: what remains is
-    white, and a likelihood ratio on it means what it says. The best effect is added while it
-    lowers the Bayesian information criterion clearly, the one-step predictions of unseen logs do
-    not speak against it, and the error of whole unseen runs does not grow by a fifth; earlier
-    effects that it made superfluous are dropped. At the end signals of unknown form are tried at
-    each port: if the errors still depend on a signal of the model, or a channel contradicts it, the
-    verdict is "unexplained".
+    white, and a likelihood ratio on it means what it says. The best effect is added while it lowers
+    the Bayesian information criterion clearly, and neither the one-step predictions of unseen logs
+    nor whole runs speak against it: it must change them, and not make those of training and unseen
+    logs together worse. Earlier effects that it made superfluous are dropped. At the end signals of
+    unknown form are tried at each port: if the errors still depend on a signal of the model, or a
+    channel contradicts it, the verdict is "unexplained".
 
     Args:
         fit: a fit, or a model that is fitted first.
