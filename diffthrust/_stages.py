@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import statistics
 import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -18,7 +17,6 @@ from diffthrust._effect import Effect
 from diffthrust._errors import InputError
 from diffthrust._fit import fit as fit_model
 from diffthrust._log import Log
-from diffthrust._metrics import Errors
 from diffthrust._model import Model
 from diffthrust._places import KNOTS
 from diffthrust._result import Fit
@@ -26,6 +24,7 @@ from diffthrust._screen import screened
 from diffthrust._step_check import CoarseStepWarning
 from diffthrust._structure import gain_of, remaining_structure
 from diffthrust._trials import Trial, Trials, side_by_side
+from diffthrust._whole_runs import missed, no_better
 from diffthrust.effects import EFFECTS
 
 MOST_SUBSTEPS = 2
@@ -46,13 +45,6 @@ PLAIN = 200.0
 WORSE = 3.0
 """An effect that costs the unseen logs more log-likelihood than this (odds of 20 to 1) is refused,
 and one whose gain is no longer worth its price when that cost is taken from it."""
-SPOILT = 1.2
-"""An effect is refused with which the error of whole unseen runs grows by more than this."""
-GROWN = 1.01
-"""So it is where those of unseen and of training runs together (the product of both, each in the
-mean of the channels) grow by more than this;"""
-NOTHING = 1e-4
-"""and where the error of no channel changes by more than this over whole training runs."""
 POOR = 0.5
 """With a larger error of whole training runs (NRMSE) the fit may have gone astray."""
 PART = 0.3
@@ -201,34 +193,15 @@ class Stages:
             number = len(self.stages) - 1
             self.say(f"refitting with {candidate.effect}", 0.3 + 0.1 * number)
             stage = self.timed("refit", self._stage)
-            if self.dropped != dropped and self._missed(stage):
+            swapped = self.dropped != dropped and candidate.effect in self.present.effects
+            if swapped and missed(self.stages[-1], stage):
                 self.present, self.dropped = settled, dropped
                 stage = self.timed("refit", self._stage)
-            if (why := self._no_better(stage)) is not None:
+            if (why := no_better(self.stages[-1], stage)) is not None:
                 self.present, self.dropped, self.trials.problem = before, dropped, clipped
                 self.barred.add(candidate.effect)
                 return f"predicts the next sample better, and {why}"
             self.stages.append(stage)
-        return None
-
-    def _missed(self, stage: Stage) -> bool:
-        """Whether whole training runs miss an effect that one-step errors can do without."""
-        return statistics.geometric_mean(_growth(self.stages[-1].train, stage.train)) > GROWN
-
-    def _no_better(self, stage: Stage) -> str | None:
-        """Why the simulations of a new stage speak against it, if they do."""
-        last = self.stages[-1]
-        if not math.isfinite(stage.train.nrmse):
-            return "cannot be carried over whole runs"
-        trained = _growth(last.train, stage.train)
-        if all(abs(growth - 1.0) < NOTHING for growth in trained):
-            return "changes nothing in whole runs"
-        if last.holdout is not None and stage.holdout is not None:
-            if stage.holdout.nrmse > SPOILT * last.holdout.nrmse:
-                return "whole unseen runs worse"
-            unseen = _growth(last.holdout, stage.holdout)
-            if math.prod(map(statistics.geometric_mean, (trained, unseen))) > GROWN:
-                return "whole runs worse, unseen and training ones together"
         return None
 
     def _comparable(self, candidate: Candidate, trial: Trial) -> bool:
@@ -393,9 +366,3 @@ class Stages:
                 seed=self.seed,
                 **self.options,
             )
-
-
-def _growth(before: Errors, after: Errors) -> list[float]:
-    """By how much the error of each channel has grown; 1 where that cannot be told."""
-    pairs = [(before.channels[n].rmse, one.rmse) for n, one in after.channels.items()]
-    return [new / old if 0 < old < math.inf and 0 < new < math.inf else 1.0 for old, new in pairs]

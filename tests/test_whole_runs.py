@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from diffthrust._metrics import ChannelError, Errors
-from diffthrust._stages import Stages
+from diffthrust._whole_runs import missed, no_better
 
 
 def errors(**nrmse):
@@ -36,12 +36,16 @@ BEFORE = stage(errors(speed=0.5, thrust=0.020), errors(speed=0.5, thrust=0.020))
 )
 def test_simulations_speak_against_a_stage(train, unseen, why):
     new = stage(*(errors(speed=a, thrust=b) for a, b in (train, unseen)))
-    search = Stages((), (), 0, lambda message, share: None, stages=[BEFORE])
-    told = search._no_better(new)
+    told = no_better(BEFORE, new)
     assert told is None if why is None else why in told
 
 
 def test_without_unseen_logs_only_training_runs_speak():
-    search = Stages((), (), 0, print, stages=[stage(errors(speed=0.5))])
-    assert search._no_better(stage(errors(speed=0.6))) is None
-    assert "changes nothing" in search._no_better(stage(errors(speed=0.5)))
+    before = stage(errors(speed=0.5))
+    assert no_better(before, stage(errors(speed=0.6))) is None
+    assert "changes nothing" in no_better(before, stage(errors(speed=0.5)))
+
+
+def test_a_dropped_effect_is_missed_where_training_runs_grow_worse():
+    assert missed(BEFORE, stage(errors(speed=0.52, thrust=0.020)))
+    assert not missed(BEFORE, stage(errors(speed=0.501, thrust=0.020)))
