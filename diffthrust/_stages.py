@@ -43,8 +43,9 @@ CLEAR = 20.0
 PLAIN = 200.0
 """No doubt is left where the criterion falls, or the log-likelihood is lost, by so much."""
 WORSE = 3.0
-"""An effect that costs the unseen logs more log-likelihood than this (odds of 20 to 1) is refused,
-and one whose gain is no longer worth its price when that cost is taken from it."""
+"""A noise that costs the unseen logs more log-likelihood than this (odds of 20 to 1) is no better
+one. An effect is refused whose gain is no longer worth its price when that cost is taken from it:
+of training and unseen logs neither speaks louder than its likelihood."""
 POOR = 0.5
 """With a larger error of whole training runs (NRMSE) the fit may have gone astray."""
 PART = 0.3
@@ -184,9 +185,9 @@ class Stages:
             "screen", self.trials.settled, trial.effects, trial.values, trial.begin
         )
         unseen = self.trials.unseen_gain(before, settled)
-        if unseen < -WORSE or candidate.delta_bic - 2 * min(unseen, 0.0) > -MARGIN:
+        if candidate.delta_bic - 2 * min(unseen, 0.0) > -MARGIN:
             self.trials.problem = clipped
-            return "fits the training logs, and unseen logs worse"
+            return "costs the unseen logs what it gains on the training logs"
         self.present = settled
         self._drop()
         if set(self.present.effects) != set(before.effects):

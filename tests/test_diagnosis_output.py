@@ -254,7 +254,7 @@ def test_the_summary_tells_what_is_left_to_random_forces(full):
 
 
 def test_refused_effects_are_told_with_the_reason(full):
-    why = "fits the training logs, and unseen logs worse"
+    why = "costs the unseen logs what it gains on the training logs"
     diag = replace(full, refused={"actuator_lag": why})
     sentence = f"An actuator lag was not added: it {why}."
     assert sentence in diag.report().replace("\n", " ")
