@@ -14,7 +14,14 @@ from diffthrust._arguments import check_arguments, listed
 from diffthrust._arrange import build
 from diffthrust._compare import Comparison, compare
 from diffthrust._horizons import schedule, through, whole_runs
-from diffthrust._innovations import clipped, disturbance_of, observer_for, one_step_errors, polished
+from diffthrust._innovations import (
+    clipped,
+    disturbance_of,
+    limits_of,
+    observer_for,
+    one_step_errors,
+    polished,
+)
 from diffthrust._log import Log
 from diffthrust._model import Model
 from diffthrust._problem import Problem
@@ -182,6 +189,8 @@ def fit(
         likelihood=likelihood,
         loss=loss,
         disturbance=disturbance_of(final, best.z) if observer else None,
+        held=final.held,
+        limits=limits_of(final) if observer and loss == "student_t" else None,
         reach=float(final.arrays["reach"]),
         guess=guess,
     )

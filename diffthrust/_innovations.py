@@ -120,6 +120,11 @@ def disturbance_of(problem: Problem, z: np.ndarray) -> dict[str, Estimate]:
     return found
 
 
+def limits_of(problem: Problem) -> dict[str, float]:
+    """By channel the size of a large error."""
+    return dict(zip(problem.layout.channels, map(float, problem.arrays["clip"]), strict=True))
+
+
 def one_step(fit: Fit, logs: Sequence[Log], substeps: int = 1) -> list[dict[str, np.ndarray]]:
     """`one_step_errors` of a fit on any logs, from their measured states on.
 
@@ -141,9 +146,9 @@ def one_step(fit: Fit, logs: Sequence[Log], substeps: int = 1) -> list[dict[str,
         absent = p.value if is_memory(name) else 0.0
         nuisance[name] = p.with_value(found[name].value if name in found else absent)
     problem = replace(problem, nuisance=nuisance)
-    if fit.loss == "student_t":
-        noise = [fit.noise.get(name, np.inf) for name in problem.layout.channels]
-        problem = with_clip(problem, CLIP * np.array(noise), fit.reach)
+    if fit.limits is not None:
+        large = [fit.limits.get(name, np.inf) for name in problem.layout.channels]
+        problem = with_clip(problem, large, fit.reach)
     rests = one_step_errors(problem, problem.start())
     at = [bridged(log)[1] for log in logs]
     return [{n: rest[i] for n, rest in run.items()} for run, i in zip(rests, at, strict=True)]

@@ -57,8 +57,10 @@ class Fit:
         disturbance: gains and memories of the random forces and of lasting sensor errors, by name,
             estimated with the parameters of an "innovations" fit; ``None`` otherwise.
         substeps: integrator steps per sample that were used.
-        reach: an error of more than so many times four noise levels corrects the states of an
-            "innovations" fit with ``loss="student_t"`` no more than one of that size.
+        held: initial states were taken as measured, not estimated.
+        limits: by channel the size of a large one-step error, for an "innovations" fit with
+            ``loss="student_t"``; ``None`` otherwise.
+        reach: errors of more than so many times these sizes correct the states no further.
         guess: the values from which the search began, by full name.
         notes: what the user should know besides.
     """
@@ -81,6 +83,8 @@ class Fit:
     likelihood: str = "simulation"
     loss: str = "gaussian"
     disturbance: Mapping[str, Estimate] | None = field(default=None, repr=False)
+    held: bool = False
+    limits: Mapping[str, float] | None = field(default=None, repr=False)
     reach: float = 1.0
     guess: Mapping[str, float] = field(default_factory=dict, repr=False)
 
