@@ -57,6 +57,7 @@ def problem_of(fit: Fit, logs: Log | Sequence[Log]) -> tuple[Problem, np.ndarray
         segmented=fit.horizon is not None,
         loss=fit.loss,
         observer=observer_for(fit.model, logs) if fit.likelihood == "innovations" else None,
+        lasting=fit.noise_model == "ar1",
     )
     if fit.limits is not None:
         problem = with_clip(problem, [fit.limits[c] for c in problem.layout.channels], fit.reach)

@@ -52,6 +52,7 @@ def check_arguments(
     loss: str = "gaussian",
     initial: str = "auto",
     likelihood: str = "simulation",
+    noise_model: str = "white",
     horizon: Any = None,
 ) -> None:
     """Raise `InputError` for an argument of `fit` or `diagnose` that cannot be meant."""
@@ -63,11 +64,18 @@ def check_arguments(
         ("loss", loss, ("gaussian", "student_t")),
         ("initial", initial, ("auto", "estimate", "measured")),
         ("likelihood", likelihood, ("simulation", "innovations")),
+        ("noise_model", noise_model, ("white", "ar1")),
     ):
         if value not in known:
             raise InputError(
                 f"{what}: expected one of {', '.join(known)}, found {value!r}.", "Correct it."
             )
+    if likelihood == "innovations" and noise_model != "white":
+        raise InputError(
+            f"noise_model: expected 'white' with the innovations form, found {noise_model!r}: it "
+            "has lasting sensor errors of its own.",
+            "Leave noise_model out, or use likelihood='simulation'.",
+        )
     if likelihood == "innovations" and horizon is not None and horizon != "auto":
         raise InputError(  # every sample sets the states right: there is nothing else to set
             f"horizon: the innovations form goes through whole runs, found {horizon!r}.",

@@ -9,6 +9,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from diffthrust._ar1 import correlations, gaps, linked
 from diffthrust._channels import listing
 from diffthrust._errors import InputError
 from diffthrust._intake import bridged, hold_of, inputs_of
@@ -35,10 +36,12 @@ def build(
     loss: str = "gaussian",
     observer: Observer | None = None,
     width: int | None = None,
+    lasting: bool = False,
 ) -> Problem:
     """Arrange a model and its logs for estimation.
 
-    With an ``observer`` the likelihood is that of the one-step predictions.
+    With an ``observer`` the likelihood is that of the one-step predictions; with ``lasting`` noise
+    it is an autoregression, see `_ar1`.
 
     Raises:
         InputError: no measured channel that the model puts out, a missing input, or a unit of the
@@ -55,15 +58,17 @@ def build(
     logs = tuple(bridged(log)[0] for log in logs)
     nuisance: dict[str, Parameter] = {}
     free_states = tuple(n for n in model.states if not any(n in log.inputs for log in logs))
+    longest, step = max(log.duration for log in logs), min(log.step for log in logs)
     if observer:
         free_states = observer.fed
-        longest, step = max(log.duration for log in logs), min(log.step for log in logs)
         nuisance = observer.parameters(longest, step)
+    elif lasting:
+        nuisance = correlations(channels, longest, step)
     named = {**model.parameters, **nuisance}
     free = tuple(name for name, p in named.items() if not p.fixed)
     starts = free_states if initial == "estimate" else ()
     noise = _known_noise(model, logs, channels)
-    if observer:  # a given level is the sensor's, and a prediction errs by more than its sensor
+    if nuisance:  # a given level is the sensor's: neither a prediction's nor that of what is new
         noise = [None] * len(noise)
     grids, batches, order = [], [], []
     for indices, hold in _grouped(model, logs):
@@ -88,6 +93,7 @@ def build(
         loss=loss,
         observer=observer,
         width=width,
+        lasting=lasting,
     )
     priors = {n: named[n].prior for n in free if named[n].prior is not None}
     arrays = {
@@ -101,7 +107,8 @@ def build(
         "reach": jnp.asarray(np.ones(())),
         "prior": {n: (jnp.asarray(p.mean), jnp.asarray(p.std)) for n, p in priors.items() if p},
     }
-    return Problem(model, tuple(logs), layout, arrays, tuple(order), nuisance=nuisance)
+    problem = Problem(model, tuple(logs), layout, arrays, tuple(order), nuisance=nuisance)
+    return _linked(problem) if lasting else problem
 
 
 def channels_of(model: Model, logs: Sequence[Log]) -> tuple[str, ...]:
@@ -137,7 +144,21 @@ def restarts(problem: Problem, horizon: float | None, *, hold: bool = False) -> 
         anew = {"restart_" + name: jnp.asarray(s) for name, s in series.items()}
         batches.append({**batch, **anew})
     arrays = {**problem.arrays, "batches": batches}
-    return replace(problem, arrays=arrays, held=hold)
+    problem = replace(problem, arrays=arrays, held=hold)
+    return _linked(problem) if problem.layout.lasting else problem
+
+
+def _linked(problem: Problem) -> Problem:
+    """The problem with what noise that lasts needs to know of the samples' distances."""
+    batches = []
+    for grid, batch in zip(problem.layout.grids, problem.arrays["batches"], strict=True):
+        time = np.asarray(batch["time"])
+        anew = np.zeros(time.shape, bool)
+        for name in grid.restarted:
+            anew |= np.isfinite(np.asarray(batch["restart_" + name]))
+        batches.append({**batch, **_device(linked(time, np.asarray(batch["measured"]), anew))})
+    told = {"batches": batches, "gaps": _device(gaps(batches))}
+    return replace(problem, arrays={**problem.arrays, **told})
 
 
 def _multiples(time: np.ndarray, horizon: float | None) -> np.ndarray:

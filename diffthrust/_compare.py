@@ -16,6 +16,7 @@ from diffthrust._intake import inputs_of
 from diffthrust._log import Log
 from diffthrust._metrics import Errors, errors, unwrapped
 from diffthrust._model import Model
+from diffthrust._noise_advice import NoiseAdvice, noise_advice
 from diffthrust._regimes import Regime, percent, worst_regimes
 from diffthrust._residual_tests import ResidualTests, residual_tests
 from diffthrust._simulate import simulate
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from diffthrust._result import Fit
 
 _OUTSTANDING = 3.0
+_TELLING = 50  # fewer samples do not tell laws of noise apart
 """A run stands out where its RMSE is so many times that of the median run."""
 
 
@@ -164,6 +166,20 @@ class Comparison:
         """Sentences on runs whose errors stand out from those of the others; mostly none."""
         return tuple(self._outstanding())
 
+    @cached_property
+    def noise_advice(self) -> NoiseAdvice | None:
+        """Which noise the residuals look like, as arguments of `fit`.
+
+        ``None`` for tables of readings, and for runs too short to tell.
+        """
+        if self.tabular or sum(e.samples for e in self.errors.channels.values()) < _TELLING:
+            return None
+        chosen = {n: [r for r in self.runs if n in r.channels] for n in self.errors.channels}
+        return noise_advice(
+            {n: [run.channels[n].residual for run in runs] for n, runs in chosen.items()},
+            {n: [run.time for run in runs] for n, runs in chosen.items()},
+        )
+
     @property
     def tabular(self) -> bool:
         """Whether the logs are tables of readings, without a time of their own."""
@@ -250,6 +266,7 @@ class Comparison:
             "tests": {name: tests.to_json() for name, tests in self.tests.items()},
             "agreement": {name: a.to_json() for name, a in self.agreement.items()},
             "hints": [*self.hints, *self.outstanding],
+            "noise": self.noise_advice.to_json() if self.noise_advice else None,
         }
 
 

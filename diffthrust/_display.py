@@ -120,10 +120,15 @@ def findings(comparison: Comparison) -> list[tuple[str, list[str]]]:
     regimes = [regime.sentence for regime in comparison.regimes]
     if not regimes and not comparison.tabular:
         regimes = ["No regime stands out from what chance would give."]
+    noise = [tests.sentence for tests in comparison.tests.values()]
+    fit, advice = comparison.fit, comparison.noise_advice
+    followed = fit and advice and (fit.noise_model, fit.loss) == (advice.noise_model, advice.loss)
+    if advice and not followed and not (fit and fit.likelihood == "innovations"):
+        noise.append(advice.sentence)
     found = [
         ("What does not fit together", [*comparison.hints, *comparison.outstanding]),
         ("Where the error sits (inputs as recorded, other signals as modelled)", regimes),
-        ("Is the residual noise?", [tests.sentence for tests in comparison.tests.values()]),
+        ("Is the residual noise?", noise),
     ]
     return [(name, sentences) for name, sentences in found if sentences]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Literal
 
@@ -12,16 +12,17 @@ import numpy as np
 
 from diffthrust._arguments import check_arguments, listed
 from diffthrust._arrange import build
-from diffthrust._compare import Comparison, compare
+from diffthrust._compare import compare
+from diffthrust._fit_notes import correlation_notes
 from diffthrust._horizons import schedule, through, whole_runs
 from diffthrust._innovations import (
     clipped,
     disturbance_of,
     limits_of,
     observer_for,
-    one_step_errors,
     polished,
 )
+from diffthrust._likelihood import noise_levels
 from diffthrust._log import Log
 from diffthrust._model import Model
 from diffthrust._problem import Problem
@@ -30,11 +31,6 @@ from diffthrust._solver import solve
 from diffthrust._starts import Progress, draw
 from diffthrust._status import Checks, Local, Status, examine, judge
 from diffthrust._step_check import CoarseStepWarning, choose_substeps
-
-CORRELATED = 0.5
-"""Residuals with a larger lag-one correlation are reported as coloured."""
-WHITE = 0.1
-"""The same for one-step errors, which have no reason to be correlated at all."""
 
 
 def fit(
@@ -47,6 +43,7 @@ def fit(
     horizon: float | Sequence[float | None] | Literal["auto"] | None = "auto",
     likelihood: Literal["simulation", "innovations"] = "simulation",
     loss: Literal["gaussian", "student_t"] = "gaussian",
+    noise_model: Literal["white", "ar1"] = "white",
     initial: Literal["auto", "estimate", "measured"] = "auto",
     substeps: int | None = None,
     progress: Progress | None = None,
@@ -78,6 +75,11 @@ def fit(
             ``horizon``; a noise level that a log gives is the sensor's alone, and that of the
             prediction is estimated.
         loss: "gaussian", or "student_t" (4 degrees of freedom), which forgives outliers.
+        noise_model: "white", or "ar1": the noise of each channel lasts from sample to sample (a
+            first-order autoregression), with a correlation time that is estimated. Standard errors
+            then hold where residuals are correlated so; a noise level that a log gives is not used.
+            For "simulation" only: the innovations form has lasting sensor errors of its own. What
+            suits a fit's residuals, `Comparison.noise_advice` says.
         initial: "estimate" the initial value of measured states, or take it as "measured". "auto"
             estimates it for whole runs and takes it as measured for segments, all of which then
             begin alike: a model that lacks something would abuse free initial states to hide it.
@@ -106,6 +108,7 @@ def fit(
         loss=loss,
         initial=initial,
         likelihood=likelihood,
+        noise_model=noise_model,
         horizon=horizon,
     )
     guess = {name: p.value for name, p in model.parameters.items()}
@@ -125,6 +128,7 @@ def fit(
             segmented=any(h is not None for h in horizons),
             loss=loss,
             observer=observer,
+            lasting=noise_model == "ar1",
         )
         problem = arrange(model)
         if horizons != (None,) and not any(grid.restarted for grid in problem.layout.grids):
@@ -166,7 +170,7 @@ def fit(
     states = tuple(final.initial_states(best.z))
     failed = status is Status.SIMULATION_FAILED
     train = compare(model_found, logs, initial=None if failed else states, substeps=chosen)
-    notes += _coloured(train) if observer is None else _unwhite(one_step_errors(final, best.z))
+    notes += correlation_notes(final, best.z, train)
     steps = chosen if failed else substeps
     return Fit(
         model=_unfixed(model_found, silent),
@@ -178,7 +182,7 @@ def fit(
         checks=Checks(
             local.gradient, local.rank, local.columns, local.condition, found.begun, agreeing
         ),
-        noise=dict(zip(final.layout.channels, map(float, best.quadratic.sigma), strict=True)),
+        noise=noise_levels(final, best.z, best.quadratic.sigma),
         train=train.errors,
         holdout=compare(model_found, unseen, substeps=steps).errors if unseen else None,
         log_likelihood=-float(best.quadratic.cost),
@@ -188,7 +192,8 @@ def fit(
         notes=(*notes, *(f"{log.name}: {note}" for log in logs for note in log.notes)),
         likelihood=likelihood,
         loss=loss,
-        disturbance=disturbance_of(final, best.z) if observer else None,
+        noise_model=noise_model,
+        disturbance=disturbance_of(final, best.z) if final.nuisance else None,
         held=final.held,
         limits=limits_of(final) if observer and loss == "student_t" else None,
         reach=float(final.arrays["reach"]),
@@ -200,42 +205,6 @@ def _substeps(model: Model, logs: Sequence[Log]) -> int:
     """What the log with the longest step needs."""
     coarsest = max(logs, key=lambda log: (log.step, len(log)))
     return choose_substeps(model, coarsest, warn=False)
-
-
-def _coloured(comparison: Comparison) -> list[str]:
-    """A word on residuals that are correlated in time, which no standard error here allows for."""
-    runs = [{n: trace.residual for n, trace in run.channels.items()} for run in comparison.runs]
-    told = _correlated(runs, CORRELATED)
-    if not told:
-        return []
-    return [
-        f"Residuals are correlated from sample to sample ({told}): something is missing from the "
-        "model, or the noise is coloured. The standard errors assume white noise and are too small."
-    ]
-
-
-def _unwhite(runs: Sequence[Mapping[str, np.ndarray]]) -> list[str]:
-    """A word on one-step errors that an observer leaves correlated."""
-    told = _correlated(runs, WHITE)
-    if not told:
-        return []
-    return [
-        f"One-step errors are correlated from sample to sample ({told}): something is missing from "
-        "the model. The standard errors assume that nothing is and are too small."
-    ]
-
-
-def _correlated(runs: Sequence[Mapping[str, np.ndarray]], limit: float) -> str:
-    """Channels with a lag-one correlation beyond a limit and beyond chance, with its value."""
-    strongest: dict[str, float] = {}
-    for run in runs:
-        for name, residual in run.items():
-            rest = residual[np.isfinite(residual)]
-            if rest.size > 20 and np.std(rest) > 0:
-                lag = float(np.corrcoef(rest[:-1], rest[1:])[0, 1])
-                if lag > max(limit, 3 / math.sqrt(rest.size)):
-                    strongest[name] = max(lag, strongest.get(name, -1.0))
-    return ", ".join(f"{name} {lag:.2f}" for name, lag in strongest.items())
 
 
 def _without_silent(

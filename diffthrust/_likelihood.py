@@ -9,13 +9,16 @@ likelihood takes its place by returning the same three.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
+from diffthrust._ar1 import level, whitened
 from diffthrust._observer import innovations
-from diffthrust._problem import Layout
+from diffthrust._problem import Layout, Problem
 from diffthrust._simulate import trajectory
 
 TAIL = 4.0
@@ -63,7 +66,10 @@ def named_values(layout: Layout, arrays: Any, z: Any) -> dict[str, Any]:
 
 
 def residuals(layout: Layout, index: int, arrays: Any, log: Any, z: Any, start: Any) -> Any:
-    """Measured minus simulated or predicted, ``(C, T)``; zero where nothing was measured."""
+    """Measured minus simulated or predicted, ``(C, T)``; zero where nothing was measured.
+
+    Of noise that lasts, what is new in each sample.
+    """
     grid = layout.grids[index]
     values = named_values(layout, arrays, z)
     model = layout.key.model.bind(values)
@@ -80,8 +86,53 @@ def residuals(layout: Layout, index: int, arrays: Any, log: Any, z: Any, start: 
         rest = jnp.where(jnp.isnan(measured), 0.0, measured) - modelled
         if name in model.angles:
             rest = rest - 2 * jnp.pi * jnp.round(rest / (2 * jnp.pi))
-        rows.append(jnp.where(jnp.isnan(measured), 0.0, rest))
+        rest = jnp.where(jnp.isnan(measured), 0.0, rest)
+        if layout.lasting:
+            memory, gaps = values[f"noise.{name}.correlation"], arrays["gaps"]
+            new = level(memory, gaps["seconds"][i], gaps["counts"][i], arrays["counts"][i])
+            seen = ~jnp.isnan(measured)
+            rest = whitened(rest, seen, log["past"][i], log["gap"][i], memory, new)
+        rows.append(rest)
     return jnp.stack(rows)
+
+
+def errors_at(problem: Problem, z: np.ndarray) -> list[dict[str, np.ndarray]]:
+    """The residuals that a likelihood sums, ``(T,)`` by log and channel; NaN where not measured."""
+    done = _errors(problem.layout, problem.arrays, jnp.asarray(z))
+    found: dict[int, dict[str, np.ndarray]] = {}
+    for rests, batch, indices in zip(done, problem.arrays["batches"], problem.order, strict=True):
+        rests = np.where(np.isnan(batch["measured"]), np.nan, rests)
+        for row, index in enumerate(indices):
+            own = rests[row, :, : len(problem.logs[index])]
+            found[index] = dict(zip(problem.layout.channels, own, strict=True))
+    return [found[index] for index in range(len(problem.logs))]
+
+
+@partial(jax.jit, static_argnums=0)
+def _errors(layout: Layout, arrays: Any, z: Any) -> list[Any]:
+    n, m = layout.width or len(layout.free), len(layout.starts)
+    at, out = n, []
+    for index, batch in enumerate(arrays["batches"]):
+        count = batch["time"].shape[0]
+        starts = z[at : at + count * m].reshape(count, m)
+        at += count * m
+
+        def one(pair: Any, index: int = index) -> Any:
+            return residuals(layout, index, arrays, pair[0], z[:n], pair[1])
+
+        out.append(jax.lax.map(one, (batch, starts)))
+    return out
+
+
+def noise_levels(problem: Problem, z: np.ndarray, sigma: np.ndarray) -> dict[str, float]:
+    """Standard deviation of each channel's noise, from the levels that a likelihood works with."""
+    found = dict(zip(problem.layout.channels, map(float, sigma), strict=True))
+    if problem.layout.lasting:
+        values, gaps, counts = problem.values(z), problem.arrays["gaps"], problem.arrays["counts"]
+        for i, name in enumerate(found):
+            memory = values[f"noise.{name}.correlation"]
+            found[name] /= float(level(memory, gaps["seconds"][i], gaps["counts"][i], counts[i]))
+    return found
 
 
 def _with_jacobian(layout: Layout, index: int, arrays: Any, z: Any) -> tuple[Any, Any]:

@@ -47,12 +47,15 @@ class Observer:
         fed: those that are states and correct them.
         corrected: for each state, the channels that correct it.
         forced: states on which random forces act.
+        still: nothing is corrected and no random force acts; what is left is a simulation whose
+            sensors have errors that last ("ar1" noise).
     """
 
     channels: tuple[str, ...]
     fed: tuple[str, ...]
     corrected: tuple[tuple[str, tuple[str, ...]], ...]
     forced: tuple[str, ...]
+    still: bool = False
 
     def parameters(self, duration: float, step: float) -> dict[str, Parameter]:
         """The gains and memories, by name, with values to start from."""
@@ -60,12 +63,13 @@ class Observer:
         longest = (0.5 * step, 10.0 * duration)
 
         def gain(value: float, own: bool = True) -> Parameter:
-            low = 0.0 if own else None
-            return Parameter(value if own else 0.0, "", (low, 1.0), size=0.3)
+            low, value = (0.0, value) if own else (None, 0.0)
+            value = 0.0 if self.still else value
+            return Parameter(value, "", (low, 1.0), size=0.3, fixed=self.still)
 
-        def memory(seconds: float) -> Parameter:
+        def memory(seconds: float, still: bool = False) -> Parameter:
             value = min(max(seconds, 2 * step), 0.5 * duration)
-            return Parameter(value, "s", longest, transform="log")
+            return Parameter(value, "s", longest, transform="log", fixed=still)
 
         for state, sources in self.corrected:
             for c in sources:
@@ -73,15 +77,20 @@ class Observer:
                 if state in self.forced:
                     found[f"noise.{state}.drift.{c}"] = gain(0.05, state == c)
             if state in self.forced:
-                found[f"noise.{state}.memory"] = memory(1.0)
+                found[f"noise.{state}.memory"] = memory(1.0, self.still)
         for c in self.channels:
-            found[f"noise.{c}.colour"] = gain(0.2)
+            whole = Parameter(1.0, "", (0.0, 1.0), size=0.3, fixed=True)
+            found[f"noise.{c}.colour"] = whole if self.still else gain(0.2)
             found[f"noise.{c}.correlation"] = memory(5 * step)
         return found
 
 
 def observer_of(
-    model: Model, log: Log, channels: Sequence[str], remembering: Collection[str] = ()
+    model: Model,
+    log: Log,
+    channels: Sequence[str],
+    remembering: Collection[str] = (),
+    still: bool = False,
 ) -> Observer:
     """The observer of a model for some measured channels.
 
@@ -102,7 +111,7 @@ def observer_of(
     forced = tuple(
         n for n, _ in corrected if not model.ports or any(v != 0 for v in rates[n][1].values())
     )
-    return Observer(tuple(channels), fed, corrected, forced)
+    return Observer(tuple(channels), fed, corrected, forced, still)
 
 
 def is_memory(name: str) -> bool:
@@ -113,6 +122,8 @@ def is_memory(name: str) -> bool:
 def guesses(names: Collection[str]) -> tuple[dict[str, float], ...]:
     """Gains from which to start: as given, nearly none, and errors that are mostly the sensor's."""
     quiet = {n: 0.02 for n in names if not is_memory(n)}
+    if not quiet:
+        return ({},)
     return {}, quiet, {**quiet, **{n: 0.9 for n in quiet if n.endswith(".colour")}}
 
 

@@ -21,7 +21,8 @@ from diffthrust._simulate import Grid, Key
 class Layout:
     """What fixes the compiled code of a problem; equal layouts share it.
 
-    With an ``observer`` the likelihood is that of the innovations. With a ``width`` only so many
+    With an ``observer`` the likelihood is that of the innovations. With ``lasting`` noise that of
+    what is new in each residual. With a ``width`` only so many
     coordinates are moved at a time, and which ones is a matter of numbers: many selections of
     parameters (see `Problem.focus`) then share one compilation.
     """
@@ -36,6 +37,7 @@ class Layout:
     loss: str
     observer: Observer | None = None
     width: int | None = None
+    lasting: bool = False
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,7 @@ class Problem:
         arrays: the numeric part, a pytree of arrays.
         order: for each batch, the indices of its logs.
         held: initial states stay at their measured values.
-        nuisance: parameters of the observer, estimated with the model's.
+        nuisance: parameters of the observer or of the noise, estimated with the model's.
         chosen: the coordinates that are moved, where the layout has a width.
     """
 
@@ -69,12 +71,12 @@ class Problem:
 
     @property
     def own(self) -> tuple[str, ...]:
-        """Those of them that are the model's; the observer's come after them."""
+        """Those of them that are the model's; those of the noise come after them."""
         return tuple(name for name in self.free if name not in self.nuisance)
 
     @cached_property
     def named(self) -> dict[str, Parameter]:
-        """The parameters of the model and of the observer, by full name."""
+        """The parameters of the model and of the noise, by full name."""
         return {**self.model.parameters, **self.nuisance}
 
     def focus(

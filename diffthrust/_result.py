@@ -54,8 +54,10 @@ class Fit:
         horizon: length [s] of the segments of the last stage; ``None`` for whole runs.
         likelihood: "simulation" or "innovations".
         loss: "gaussian" or "student_t".
+        noise_model: "white" or "ar1".
         disturbance: gains and memories of the random forces and of lasting sensor errors, by name,
-            estimated with the parameters of an "innovations" fit; ``None`` otherwise.
+            estimated with the parameters of an "innovations" fit, or the correlation times of
+            "ar1" noise; ``None`` otherwise.
         substeps: integrator steps per sample that were used.
         held: initial states were taken as measured, not estimated.
         limits: by channel the size of a large one-step error, for an "innovations" fit with
@@ -82,6 +84,7 @@ class Fit:
     notes: tuple[str, ...]
     likelihood: str = "simulation"
     loss: str = "gaussian"
+    noise_model: str = "white"
     disturbance: Mapping[str, Estimate] | None = field(default=None, repr=False)
     held: bool = False
     limits: Mapping[str, float] | None = field(default=None, repr=False)

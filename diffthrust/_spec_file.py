@@ -113,6 +113,7 @@ class FitPart(_Part):
     horizon: Any = "auto"
     likelihood: Literal["simulation", "innovations"] = "simulation"
     loss: Literal["gaussian", "student_t"] = "gaussian"
+    noise_model: Literal["white", "ar1"] = "white"
     initial: Literal["auto", "estimate", "measured"] = "auto"
     substeps: Annotated[int, Field(ge=1)] | None = None
 

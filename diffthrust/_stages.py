@@ -88,7 +88,8 @@ class Stages:
         """Fit the model as it is, and compile the trials."""
         self.say("fitting the model as it is", 0.0)
         if isinstance(fit, Fit):
-            self.options = {"likelihood": fit.likelihood, "loss": fit.loss}
+            kept = ("likelihood", "loss", "noise_model")
+            self.options = {name: getattr(fit, name) for name in kept}
             if fit.horizon is not None:
                 self.options["horizon"] = fit.horizon
         given = fit
@@ -101,7 +102,8 @@ class Stages:
         self.stages.append(Stage((), fit))
         self.say("compiling the trials", 0.1)
         for substeps in dict.fromkeys((min(fit.substeps, MOST_SUBSTEPS), fit.substeps)):
-            self.trials = Trials(fit.model, effects, self.train, self.unseen, substeps)
+            noise = fit.noise_model
+            self.trials = Trials(fit.model, effects, self.train, self.unseen, substeps, noise)
             self.present = self.timed("compile", self.trials.base, self.trials.values_of(fit.model))
             if math.isfinite(self.present.cost):
                 break

@@ -92,6 +92,8 @@ class Trials:
         logs: training logs.
         unseen: unseen logs.
         substeps: integrator steps per sample.
+        noise_model: with "ar1" no random forces act and no state is corrected, as in a fit with
+            that noise.
     """
 
     def __init__(
@@ -101,6 +103,7 @@ class Trials:
         logs: Sequence[Log],
         unseen: Sequence[Log],
         substeps: int = 1,
+        noise_model: str = "white",
     ) -> None:
         self.model = model
         self.logs = tuple(logs)
@@ -113,10 +116,10 @@ class Trials:
         self.candidates = {effect.name: effect for effect in candidates}
         self.own = tuple(n for n, p in model.parameters.items() if not p.fixed)
         remembering = {p for e in model.effects if e.memory for p in e.ports}
-        observer = observer_of(model, logs[0], channels, remembering)
+        observer = observer_of(model, logs[0], channels, remembering, noise_model == "ar1")
         kept = {"substeps": substeps, "observer": observer, "loss": "student_t"}
         first = build(everything, self._with_series(logs), **kept)
-        self.nuisance = tuple(first.nuisance)
+        self.nuisance = tuple(n for n, p in first.nuisance.items() if not p.fixed)
         width = len(self.own) + max(len(self.nuisance), KNOTS) + ROOM
         self.problem = replace(first, layout=replace(first.layout, width=width))
         self.unseen = (
@@ -331,7 +334,7 @@ class Trials:
 
     def simulation_errors(self, trial: Trial) -> tuple[float, float | None]:
         """NRMSE of the simulation, without correction, on training and unseen logs."""
-        still = {n: 0.0 for n in self.nuisance if not is_memory(n)}
+        still = {n: 0.0 for n in self.problem.nuisance if not is_memory(n)}
         pure = replace(trial, values={**trial.values, **still})
         train = nrmse(self._at(self.problem, pure))
         return train, None if self.unseen is None else nrmse(self._at(self.unseen, pure))
