@@ -91,6 +91,25 @@ class Fit:
     reach: float = 1.0
     guess: Mapping[str, float] = field(default_factory=dict, repr=False)
 
+    @property
+    def options(self) -> dict[str, Any]:
+        """The arguments of `fit` that lead to the same likelihood.
+
+        The horizon only if it is one: a fit of whole runs may have come there by segments.
+
+        Example:
+            >>> dft.fit(fit.model + effect, logs, **fit.options)
+        """
+        kept = ("likelihood", "loss", "noise_model")
+        found: dict[str, Any] = {name: getattr(self, name) for name in kept}
+        if self.horizon is not None:
+            found["horizon"] = self.horizon
+        if not any(self.initial):
+            found["initial"] = "measured"
+        elif self.horizon is not None and not self.held:
+            found["initial"] = "estimate"
+        return found
+
     def report(self) -> str:
         """Parameters, errors, status and notes as text for people."""
         from diffthrust._display import fit_table, rendered

@@ -88,10 +88,7 @@ class Stages:
         """Fit the model as it is, and compile the trials."""
         self.say("fitting the model as it is", 0.0)
         if isinstance(fit, Fit):
-            kept = ("likelihood", "loss", "noise_model")
-            self.options = {name: getattr(fit, name) for name in kept}
-            if fit.horizon is not None:
-                self.options["horizon"] = fit.horizon
+            self.options = fit.options
         given = fit
         fit = self.fitted(given) if isinstance(given, Model) else given
         self.guess = fit.guess

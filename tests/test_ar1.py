@@ -143,6 +143,8 @@ def test_it_goes_with_spikes_and_with_segments_and_is_arranged_again():
         fit = dft.fit(dft.Thruster(), log, starts=2, noise_model="ar1", **options)
         assert fit.status.ok
         problem, z = problem_of(fit, log)
+        again = dft.fit(fit.model, log, starts=1, **fit.options)
+        assert again.log_likelihood == pytest.approx(fit.log_likelihood, abs=1e-4)
         gradient = solve(problem, z, budget=1).quadratic.gradient[: len(problem.free)]
         assert np.abs(gradient).max() < 1e-2
 
