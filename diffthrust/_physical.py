@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._errors import InputError
+from diffthrust._model import Model
 from diffthrust._result import Fit
 from diffthrust._status import Status
 
@@ -63,29 +64,47 @@ def physical(
         ...     print(name, quantity)
         efficiency 0.1929 ± 0.0002
     """
-    for name, size in {"pitch": pitch, "area": area, "density": density}.items():
-        if not (np.isfinite(size) and size > 0):
-            raise InputError(
-                f"physical: expected a positive {name}, found {size!r}.", "Correct it."
-            )
-    lacking = [name for name in ("alpha", "beta", "ct") if name not in fit.parameters]
-    if lacking:
-        raise InputError(
-            f"physical: the model '{fit.model}' has no {', '.join(lacking)}; these quantities are "
-            "those of the torque-driven thruster.",
-            "Give a fit of dft.Thruster().",
-        )
+    check_sizes("physical", pitch, area, density)
+    check_torque_driven("physical", fit.model, fit.parameters)
     if fit.status is Status.SIMULATION_FAILED:
         raise InputError("physical: the fit failed.", "Fit again; see fit.message.")
 
     def quantities(p: Mapping[str, Any]) -> dict[str, Any]:
-        efficiency = jnp.sqrt(p["ct"] / (density * area * pitch**2))
-        volume = area * efficiency * pitch / (2.0 * p["alpha"])
-        torque = p["beta"] * density * volume * efficiency**2 * pitch**2
-        return {"efficiency": efficiency, "volume": volume, "torque_constant": torque}
+        return torque_driven(p, pitch, area, density)
 
-    units = {"efficiency": "", "volume": "m^3", "torque_constant": "N m/V"}
-    return derived(fit, quantities, units)
+    return derived(fit, quantities, PHYSICAL_UNITS)
+
+
+PHYSICAL_UNITS = {"efficiency": "", "volume": "m^3", "torque_constant": "N m/V"}
+"""Units of what `torque_driven` gives."""
+
+
+def torque_driven(
+    p: Mapping[str, Any], pitch: float, area: float, density: float
+) -> dict[str, Any]:
+    """The closed forms of `physical`, of numbers or of arrays of draws."""
+    efficiency = jnp.sqrt(p["ct"] / (density * area * pitch**2))
+    volume = area * efficiency * pitch / (2.0 * p["alpha"])
+    torque = p["beta"] * density * volume * efficiency**2 * pitch**2
+    return {"efficiency": efficiency, "volume": volume, "torque_constant": torque}
+
+
+def check_sizes(where: str, pitch: float, area: float, density: float) -> None:
+    """Raise `InputError` for a size of the duct or the water that is not positive."""
+    for name, size in {"pitch": pitch, "area": area, "density": density}.items():
+        if not (np.isfinite(size) and size > 0):
+            raise InputError(f"{where}: expected a positive {name}, found {size!r}.", "Correct it.")
+
+
+def check_torque_driven(where: str, model: Model, parameters: Collection[str]) -> None:
+    """Raise `InputError` where a model lacks the parameters of the torque-driven thruster."""
+    lacking = [name for name in ("alpha", "beta", "ct") if name not in parameters]
+    if lacking:
+        raise InputError(
+            f"{where}: the model '{model}' has no {', '.join(lacking)}; these quantities are "
+            "those of the torque-driven thruster.",
+            "Give a fit of dft.Thruster().",
+        )
 
 
 def derived(
