@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._again import problem_of
+from diffthrust._ar1 import level
 from diffthrust._errors import InputError
 from diffthrust._likelihood import TAIL, named_values, noise_of, residuals
 from diffthrust._log import Log
@@ -39,7 +40,8 @@ def log_density(shape: Shape, data: Any, x: Any) -> tuple[Any, Any]:
 
     Returns:
         The density, minus infinity outside of the bounds and where the simulation fails; and the
-        root mean square of the residuals, or the level that takes its place, by channel, ``(C,)``.
+        noise level by channel, ``(C,)``: where it is not known, of the Gaussian law, the root mean
+        square of the residuals.
     """
     layout, count = shape.layout, data["moved"].shape[0]
     z = data["base"].at[data["moved"]].set(x[:count])
@@ -69,6 +71,14 @@ def log_density(shape: Shape, data: Any, x: Any) -> tuple[Any, Any]:
         cost += 0.5 * ((values[name] - mean) / std) ** 2
         if layout.transforms[layout.free.index(name)] == "log":
             cost -= jnp.log(values[name])  # a density in the value, seen from its logarithm
+    if layout.lasting:  # the likelihood works with the level of what is new in each sample
+        gaps = arrays["gaps"]
+        new = [
+            level(values[f"noise.{c}.correlation"], gaps["seconds"][i], gaps["counts"][i],
+                  arrays["counts"][i])
+            for i, c in enumerate(layout.channels)
+        ]  # fmt: skip
+        sigma = sigma / jnp.stack(new)
     inside = jnp.all((x >= data["low"]) & (x <= data["high"]))
     return jnp.where(inside & jnp.isfinite(cost), -cost, -jnp.inf), sigma
 
@@ -240,17 +250,15 @@ def posterior_of(fit: Fit, logs: Log | Sequence[Log]) -> Posterior:
         )
     problem, z = problem_of(fit, logs)
     low, high = problem.limits()
-    information = solve(problem, z, budget=1).quadratic.information
+    local = solve(problem, z, budget=1).quadratic
     place = np.arange(z.size)
-    unseen = (place >= problem.shared) & ~(np.diagonal(information) > 0)
+    unseen = (place >= problem.shared) & ~(np.diagonal(local.information) > 0)
     moved = np.flatnonzero((low < high) & ~unseen)
     layout = problem.layout
     sampled = tuple(
-        i
-        for i, known in enumerate(layout.known_noise)
-        if not known and layout.loss == "student_t"
+        i for i, known in enumerate(layout.known_noise) if not known and layout.loss == "student_t"
     )
-    levels = np.log([fit.noise[layout.channels[i]] for i in sampled])
+    levels = np.log(local.sigma[list(sampled)])
     flat = np.full(len(sampled), np.inf)
     # a fit's optimum lies within its bounds but for the rounding of its own report
     centre = np.concatenate([np.clip(z, low, high)[moved], levels])

@@ -1,0 +1,251 @@
+"""Sampling by an ensemble of walkers (emcee), started and steered by the fit's covariance."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import emcee
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from diffthrust import _chain_file
+from diffthrust._chain_file import Stored
+from diffthrust._errors import InputError
+from diffthrust._posterior import LANES, Posterior
+from diffthrust._starts import Progress
+
+TAILS = 5.0
+"""Degrees of freedom of the independent proposals: tails heavier than those of most posteriors."""
+WIDER = 1.3
+"""Walkers begin wider than the posterior should be, so that R-hat can tell whether they mixed."""
+EVERY = 5.0
+"""Seconds between savings of the file, and at least so many times what a saving takes: 20."""
+SHARE = 20.0
+
+
+@dataclass(frozen=True)
+class Chains:
+    """What a sampler returns.
+
+    Args:
+        points: coordinates after the warmup, ``(chains, draws, d)``.
+        log_prob: log densities, ``(chains, draws)``.
+        levels: noise levels, ``(chains, draws, C)``.
+        stats: further figures of the sampler by name, ``(chains, draws)`` each.
+        attrs: figures of the whole run.
+    """
+
+    points: np.ndarray
+    log_prob: np.ndarray
+    levels: np.ndarray
+    stats: Mapping[str, np.ndarray] = field(default_factory=dict)
+    attrs: Mapping[str, Any] = field(default_factory=dict)
+
+
+def default_walkers(dim: int) -> int:
+    """At least twice as many walkers as coordinates, and enough to fill the vector registers."""
+    return max(2 * LANES, 2 * (dim + 1))
+
+
+def lanes_of(walkers: int) -> int:
+    """Points per evaluation such that half and all of the walkers leave few places empty."""
+    half = walkers // 2
+    return math.ceil(half / math.ceil(half / LANES))
+
+
+def independent(
+    centre: np.ndarray, root: np.ndarray
+) -> Callable[[np.ndarray, Any], tuple[np.ndarray, np.ndarray]]:
+    """Proposals that do not depend on where a walker is: multivariate t about the fit.
+
+    Where the posterior is near the fit's Gaussian most are accepted, and each is a new draw; the
+    tails bound the ratio of the densities, so that no walker waits for ever (Mengersen & Tweedie
+    1996).
+
+    Returns:
+        The proposal and the logarithm of q(old) / q(new), as `emcee.moves.MHMove` wants them.
+    """
+    dim = centre.size
+
+    def log_q(x: np.ndarray) -> np.ndarray:
+        away = solve_triangular(root, (x - centre).T, lower=True)
+        return -0.5 * (TAILS + dim) * np.log1p(np.sum(away**2, axis=0) / TAILS)
+
+    def propose(x: np.ndarray, rng: Any) -> tuple[np.ndarray, np.ndarray]:
+        normal = rng.standard_normal(x.shape)
+        longer = np.sqrt(TAILS / rng.chisquare(TAILS, size=(x.shape[0], 1)))
+        new = centre + (longer * normal) @ root.T
+        return new, log_q(x) - log_q(new)
+
+    return propose
+
+
+def moves(centre: np.ndarray, root: np.ndarray) -> list[tuple[Any, float]]:
+    """Independent proposals, and moves by the other walkers for posteriors of another form."""
+    return [
+        (emcee.moves.MHMove(independent(centre, root), ndim=centre.size), 0.6),
+        (emcee.moves.DEMove(), 0.25),
+        (emcee.moves.StretchMove(), 0.15),
+    ]
+
+
+def run(
+    posterior: Posterior,
+    *,
+    draws: int,
+    warmup: int,
+    walkers: int,
+    seed: int,
+    file: Path | None = None,
+    progress: Progress | None = None,
+) -> Chains:
+    """Sample a posterior.
+
+    With a ``file`` the run is saved every few seconds, and one that was killed goes on from its
+    last saving: the steps, and the file in the end, are those of a run that nothing stopped.
+
+    Raises:
+        InputError: a file of another problem or one that cannot be written, or a density that is
+            not finite around the fit.
+    """
+    tell = progress or (lambda message, done: None)
+    lanes, channels = lanes_of(walkers), len(posterior.problem.layout.channels)
+    who = _chain_file.identity(posterior, seed=seed, walkers=walkers, warmup=warmup)
+    stored = _chain_file.read(file, who) if file else None
+    if stored is None:
+        stored = _begin(posterior, walkers, seed)
+
+    def density(points: np.ndarray) -> np.ndarray:
+        log_prob, levels = posterior.batch(points, lanes)
+        return np.column_stack([log_prob, levels])
+
+    backend = _backend(stored, walkers)
+    sampler = emcee.EnsembleSampler(
+        walkers,
+        posterior.dim,
+        density,
+        moves=moves(stored.centre, stored.root),
+        vectorize=True,
+        backend=backend,
+        blobs_dtype=float,
+    )
+    total, done = warmup + draws, backend.iteration
+    if done:
+        begin = _state(backend.chain[done - 1], stored.random_state, backend.log_prob[done - 1])
+        begin.blobs = _squeezed(stored.levels[done - 1])
+    else:
+        begin = _state(_walkers(posterior, stored.root, walkers, seed), stored.random_state)
+
+    def save() -> None:
+        if file:
+            now = Stored(
+                backend.chain[: backend.iteration],
+                backend.log_prob[: backend.iteration],
+                backend.blobs[: backend.iteration].reshape(-1, walkers, channels),
+                backend.accepted,
+                backend.random_state,
+                stored.centre,
+                stored.root,
+            )
+            _chain_file.write(file, _chain_file.image(now, who, posterior.labels))
+
+    saved, took = time.monotonic(), 0.0
+    if done < total:
+        steps = sampler.sample(begin, iterations=total - done, skip_initial_state_check=True)
+        try:
+            for _ in steps:
+                at = backend.iteration
+                if at % 20 == 0:
+                    tell("warmup" if at < warmup else "drawing", at / total)
+                now = time.monotonic()
+                if file and now - saved >= max(EVERY, SHARE * took):
+                    save()
+                    saved = time.monotonic()
+                    took = saved - now
+        except KeyboardInterrupt:
+            if backend.iteration:
+                save()
+            raise
+        save()
+    kept = slice(warmup, total)
+    levels = backend.blobs[kept].reshape(draws, walkers, channels)
+    thin = _thinning(backend.chain[kept])
+    return Chains(
+        points=np.swapaxes(backend.chain[kept], 0, 1)[:, ::thin],
+        log_prob=backend.log_prob[kept].T[:, ::thin],
+        levels=np.swapaxes(levels, 0, 1)[:, ::thin],
+        attrs={
+            "acceptance_rate": float(np.mean(backend.accepted) / backend.iteration),
+            "thin": thin,
+            "walkers": walkers,
+        },
+    )
+
+
+def _thinning(chain: np.ndarray) -> int:
+    """Steps that are so alike that leaving them out loses next to nothing."""
+    if chain.shape[0] < 100:
+        return 1
+    memory = np.min(emcee.autocorr.integrated_time(chain, tol=0, quiet=True))
+    return max(1, int(0.5 * memory)) if np.isfinite(memory) else 1
+
+
+def _begin(posterior: Posterior, walkers: int, seed: int) -> Stored:
+    """A chain without a step."""
+    channels = len(posterior.problem.layout.channels)
+    return Stored(
+        np.empty((0, walkers, posterior.dim)),
+        np.empty((0, walkers)),
+        np.empty((0, walkers, channels)),
+        np.zeros(walkers),
+        np.random.RandomState(seed).get_state(),
+        posterior.centre,
+        np.linalg.cholesky(posterior.covariance),
+    )
+
+
+def _walkers(posterior: Posterior, root: np.ndarray, walkers: int, seed: int) -> np.ndarray:
+    """Where the walkers begin: around the fit, within the bounds, where the density is finite."""
+    rng = np.random.default_rng(seed)
+    low, high = posterior.low, posterior.high
+    found = np.empty((0, posterior.dim))
+    width = WIDER
+    for _ in range(20):
+        x = posterior.centre + width * rng.standard_normal((walkers, posterior.dim)) @ root.T
+        x = np.where(x < low, 2 * low - x, x)  # a parameter at its bound keeps to the inside
+        x = np.where(x > high, 2 * high - x, x)
+        density, _ = posterior.batch(x, lanes_of(walkers))
+        found = np.concatenate([found, x[np.isfinite(density)]])
+        if len(found) >= walkers:
+            return found[:walkers]
+        width *= 0.8
+    raise InputError(
+        f"Only {len(found)} of {20 * walkers} points drawn around the fit have a likelihood: the "
+        "simulation fails beside it.",
+        "Raise substeps, narrow the bounds, or give priors.",
+    )
+
+
+def _backend(stored: Stored, walkers: int) -> Any:
+    backend = emcee.backends.Backend()
+    backend.reset(walkers, stored.chain.shape[2])
+    if len(stored.chain):
+        backend.chain, backend.log_prob = stored.chain, stored.log_prob
+        # emcee keeps a single number per walker without an axis of its own
+        backend.blobs = _squeezed(stored.levels)
+        backend.accepted, backend.random_state = stored.accepted, stored.random_state
+        backend.iteration = len(stored.chain)
+    return backend
+
+
+def _squeezed(levels: np.ndarray) -> np.ndarray:
+    return levels[..., 0] if levels.shape[-1] == 1 else levels
+
+
+def _state(points: np.ndarray, random_state: Any, log_prob: np.ndarray | None = None) -> Any:
+    return emcee.State(points, log_prob=log_prob, random_state=random_state)
