@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ def arviz() -> Any:
     return arviz
 
 
-def inference_data(posterior: Posterior, chains: Chains, seed: int, **attrs: Any) -> Any:
+def inference_data(posterior: Posterior, chains: Chains, attrs: Mapping[str, Any]) -> Any:
     """Draws, the sampler's figures and what was measured, as `arviz.InferenceData`.
 
     Variables of the posterior: parameters by full name in their own units, those of the noise as
@@ -41,7 +42,7 @@ def inference_data(posterior: Posterior, chains: Chains, seed: int, **attrs: Any
         found[f"initial.{state}"] = ((*draw, "log"), values, {"unit": units[state]})
     channels = [problem.layout.channels[i] for i in posterior.unknown]
     if channels:
-        sigma = noise_draws(posterior, chains, seed)
+        sigma = noise_draws(posterior, chains, int(attrs["seed"]))
         told = ", ".join(f"{name}: {problem.model.outputs[name]}" for name in channels)
         found["sigma"] = ((*draw, "channel"), sigma, {"unit": told})
     count = chains.points.shape[:2]
@@ -57,7 +58,7 @@ def inference_data(posterior: Posterior, chains: Chains, seed: int, **attrs: Any
         "sample_stats": xr.Dataset({k: (draw, v) for k, v in stats.items()}, coords),
         "observed_data": xr.Dataset(_observed(posterior, names)),
     }
-    return arviz().InferenceData(attrs=attrs, **groups)
+    return arviz().InferenceData(attrs=dict(attrs), **groups)
 
 
 def noise_draws(posterior: Posterior, chains: Chains, seed: int) -> np.ndarray:

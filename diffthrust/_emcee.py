@@ -11,7 +11,6 @@ from typing import Any
 
 import emcee
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from diffthrust import _chain_file
 from diffthrust._chain_file import Stored
@@ -71,10 +70,12 @@ def independent(
         The proposal and the logarithm of q(old) / q(new), as `emcee.moves.MHMove` wants them.
     """
     dim = centre.size
+    # once: a call of LAPACK may wait for its threads longer than the work takes
+    inverse = np.linalg.inv(root)
 
     def log_q(x: np.ndarray) -> np.ndarray:
-        away = solve_triangular(root, (x - centre).T, lower=True)
-        return -0.5 * (TAILS + dim) * np.log1p(np.sum(away**2, axis=0) / TAILS)
+        away = (x - centre) @ inverse.T
+        return -0.5 * (TAILS + dim) * np.log1p(np.sum(away**2, axis=1) / TAILS)
 
     def propose(x: np.ndarray, rng: Any) -> tuple[np.ndarray, np.ndarray]:
         normal = rng.standard_normal(x.shape)
@@ -88,9 +89,9 @@ def independent(
 def moves(centre: np.ndarray, root: np.ndarray) -> list[tuple[Any, float]]:
     """Independent proposals, and moves by the other walkers for posteriors of another form."""
     return [
-        (emcee.moves.MHMove(independent(centre, root), ndim=centre.size), 0.6),
-        (emcee.moves.DEMove(), 0.25),
-        (emcee.moves.StretchMove(), 0.15),
+        (emcee.moves.MHMove(independent(centre, root), ndim=centre.size), 0.7),
+        (emcee.moves.DEMove(), 0.2),
+        (emcee.moves.StretchMove(), 0.1),
     ]
 
 
@@ -203,7 +204,7 @@ def _begin(posterior: Posterior, walkers: int, seed: int) -> Stored:
         np.empty((0, walkers)),
         np.empty((0, walkers, channels)),
         np.zeros(walkers),
-        np.random.RandomState(seed).get_state(),
+        np.random.RandomState(seed).get_state(legacy=True),
         posterior.centre,
         np.linalg.cholesky(posterior.covariance),
     )

@@ -62,8 +62,7 @@ def from_coordinates(box: Box, low: np.ndarray, high: np.ndarray, x: np.ndarray)
     return u, slope
 
 
-@partial(jax.custom_jvp, nondiff_argnums=(0, 1))
-def smooth(shape: Shape, box: Box, data: Any, v: Any) -> Any:
+def _smooth(shape: Shape, box: Box, data: Any, v: Any) -> Any:
     """Log density of a whitened, unbounded point, with its derivative by one forward-mode pass.
 
     Reverse mode through the loop over a log would take a hundred times as long. The rule returns
@@ -73,7 +72,6 @@ def smooth(shape: Shape, box: Box, data: Any, v: Any) -> Any:
     return log_density(shape, data, x)[0] + grown
 
 
-@smooth.defjvp
 def _smooth_jvp(shape: Shape, box: Box, primals: Any, tangents: Any) -> tuple[Any, Any]:
     data, v = primals
 
@@ -87,6 +85,10 @@ def _smooth_jvp(shape: Shape, box: Box, primals: Any, tangents: Any) -> tuple[An
     value, gradient = jax.vmap(push, out_axes=(None, 0))(jnp.eye(v.shape[0]))
     fine = jnp.isfinite(value) & jnp.all(jnp.isfinite(gradient))
     return value, jnp.where(fine, gradient, 0.0) @ tangents[1]
+
+
+smooth: Any = jax.custom_jvp(_smooth, nondiff_argnums=(0, 1))
+smooth.defjvp(_smooth_jvp)
 
 
 @partial(jax.jit, static_argnums=(0, 1, 2))

@@ -106,7 +106,7 @@ def sample(
         "loss": fit.loss,
         **found.attrs,
     }
-    post = inference_data(posterior, found, **attrs)
+    post = inference_data(posterior, found, attrs)
     told = convergence(post)
     for group in (post, post.posterior):
         group.attrs.update({"status": told.status.value, "message": told.message})
@@ -116,7 +116,7 @@ def sample(
 
 
 def _check(
-    method: Any, draws: Any, warmup: Any, chains: Any, seed: Any, walkers: Any, file: Any
+    method: str, draws: Any, warmup: Any, chains: Any, seed: Any, walkers: Any, file: Any
 ) -> None:
     """Raise `InputError` for an argument that cannot be meant."""
     if method not in ("emcee", "nuts"):
@@ -130,14 +130,15 @@ def _check(
         )
     if method == "nuts" and walkers is not None:
         raise InputError("walkers: only emcee has walkers.", "Give chains instead.")
-    for what, value, least in (
+    numbers: tuple[tuple[str, Any, int], ...] = (
         ("draws", draws, 10),
         ("warmup", warmup, 20 if method == "nuts" else 0),
         ("chains", chains, 1),
         ("seed", seed, 0),
         ("walkers", walkers, 4),
-    ):
-        if what == "walkers" and value is None:
+    )
+    for what, value, least in numbers:
+        if what == "walkers" and walkers is None:
             continue
         try:
             fine = not isinstance(value, bool) and operator.index(value) >= least

@@ -1,0 +1,54 @@
+"""Fits whose posteriors the tests sample: a straight line with a known answer, and a thruster."""
+
+from __future__ import annotations
+
+import numpy as np
+from reference import inputs, thruster
+
+import diffthrust as dft
+
+NOISE = 0.2
+PRIORS = {"slope": dft.Normal(0.25, 0.05), "offset": dft.Normal(-0.2, 0.1)}
+TRUE = {"alpha": 0.037, "beta": 42.0, "ct": 0.02}
+
+
+def line(known: bool = True, count: int = 40, seed: int = 0) -> tuple[dft.Fit, dft.Log]:
+    """A sensor along a straight line; with known noise its posterior is Gaussian."""
+    rng = np.random.default_rng(seed)
+    depth = np.linspace(0.0, 4.0, count)
+    reading = 0.2 * depth - 0.1 + NOISE * rng.normal(size=count)
+    noise = {"reading": NOISE} if known else {}
+    log = dft.Log(np.arange(count), {"depth": depth}, {"reading": reading}, noise=noise)
+    model = dft.LinearSensor().replace({n: {"prior": p} for n, p in PRIORS.items()})
+    return dft.fit(model, log, starts=4), log
+
+
+def exact_line(log: dft.Log) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and covariance of slope and offset, by hand: precisions add up."""
+    rows = np.column_stack([log.inputs["depth"], np.ones(len(log))])
+    prior = np.diag([PRIORS[n].std ** -2 for n in ("slope", "offset")])
+    mean = np.array([PRIORS[n].mean for n in ("slope", "offset")])
+    covariance = np.linalg.inv(rows.T @ rows / NOISE**2 + prior)
+    return covariance @ (rows.T @ log.measured["reading"] / NOISE**2 + prior @ mean), covariance
+
+
+def thruster_log(
+    count: int = 200, seed: int = 0, values: dict[str, float] | None = None, known: bool = False
+) -> dft.Log:
+    """A thruster driven by noise, with white sensor noise."""
+    rng = np.random.default_rng(seed)
+    time = 0.05 * np.arange(count)
+    command = inputs.low_passed_random(time, 1.5, np.random.default_rng(1))
+    made = thruster.simulate(time, command, **(values or TRUE), method="rk4")
+    measured = {
+        "speed": made.measured["speed"] + 0.3 * rng.normal(size=count),
+        "thrust": made.measured["thrust"] + 0.5 * rng.normal(size=count),
+    }
+    noise = {"speed": 0.3, "thrust": 0.5} if known else {}
+    return dft.Log(time, {"command": command}, measured, noise=noise, name=f"run {seed}")
+
+
+def thruster_fit(**options: object) -> tuple[dft.Fit, dft.Log]:
+    """A fit of the thruster's own model."""
+    log = thruster_log()
+    return dft.fit(dft.Thruster(**TRUE), log, starts=4, substeps=1, **options), log
