@@ -176,10 +176,18 @@ def _solve(layout: Any, arrays: Any, z: Any, low: Any, high: Any, budget: Any, a
 
 
 def solve(
-    problem: Problem, z: np.ndarray, budget: int = MOST_STEPS, tolerance: float = 1e-9
+    problem: Problem,
+    z: np.ndarray,
+    budget: int = MOST_STEPS,
+    tolerance: float = 1e-9,
+    limits: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Solved:
-    """Minimise the negative log-likelihood from ``z`` in at most ``budget`` steps."""
-    low, high = problem.limits()
+    """Minimise the negative log-likelihood from ``z`` in at most ``budget`` steps.
+
+    Other ``limits`` than the problem's own hold a coordinate where both are equal; they are numbers
+    like all others, so that nothing is compiled for them.
+    """
+    low, high = problem.limits() if limits is None else limits
     value, quadratic, done, steps = _solve(
         problem.layout,
         problem.arrays,
