@@ -1,14 +1,16 @@
-"""The command line: fit, compare, diagnose, check, demo, effects."""
+"""The command line: fit, compare, diagnose, sample, check, demo, effects."""
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from diffthrust._cli_options import JsonPath, ReportPath, SpecPath
+from diffthrust._cli_options import show as _show
+from diffthrust._cli_options import written as _written
+from diffthrust._cli_sample import sample
 from diffthrust._errors import InputError
 from diffthrust._session import CHECK_FAILED, DONE, session
 
@@ -25,46 +27,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-
-SpecPath = Annotated[
-    Path, typer.Argument(metavar="SPEC", help="A spec file (TOML), or a folder with a fit.toml.")
-]
-
-
-def _ends(*kinds: str) -> Callable[[Path | None], Path | None]:
-    """A check before the work: the name of a file says what will be in it."""
-
-    def check(path: Path | None) -> Path | None:
-        from diffthrust._files import ending
-
-        try:
-            if path:
-                ending(path, *kinds)
-        except InputError as error:
-            raise typer.BadParameter(str(error)) from None
-        return path
-
-    return check
-
-
-JsonPath = Annotated[
-    Path | None,
-    typer.Option(
-        "--json",
-        metavar="FILE.json",
-        help="Write the results as JSON.",
-        callback=_ends(".json"),
-    ),
-]
-ReportPath = Annotated[
-    Path | None,
-    typer.Option(
-        "--report",
-        metavar="FILE.html",
-        help="Write a page with tables and figures.",
-        callback=_ends(".html", ".htm"),
-    ),
-]
 
 
 def main() -> None:
@@ -168,6 +130,9 @@ def diagnose(
         table = diagnosis_table(found)
     _show(table)
     _written(json, report)
+
+
+app.command()(sample)
 
 
 @app.command()
@@ -313,20 +278,6 @@ def _write_figure(path: Path, comparison: Comparison) -> None:
     out = BytesIO()
     comparison.plot().savefig(out, format=kind, dpi=120)
     write_whole(path, out.getvalue())
-
-
-def _show(thing: Any) -> None:
-    from rich.console import Console
-
-    # files and pipes have no width: let no table be folded there
-    console = Console(width=None if sys.stdout.isatty() else 140, highlight=False)
-    console.print(thing)
-
-
-def _written(*paths: Path | None) -> None:
-    for path in paths:
-        if path:
-            typer.echo(f"Written: {path}")
 
 
 if __name__ == "__main__":

@@ -153,7 +153,7 @@ def _of_fit(fit: Fit, model: Model, count: int, rng: np.random.Generator) -> Dra
 def _of_posterior(
     source: Any, model: Model, fit: Fit | None, count: int, rng: np.random.Generator
 ) -> Draws:
-    posterior = posterior_of(source)
+    posterior = posterior_data(source)
     scalars = [str(n) for n, v in posterior.data_vars.items() if set(v.dims) == {"chain", "draw"}]
     own = [n for n in scalars if n in model.parameters]
     _same(model, [n for n in scalars if not n.startswith("noise.")], "The posterior", part=True)
@@ -205,7 +205,7 @@ def _of_posterior(
     )
 
 
-def posterior_of(source: Any) -> Any:
+def posterior_data(source: Any) -> Any:
     """The posterior's data set of what `sample` gives.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Figures of posteriors, predictive bands and derived curves."""
+"""Figures of posteriors: corner and traces."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from diffthrust._band_plots import bracketed
 from diffthrust._channels import listing
 from diffthrust._errors import InputError
 from diffthrust._phrases import percent
 from diffthrust._plots import BLUE, VERMILLION, literal, styled, thinned
-from diffthrust._posterior_draws import posterior_of
+from diffthrust._posterior_draws import posterior_data
 from diffthrust._posterior_tables import interval_text
 from diffthrust._result import Fit
 
@@ -19,13 +20,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from diffthrust._predict import Band, Prediction
-    from diffthrust._quantities import DerivedQuantity, Quantities
-
 LEVEL = 0.95
 REGIONS = (0.5, 0.95)
 """The contours of two parameters hold these shares of the draws."""
-BINS = 40
+BINS = 32
 REACH = 1.0
 """An axis is stretched by at most so many of its lengths to show a value that is marked."""
 # Okabe & Ito 2008, besides those of the other figures
@@ -57,6 +55,7 @@ def plot_corner(
     """
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
 
     draws, units = _shown(post, names)
     sets = _marked(marks, draws)
@@ -80,11 +79,16 @@ def plot_corner(
                 _pair(axes, draws[across], draws[below])
                 _crossings(axes, across, below, sets, looks)
             _corner_labels(axes, row, column, count, _label(across, units), _label(below, units))
-    handles = [Line2D([], [], label=literal(label), **looks[label]) for label in sets]
-    if handles and count > 1:
-        figure.legend(handles=handles, loc="upper right", frameon=False, fontsize=10)
-    elif handles:
-        figure.axes[0].legend(handles=handles, frameon=False, fontsize=8)
+    handles: list[Any] = [
+        Line2D([], [], color=BLUE, linewidth=1.2, label="median"),
+        Patch(color=BLUE, alpha=0.2, linewidth=0, label=f"{percent(LEVEL)} interval"),
+        *(Line2D([], [], label=literal(label), **looks[label]) for label in sets),
+    ]
+    if count > 1:
+        told = f"contours: {' and '.join(map(percent, REGIONS))} of the draws"
+        handles.append(Line2D([], [], color=BLUE, linewidth=0.9, label=told))
+    where = "upper right" if count > 2 else "outside right upper"
+    figure.legend(handles=handles, loc=where, frameon=False, fontsize=9)
     return figure
 
 
@@ -114,7 +118,7 @@ def plot_trace(post: Any, *, names: Sequence[str] | None = None) -> Figure:
             index, kept = thinned(np.arange(chain.size, dtype=float), chain)
             left.plot(index, kept, color=colour, linewidth=0.5, alpha=0.6 if few else 0.25)
         half = values.shape[1] // 2
-        edges = np.histogram_bin_edges(values, BINS)
+        edges = np.histogram_bin_edges(values, BINS).tolist()
         for part, colour, label in (
             (values[:, :half], BLUE, "first half"),
             (values[:, half:], VERMILLION, "second half"),
@@ -134,122 +138,9 @@ def plot_trace(post: Any, *, names: Sequence[str] | None = None) -> Figure:
     return figure
 
 
-def prediction_figure(prediction: Prediction) -> Figure:
-    """Measured points, median and bands; below, the same with the median taken off."""
-    from matplotlib.figure import Figure
-
-    count = len(prediction.channels)
-    figure = Figure(figsize=(9.0, 1.2 + 3.6 * count), layout="constrained")
-    grid = figure.add_gridspec(2 * count, 1, height_ratios=[3, 2] * count)
-    shared = None
-    for i, (name, band) in enumerate(prediction.channels.items()):
-        top = figure.add_subplot(grid[2 * i], sharex=shared)
-        shared = shared or top
-        below = figure.add_subplot(grid[2 * i + 1], sharex=shared)
-        share = percent(band.coverage)
-        unit = f" [{band.unit}]" if band.unit else ""
-        title = f"{name}: {share} of {band.samples} samples inside the {percent(prediction.level)}"
-        _banded(top, prediction, band, np.zeros_like(band.median))
-        _banded(below, prediction, band, band.median)
-        styled(top, f"{literal(title)} band", "", literal(f"{name}{unit}"))
-        last = i == count - 1
-        styled(below, "", "time [s]" if last else "", literal(f"minus median{unit}"))
-        top.tick_params(labelbottom=False)
-        below.tick_params(labelbottom=last)
-    figure.legend(
-        *figure.axes[0].get_legend_handles_labels(),
-        title=literal(prediction.log),
-        title_fontproperties={"weight": "bold", "size": 12},
-        alignment="left",
-        loc="outside upper left",
-        ncols=3,
-        frameon=False,
-        fontsize=9,
-    )
-    return figure
-
-
-def curves_figure(found: Quantities) -> Figure:
-    """Derived curves with their bands, one panel each.
-
-    Raises:
-        InputError: there is no curve.
-    """
-    from matplotlib.figure import Figure
-
-    curves = [q for q in found.values() if q.grid is not None and q.grid.size > 1]
-    if not curves:
-        raise InputError(
-            f"None of the quantities is a curve: {listing(found)}.",
-            "Ask for commands, steps or amplitudes of several values.",
-        )
-    across = min(3, len(curves))
-    tall = -(-len(curves) // across)
-    figure = Figure(figsize=(0.6 + 4.2 * across, 0.4 + 3.4 * tall), layout="constrained")
-    for i, curve in enumerate(curves):
-        axes = figure.add_subplot(tall, across, i + 1)
-        _curve(axes, curve, found.level)
-        if i == 0:
-            axes.legend(fontsize=8, frameon=False)
-    return figure
-
-
-def _curve(axes: Axes, q: DerivedQuantity, level: float) -> None:
-    assert q.grid is not None
-    order = np.argsort(q.grid)
-    x = q.grid[order]
-    parts = [np.where(np.isfinite(v), v, np.nan)[order] for v in (q.low, q.median, q.high)]
-    low, median, high = parts
-    axes.fill_between(x, low, high, color=BLUE, alpha=0.3, linewidth=0, label=f"{percent(level)}")
-    dots: dict[str, Any] = {"marker": "o", "markersize": 3} if x.size <= 20 else {}
-    axes.plot(x, median, color=BLUE, linewidth=1.2, label="median", **dots)
-    with np.errstate(invalid="ignore"):
-        positive = bool(x[0] > 0 and np.nanmin(low) > 0)
-    label = q.name.replace("_", " ")
-    styled(axes, literal(label), _bracketed(q.grid_name, q.grid_unit), _bracketed(label, q.unit))
-    if positive and x[-1] >= 8 * x[0]:
-        from matplotlib.ticker import LogLocator, NullFormatter
-
-        axes.set_xscale("log")
-        axes.set_yscale("log")
-        for axis in (axes.xaxis, axes.yaxis):
-            axis.set_major_locator(LogLocator(10, (1.0, 2.0, 5.0)))
-            axis.set_major_formatter(lambda value, _: f"{value:g}")
-            axis.set_minor_formatter(NullFormatter())
-        axes.margins(x=0.03)
-
-
-def _banded(axes: Axes, prediction: Prediction, band: Band, off: np.ndarray) -> None:
-    time = prediction.time
-    step = max(1, time.size // 4000)
-    t = time[::step]
-    share = percent(prediction.level)
-
-    def filled(low: np.ndarray, high: np.ndarray, label: str, **look: Any) -> None:
-        ends = (low - off)[::step], (high - off)[::step]
-        axes.fill_between(t, *ends, linewidth=0, label=label, **look)
-
-    noisy = "parameters, random forces and noise" if prediction.random_forces else (
-        "parameters and noise")  # fmt: skip
-    filled(band.noisy_low, band.noisy_high, f"{share}: {noisy}", color=BLUE, alpha=0.22)
-    filled(band.low, band.high, f"{share}: parameters", color=VERMILLION, alpha=0.55)
-    axes.plot(t, (band.median - off)[::step], color=VERMILLION, linewidth=0.9, label="median")
-    outside = (band.measured < band.noisy_low) | (band.measured > band.noisy_high)
-    few = np.isfinite(band.measured).sum() <= 400
-    size = 3.0 if few else 1.4
-    for where, colour, label in (
-        (~outside, "0.35", "measured, inside"),
-        (outside, "#000000", "measured, outside"),
-    ):
-        rest = np.where(where, band.measured - off, np.nan)
-        at, values = thinned(time, rest)
-        axes.plot(at, values, color=colour, linestyle="none", markersize=size, label=label,
-                  marker="." if colour != "#000000" else "x", markeredgewidth=0.7)  # fmt: skip
-
-
 def _shown(post: Any, names: Sequence[str] | None) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     """Draws ``(chain, draw)`` and unit of the parameters to show."""
-    posterior = posterior_of(post)
+    posterior = posterior_data(post)
     scalars = [str(n) for n, v in posterior.data_vars.items() if set(v.dims) == {"chain", "draw"}]
     chosen = list(names) if names else [n for n in scalars if not n.startswith("noise.")]
     unknown = [n for n in chosen if n not in scalars]
@@ -303,8 +194,7 @@ def _histogram(axes: Axes, name: str, values: np.ndarray, unit: str) -> None:
     axes.axvline(median, color=BLUE, linewidth=1.2)
     told = interval_text(float(median), float(low), float(high))
     shown = literal(name) + (f" [{unit}]" if unit else "")
-    interval = f"{told[0]}  ({told[1]} to {told[2]})"
-    axes.set_title(f"{shown}\n{interval}", fontsize=8, loc="left")
+    axes.set_title(f"{shown}\n{told[0]}\n{told[1]} to {told[2]}", loc="left")
 
 
 def _lines(axes: Axes, name: str, sets: Mapping[str, Any], looks: Mapping[str, Any]) -> None:
@@ -323,6 +213,8 @@ def _lines(axes: Axes, name: str, sets: Mapping[str, Any], looks: Mapping[str, A
                   transform=axes.transAxes, ha="left" if left else "right", va="top",
                   color=looks[label]["color"])  # fmt: skip
         far += 1
+    if far:  # room above the histogram
+        axes.set_ylim(0.0, (1.05 + 0.2 * far) * axes.get_ylim()[1])
 
 
 def _crossings(
@@ -376,19 +268,20 @@ def _corner_labels(axes: Axes, row: int, column: int, count: int, across: str, b
 
 
 def _plain_ticks(axes: Axes, side: str, values: np.ndarray) -> None:
-    """Few ticks, each a whole number to read: no offset to add in one's head."""
+    """Few ticks, each to be read as it is: no offset to add in one's head."""
     from matplotlib.ticker import MaxNLocator
 
     axis = axes.xaxis if side == "x" else axes.yaxis
-    axis.set_major_locator(MaxNLocator(4))
+    axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
     width, size = float(np.ptp(values)), float(np.max(np.abs(values)))
-    digits = 3 if not width > 0 else max(3, int(np.ceil(np.log10(size / width))) + 2)
-    axis.set_major_formatter(lambda value, _: f"{value:.{min(digits, 10)}g}")
+    if not width > 0:
+        return
+    places = max(0, -int(np.floor(np.log10(width / 4))))
+    digits = max(2, int(np.ceil(np.log10(size / width))) + 2)
+    plain = places <= 7 and size < 1e6
+    kind = f".{places}f" if plain else f".{min(digits, 10)}g"
+    axis.set_major_formatter(lambda value, _: f"{value:{kind}}")
 
 
 def _label(name: str, units: Mapping[str, str]) -> str:
-    return _bracketed(name, units[name])
-
-
-def _bracketed(name: str, unit: str) -> str:
-    return literal(f"{name} [{unit}]" if unit else name)
+    return bracketed(name, units[name])

@@ -10,14 +10,23 @@ from rich.console import Group, RenderableType
 from rich.markup import escape
 from rich.text import Text
 
-from diffthrust._display import _table, number, rendered
+from diffthrust._display import _table, number, rendered, with_error
 from diffthrust._phrases import percent
 
 if TYPE_CHECKING:
     from diffthrust._predict import Prediction
     from diffthrust._quantities import DerivedQuantity, Quantities
+    from diffthrust._sampled import Sampled
 
-__all__ = ["interval_text", "prediction_table", "quantities_table", "rendered"]
+__all__ = [
+    "HEADINGS",
+    "interval_text",
+    "parameter_rows",
+    "prediction_table",
+    "quantities_table",
+    "rendered",
+    "sample_table",
+]
 
 POINTS = 12
 """A table shows at most so many points of a curve."""
@@ -79,3 +88,43 @@ def _some(quantity: DerivedQuantity) -> Iterable[int]:
     assert quantity.grid is not None
     size = quantity.grid.size
     return np.unique(np.linspace(0, size - 1, min(size, POINTS)).round().astype(int)).tolist()
+
+
+HEADINGS = ("Parameter", "Median", "95 % interval", "", "Unit", "R-hat", "ESS bulk", "ESS tail")
+"""The headings of `parameter_rows`, but for the last column, which is the fit's estimate."""
+
+
+def parameter_rows(found: Sampled) -> list[tuple[str, ...]]:
+    """One row for each parameter, with the fit's estimate at the end."""
+    rows = []
+    for name, s in found.parameters.items():
+        own = found.fit.parameters.get(name) or (found.fit.disturbance or {}).get(name)
+        estimate = "-"
+        if own is not None:
+            value, error = with_error(own.value, own.std_error)
+            estimate = value if own.std_error is None else f"{value} ± {error}"
+        interval = interval_text(s.median, s.low, s.high)
+        mixing = f"{s.rhat:.3f}", f"{s.ess_bulk:.0f}", f"{s.ess_tail:.0f}"
+        rows.append((name, *interval, s.unit, *mixing, estimate))
+    return rows
+
+
+def sample_table(found: Sampled) -> RenderableType:
+    """Convergence in words, the parameters, and how the predictions of unseen logs came out."""
+    told = found.told
+    colour = "bold green" if told.status.ok else "bold red"
+    parts: list[RenderableType] = [
+        Text(str(found.fit.model), style="bold"),
+        Text.assemble(("Status: ", "bold"), (told.status.value, colour)),
+        Text(told.message),
+        Text(),
+    ]
+    table = _table(*HEADINGS, "Fit", numbers=(1, 2, 3, 5, 6, 7, 8))
+    for row in parameter_rows(found):
+        table.add_row(*map(escape, row))
+    parts += [table, Text()]
+    for prediction in found.predictions:
+        parts += [prediction_table(prediction), Text()]
+    if not found.predictions:
+        parts.append(Text("There is no unseen log to hold the predictions against."))
+    return Group(*parts, *(Text(f"Note: {note}") for note in found.fit.notes))

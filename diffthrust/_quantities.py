@@ -101,7 +101,7 @@ class Quantities(Mapping[str, DerivedQuantity]):
         Raises:
             InputError: there is no curve.
         """
-        from diffthrust._posterior_plots import curves_figure
+        from diffthrust._band_plots import curves_figure
 
         return curves_figure(self)
 

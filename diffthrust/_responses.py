@@ -67,7 +67,7 @@ def responses(
     drive = _drive(model, inputs)
     if output not in model.outputs:
         raise InputError(
-            f"quantities: the model '{model}' puts out no {output!r}, but {listing(model.outputs)}.",
+            f"quantities: '{model}' puts out no {output!r}, but {listing(model.outputs)}.",
             "Correct the response.",
         )
     grid = Grid(tuple((n, "zero") for n in sorted({drive, *inputs})))
