@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from diffthrust._profile_result import Profile, Profiles
 
 _ACROSS = 3
+_WIDE = 30.0
+"""Values of more than this ratio are shown on a logarithm."""
 
 
 def profile_figure(profiles: Profiles) -> Figure:
@@ -81,19 +83,37 @@ def _panel(axes: Axes, one: Profile, first: bool) -> None:
     )
     axes.set_ylim(-0.06 * limit, 1.55 * limit)
     axes.set_xlim(*_range(one))
-    axes.locator_params(axis="x", nbins=5)
+    if _decades(one):
+        axes.set_xscale("log")
+    else:
+        axes.locator_params(axis="x", nbins=5)
     axes.axhline(0.0, color=GREY, linewidth=0.6, zorder=0)
 
 
 def _interval(one: Profile) -> str:
-    def told(end: float | None) -> str:
-        return "open" if end is None else f"{end:.4g}"
+    if one.low is not None and one.high is not None:
+        words = f"{one.low:.4g} to {one.high:.4g}"
+    elif one.low is not None:
+        words = f"at least {one.low:.4g}"
+    elif one.high is not None:
+        words = f"at most {one.high:.4g}"
+    else:
+        return "open to both sides"
+    return f"{words} {one.unit}".rstrip()
 
-    return f"{told(one.low)} to {told(one.high)} {one.unit}".rstrip()
+
+def _decades(one: Profile) -> bool:
+    """Whether the values that matter span decades, so that only a logarithm shows them all."""
+    ends = [e for e in (one.low, one.high, one.value) if e is not None]
+    return bool(one.grid[0] > 0 and max(ends) > _WIDE * min(ends))
 
 
 def _range(one: Profile) -> tuple[float, float]:
     """As far as the crossing and a little more; of an open side what the walk has seen nearby."""
+    if _decades(one):
+        ends = np.log([e for e in (one.low, one.value, one.high) if e is not None])
+        margin = 0.2 * np.ptp(ends)
+        return float(np.exp(ends.min() - margin)), float(np.exp(ends.max() + margin))
     arms = [abs(e - one.value) for e in (one.low, one.high) if e is not None]
     arm = max(arms, default=2 * one.std_error if one.std_error else float(np.ptp(one.grid)) or 1.0)
     low = one.low if one.low is not None else max(one.grid[0], one.value - 1.6 * arm)
@@ -111,6 +131,9 @@ def _smooth(one: Profile) -> tuple[np.ndarray, np.ndarray]:
     if x.size < 2:
         return x, y
     root = np.sign(x - one.value) * np.sqrt(y)
+    if _decades(one):
+        fine = np.geomspace(x[0], x[-1], 2001)
+        return fine, PchipInterpolator(np.log(x), root)(np.log(fine)) ** 2
     # by sections: an open side may reach a thousand times as far as the other
     fine = np.unique(np.concatenate([np.linspace(a, b, 13) for a, b in pairwise(x)]))
     return fine, PchipInterpolator(x, root)(fine) ** 2
