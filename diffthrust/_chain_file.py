@@ -186,7 +186,8 @@ def read(path: Path, who: Mapping[str, Mapping[str, str]]) -> Stored | None:
         _try(path, target)
         return None
     try:
-        with h5py.File(target, "r") as f:
+        with h5py.File(target, "r") as opened:
+            f: Any = opened  # a group, a dataset and a type in one, for all that h5py declares
             if OWN not in f or "mcmc" not in f:
                 raise InputError(
                     f"{path}: an HDF5 file, but no chain of this library.",

@@ -199,12 +199,13 @@ def _thinning(chain: np.ndarray) -> int:
 def _begin(posterior: Posterior, walkers: int, seed: int) -> Stored:
     """A chain without a step."""
     channels = len(posterior.problem.layout.channels)
+    state: Any = np.random.RandomState(seed).get_state()
     return Stored(
         np.empty((0, walkers, posterior.dim)),
         np.empty((0, walkers)),
         np.empty((0, walkers, channels)),
         np.zeros(walkers),
-        np.random.RandomState(seed).get_state(legacy=True),
+        state,
         posterior.centre,
         np.linalg.cholesky(posterior.covariance),
     )

@@ -97,7 +97,7 @@ def _adapt(shape: Shape, box: Box, steps: int, data: Any, starts: Any, keys: Any
     from blackjax.adaptation.base import get_filter_adapt_info_fn
 
     density = partial(smooth, shape, box, data)
-    warmup = blackjax.window_adaptation(
+    warmup: Any = blackjax.window_adaptation(
         blackjax.nuts, density, adaptation_info_fn=get_filter_adapt_info_fn()
     )
 

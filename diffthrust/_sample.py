@@ -138,7 +138,7 @@ def _check(
         ("walkers", walkers, 4),
     )
     for what, value, least in numbers:
-        if what == "walkers" and walkers is None:
+        if value is None and what == "walkers":
             continue
         try:
             fine = not isinstance(value, bool) and operator.index(value) >= least
