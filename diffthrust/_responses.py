@@ -157,7 +157,7 @@ def _steps(
     model = key.model.bind(values)
 
     def one(end: Any, size: Any) -> Any:
-        time = end * (jnp.arange(SAMPLES) - 1) / (SAMPLES - 2)
+        time = end * (jnp.arange(-1.0, SAMPLES - 1.0) / (SAMPLES - 2.0))
         after = jnp.arange(SAMPLES) >= 1
         series = {n: jnp.full(SAMPLES, v) for n, v in others.items()}
         series[drive] = jnp.where(after, size, 0.0)
