@@ -68,10 +68,15 @@ class Prediction:
         low = [n for n, share in self.coverage.items() if share < self.level - SHORT]
         high = [n for n, share in self.coverage.items() if share > 0.5 * (1 + self.level)]
         if low:
+            why = (
+                "the random forces are larger, or last longer, than it estimated"
+                if self.random_forces
+                else "its errors last from sample to sample, as random forces and drifting sensors "
+                "make them"
+            )
             text += (
                 f" That is too few for {' and '.join(low)}: something is missing from the model, "
-                "or the errors last from sample to sample, which the band takes as independent of "
-                "all but the parameters. The parameters' intervals are then too narrow as well."
+                f"or {why}. The intervals of the parameters are then too narrow as well."
             )
         elif high:
             text += (

@@ -15,7 +15,7 @@ from diffthrust._likelihood import TAIL
 from diffthrust._log import Log
 from diffthrust._posterior_draws import Draws
 
-HALVINGS = 40
+HALVINGS = 32
 """The ends of a band with noise are found by halving, to this many binary digits."""
 
 
