@@ -125,22 +125,25 @@ def run(
         log_prob, levels = posterior.batch(points, lanes)
         return np.column_stack([log_prob, levels])
 
-    backend = _backend(stored, walkers)
-    sampler = emcee.EnsembleSampler(
-        walkers,
-        posterior.dim,
-        density,
-        moves=moves(stored.centre, stored.root),
-        vectorize=True,
-        backend=backend,
-        blobs_dtype=float,
-    )
-    total, done = warmup + draws, backend.iteration
-    if done:
-        begin = _state(backend.chain[done - 1], stored.random_state, backend.log_prob[done - 1])
-        begin.blobs = _squeezed(stored.levels[done - 1])
-    else:
-        begin = _state(_walkers(posterior, stored.root, walkers, seed), stored.random_state)
+    def advance(proposals: list[tuple[Any, float]]) -> Any:
+        sampler = emcee.EnsembleSampler(
+            walkers,
+            posterior.dim,
+            density,
+            moves=proposals,
+            vectorize=True,
+            backend=backend,
+            blobs_dtype=float,
+        )
+        begin = _last(backend)
+        if begin is None:
+            begin = emcee.State(
+                _walkers(posterior, stored.root, walkers, seed), random_state=stored.random_state
+            )
+        # walkers near each other's plane are no mistake of the user's
+        return sampler.sample(
+            begin, iterations=until - backend.iteration, skip_initial_state_check=True
+        )
 
     def save() -> None:
         if file:
@@ -155,11 +158,17 @@ def run(
             )
             _chain_file.write(file, _chain_file.image(now, who, posterior.labels))
 
+    backend = _backend(stored, walkers)
+    total, begun = warmup + draws, backend.iteration
     saved, took = time.monotonic(), 0.0
-    if done < total:
-        steps = sampler.sample(begin, iterations=total - done, skip_initial_state_check=True)
-        try:
-            for _ in steps:
+    try:
+        for until in (min(warmup // 2, total), total):
+            if backend.iteration >= until:
+                continue
+            centre, root = stored.centre, stored.root
+            if until == total:
+                centre, root = learned(backend.chain[warmup // 4 : warmup // 2], centre, root)
+            for _ in advance(moves(centre, root)):
                 at = backend.iteration
                 if at % 20 == 0:
                     tell("warmup" if at < warmup else "drawing", at / total)
@@ -168,10 +177,11 @@ def run(
                     save()
                     saved = time.monotonic()
                     took = saved - now
-        except KeyboardInterrupt:
-            if backend.iteration:
-                save()
-            raise
+    except KeyboardInterrupt:
+        if backend.iteration > begun:
+            save()
+        raise
+    if backend.iteration > begun:
         save()
     kept = slice(warmup, total)
     levels = backend.blobs[kept].reshape(draws, walkers, channels)
@@ -186,6 +196,25 @@ def run(
             "walkers": walkers,
         },
     )
+
+
+def learned(
+    chain: np.ndarray, centre: np.ndarray, root: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Centre and covariance of the proposals from a part of the warmup, ``(n, W, d)``.
+
+    Beside a bound, or where the posterior is bent, they fit better than those of the fit, which are
+    kept where the part is short. What is learned depends on the chain alone, and nothing is learned
+    once the draws begin: the draws are those of one fixed mixture of moves.
+    """
+    dim = centre.size
+    points = chain.reshape(-1, dim)
+    if len(chain) < 50 or len(points) < 20 * dim**2:
+        return centre, root
+    try:
+        return points.mean(axis=0), np.linalg.cholesky(np.atleast_2d(np.cov(points.T)))
+    except np.linalg.LinAlgError:  # walkers that have not moved
+        return centre, root
 
 
 def _thinning(chain: np.ndarray) -> int:
@@ -249,5 +278,14 @@ def _squeezed(levels: np.ndarray) -> np.ndarray:
     return levels[..., 0] if levels.shape[-1] == 1 else levels
 
 
-def _state(points: np.ndarray, random_state: Any, log_prob: np.ndarray | None = None) -> Any:
-    return emcee.State(points, log_prob=log_prob, random_state=random_state)
+def _last(backend: Any) -> Any:
+    """Where a chain is, with the generator's state; ``None`` before the first step."""
+    at = backend.iteration
+    if not at:
+        return None
+    return emcee.State(
+        backend.chain[at - 1],
+        log_prob=backend.log_prob[at - 1],
+        blobs=backend.blobs[at - 1],
+        random_state=backend.random_state,
+    )

@@ -130,16 +130,15 @@ def _check(
         )
     if method == "nuts" and walkers is not None:
         raise InputError("walkers: only emcee has walkers.", "Give chains instead.")
-    numbers: tuple[tuple[str, Any, int], ...] = (
+    numbers: list[tuple[str, Any, int]] = [
         ("draws", draws, 10),
         ("warmup", warmup, 20 if method == "nuts" else 0),
         ("chains", chains, 1),
         ("seed", seed, 0),
-        ("walkers", walkers, 4),
-    )
+    ]
+    if walkers is not None:
+        numbers.append(("walkers", walkers, 4))
     for what, value, least in numbers:
-        if value is None and what == "walkers":
-            continue
         try:
             fine = not isinstance(value, bool) and operator.index(value) >= least
         except TypeError:
