@@ -43,7 +43,7 @@ def interval_text(median: float, low: float, high: float) -> tuple[str, str, str
     if not (np.isfinite([median, low, high]).all() and half > 0):
         return number(median), number(low), number(high)
     places = 1 - int(np.floor(np.log10(half)))
-    if 0 <= places <= 8 and max(abs(low), abs(high)) < 1e6:
+    if 0 <= places <= 8 and 1e-4 <= max(abs(low), abs(high)) < 1e6:
         return f"{median:.{places}f}", f"{low:.{places}f}", f"{high:.{places}f}"
     top = int(np.floor(np.log10(max(abs(low), abs(high)))))
     digits = min(max(2, top + places + 1), 12)
