@@ -64,7 +64,7 @@ def plot_corner(
         sets = {"fit": values, **sets}
     looks = _looks(sets)
     count = len(draws)
-    figure = Figure(figsize=(max(4.2, 2.3 * count), max(3.6, 2.2 * count)), layout="constrained")
+    figure = Figure(figsize=(max(5.4, 2.3 * count), max(3.6, 2.2 * count)), layout="constrained")
     grid = figure.add_gridspec(count, count)
     limits = {n: _limits(v, [s[n] for s in sets.values() if n in s]) for n, v in draws.items()}
     for row, below in enumerate(draws):
@@ -85,9 +85,9 @@ def plot_corner(
         *(Line2D([], [], label=literal(label), **looks[label]) for label in sets),
     ]
     if count > 1:
-        told = f"contours: {' and '.join(map(percent, REGIONS))} of the draws"
+        told = f"{' and '.join(map(percent, REGIONS))} of the draws"
         handles.append(Line2D([], [], color=BLUE, linewidth=0.9, label=told))
-    where = "upper right" if count > 2 else "outside right upper"
+    where = "upper right" if count > 1 else "outside right upper"
     figure.legend(handles=handles, loc=where, frameon=False, fontsize=9)
     return figure
 
@@ -193,7 +193,7 @@ def _histogram(axes: Axes, name: str, values: np.ndarray, unit: str) -> None:
     axes.axvspan(low, high, color=BLUE, alpha=0.12, linewidth=0)
     axes.axvline(median, color=BLUE, linewidth=1.2)
     told = interval_text(float(median), float(low), float(high))
-    shown = literal(name) + (f" [{unit}]" if unit else "")
+    shown = _label(name, {name: unit})
     axes.set_title(f"{shown}\n{told[0]}\n{told[1]} to {told[2]}", loc="left")
 
 
@@ -278,10 +278,11 @@ def _plain_ticks(axes: Axes, side: str, values: np.ndarray) -> None:
         return
     places = max(0, -int(np.floor(np.log10(width / 4))))
     digits = max(2, int(np.ceil(np.log10(size / width))) + 2)
-    plain = places <= 7 and size < 1e6
+    plain = places <= 7 and 1e-3 <= size < 1e6
     kind = f".{places}f" if plain else f".{min(digits, 10)}g"
     axis.set_major_formatter(lambda value, _: f"{value:{kind}}")
 
 
 def _label(name: str, units: Mapping[str, str]) -> str:
-    return bracketed(name, units[name])
+    """Name and unit; that of an effect's parameter in two lines."""
+    return bracketed(name.replace(".", ".\n"), units[name])

@@ -50,7 +50,7 @@ def test_a_corner_shows_the_models_parameters_with_units_and_intervals():
     assert len(figure.axes) == 6
     told = texts(figure)
     for name, unit in UNITS.items():
-        assert f"{name} [{unit}]" in told
+        assert f"{name} [{unit}]" in told.replace(".\n", ".")
     assert "noise" not in told
     assert "95 % interval" in told
     alpha = made().posterior["alpha"].values
