@@ -15,7 +15,7 @@ from diffthrust._interval_words import Evidence, heading, sentences
 from diffthrust._intervals_result import Interval, Intervals, Row
 from diffthrust._log import Log
 from diffthrust._problem import Problem
-from diffthrust._profile import check_level, profiles_of
+from diffthrust._profile import check_level, profiles_of, threshold_of
 from diffthrust._profile_result import Profile
 from diffthrust._result import Fit
 from diffthrust._sandwich import Sandwich, converged, quantile, sandwich_of
@@ -91,6 +91,8 @@ def intervals(
 
 def _reach(problem: Problem, z: np.ndarray, level: float) -> float:
     """Standard errors from the estimate to the ends of the covariance's interval."""
+    if problem.layout.lasting:
+        return math.sqrt(threshold_of(problem, z, level))
     left = float(np.sum(problem.arrays["counts"])) - z.size
     known = any(problem.layout.known_noise) or problem.layout.loss != "gaussian" or left < 1
     return quantile(level, math.inf if known else left)

@@ -9,6 +9,7 @@ from statistics import NormalDist
 import numpy as np
 
 from diffthrust._again import problem_of
+from diffthrust._ar1 import level as new_level
 from diffthrust._channels import listing, nearest
 from diffthrust._errors import InputError
 from diffthrust._log import Log
@@ -41,7 +42,8 @@ def profile(
     chi-square law with one degree of freedom (Venzon & Moolgavkar 1988). It does not change with
     the parameter's transform, it need not be symmetric, and it has no end where the data set none.
     With noise levels that were estimated the quantile is that of the F law, exact for one channel
-    and a model linear in its parameters; on long logs they are the same.
+    and a model linear in its parameters; under noise that lasts it counts the samples that are
+    independent. On long logs all are the same.
 
     The likelihood is the fit's own: where residuals are correlated and the fit assumed white noise,
     the interval is too short. `intervals` says which one to take.
@@ -96,7 +98,7 @@ def profiles_of(
     level: float,
 ) -> Profiles:
     """Profiles of a problem whose optimum is known."""
-    threshold = _threshold(problem, z, level)
+    threshold = threshold_of(problem, z, level)
     first = best = _point(problem, z)
     for _ in range(ROUNDS):
         try:
@@ -140,16 +142,38 @@ def _wanted(fit: Fit, names: str | Sequence[str] | None) -> tuple[str, ...]:
     return wanted
 
 
-def _threshold(problem: Problem, z: np.ndarray, level: float) -> float:
-    """What twice the drop of the log-likelihood may be."""
-    plain = NormalDist().inv_cdf(0.5 + 0.5 * level) ** 2
+def threshold_of(problem: Problem, z: np.ndarray, confidence: float) -> float:
+    """What twice the drop of the log-likelihood may be.
+
+    Under noise that lasts there are fewer independent samples than samples, and a level known from
+    n of them has n / 2 degrees of freedom, for the correlation is estimated as well: its long-run
+    variance has the relative variance 4 / n (of an autoregression a over T samples
+    4 (1 + a) / (1 - a) / T, see the sandwich).
+    """
+    plain = NormalDist().inv_cdf(0.5 + 0.5 * confidence) ** 2
     if problem.layout.loss != "gaussian" or any(problem.layout.known_noise):
         return plain
+    if problem.layout.lasting:
+        samples = independent(problem, z)
+        left = max(samples - len(problem.own) - problem.local, 1.0)
+        return quantile(confidence, 0.5 * samples) ** 2 * samples / left
     samples = float(np.sum(problem.arrays["counts"]))
     left = samples - z.size
     if left < 1:
         return plain
-    return samples * math.log1p(quantile(level, left) ** 2 / left)
+    return samples * math.log1p(quantile(confidence, left) ** 2 / left)
+
+
+def independent(problem: Problem, z: np.ndarray) -> float:
+    """How many independent samples tell as much about a mean, under noise that lasts."""
+    values, gaps, counts = problem.values(z), problem.arrays["gaps"], problem.arrays["counts"]
+    total = 0.0
+    for i, name in enumerate(problem.layout.channels):
+        memory = values[f"noise.{name}.correlation"]
+        new = float(new_level(memory, gaps["seconds"][i], gaps["counts"][i], counts[i]))
+        share = math.sqrt(max(1 - new**2, 0.0))
+        total += float(counts[i]) * (1 - share) / (1 + share)
+    return max(total, 2.0)
 
 
 def _quantities(
