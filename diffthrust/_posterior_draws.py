@@ -109,11 +109,14 @@ def _of_fit(fit: Fit, model: Model, count: int, rng: np.random.Generator) -> Dra
             fit.message,
         )
     held = [n for n in fit.free if n not in names]
-    notes = ()
+    notes = () if fit.status.ok else (f"The fit is to be doubted. {fit.message}",)
     if held:
-        notes = (
-            f"{listing(held)} has no standard error and is held at its value: "
-            "intervals that depend on it are too narrow.",
+        has, is_held, it = ("have", "are held at their values", "them")
+        if len(held) == 1:
+            has, is_held, it = ("has", "is held at its value", "it")
+        notes += (
+            f"{listing(held)} {has} no standard error and {is_held}: "
+            f"intervals that depend on {it} are too narrow.",
         )
     described = [fit.model.parameters[n] for n in names]
     best = np.array([fit.parameters[n].value for n in names])

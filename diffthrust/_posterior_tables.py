@@ -65,7 +65,7 @@ def quantities_table(found: Quantities) -> RenderableType:
     parts: list[RenderableType] = []
     numbers = [q for q in found.values() if q.grid is None]
     if numbers:
-        table = _table("Quantity", "Median", f"{share} interval", "", "Unit", numbers=(1, 2, 3))
+        table = _table("Quantity", "Median", f"{share} from", "to", "Unit", numbers=(1, 2, 3))
         for q in numbers:
             row = interval_text(float(q.median), float(q.low), float(q.high))
             table.add_row(escape(q.name), *row, escape(q.unit))
@@ -75,7 +75,7 @@ def quantities_table(found: Quantities) -> RenderableType:
             continue
         unit = f" [{q.grid_unit}]" if q.grid_unit else ""
         head = f"{q.name}{f' [{q.unit}]' if q.unit else ''}"
-        headings = escape(f"{q.grid_name}{unit}"), escape(head), f"{share} interval", ""
+        headings = escape(f"{q.grid_name}{unit}"), escape(head), f"{share} from", "to"
         table = _table(*headings, numbers=(0, 1, 2, 3))
         for at in _some(q):
             row = interval_text(float(q.median[at]), float(q.low[at]), float(q.high[at]))
@@ -90,7 +90,7 @@ def _some(quantity: DerivedQuantity) -> Iterable[int]:
     return np.unique(np.linspace(0, size - 1, min(size, POINTS)).round().astype(int)).tolist()
 
 
-HEADINGS = ("Parameter", "Median", "95 % interval", "", "Unit", "R-hat", "ESS bulk", "ESS tail")
+HEADINGS = ("Parameter", "Median", "95 % from", "to", "Unit", "R-hat", "ESS bulk", "ESS tail")
 """The headings of `parameter_rows`, but for the last column, which is the fit's estimate."""
 
 

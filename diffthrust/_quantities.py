@@ -237,6 +237,8 @@ def _add_responses(
         add(f"steady_{output}", model.outputs[output], values, commands, drive, unit)
     if steps.size:
         add("step_time", "s", done.time[:, count:], steps, f"step of {drive}", unit)
+    if not np.all(np.isfinite(done.time[:, count:])):
+        notes.append("step_time is infinite (inf) where a step moves nothing, as in a deadband.")
     if done.unsettled > 0:
         notes.append(
             f"In {100 * done.unsettled:.2g} % of the draws a response had not settled at the end "

@@ -76,6 +76,14 @@ def test_coverage_is_near_its_level_on_logs_of_the_same_thruster(fit):
     assert half == pytest.approx(0.5, abs=0.05)  # 1800 samples: 1.2 %
 
 
+def test_student_t_noise_has_heavy_tails(fit):
+    run = log(TRUE, 7)
+    band = predict(replace(fit, loss="student_t"), run, level=0.99).channels["thrust"]
+    plain = predict(fit, run, level=0.99).channels["thrust"]
+    ratio = (band.noisy_high - band.noisy_low) / (plain.noisy_high - plain.noisy_low)
+    assert np.median(ratio) == pytest.approx(stats.t(4).ppf(0.995) / stats.norm.ppf(0.995), rel=0.1)
+
+
 def test_what_a_model_lacks_shows_in_its_coverage(fit):
     lacking = log(TRUE + dft.effects.CommandDeadband(width=0.8), seed=3)
     poor = predict(fit, lacking)

@@ -128,6 +128,7 @@ def test_effects_count_and_sensors_do_not(fit):
     dead = of(dft.Thruster() + dft.effects.CommandDeadband(width=0.6), steps=[0.3, 2.0])
     assert np.isinf(dead["step_time"].median[0])
     assert np.isfinite(dead["step_time"].high[1])
+    assert any("inf" in note for note in dead.notes)
     assert json.loads(json.dumps(dead.to_json()))["quantities"]["step_time"]["median"][0] is None
     late = of(dft.Thruster() + dft.effects.CommandDelay(delay=0.3), steps=[2.0])["step_time"]
     soon = of(dft.Thruster(), steps=[2.0])["step_time"]
@@ -196,9 +197,10 @@ def test_draws_of_a_fit_are_those_of_its_covariance_within_bounds(fit):
 def test_parameters_without_an_error_are_held_and_named(fit):
     covariance = fit.covariance.copy()
     covariance[2, :] = covariance[:, 2] = np.nan
-    partly = replace(fit, covariance=covariance)
+    partly = replace(fit, covariance=covariance, status=dft.Status.STARTS_DISAGREE)
     found = quantities(partly, commands=[1.0], draws=5)
     assert any("'ct' has no standard error" in note for note in found.notes)
+    assert any("to be doubted" in note for note in found.notes)
     assert "Note: 'ct' has no" in found.report()
     with pytest.raises(InputError, match="No parameter of the fit has a standard error"):
         quantities(replace(fit, covariance=np.full((3, 3), np.nan)), commands=[1.0])
