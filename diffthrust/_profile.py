@@ -150,13 +150,13 @@ def threshold_of(problem: Problem, z: np.ndarray, confidence: float) -> float:
     variance has the relative variance 4 / n (of an autoregression a over T samples
     4 (1 + a) / (1 - a) / T, see the sandwich).
     """
-    plain = NormalDist().inv_cdf(0.5 + 0.5 * confidence) ** 2
-    if problem.layout.loss != "gaussian" or any(problem.layout.known_noise):
-        return plain
     if problem.layout.lasting:
         samples = independent(problem, z)
         left = max(samples - len(problem.own) - problem.local, 1.0)
         return quantile(confidence, 0.5 * samples) ** 2 * samples / left
+    plain = NormalDist().inv_cdf(0.5 + 0.5 * confidence) ** 2
+    if problem.layout.loss != "gaussian" or any(problem.layout.known_noise):
+        return plain
     samples = float(np.sum(problem.arrays["counts"]))
     left = samples - z.size
     if left < 1:

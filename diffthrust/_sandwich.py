@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from diffthrust._again import problem_of
+from diffthrust._blocks import summed
 from diffthrust._errors import InputError
 from diffthrust._log import Log
 from diffthrust._problem import Problem
@@ -18,9 +19,6 @@ from diffthrust._result import Fit
 from diffthrust._scores import Scores, scores
 from diffthrust._solver import solve
 from diffthrust._status import RANK_LIMIT, Status, _marginal
-
-LASTING = 0.97
-"""Scores are taken to last no longer than this correlation from sample to sample allows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +138,7 @@ def sandwich_of(fit: Fit, problem: Problem, z: np.ndarray, told: Scores) -> Sand
     inside, weights = _influence(problem, z, told)
     ours = [problem.own[i] for i in inside]
     runs = [weights[:, place] @ v for place, v in zip(told.places, told.values, strict=True)]
-    scatter, block, lasting, degrees = _scatter(runs)
+    scatter, block, lasting, degrees = summed(runs)
     used = told.samples / max(told.samples - inside.size, 1)
     scatter = used * scatter + weights @ told.prior @ weights.T
     slopes = problem.slopes(z)[inside]
@@ -201,53 +199,3 @@ def _influence(problem: Problem, z: np.ndarray, told: Scores) -> tuple[np.ndarra
     weights[np.any(np.abs(vectors[:, null]) > 1e-3, axis=1)] = np.nan
     ours = inside < k
     return inside[ours], weights[ours]
-
-
-def _scatter(runs: Sequence[np.ndarray]) -> tuple[np.ndarray, float, np.ndarray, np.ndarray]:
-    """Covariance of the sum of series, whose logs are independent and whose samples are not.
-
-    Args:
-        runs: for each log ``(k, T)``.
-
-    Returns:
-        The covariance ``(k, k)``, the length of the blocks in samples, the correlation from sample
-        to sample that was taken out before ``(k,)``, and the degrees of freedom ``(k,)``.
-    """
-    samples = sum(run.shape[1] for run in runs)
-    measured = _lag_one(runs)
-    # the scores of a fit sum to zero, which makes them seem to last less than they do: by
-    # (1 + 3 a) / samples (Kendall 1954, Biometrika 41, 403)
-    longer = (samples * measured + 1) / max(samples - 3, 1)
-    lasting = np.clip(np.where(measured > 0, longer, 0.0), 0.0, LASTING)
-    new = []
-    for run in runs:
-        first = run[:, :1] * np.sqrt(1 - lasting**2)[:, None]  # as uncertain as those that follow
-        new.append(np.concatenate([first, run[:, 1:] - lasting[:, None] * run[:, :-1]], axis=1))
-    block = _block(_lag_one(new), samples)
-    out = np.zeros((lasting.size, lasting.size))
-    for run in new:
-        out += run @ run.T
-        for lag in range(1, min(math.ceil(block), run.shape[1])):
-            product = run[:, lag:] @ run[:, :-lag].T
-            out += (1 - lag / block) * (product + product.T)
-    colour = 1 / (1 - lasting)
-    # relative variance of a variance: of the blocks (Priestley 1981, table 6.1: 4/3 block over
-    # samples), and of the autoregression, 4 var(a) / (1 - a)^2 with var(a) = (1 - a^2) / samples
-    relative = (4 / 3 * block + 4 * (1 + lasting) / (1 - lasting)) / samples
-    return out * np.outer(colour, colour), block, lasting, 2 / relative
-
-
-def _lag_one(runs: Sequence[np.ndarray]) -> np.ndarray:
-    """Correlation of each series with itself one sample later, about zero, ``(k,)``."""
-    products = sum((run[:, 1:] * run[:, :-1]).sum(axis=1) for run in runs)
-    squares = sum((run[:, :-1] ** 2).sum(axis=1) for run in runs)
-    return np.asarray(products / np.where(np.asarray(squares) > 0, squares, 1.0))
-
-
-def _block(lag_one: np.ndarray, samples: int) -> float:
-    """Length of blocks with falling weights for first-order series (Andrews 1991, eq. 6.4)."""
-    a = np.clip(lag_one[np.isfinite(lag_one)], -LASTING, LASTING)
-    if not a.size:
-        return 1.0
-    curved = np.sum(4 * a**2 / ((1 - a) ** 6 * (1 + a) ** 2)) / np.sum(1 / (1 - a) ** 4)
-    return float(np.clip(1.1447 * (curved * samples) ** (1 / 3), 1.0, samples))

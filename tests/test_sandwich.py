@@ -127,10 +127,10 @@ def test_correlated_noise_is_seen():
 
 def test_the_scatter_of_a_first_order_series_is_its_long_run_variance():
     """Against the closed form 1 / (1 - a)^2, on 20 000 samples, within 15 %."""
-    from diffthrust._sandwich import _scatter
+    from diffthrust._blocks import summed
 
     series = np.stack([noise.ar1(np.random.default_rng(s), 20_000, 1.0, 0.8) for s in (0, 1)])
-    scatter, _, lasting, degrees = _scatter([series[:, :12_000], series[:, 12_000:]])
+    scatter, _, lasting, degrees = summed([series[:, :12_000], series[:, 12_000:]])
     expected = 20_000 * (1 + 0.8) / (1 - 0.8)
     np.testing.assert_allclose(np.diagonal(scatter), expected, rtol=0.15)
     assert abs(scatter[0, 1]) < 0.1 * expected
