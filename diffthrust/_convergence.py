@@ -105,7 +105,8 @@ def convergence(post: Any) -> Convergence:
     stats = getattr(post, "sample_stats", None)
     lost = int(stats["diverging"].sum()) if stats is not None and "diverging" in stats else 0
     total = own.sizes["chain"] * own.sizes["draw"]
-    status, message = _judged(r_hat, bulk, tail, lost, total)
+    other = " or sample with method='nuts'" if post.attrs.get("method") == "emcee" else ""
+    status, message = _judged(r_hat, bulk, tail, lost, total, other)
     return Convergence(status, message, r_hat, bulk, tail, memory, lost, total)
 
 
@@ -115,6 +116,7 @@ def _judged(
     tail: Mapping[str, float],
     lost: int,
     total: int,
+    other: str,
 ) -> tuple[Mixing, str]:
     stuck = [name for name, value in r_hat.items() if not math.isfinite(value)]
     if stuck:
@@ -128,7 +130,7 @@ def _judged(
         times = min(max(math.ceil(SAMPLES / least), 4), 10)
         return Mixing.NOT_MIXED, (
             f"R-hat of {worst} {r_hat[worst]:.2f} (allowed {R_HAT}): the chains have not found the "
-            f"same distribution. Draw {times} times as many, with a longer warmup."
+            f"same distribution. Draw {times} times as many with a longer warmup{other}."
         )
     if least < SAMPLES:
         scarce = min(bulk, key=lambda name: min(bulk[name], tail[name]))

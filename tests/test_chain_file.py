@@ -82,6 +82,15 @@ def test_more_draws_go_on_from_a_finished_run(case, copied, tmp_path):
     assert copied.read_bytes() == (tmp_path / "at_once.h5").read_bytes()
 
 
+def test_fewer_draws_are_read_off_a_longer_run(case, copied):
+    before = copied.read_bytes()
+    few = sample(*case, file=copied, **{**RUN, "draws": 40})
+    np.testing.assert_array_equal(
+        few.posterior["slope"], sample(*case, **{**RUN, "draws": 40}).posterior["slope"]
+    )
+    assert copied.read_bytes() == before
+
+
 SCRIPT = """
 import sys, time
 from pathlib import Path

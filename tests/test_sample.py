@@ -14,6 +14,7 @@ from diffthrust import _nuts
 from diffthrust._arviz import arviz
 from diffthrust._convergence import Mixing, convergence
 from diffthrust._emcee import independent, learned
+from diffthrust._posterior import Posterior
 from diffthrust._sample import sample
 
 matplotlib.use("Agg")
@@ -257,6 +258,46 @@ def test_a_parameter_at_its_bound_is_sampled_within_it(method):
     assert float(ct.max()) <= 0.0199
     assert float(ct.min()) > 0.019
     assert post.attrs["status"] == "converged", post.attrs["message"]
+
+
+def test_noise_that_lasts_is_sampled_with_its_memory():
+    log = thruster_log(count=600)
+    fit = dft.fit(
+        dft.Thruster(**TRUE), log, starts=4, substeps=1, noise_model="ar1", loss="student_t"
+    )
+    post = sample(fit, log, draws=200, warmup=200)
+    names = {"noise.speed.correlation", "noise.thrust.correlation"}
+    assert names <= set(post.posterior.data_vars)
+    assert post.posterior["noise.speed.correlation"].attrs["unit"] == "s"
+    for channel, level in fit.noise.items():
+        found = post.posterior["sigma"].sel(channel=channel)
+        assert abs(float(found.mean()) - level) < 2 * float(found.std())
+
+
+def test_a_parameter_that_ran_to_zero_needs_a_prior():
+    made = thruster_log()
+    against = dict(made.measured, thrust=-made.measured["thrust"])
+    log = dft.Log(made.time, dict(made.inputs), against)
+    fit = dft.fit(dft.Thruster(), log, starts=4, substeps=1)
+    assert fit.status is dft.Status.AT_BOUND
+    with pytest.raises(dft.InputError, match="'ct' ran to zero"):
+        sample(fit, log)
+
+
+def test_likelihoods_that_are_no_numbers(monkeypatch):
+    fit, log = line()
+    whole = Posterior.batch
+
+    def beside(self, points, *lanes):
+        density, level = whole(self, points, *lanes)
+        return np.where(np.all(points == self.centre, axis=1), density, -np.inf), level
+
+    monkeypatch.setattr(Posterior, "batch", beside)
+    with pytest.raises(dft.InputError, match="Only 0 of 640 points drawn around the fit"):
+        sample(fit, log)
+    monkeypatch.setattr(Posterior, "batch", lambda self, p: (np.array([-np.inf]), p))
+    with pytest.raises(dft.InputError, match="likelihood at the fit is not a finite number"):
+        sample(fit, log)
 
 
 def test_progress_is_told():
