@@ -28,6 +28,7 @@ class Evidence:
         correlation: of the residuals that the fit took as white; zero where they are.
         prior: the parameter has one.
         recommended: the method to take.
+        met: other parameters whose bounds are within their own intervals.
     """
 
     fit: Fit
@@ -38,6 +39,7 @@ class Evidence:
     correlation: float
     prior: bool
     recommended: str
+    met: tuple[str, ...] = ()
 
 
 def heading(fit: Fit, lag: float, correlated: bool, sandwich: bool) -> str:
@@ -85,7 +87,8 @@ def sentences(e: Evidence) -> Iterator[str]:
         )
     for side, why in (("downwards", e.profile.open_low), ("upwards", e.profile.open_high)):
         if why and not (estimate.at_bound and "bound" in why):
-            yield f"{name}, {side}: the profile is open, {why}."
+            it = "it " if why.startswith("reaches") else ""
+            yield f"{name}: {side} the profile is open; {it}{why}."
     yield from _lopsided(e, name)
     yield from _inflated(e, name)
     yield from _drawn(e, name)
@@ -96,9 +99,10 @@ def _lopsided(e: Evidence, name: str) -> Iterator[str]:
     if ratio is None or 1 / LOPSIDED < ratio < LOPSIDED:
         return
     way, size = ("up", ratio) if ratio > 1 else ("down", 1 / ratio)
+    met = f", for {' and '.join(e.met)} may meet a bound" if e.met else ""
     words = (
         f"{name}: the profile reaches {size:.2g} times as far {way} as the other way. The "
-        "likelihood is not quadratic there, and covariance and sandwich are symmetric by "
+        f"likelihood is not quadratic there{met}, and covariance and sandwich are symmetric by "
         "construction"
     )
     if e.recommended == "sandwich":

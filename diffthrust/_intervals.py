@@ -16,7 +16,7 @@ from diffthrust._intervals_result import Interval, Intervals, Row
 from diffthrust._log import Log
 from diffthrust._problem import Problem
 from diffthrust._profile import check_level, profiles_of, threshold_of
-from diffthrust._profile_result import Profile
+from diffthrust._profile_result import Profile, Profiles
 from diffthrust._result import Fit
 from diffthrust._sandwich import Sandwich, converged, quantile, sandwich_of
 from diffthrust._scores import scores
@@ -70,7 +70,7 @@ def intervals(
     lag = told.lag_one()
     reach = _reach(problem, z, level)
     rows = [
-        _row(fit, problem, name, profiles[name], robust, drawn.get(name), lag, reach, level)
+        _row(fit, problem, name, profiles, robust, drawn.get(name), lag, reach, level)
         for name in problem.own
     ]
     notes = [heading(fit, lag, lag > WHITE, any(r.recommended == "sandwich" for r in rows))]
@@ -102,14 +102,14 @@ def _row(
     fit: Fit,
     problem: Problem,
     name: str,
-    profile: Profile,
+    profiles: Profiles,
     robust: Sandwich,
     drawn: Interval | None,
     lag: float,
     reach: float,
     level: float,
 ) -> Row:
-    estimate = fit.parameters[name]
+    estimate, profile = fit.parameters[name], profiles[name]
     error, found = estimate.std_error, {}
     if error is not None:
         found["covariance"] = Interval(
@@ -132,6 +132,7 @@ def _row(
         correlation=lag if lag > WHITE else 0.0,
         prior=problem.named[name].prior is not None,
         recommended=recommended,
+        met=tuple(n for n in profiles if n != name and _bounds(profiles[n]) != (None, None)),
     )
     return Row(
         name=name,
@@ -140,11 +141,16 @@ def _row(
         intervals=found,
         recommended=recommended,
         sentences=tuple(sentences(evidence)),
-        bounds=(
-            float(profile.grid[0]) if "bound" in (profile.open_low or "") else None,
-            float(profile.grid[-1]) if "bound" in (profile.open_high or "") else None,
-        ),
+        bounds=_bounds(profile),
     )
+
+
+def _bounds(profile: Profile) -> tuple[float | None, float | None]:
+    """The bounds that a profile reaches."""
+    low, high = (
+        "reaches the bound" in (why or "") for why in (profile.open_low, profile.open_high)
+    )
+    return float(profile.grid[0]) if low else None, float(profile.grid[-1]) if high else None
 
 
 def _wider(robust: Sandwich, name: str) -> bool:

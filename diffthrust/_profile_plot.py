@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from diffthrust._display import with_error
 from diffthrust._plots import BLUE, GREY, VERMILLION, literal, styled
 
 if TYPE_CHECKING:
@@ -91,12 +92,16 @@ def _panel(axes: Axes, one: Profile, first: bool) -> None:
 
 
 def _interval(one: Profile) -> str:
-    if one.low is not None and one.high is not None:
-        words = f"{one.low:.4g} to {one.high:.4g}"
-    elif one.low is not None:
-        words = f"at least {one.low:.4g}"
-    elif one.high is not None:
-        words = f"at most {one.high:.4g}"
+    arms = [abs(e - one.value) for e in (one.low, one.high) if e is not None]
+    low, high = (
+        with_error(e, 0.5 * min(arms))[0] if e is not None else None for e in (one.low, one.high)
+    )
+    if low is not None and high is not None:
+        words = f"{low} to {high}"
+    elif low is not None:
+        words = f"at least {low}"
+    elif high is not None:
+        words = f"at most {high}"
     else:
         return "open to both sides"
     return f"{words} {one.unit}".rstrip()
@@ -130,6 +135,9 @@ def _smooth(one: Profile) -> tuple[np.ndarray, np.ndarray]:
     x, y = one.grid[rising], np.maximum(one.drop[rising], 0.0)
     if x.size < 2:
         return x, y
+    if one.value in (x[0], x[-1]):  # at a bound it rises at once, and a root would start upright
+        fine = np.linspace(x[0], x[-1], 401)
+        return fine, PchipInterpolator(x, y)(fine)
     root = np.sign(x - one.value) * np.sqrt(y)
     if _decades(one):
         fine = np.geomspace(x[0], x[-1], 2001)

@@ -100,6 +100,16 @@ def test_a_parameter_at_its_bound_has_only_a_profile():
     assert len(found.plot().axes) == 3
 
 
+def test_a_bound_that_another_parameter_meets_makes_a_profile_lopsided():
+    log = made_log(seed=1)
+    model = MODEL + dft.effects.EFFECTS["command_deadband"]()
+    found = intervals(dft.fit(model, log, starts=4), log)
+    row = found["command_deadband.width"]
+    assert row.bounds == (0.0, None)
+    assert "downwards the profile is open; it reaches the bound 0." in row.sentences[0]
+    assert "for command_deadband.width may meet a bound" in " ".join(found["beta"].sentences)
+
+
 def test_an_open_end_is_told():
     log = curve_log(depth=0.1 * np.array([0.1, 0.2, 0.35, 0.5, 0.8, 1.1, 1.5, 2.0]), seed=2)
     found = intervals(dft.fit(Saturating(), log, starts=4), log)
