@@ -20,11 +20,16 @@ from diffthrust._starts import Progress
 
 TAILS = 5.0
 """Degrees of freedom of the independent proposals: tails heavier than those of most posteriors."""
+MOST = 0.7
+"""Share of the independent proposals, where enough of them are accepted."""
+ENOUGH = 0.3
+"""The share of them that is enough."""
 WIDER = 1.3
 """Walkers begin wider than the posterior should be, so that R-hat can tell whether they mixed."""
 EVERY = 5.0
-"""Seconds between savings of the file, and at least so many times what a saving takes: 20."""
+"""Seconds between savings of the file."""
 SHARE = 20.0
+"""And at least so many times what a saving takes."""
 
 
 @dataclass(frozen=True)
@@ -86,13 +91,31 @@ def independent(
     return propose
 
 
-def moves(centre: np.ndarray, root: np.ndarray) -> list[tuple[Any, float]]:
+def moves(centre: np.ndarray, root: np.ndarray, share: float) -> list[tuple[Any, float]]:
     """Independent proposals, and moves by the other walkers for posteriors of another form."""
     return [
-        (emcee.moves.MHMove(independent(centre, root), ndim=centre.size), 0.7),
-        (emcee.moves.DEMove(), 0.2),
-        (emcee.moves.StretchMove(), 0.1),
+        (emcee.moves.MHMove(independent(centre, root), ndim=centre.size), share),
+        (emcee.moves.DEMove(), (1 - share) * 2 / 3),
+        (emcee.moves.StretchMove(), (1 - share) / 3),
     ]
+
+
+def suited(
+    density: Callable[[np.ndarray], np.ndarray],
+    points: np.ndarray,
+    log_prob: np.ndarray,
+    centre: np.ndarray,
+    root: np.ndarray,
+    seed: int,
+) -> float:
+    """The share of independent proposals: less where few of them would be accepted.
+
+    Judged by one proposal from each of the points, ``(n, d)``, with a generator of its own.
+    """
+    propose = independent(centre, root)
+    new, factors = propose(points, np.random.RandomState(seed))
+    accepted = np.exp(np.minimum(density(new)[:, 0] - log_prob + factors, 0.0))
+    return max(0.1, MOST * min(1.0, float(np.mean(accepted)) / ENOUGH))
 
 
 def run(
@@ -165,10 +188,15 @@ def run(
         for until in (min(warmup // 2, total), total):
             if backend.iteration >= until:
                 continue
-            centre, root = stored.centre, stored.root
-            if until == total:
-                centre, root = learned(backend.chain[warmup // 4 : warmup // 2], centre, root)
-            for _ in advance(moves(centre, root)):
+            centre, root, share = stored.centre, stored.root, MOST
+            if until == total and warmup >= 8:
+                part = slice(warmup // 4, warmup // 2)
+                centre, root = learned(backend.chain[part], centre, root)
+                late = slice(max(part.start, part.stop - 8), part.stop)
+                points = backend.chain[late].reshape(-1, posterior.dim)
+                log_prob = backend.log_prob[late].ravel()
+                share = suited(density, points, log_prob, centre, root, seed)
+            for _ in advance(moves(centre, root, share)):
                 at = backend.iteration
                 if at % 20 == 0:
                     tell("warmup" if at < warmup else "drawing", at / total)
