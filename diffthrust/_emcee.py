@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,15 +15,10 @@ import numpy as np
 from diffthrust import _chain_file
 from diffthrust._chain_file import Stored
 from diffthrust._errors import InputError
+from diffthrust._moves import MOST, learned, moves, suited
 from diffthrust._posterior import LANES, Posterior
 from diffthrust._starts import Progress
 
-TAILS = 5.0
-"""Degrees of freedom of the independent proposals: tails heavier than those of most posteriors."""
-MOST = 0.7
-"""Share of the independent proposals, where enough of them are accepted."""
-ENOUGH = 0.3
-"""The share of them that is enough."""
 WIDER = 1.3
 """Walkers begin wider than the posterior should be, so that R-hat can tell whether they mixed."""
 EVERY = 5.0
@@ -60,62 +55,6 @@ def lanes_of(walkers: int) -> int:
     """Points per evaluation such that half and all of the walkers leave few places empty."""
     half = walkers // 2
     return math.ceil(half / math.ceil(half / LANES))
-
-
-def independent(
-    centre: np.ndarray, root: np.ndarray
-) -> Callable[[np.ndarray, Any], tuple[np.ndarray, np.ndarray]]:
-    """Proposals that do not depend on where a walker is: multivariate t about the fit.
-
-    Where the posterior is near the fit's Gaussian most are accepted, and each is a new draw; the
-    tails bound the ratio of the densities, so that no walker waits for ever (Mengersen & Tweedie
-    1996).
-
-    Returns:
-        The proposal and the logarithm of q(old) / q(new), as `emcee.moves.MHMove` wants them.
-    """
-    dim = centre.size
-    # once: a call of LAPACK may wait for its threads longer than the work takes
-    inverse = np.linalg.inv(root)
-
-    def log_q(x: np.ndarray) -> np.ndarray:
-        away = (x - centre) @ inverse.T
-        return -0.5 * (TAILS + dim) * np.log1p(np.sum(away**2, axis=1) / TAILS)
-
-    def propose(x: np.ndarray, rng: Any) -> tuple[np.ndarray, np.ndarray]:
-        normal = rng.standard_normal(x.shape)
-        longer = np.sqrt(TAILS / rng.chisquare(TAILS, size=(x.shape[0], 1)))
-        new = centre + (longer * normal) @ root.T
-        return new, log_q(x) - log_q(new)
-
-    return propose
-
-
-def moves(centre: np.ndarray, root: np.ndarray, share: float) -> list[tuple[Any, float]]:
-    """Independent proposals, and moves by the other walkers for posteriors of another form."""
-    return [
-        (emcee.moves.MHMove(independent(centre, root), ndim=centre.size), share),
-        (emcee.moves.DEMove(), (1 - share) * 2 / 3),
-        (emcee.moves.StretchMove(), (1 - share) / 3),
-    ]
-
-
-def suited(
-    density: Callable[[np.ndarray], np.ndarray],
-    points: np.ndarray,
-    log_prob: np.ndarray,
-    centre: np.ndarray,
-    root: np.ndarray,
-    seed: int,
-) -> float:
-    """The share of independent proposals: less where few of them would be accepted.
-
-    Judged by one proposal from each of the points, ``(n, d)``, with a generator of its own.
-    """
-    propose = independent(centre, root)
-    new, factors = propose(points, np.random.RandomState(seed))
-    accepted = np.exp(np.minimum(density(new)[:, 0] - log_prob + factors, 0.0))
-    return max(0.1, MOST * min(1.0, float(np.mean(accepted)) / ENOUGH))
 
 
 def run(
@@ -224,25 +163,6 @@ def run(
             "walkers": walkers,
         },
     )
-
-
-def learned(
-    chain: np.ndarray, centre: np.ndarray, root: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Centre and covariance of the proposals from a part of the warmup, ``(n, W, d)``.
-
-    Beside a bound, or where the posterior is bent, they fit better than those of the fit, which are
-    kept where the part is short. What is learned depends on the chain alone, and nothing is learned
-    once the draws begin: the draws are those of one fixed mixture of moves.
-    """
-    dim = centre.size
-    points = chain.reshape(-1, dim)
-    if len(chain) < 50 or len(points) < 20 * dim**2:
-        return centre, root
-    try:
-        return points.mean(axis=0), np.linalg.cholesky(np.atleast_2d(np.cov(points.T)))
-    except np.linalg.LinAlgError:  # walkers that have not moved
-        return centre, root
 
 
 def _thinning(chain: np.ndarray) -> int:

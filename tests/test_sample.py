@@ -13,7 +13,7 @@ import diffthrust as dft
 from diffthrust import _nuts
 from diffthrust._arviz import arviz
 from diffthrust._convergence import Mixing, convergence
-from diffthrust._emcee import independent, learned
+from diffthrust._moves import independent, learned
 from diffthrust._posterior import Posterior
 from diffthrust._sample import sample
 
