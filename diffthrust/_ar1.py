@@ -1,16 +1,17 @@
 """Measurement noise that lasts: a first-order autoregression for each channel.
 
 The noise of a sample is a share of that of the sample before it plus something new. A residual r at
-a gap of d seconds after the one before it, p, is turned into what is new in it, scaled to the same
+a gap of d steps after the one before it, p, is turned into what is new in it, scaled to the same
 level whatever the gap,
 
-    w = (r - phi p) / sqrt(1 - phi^2),    phi = exp(-d / correlation),
+    w = (r - phi p) / sqrt(1 - phi^2),    phi = lag_one ^ d,
 
 which is white where the model is right; the first residual of a run stands for itself. The density
 of the residuals has the factors 1 / sqrt(1 - phi^2) besides. They are taken into the residuals, all
 multiplied by the geometric mean of sqrt(1 - phi^2): with a level that is estimated this gives the
 exact likelihood (Box & Jenkins 1970, section 7.1, and a change of scale), for the Gaussian and for
-the Student-t law, as a sum of squares with a forward-mode derivative.
+the Student-t law, as a sum of squares with a forward-mode derivative. In the correlation from one
+step to the next it is a linear regression, which a fit finds from anywhere.
 """
 
 from __future__ import annotations
@@ -26,32 +27,39 @@ from diffthrust._parameters import Parameter
 DIGITS = 6
 """Gaps of time are equal where they agree to so many digits."""
 FAR = 1e15
-"""The gap [s] where there is no earlier sample: nothing lasts so long, and it has a derivative."""
+"""The gap where there is no earlier sample: nothing lasts so long, and it has a derivative."""
+RANGE = (1e-3, 0.9999)
+"""Of the correlation from one step to the next: from white noise to a random walk."""
 
 
-def correlations(channels: Sequence[str], duration: float, step: float) -> dict[str, Parameter]:
-    """The correlation time of each channel's noise [s], by name, with a value to start from.
+def name_of(channel: str) -> str:
+    """The parameter of a channel's noise: its correlation from one step to the next."""
+    return f"noise.{channel}.lag_one"
+
+
+def parameters(channels: Sequence[str]) -> dict[str, Parameter]:
+    """The correlations of the channels' noise, by name, with a value to start from.
 
     Example:
-        >>> correlations(["speed"], duration=60.0, step=0.1)["noise.speed.correlation"].value
+        >>> parameters(["speed"])["noise.speed.lag_one"].value
         0.5
     """
-    value = min(5 * step, 0.5 * duration)
-    bounds = (0.1 * step, 10.0 * duration)
-    return {f"noise.{c}.correlation": Parameter(value, "s", bounds, transform="log")
-            for c in channels}  # fmt: skip
+    return {name_of(c): Parameter(0.5, "", RANGE, size=0.3) for c in channels}
 
 
-def linked(time: np.ndarray, measured: np.ndarray, anew: np.ndarray) -> dict[str, np.ndarray]:
+def linked(
+    time: np.ndarray, measured: np.ndarray, anew: np.ndarray, step: float
+) -> dict[str, np.ndarray]:
     """For each sample the one measured before it, and how long before.
 
     Args:
         time: ``(B, T)`` [s].
         measured: ``(B, C, T)``; NaN where nothing was measured.
         anew: ``(B, T)``, true where a simulation begins anew, and with it the noise.
+        step: in which gaps are counted [s].
 
     Returns:
-        ``past``, its index, and ``gap`` [s], `FAR` where there is none, ``(B, C, T)`` each.
+        ``past``, its index, and ``gap`` [steps], `FAR` where there is none, ``(B, C, T)`` each.
     """
     seen = np.isfinite(measured)
     place = np.arange(time.shape[1])
@@ -61,12 +69,12 @@ def linked(time: np.ndarray, measured: np.ndarray, anew: np.ndarray) -> dict[str
     row = np.arange(time.shape[0])[:, None, None]
     before = np.maximum(past, 0)
     together = seen & (past >= 0) & (segment[row, before] == segment[:, None, :])
-    gap = np.where(together, time[:, None, :] - time[row, before], FAR)
+    gap = np.where(together, (time[:, None, :] - time[row, before]) / step, FAR)
     return {"past": np.where(together, past, 0), "gap": gap}
 
 
 def gaps(batches: Sequence[Mapping[str, Any]]) -> dict[str, np.ndarray]:
-    """The gaps of all logs: ``seconds`` that occur and how often, ``(C, U)`` each."""
+    """The gaps of all logs: the ``steps`` that occur and how often, ``(C, U)`` each."""
     found = []
     for channel in zip(*(np.moveaxis(np.asarray(b["gap"]), 1, 0) for b in batches), strict=True):
         all_gaps = np.concatenate([part.ravel() for part in channel])
@@ -76,28 +84,37 @@ def gaps(batches: Sequence[Mapping[str, Any]]) -> dict[str, np.ndarray]:
             np.round(finite * 10.0**digits), return_index=True, return_counts=True
         )
         found.append((finite[first], counts))
-    widest = max(seconds.size for seconds, _ in found)
+    widest = max(steps.size for steps, _ in found)
 
     def padded(values: np.ndarray, fill: float) -> np.ndarray:
         return np.concatenate([values, np.full(widest - values.size, fill)])
 
     return {
-        "seconds": np.stack([padded(seconds, FAR) for seconds, _ in found]),
+        "steps": np.stack([padded(steps, FAR) for steps, _ in found]),
         "counts": np.stack([padded(counts.astype(float), 0.0) for _, counts in found]),
     }
 
 
-def level(memory: Any, gap: Any, often: Any, samples: Any) -> Any:
+def level(lag_one: Any, gap: Any, often: Any, samples: Any) -> Any:
     """Geometric mean of sqrt(1 - phi^2): the level of what is new over that of the noise."""
-    return jnp.exp(0.5 * jnp.sum(often * jnp.log(_new(gap, memory))) / samples)
+    return jnp.exp(0.5 * jnp.sum(often * jnp.log1p(-(lag_one ** (2.0 * gap)))) / samples)
 
 
-def whitened(rest: Any, seen: Any, past: Any, gap: Any, memory: Any, scale: Any) -> Any:
+def levels(channels: Sequence[str], arrays: Mapping[str, Any], values: Mapping[str, Any]) -> Any:
+    """The same of each channel of a problem, ``(C,)``, at some values of its parameters."""
+    gaps, counts = arrays["gaps"], arrays["counts"]
+    kept = jnp.stack([jnp.asarray(values[name_of(c)]) for c in channels])
+    return jnp.stack(
+        [
+            level(one, steps, often, samples)
+            for one, steps, often, samples in zip(
+                kept, gaps["steps"], gaps["counts"], counts, strict=True
+            )
+        ]
+    )
+
+
+def whitened(rest: Any, seen: Any, past: Any, gap: Any, lag_one: Any, scale: Any) -> Any:
     """What is new in each residual of one channel, ``(T,)``; zero where nothing was measured."""
-    before = jnp.exp(-gap / memory) * rest[past]
-    return jnp.where(seen, scale * (rest - before) / jnp.sqrt(_new(gap, memory)), 0.0)
-
-
-def _new(gap: Any, memory: Any) -> Any:
-    """1 - phi^2."""
-    return -jnp.expm1(-2.0 * gap / memory)
+    phi = lag_one**gap
+    return jnp.where(seen, scale * (rest - phi * rest[past]) / jnp.sqrt(1.0 - phi**2), 0.0)

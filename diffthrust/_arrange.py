@@ -9,7 +9,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from diffthrust._ar1 import correlations, gaps, linked
+from diffthrust._ar1 import gaps, linked, parameters
 from diffthrust._channels import listing
 from diffthrust._errors import InputError
 from diffthrust._intake import bridged, hold_of, inputs_of
@@ -58,12 +58,12 @@ def build(
     logs = tuple(bridged(log)[0] for log in logs)
     nuisance: dict[str, Parameter] = {}
     free_states = tuple(n for n in model.states if not any(n in log.inputs for log in logs))
-    longest, step = max(log.duration for log in logs), min(log.step for log in logs)
     if observer:
         free_states = observer.fed
+        longest, step = max(log.duration for log in logs), min(log.step for log in logs)
         nuisance = observer.parameters(longest, step)
     elif lasting:
-        nuisance = correlations(channels, longest, step)
+        nuisance = parameters(channels)
     named = {**model.parameters, **nuisance}
     free = tuple(name for name, p in named.items() if not p.fixed)
     starts = free_states if initial == "estimate" else ()
@@ -150,13 +150,14 @@ def restarts(problem: Problem, horizon: float | None, *, hold: bool = False) -> 
 
 def _linked(problem: Problem) -> Problem:
     """The problem with what noise that lasts needs to know of the samples' distances."""
-    batches = []
+    batches, step = [], min(log.step for log in problem.logs)
     for grid, batch in zip(problem.layout.grids, problem.arrays["batches"], strict=True):
         time = np.asarray(batch["time"])
         anew = np.zeros(time.shape, bool)
         for name in grid.restarted:
             anew |= np.isfinite(np.asarray(batch["restart_" + name]))
-        batches.append({**batch, **_device(linked(time, np.asarray(batch["measured"]), anew))})
+        links = linked(time, np.asarray(batch["measured"]), anew, step)
+        batches.append({**batch, **_device(links)})
     told = {"batches": batches, "gaps": _device(gaps(batches))}
     return replace(problem, arrays={**problem.arrays, **told})
 

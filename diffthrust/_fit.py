@@ -76,7 +76,7 @@ def fit(
             prediction is estimated.
         loss: "gaussian", or "student_t" (4 degrees of freedom), which forgives outliers.
         noise_model: "white", or "ar1": the noise of each channel lasts from sample to sample (a
-            first-order autoregression), with a correlation time that is estimated. Standard errors
+            first-order autoregression), with a correlation that is estimated. Standard errors
             then hold where residuals are correlated so; a noise level that a log gives is not used.
             For "simulation" only: the innovations form has lasting sensor errors of its own. What
             suits a fit's residuals, `Comparison.noise_advice` says.

@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from diffthrust._ar1 import level, whitened
+from diffthrust._ar1 import levels, name_of, whitened
 from diffthrust._observer import innovations
 from diffthrust._problem import Layout, Problem
 from diffthrust._simulate import trajectory
@@ -79,7 +79,7 @@ def residuals(layout: Layout, index: int, arrays: Any, log: Any, z: Any, start: 
         return innovations(layout.observer, model, grid, values, told, states)[0]
     anew = {n: (log["restart_" + n], log["sign_" + n]) for n in grid.restarted}
     outputs, _ = trajectory(model, grid, log["time"], log["inputs"], states, anew)
-    rows = []
+    rows, new = [], levels(layout.channels, arrays, values) if layout.lasting else None
     for i, name in enumerate(layout.channels):
         modelled, measured = outputs[name], log["measured"][i]
         modelled = jnp.where(log["unsigned"][i], jnp.abs(modelled), modelled)
@@ -88,10 +88,8 @@ def residuals(layout: Layout, index: int, arrays: Any, log: Any, z: Any, start: 
             rest = rest - 2 * jnp.pi * jnp.round(rest / (2 * jnp.pi))
         rest = jnp.where(jnp.isnan(measured), 0.0, rest)
         if layout.lasting:
-            memory, gaps = values[f"noise.{name}.correlation"], arrays["gaps"]
-            new = level(memory, gaps["seconds"][i], gaps["counts"][i], arrays["counts"][i])
-            seen = ~jnp.isnan(measured)
-            rest = whitened(rest, seen, log["past"][i], log["gap"][i], memory, new)
+            kept, seen = values[name_of(name)], ~jnp.isnan(measured)
+            rest = whitened(rest, seen, log["past"][i], log["gap"][i], kept, new[i])
         rows.append(rest)
     return jnp.stack(rows)
 
@@ -126,13 +124,10 @@ def _errors(layout: Layout, arrays: Any, z: Any) -> list[Any]:
 
 def noise_levels(problem: Problem, z: np.ndarray, sigma: np.ndarray) -> dict[str, float]:
     """Standard deviation of each channel's noise, from the levels that a likelihood works with."""
-    found = dict(zip(problem.layout.channels, map(float, sigma), strict=True))
+    channels = problem.layout.channels
     if problem.layout.lasting:
-        values, gaps, counts = problem.values(z), problem.arrays["gaps"], problem.arrays["counts"]
-        for i, name in enumerate(found):
-            memory = values[f"noise.{name}.correlation"]
-            found[name] /= float(level(memory, gaps["seconds"][i], gaps["counts"][i], counts[i]))
-    return found
+        sigma = sigma / np.asarray(levels(channels, problem.arrays, problem.values(z)))
+    return dict(zip(channels, map(float, sigma), strict=True))
 
 
 def _with_jacobian(layout: Layout, index: int, arrays: Any, z: Any) -> tuple[Any, Any]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from diffthrust._ar1 import FAR, correlations, linked
+from diffthrust._ar1 import RANGE, linked
 from diffthrust._likelihood import TAIL
 
 LAWS = (("white", "gaussian"), ("white", "student_t"), ("ar1", "gaussian"), ("ar1", "student_t"))
@@ -83,14 +83,11 @@ def noise_advice(
         pairs = list(zip(runs, times[name], strict=True))
         samples = sum(int(np.isfinite(run).sum()) for run in runs)
         step = float(np.median(np.concatenate([np.diff(time) for time in times[name]])))
-        limits = correlations(["c"], max(float(np.ptp(t)) for t in times[name]), step)
-        low, high = limits["noise.c.correlation"].limits
         for noise, loss in LAWS:
-            found, memory = _cost(pairs, noise, loss, low, high)
+            found, kept = _cost(pairs, noise, loss, step)
             bic[f"{noise} {loss}"] += 2 * found + (noise == "ar1") * math.log(samples)
             if noise == "ar1":
-                correlation[name] = memory
-                kept = math.exp(-step / memory)
+                correlation[name] = -step / math.log(kept)
                 widening[name] = math.sqrt((1 + kept) / (1 - kept))
     noise, loss = min(LAWS, key=lambda law: bic[" ".join(law)])
     least = bic[f"{noise} {loss}"]
@@ -99,29 +96,28 @@ def noise_advice(
     )
 
 
-def _cost(pairs: Sequence[Any], noise: str, loss: str, low: float, high: float) -> Any:
-    """Negative log-likelihood of one channel, and the correlation time."""
+def _cost(pairs: Sequence[Any], noise: str, loss: str, step: float) -> tuple[float, float]:
+    """Negative log-likelihood of one channel, and its correlation from one step to the next."""
     if noise == "white":
         rests = np.concatenate([run[np.isfinite(run)] for run, _ in pairs])
         return _level_cost(rests, loss), 0.0
     from scipy.optimize import minimize_scalar  # slow to import
 
-    links = [linked(time[None], run[None, None], np.zeros((1, run.size), bool))
+    links = [linked(time[None], run[None, None], np.zeros((1, run.size), bool), step)
              for run, time in pairs]  # fmt: skip
 
-    def at(exponent: float) -> float:
-        memory, news, jacobian = math.exp(exponent), [], 0.0
+    def at(lag_one: float) -> float:
+        news, jacobian = [], 0.0
         for (run, _), link in zip(pairs, links, strict=True):
-            seen, gap = np.isfinite(run), link["gap"][0, 0]
-            kept = np.where(gap < FAR, np.exp(-np.minimum(gap, FAR) / memory), 0.0)
-            scale = np.sqrt(-np.expm1(-2 * gap / memory))
+            seen, kept = np.isfinite(run), lag_one ** link["gap"][0, 0]
+            scale = np.sqrt(1 - kept**2)
             new = (run - kept * np.nan_to_num(run)[link["past"][0, 0]]) / scale
             news.append(new[seen])
             jacobian += float(np.sum(np.log(scale[seen])))
         return _level_cost(np.concatenate(news), loss) + jacobian
 
-    found = minimize_scalar(at, bounds=(math.log(low), math.log(high)), method="bounded")
-    return float(found.fun), math.exp(found.x)
+    found = minimize_scalar(at, bounds=RANGE, method="bounded")
+    return float(found.fun), float(found.x)
 
 
 def _level_cost(rests: np.ndarray, loss: str) -> float:

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._again import problem_of
-from diffthrust._ar1 import level
+from diffthrust._ar1 import levels
 from diffthrust._errors import InputError
 from diffthrust._likelihood import TAIL, named_values, noise_of, residuals
 from diffthrust._log import Log
@@ -72,13 +72,7 @@ def log_density(shape: Shape, data: Any, x: Any) -> tuple[Any, Any]:
         if layout.transforms[layout.free.index(name)] == "log":
             cost -= jnp.log(values[name])  # a density in the value, seen from its logarithm
     if layout.lasting:  # the likelihood works with the level of what is new in each sample
-        gaps = arrays["gaps"]
-        new = [
-            level(values[f"noise.{c}.correlation"], gaps["seconds"][i], gaps["counts"][i],
-                  arrays["counts"][i])
-            for i, c in enumerate(layout.channels)
-        ]  # fmt: skip
-        sigma = sigma / jnp.stack(new)
+        sigma = sigma / levels(layout.channels, arrays, values)
     inside = jnp.all((x >= data["low"]) & (x <= data["high"]))
     return jnp.where(inside & jnp.isfinite(cost), -cost, -jnp.inf), sigma
 

@@ -9,7 +9,7 @@ from statistics import NormalDist
 import numpy as np
 
 from diffthrust._again import problem_of
-from diffthrust._ar1 import level as new_level
+from diffthrust._ar1 import name_of
 from diffthrust._channels import listing, nearest
 from diffthrust._errors import InputError
 from diffthrust._log import Log
@@ -166,13 +166,10 @@ def threshold_of(problem: Problem, z: np.ndarray, confidence: float) -> float:
 
 def independent(problem: Problem, z: np.ndarray) -> float:
     """How many independent samples tell as much about a mean, under noise that lasts."""
-    values, gaps, counts = problem.values(z), problem.arrays["gaps"], problem.arrays["counts"]
-    total = 0.0
-    for i, name in enumerate(problem.layout.channels):
-        memory = values[f"noise.{name}.correlation"]
-        new = float(new_level(memory, gaps["seconds"][i], gaps["counts"][i], counts[i]))
-        share = math.sqrt(max(1 - new**2, 0.0))
-        total += float(counts[i]) * (1 - share) / (1 + share)
+    values, total = problem.values(z), 0.0
+    for name, samples in zip(problem.layout.channels, problem.arrays["counts"], strict=True):
+        kept = values[name_of(name)]
+        total += float(samples) * (1 - kept) / (1 + kept)
     return max(total, 2.0)
 
 

@@ -56,8 +56,8 @@ class Fit:
         loss: "gaussian" or "student_t".
         noise_model: "white" or "ar1".
         disturbance: gains and memories of the random forces and of lasting sensor errors, by name,
-            estimated with the parameters of an "innovations" fit, or the correlation times of
-            "ar1" noise; ``None`` otherwise.
+            estimated with the parameters of an "innovations" fit, or the correlation of "ar1"
+            noise from one step to the next; ``None`` otherwise.
         substeps: integrator steps per sample that were used.
         held: initial states were taken as measured, not estimated.
         limits: by channel the size of a large one-step error, for an "innovations" fit with

@@ -55,11 +55,12 @@ def exact(times, rests, memory):
     return 0.5 * size * np.log(squares / size) + 0.5 * logs
 
 
-def costs(problem, memories):
+def costs(problem, kept):
     at = []
-    for memory in memories:
+    for lag_one in kept:
         z = problem.start()
-        z[problem.free.index("noise.speed.correlation")] = np.log(memory)
+        name = "noise.speed.lag_one"
+        z[problem.free.index(name)] = lag_one / problem.named[name].scale
         at.append(float(solve(problem, z, budget=1).quadratic.cost))
     return np.array(at)
 
@@ -78,9 +79,10 @@ def test_the_likelihood_is_that_of_the_whole_covariance_matrix():
         logs.append(log_of(time, {"speed": true + noise}))
         rests.append(noise)
     problem = build(model, logs, substeps=2, lasting=True, initial="measured")
-    memories = np.array([0.03, 0.2, 0.9, 4.0])
+    kept = np.array([0.15, 0.7, 0.95])
+    memories = -min(log.step for log in problem.logs) / np.log(kept)
     expected = [exact([log.time for log in logs], rests, m) for m in memories]
-    np.testing.assert_allclose(costs(problem, memories), expected, rtol=1e-8)
+    np.testing.assert_allclose(costs(problem, kept), expected, rtol=1e-8)
 
 
 def test_noise_begins_anew_where_the_simulation_does():
@@ -98,10 +100,10 @@ def test_correlation_level_and_parameters_are_found():
     log = thruster_log(rng, size=4000)
     fit = dft.fit(dft.Thruster(), log, starts=4, noise_model="ar1")
     assert fit.status is dft.Status.CONVERGED
-    kept = {n: np.exp(-STEP / e.value) for n, e in fit.disturbance.items()}
+    kept = {n: e.value for n, e in fit.disturbance.items()}
     # standard errors of phi: sqrt((1 - phi^2) / n) = 0.0095 and 0.0137; four of them
-    assert kept["noise.speed.correlation"] == pytest.approx(0.8, abs=0.04)
-    assert kept["noise.thrust.correlation"] == pytest.approx(0.5, abs=0.055)
+    assert kept["noise.speed.lag_one"] == pytest.approx(0.8, abs=0.04)
+    assert kept["noise.thrust.lag_one"] == pytest.approx(0.5, abs=0.055)
     assert fit.noise["speed"] == pytest.approx(1.0, rel=0.14)
     assert fit.noise["thrust"] == pytest.approx(0.5, rel=0.08)
     for name, true in {"alpha": 0.037, "beta": 42.0, "ct": 0.019}.items():
