@@ -9,6 +9,8 @@ import numpy as np
 
 LASTING = 0.97
 """A series is taken to last no longer than this correlation from sample to sample allows."""
+LEAST = 2.0
+"""Fewest degrees of freedom: with less, an interval would say nothing at all."""
 
 
 def summed(runs: Sequence[np.ndarray]) -> tuple[np.ndarray, float, np.ndarray, np.ndarray]:
@@ -29,7 +31,9 @@ def summed(runs: Sequence[np.ndarray]) -> tuple[np.ndarray, float, np.ndarray, n
     # the scores of a fit sum to zero, which makes them seem to last less than they do: by
     # (1 + 3 a) / samples (Kendall 1954, Biometrika 41, 403)
     longer = (samples * measured + 1) / max(samples - 3, 1)
-    lasting = np.clip(np.where(measured > 0, longer, 0.0), 0.0, LASTING)
+    # nothing can be seen to last longer than a quarter of the samples
+    limit = min(LASTING, max(samples - 4, 0) / (samples + 4))
+    lasting = np.clip(np.where(measured > 0, longer, 0.0), 0.0, limit)
     new = []
     for run in runs:
         first = run[:, :1] * np.sqrt(1 - lasting**2)[:, None]  # as uncertain as those that follow
@@ -45,7 +49,8 @@ def summed(runs: Sequence[np.ndarray]) -> tuple[np.ndarray, float, np.ndarray, n
     # relative variance of a variance: of the blocks (Priestley 1981, table 6.1: 4/3 block over
     # samples), and of the autoregression, 4 var(a) / (1 - a)^2 with var(a) = (1 - a^2) / samples
     relative = (4 / 3 * block + 4 * (1 + lasting) / (1 - lasting)) / samples
-    return out * np.outer(colour, colour), block, lasting, 2 / relative
+    degrees = np.maximum(2 / relative, LEAST)
+    return out * np.outer(colour, colour), block, lasting, degrees
 
 
 def _lag_one(runs: Sequence[np.ndarray]) -> np.ndarray:

@@ -9,6 +9,7 @@ from short_logs import MODEL, TRUE, fitted, made_log
 
 import diffthrust as dft
 from diffthrust._again import problem_of
+from diffthrust._blocks import summed
 from diffthrust._sandwich import sandwich
 from diffthrust._scores import scores
 from diffthrust._solver import solve
@@ -127,8 +128,6 @@ def test_correlated_noise_is_seen():
 
 def test_the_scatter_of_a_first_order_series_is_its_long_run_variance():
     """Against the closed form 1 / (1 - a)^2, on 20 000 samples, within 15 %."""
-    from diffthrust._blocks import summed
-
     series = np.stack([noise.ar1(np.random.default_rng(s), 20_000, 1.0, 0.8) for s in (0, 1)])
     scatter, _, lasting, degrees = summed([series[:, :12_000], series[:, 12_000:]])
     expected = 20_000 * (1 + 0.8) / (1 - 0.8)
@@ -136,3 +135,11 @@ def test_the_scatter_of_a_first_order_series_is_its_long_run_variance():
     assert abs(scatter[0, 1]) < 0.1 * expected
     np.testing.assert_allclose(lasting, 0.8, atol=0.02)
     assert np.all(degrees > 500)
+
+
+def test_few_samples_that_last_have_a_wide_interval_and_not_an_endless_one():
+    series = noise.ar1(np.random.default_rng(0), 26, 1.0, 0.95)[None]
+    scatter, _, lasting, degrees = summed([series])
+    assert np.isfinite(scatter).all()
+    assert degrees[0] == 2.0
+    assert (1 + lasting[0]) / (1 - lasting[0]) <= 26 / 4 + 1e-9
