@@ -8,9 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from diffthrust import _emcee, _nuts
 from diffthrust._arguments import listed
-from diffthrust._arviz import inference_data
 from diffthrust._convergence import convergence
 from diffthrust._errors import InputError
 from diffthrust._log import Log
@@ -73,6 +71,9 @@ def sample(
         >>> print(post.attrs["message"])
         >>> arviz.summary(post)
     """
+    from diffthrust import _emcee, _nuts  # slow to import, as ArviZ is
+    from diffthrust._arviz import inference_data
+
     _check(method, draws, warmup, chains, seed, walkers, file)
     if not isinstance(fit, Fit):
         raise InputError(
@@ -154,6 +155,8 @@ def _check(
 
 def _walkers(posterior: Posterior, given: int | None) -> int:
     """The number of walkers, even and enough for the coordinates."""
+    from diffthrust import _emcee
+
     if given is None:
         return _emcee.default_walkers(posterior.dim)
     least = 2 * (posterior.dim + 1)
