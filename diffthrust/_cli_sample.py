@@ -66,7 +66,7 @@ def sample(
             file=file,
             progress=progress,
         )
-        found: Sampled = sampled(post, fit, unseen, seed=seed)
+        found: Sampled = sampled(post, fit, train, unseen, seed=seed)
         if json:
             from diffthrust._files import write_json
 

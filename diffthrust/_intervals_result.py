@@ -12,6 +12,7 @@ from diffthrust._sandwich import Sandwich
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from rich.console import RenderableType
 
 METHODS = ("covariance", "sandwich", "profile", "posterior")
 
@@ -100,11 +101,17 @@ class Intervals:
 
     def report(self) -> str:
         """One table, the recommended intervals marked by a star, and what there is to say."""
+        from diffthrust._display import rendered
+
+        return rendered(self.table(), width=120)
+
+    def table(self) -> RenderableType:
+        """The report as a renderable of rich."""
         from rich.console import Group
         from rich.markup import escape
         from rich.text import Text
 
-        from diffthrust._display import _table, rendered, with_error
+        from diffthrust._display import _table, with_error
 
         headings = ("Parameter", "Value", *self.methods)
         table = _table(*headings, numbers=range(1, len(headings)))
@@ -142,7 +149,7 @@ class Intervals:
         else:
             parts += [Text("They agree.")]
         parts += [Text(), Text("What the logs know", style="bold"), self.directions.table()]
-        return rendered(Group(*parts), width=120)
+        return Group(*parts)
 
     def to_json(self) -> dict[str, Any]:
         """Plain data; ``None`` for an open end."""

@@ -122,7 +122,7 @@ def sample_table(found: Sampled) -> RenderableType:
     table = _table(*HEADINGS, "Fit", numbers=(1, 2, 3, 5, 6, 7, 8))
     for row in parameter_rows(found):
         table.add_row(*map(escape, row))
-    parts += [table, Text()]
+    parts += [table, Text(), found.intervals.table(), Text()]
     for prediction in found.predictions:
         parts += [prediction_table(prediction), Text()]
     if not found.predictions:

@@ -75,7 +75,8 @@ def band_of(
         mean = np.abs(mean)
         shown = None if shown is None else np.abs(shown)
     fine = np.all(np.isfinite(mean), axis=1)
-    if not fine.any():
+    whole = fine if shown is None else np.all(np.isfinite(shown), axis=1)
+    if not (fine.any() and whole.any()):
         raise InputError(
             f"{log.name}: no draw of the parameters gives a finite {channel}.",
             "Look at the posterior; raise substeps.",
@@ -85,8 +86,7 @@ def band_of(
     sigma = drawn.noise.get(channel)
     noisy_low, noisy_high = low, high
     if shown is not None:
-        noisy_low, noisy_high = np.quantile(shown[np.all(np.isfinite(shown), axis=1)],
-                                            [tails[0], tails[2]], axis=0)  # fmt: skip
+        noisy_low, noisy_high = np.quantile(shown[whole], [tails[0], tails[2]], axis=0)
     elif sigma is not None:
         heavy = drawn.loss == "student_t"
         ends = [_mixed(heavy, mean[fine], sigma[fine], p) for p in (tails[0], tails[2])]

@@ -48,6 +48,8 @@ def write_report(found: Sampled, path: Path | str, *, title: str = "", spec: str
         numbers=(1, 2, 3, 5, 6, 7, 8),
         rows=parameter_rows(found),
         fit=found.fit,
+        intervals=found.intervals.report(),
+        bars=image(found.intervals.plot()),
         predictions=[(p.sentence, p.notes, image(p.plot()), p.log) for p in found.predictions],
         left=own[MOST:],
         corner=image(plot_corner(found.post, found.fit, names=own[:MOST])),

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from diffthrust._convergence import Convergence, convergence
+from diffthrust._intervals import intervals
+from diffthrust._intervals_result import Intervals
 from diffthrust._log import Log
 from diffthrust._posterior_draws import posterior_data
 from diffthrust._predict import Prediction, predict
@@ -53,6 +55,7 @@ class Sampled:
         fit: the fit that was sampled.
         told: how well the chains mixed.
         parameters: a `Summary` by name, of the model's parameters and those of its noise.
+        intervals: those of the posterior beside covariance, sandwich and profile.
         predictions: one for each unseen log.
     """
 
@@ -60,6 +63,7 @@ class Sampled:
     fit: Fit = field(repr=False)
     told: Convergence
     parameters: Mapping[str, Summary]
+    intervals: Intervals
     predictions: tuple[Prediction, ...]
 
     @property
@@ -98,16 +102,20 @@ class Sampled:
             "method": self.method,
             "draws": self.told.draws,
             "parameters": {name: dict(vars(s)) for name, s in self.parameters.items()},
+            "intervals": self.intervals.to_json(),
             "coverage": coverage,
         }
 
 
-def sampled(post: Any, fit: Fit, unseen: Sequence[Log], *, seed: int = 0) -> Sampled:
+def sampled(
+    post: Any, fit: Fit, logs: Sequence[Log], unseen: Sequence[Log], *, seed: int = 0
+) -> Sampled:
     """Summarise a posterior, and hold its predictions against unseen logs.
 
     Args:
         post: what `sample` gives.
         fit: the fit that was sampled.
+        logs: its training logs.
         unseen: logs that took no part in the fit; there may be none.
         seed: of the draws of the predictions.
 
@@ -134,4 +142,4 @@ def sampled(post: Any, fit: Fit, unseen: Sequence[Log], *, seed: int = 0) -> Sam
             unit=str(variable.attrs.get("unit", "")),
         )
     bands = tuple(predict(post, fit, log, level=LEVEL, seed=seed) for log in unseen)
-    return Sampled(post, fit, told, found, bands)
+    return Sampled(post, fit, told, found, intervals(fit, logs, post, level=LEVEL), bands)

@@ -39,7 +39,7 @@ def test_sample_prints_and_writes(sensor, tmp_path):
     data = json.loads(out.read_text())
     assert list(data) == [
         "schema", "model", "effects", "status", "message", "method", "draws", "parameters",
-        "coverage",
+        "intervals", "coverage",
     ]  # fmt: skip
     assert (data["schema"], data["model"], data["method"]) == (1, "linear_sensor", "emcee")
     assert set(data["parameters"]) == {"slope", "offset"}
@@ -55,7 +55,9 @@ def test_sample_prints_and_writes(sensor, tmp_path):
     assert coverage["level"] == 0.95
     assert coverage["logs"][0]["log"] == "holdout.csv"
     html = page.read_text()
-    assert html.count("data:image/png;base64,") == 3
+    assert html.count("data:image/png;base64,") == 4  # corner, chains, intervals, band
+    # the readings bend away from a line, so that the residuals of neighbours are alike
+    assert data["intervals"]["parameters"]["slope"]["recommended"] == "sandwich"
     assert "http" not in html
     assert data["message"] in html
     assert chain.stat().st_size > 1000

@@ -9,6 +9,7 @@ import sys
 import tokenize
 from pathlib import Path
 
+import numpy as np
 import pytest
 from shared_data import data_folder
 
@@ -52,6 +53,16 @@ def test_fit_thruster(tmp_path):
     assert errors["speed"] < 0.01
     assert errors["thrust"] < 0.02
     assert figure(tmp_path, "jason_unseen.png").stat().st_size < 150_000
+
+
+@pytest.mark.slow
+def test_uncertainty(tmp_path):
+    text = run("uncertainty", tmp_path)
+    assert "gives an efficiency of 0.188" in text  # by the paper's own ct, whose text says 0.22
+    low, high = re.search(r"^efficiency +(\S+) to (\S+)", text, re.MULTILINE).groups()
+    assert float(low) < np.sqrt(0.02 / (1000 * 0.0527 * 0.101**2)) < float(high)  # the log's own ct
+    for name in ("corner", "trace", "quantities", "band"):
+        figure(tmp_path, f"jason_{name}.png")
 
 
 def test_own_model(tmp_path):
