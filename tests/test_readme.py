@@ -22,7 +22,7 @@ def blocks(language: str) -> list[str]:
 def test_python_runs(tmp_path, monkeypatch, capsys):
     shutil.copytree(ROOT / "fits" / "jason_thruster", tmp_path / "fits" / "jason_thruster")
     monkeypatch.chdir(tmp_path)
-    assert len(blocks("python")) == 4
+    assert len(blocks("python")) == 5
     exec(compile("\n".join(blocks("python")), "README.md", "exec"), {"__name__": "readme"})
     printed = capsys.readouterr().out
     assert "Status: converged" in printed
