@@ -64,7 +64,7 @@ def integrate(
 
     first = {name: jnp.asarray(value, float) for name, value in start.items()}
     fast = {
-        name: _weights(steps[0] if uniform else steps, k.decay)
+        name: exponential_weights(steps[0] if uniform else steps, k.decay)
         for name, k in rates(first, {name: value[0] for name, value in inputs.items()}).items()
         if isinstance(k, Relaxing)
     }
@@ -79,20 +79,24 @@ def integrate(
             state = {**state, name: jnp.where(jnp.isnan(value), state[name], signed)}
         if correct:
             state = correct(state, {name: value[0] for name, value in given.items()}, row)
-        state = _step(rates, state, given, step, weights)
+        state = advance(rates, state, given, step, weights)
         return state, state
 
     _, after = jax.lax.scan(body, first, (dict(inputs), steps, values, each, rows))
     return {name: jnp.concatenate([first[name][None], after[name]]) for name in first}
 
 
-def _step(
+def advance(
     rates: Rates,
     x: Mapping[str, Any],
     inputs: Mapping[str, tuple[Any, ...]],
     h: Any,
     weights: Mapping[str, Mapping[str, Any]],
 ) -> dict[str, Any]:
+    """The states one step later; arguments as of `integrate`, for this step alone.
+
+    ``weights`` are the `exponential_weights` of the relaxing states, by name.
+    """
     early = {name: value[0] for name, value in inputs.items()}
     late = {name: value[-1] for name, value in inputs.items()}
     middle = {
@@ -170,7 +174,7 @@ _TURN = 3.0**4
 """The step over the time constant, to the fourth, where the start of a step loses its weight."""
 
 
-def _weights(h: Any, decay: Any) -> dict[str, Any]:
+def exponential_weights(h: Any, decay: Any) -> dict[str, Any]:
     """Weights of the exponential method for steps ``h`` [s] and a decay [1/s].
 
     The closed forms lose all digits where ``h * decay`` is small; there, their Taylor series.

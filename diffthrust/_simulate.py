@@ -88,7 +88,7 @@ def march(
     the ones before the correction, with the observer's own states among them.
     """
     series, first = _driven(model, time, inputs)
-    states = _start(model, first, start)
+    states = starting_point(model, first, start)
 
     def rates(state: Mapping[str, Any], u: Mapping[str, Any]) -> dict[str, Any]:
         s = Signals({**state, **u})
@@ -172,7 +172,8 @@ def equations_of(model: Model, s: Signals, port: Ports) -> tuple[Mapping[str, An
     return found
 
 
-def _start(model: Model, first: Signals, given: Mapping[str, Any]) -> dict[str, Any]:
+def starting_point(model: Model, first: Signals, given: Mapping[str, Any]) -> dict[str, Any]:
+    """All states at the start: those given, the model's own, and the effects' as they follow."""
     own = [name for name in model.states if name not in first]
     default = model.initial(first) if own else {}
     states = {name: given.get(name, default.get(name, 0.0)) for name in own}
