@@ -11,7 +11,7 @@ from reference.thruster import exact_spin
 from scipy.integrate import solve_ivp
 
 import diffthrust as dft
-from diffthrust._integrate import _weights, integrate
+from diffthrust._integrate import exponential_weights, integrate
 from diffthrust._log import Log
 from diffthrust._signals import Relaxing
 from diffthrust._simulate import simulate
@@ -229,14 +229,14 @@ def exact_weights(r: Decimal) -> dict[str, Decimal]:
 
 @pytest.mark.parametrize("ratio", RATIOS)
 def test_weights_have_all_their_digits(ratio):
-    found = _weights(jnp.array(1.0), jnp.array(ratio))
+    found = exponential_weights(jnp.array(1.0), jnp.array(ratio))
     for name, exact in exact_weights(Decimal(ratio)).items():
         assert float(found[name]) == pytest.approx(float(exact), rel=1e-12, abs=1e-300), name
 
 
 @pytest.mark.parametrize("ratio", RATIOS)
 def test_derivatives_of_the_weights_have_all_their_digits(ratio):
-    slopes = jax.jacfwd(lambda r: _weights(jnp.array(1.0), r))(jnp.array(ratio))
+    slopes = jax.jacfwd(lambda r: exponential_weights(jnp.array(1.0), r))(jnp.array(ratio))
     r, d = Decimal(ratio), Decimal(ratio) * Decimal("1e-12")
     above, below = exact_weights(r + d), exact_weights(r - d)
     for name in above:
@@ -246,7 +246,10 @@ def test_derivatives_of_the_weights_have_all_their_digits(ratio):
 
 def test_weights_and_their_derivatives_are_continuous_where_the_form_changes():
     both = jax.jit(
-        lambda r: (_weights(jnp.array(1.0), r), jax.jacfwd(_weights, 1)(jnp.array(1.0), r))
+        lambda r: (
+            exponential_weights(jnp.array(1.0), r),
+            jax.jacfwd(exponential_weights, 1)(jnp.array(1.0), r),
+        )
     )
     below, above = both(jnp.array(np.nextafter(1.0, 0.0))), both(jnp.array(1.0))
     for a, b in zip(jax.tree.leaves(below), jax.tree.leaves(above), strict=True):
