@@ -44,8 +44,8 @@ def integrate(
     Args:
         rates: the right-hand side; evaluated with scalars.
         start: initial states, scalars.
-        inputs: for each input ``(held,)`` or ``(at_start, at_end)`` of every step, each ``(N,)``;
-            the latter is linear within the step.
+        inputs: for each input ``(held,)``, ``(at_start, at_end)`` or ``(at_start, in_the_middle,
+            at_end)`` of every step, each ``(N,)``; the second is linear within the step.
         steps: step lengths [s], ``(N,)``.
         restart: for some states ``(values, unsigned)``: where a value, ``(N,)``, is finite, the
             state is set to it before the step (with the state's own sign where unsigned).
@@ -100,7 +100,7 @@ def advance(
     early = {name: value[0] for name, value in inputs.items()}
     late = {name: value[-1] for name, value in inputs.items()}
     middle = {
-        name: value[0] if len(value) == 1 else 0.5 * (value[0] + value[1])
+        name: 0.5 * (value[0] + value[1]) if len(value) == 2 else value[len(value) // 2]
         for name, value in inputs.items()
     }
 

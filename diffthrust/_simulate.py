@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Protocol
@@ -87,15 +87,11 @@ def march(
     With ``observe`` the states are corrected at each sample before they go on; those returned are
     the ones before the correction, with the observer's own states among them.
     """
-    series, first = _driven(model, time, inputs)
+    series, first = driven(model, time, inputs)
     states = starting_point(model, first, start)
 
     def rates(state: Mapping[str, Any], u: Mapping[str, Any]) -> dict[str, Any]:
-        s = Signals({**state, **u})
-        port = Ports(model.effects, s)
-        own, _ = equations_of(model, s, port)
-        found = {**own, **port.rates}
-        expect(f"{type(model).__name__}.equations", "rate of the state", states, found)
+        found = rates_of(model, states, state, u)
         return found if observe is None else observe.rates(found, state)
 
     begin = states if observe is None else {**states, **observe.start}
@@ -118,6 +114,18 @@ def march(
         }
     path = integrate(rates, begin, per_step, steps, anew, correct, rows, grid.uniform)
     return series, {name: value[:: grid.substeps] for name, value in path.items()}
+
+
+def rates_of(
+    model: Model, states: Iterable[str], state: Mapping[str, Any], u: Mapping[str, Any]
+) -> dict[str, Any]:
+    """The rates of the named states, and of those of the effects, from states and inputs."""
+    s = Signals({**state, **u})
+    port = Ports(model.effects, s)
+    own, _ = equations_of(model, s, port)
+    found = {**own, **port.rates}
+    expect(f"{type(model).__name__}.equations", "rate of the state", states, found)
+    return found
 
 
 def read_out(model: Model, s: Signals) -> dict[str, Any]:
@@ -148,7 +156,7 @@ class Observe(Protocol):
         ...
 
 
-def _driven(model: Model, time: Any, inputs: Mapping[str, Any]) -> tuple[dict[str, Any], Signals]:
+def driven(model: Model, time: Any, inputs: Mapping[str, Any]) -> tuple[dict[str, Any], Signals]:
     """The input series that reach the model through the effects on them, and the first samples."""
     series = dict(inputs)
     for effect in model.effects:  # one after the other: some read several channels
@@ -296,7 +304,7 @@ def _checked_initial(model: Model, initial: Any) -> dict[str, float]:
 def starting_states(model: Model, log: Log) -> dict[str, float]:
     """Where every integrated state begins: first measurement, or the model's own initial value."""
     inputs = inputs_of(model, log)
-    _, first = _driven(model, log.time, inputs)
+    _, first = driven(model, log.time, inputs)
     own = [name for name in model.states if name not in inputs]
     start = {**(model.initial(first) if own else {}), **measured_start(model, log)}
     return {name: float(start.get(name, 0.0)) for name in own}
