@@ -63,7 +63,7 @@ def responses(
         InputError: a model with several inputs, an output it does not have, an input that is
             missing, or a response that does not settle.
     """
-    model = _bare(draws.model)
+    model = bare(draws.model)
     drive = _drive(model, inputs)
     if output not in model.outputs:
         raise InputError(
@@ -88,7 +88,7 @@ def responses(
     return Responses(steady, time, float(unsettled.mean(axis=0).max()))
 
 
-def _bare(model: Model) -> Model:
+def bare(model: Model) -> Model:
     """The model without the effects that act on what its sensors report."""
     for effect in model.effects:
         if all(port in model.outputs for port in effect.ports):

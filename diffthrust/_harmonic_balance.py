@@ -1,0 +1,136 @@
+"""The periodic orbit of a model under a sinusoid, by harmonic balance.
+
+The states are finite Fourier series. The rates that the equations give along them, at the instants
+of one period, are projected on the same harmonics and must equal the derivatives of the series (a
+Galerkin method in alternating frequency and time). Newton's method solves for the coefficients:
+the equations are elementwise in time, so one forward derivative for each state gives the whole
+Jacobian.
+
+Source: Cameron & Griffin 1989 (alternating frequency-time); Krack & Gross 2019, Harmonic Balance
+for Nonlinear Vibration Problems, chapter 2.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from diffthrust._cycle import (
+    TINY,
+    Cycle,
+    Harmonics,
+    Lane,
+    driven_period,
+    harmonics_of,
+    in_blocks,
+    start_of,
+)
+from diffthrust._model import Model
+from diffthrust._signals import Relaxing
+from diffthrust._simulate import Key, rates_of
+
+ROUNDS = 80
+"""Evaluations that may be spent on one orbit, at one density of instants."""
+CLOSED = 1e-8
+"""An orbit is found where Newton's next step is so short against the coefficients."""
+SHORTEST = 2.0**-12
+"""A step is halved no further than to this share of Newton's."""
+
+
+class Balance(NamedTuple):
+    """What the coefficients of one lane amount to, with ``c = 2 harmonics + 1`` for each state.
+
+    Args:
+        rest: what is missing to a balance [unit of the state / s], ``(n, c)``.
+        slope: derivative of the rest with respect to the coefficients, ``(n c, n c)``.
+        harmonics: of the output.
+    """
+
+    rest: Any
+    slope: Any
+    harmonics: Harmonics
+
+
+def balance(model: Model, cycle: Cycle, lane: Lane, x: Any) -> Balance:
+    """How far Fourier coefficients are from a balance.
+
+    Args:
+        model: the model with the lane's parameters.
+        cycle: how.
+        lane: amplitude and frequency.
+        x: for each state its mean, then the cosine and sine parts of each harmonic, ``(n, c)``.
+    """
+    series = driven_period(model, cycle, lane)
+    names = tuple(start_of(model, cycle, lane))
+    dense = 2 * cycle.samples
+    up, down, turn = (jnp.asarray(m) for m in _matrices(dense, cycle.harmonics))
+    u = {n: v[:-1] for n, v in series.inputs.items()} | {"time": series.time[:-1]}
+
+    def rates(path: Any) -> Any:
+        found = rates_of(model, names, {n: path[i] for i, n in enumerate(names)}, u)
+        full = [k.rate if isinstance(k, Relaxing) else k for k in (found[n] for n in names)]
+        return jnp.stack([jnp.broadcast_to(k, (dense,)) for k in full])
+
+    path = x @ up.T
+    along = jnp.broadcast_to(jnp.eye(len(names))[:, :, None], (len(names), *path.shape))
+    slopes = jax.vmap(lambda v: jax.jvp(rates, (path,), (v,))[1])(along)  # by state, (n, n, dense)
+    rest = lane.frequency * (x @ turn.T) - rates(path) @ down.T
+    pushed = jnp.einsum("as,jis,sb->iajb", down, slopes, up)
+    own = jnp.einsum("ij,ab->iajb", jnp.eye(len(names)), lane.frequency * turn)
+    whole = {n: jnp.concatenate([path[i], path[i, :1]]) for i, n in enumerate(names)}
+    seen = harmonics_of(model, cycle, lane, series, whole)
+    return Balance(rest, (own - pushed).reshape(x.size, x.size), seen)
+
+
+@partial(jax.jit, static_argnums=(0, 1))
+def balances(key: Key, cycle: Cycle, count: Any, lanes: Lane, x: Any) -> Balance:
+    """`balance` of the first ``count`` lanes, with coefficients ``(lanes, n, c)``."""
+
+    def one(lane_and_x: tuple[Lane, Any]) -> Balance:
+        lane, own = lane_and_x
+        return balance(key.model.bind(lane.values), cycle, lane, own)
+
+    return in_blocks(one, count, (lanes, x))
+
+
+def newton_step(found: Balance, shape: tuple[int, ...]) -> np.ndarray:
+    """The step that would balance each lane, of the shape of the coefficients.
+
+    A coefficient that nothing depends on, as the mean position of a vehicle that nothing pulls
+    back, is held. NaN where the rest is not finite.
+    """
+    slope = np.array(found.slope)
+    rest = np.array(found.rest).reshape(slope.shape[0], -1)
+    fine = np.isfinite(slope).all(axis=(1, 2)) & np.isfinite(rest).all(axis=1)
+    idle = ~np.any(slope != 0, axis=1)
+    lane, column = np.nonzero(idle & fine[:, None])
+    slope[lane, column, column] = 1.0
+    size = np.abs(slope).max(axis=2) + TINY
+    slope, rest = slope / size[:, :, None], rest / size
+    step = np.full(rest.shape, np.nan)
+    if fine.any():
+        try:
+            step[fine] = -np.linalg.solve(slope[fine], rest[fine][..., None])[..., 0]
+        except np.linalg.LinAlgError:  # some lane is singular: the shortest step for all
+            inverse = np.linalg.pinv(slope[fine], rcond=1e-12)
+            step[fine] = -np.einsum("lij,lj->li", inverse, rest[fine])
+    step[lane, column] = 0.0
+    return step.reshape(shape)
+
+
+def _matrices(points: int, harmonics: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """From coefficients to instants, back again, and the derivative by the phase."""
+    turn = 2.0 * np.pi * np.arange(points) / points
+    columns = [np.ones(points)]
+    by_phase = np.zeros((2 * harmonics + 1, 2 * harmonics + 1))
+    for k in range(1, harmonics + 1):
+        columns += [np.cos(k * turn), np.sin(k * turn)]
+        by_phase[2 * k - 1, 2 * k], by_phase[2 * k, 2 * k - 1] = k, -k
+    up = np.stack(columns, axis=1)
+    down = 2.0 / points * up.T
+    down[0] *= 0.5
+    return up, down, by_phase

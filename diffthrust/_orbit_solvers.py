@@ -1,0 +1,189 @@
+"""The searches for periodic orbits: Newton's method by shooting, and by harmonic balance."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from diffthrust import _harmonic_balance as hb
+from diffthrust import _shooting as shooting
+from diffthrust._cycle import BLOCK, Cycle, Harmonics, Lane
+from diffthrust._model import Model
+from diffthrust._periodic import Reason, Solved
+from diffthrust._simulate import Key
+
+LANES = 512
+"""Lanes of one call."""
+NUMBERS = 2_000_000
+"""A call of the harmonic balance holds Jacobians of so many numbers in all."""
+
+
+class Shooting:
+    """Orbits by shooting: simulation to the periodic steady state."""
+
+    def __init__(self, model: Model, states: int) -> None:
+        self.key = Key(model)
+        self.capacity = LANES
+        self.coarsest, self.finest = (64, 8192) if states else (128, 65536)
+
+    def begin(self, cycle: Cycle, count: int, lanes: Lane) -> np.ndarray:
+        """The model's own initial states, ``(count, n)``."""
+        return np.asarray(shooting.starts(self.key, cycle, count, lanes))[:count]
+
+    def solve(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> Solved:
+        """Newton's method on the period map; where it leads astray, one more period instead."""
+        x = np.array(x)
+        best = np.full(count, np.inf)  # how far from closed, at the last point that was kept
+        after = x[:count].copy()  # one period after that point
+        reason = np.full(count, Reason.NOT_CLOSED)
+        kept = None
+        active = np.arange(count)
+        for _ in range(shooting.ROUNDS):
+            orbit = self._run(cycle, active, lanes, x)
+            step = shooting.newton_step(orbit)
+            far = np.abs(step).max(axis=1, initial=0.0)
+            kept = _merged(kept, orbit, active, count)
+            closed = far <= shooting.CLOSED
+            broken = ~np.isfinite(far) & ~np.isfinite(best[active])
+            reason[active[closed]] = Reason.SETTLED
+            reason[active[broken]] = Reason.DIVERGES
+            worse = ~(far < best[active])
+            scale = shooting.scale_of(orbit)
+            with np.errstate(invalid="ignore"):
+                onward = np.asarray(orbit.start) + scale * step
+            onward = np.where(worse[:, None], after[active], onward)
+            best[active] = np.where(worse, np.inf, far)
+            after[active] = np.where(worse[:, None], after[active], np.asarray(orbit.end))
+            go = ~closed & ~broken
+            active = active[go]
+            if not active.size:
+                break
+            x[active] = onward[go]
+        assert kept is not None
+        grows = shooting.unstable(kept)
+        reason = np.where((reason == Reason.SETTLED) & grows, Reason.UNSTABLE, reason)
+        return Solved(kept.start, kept.harmonics, reason)
+
+    def again(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> Solved:
+        """One more period from where the orbits ended."""
+        now = self._run(cycle, np.arange(count), lanes, x)
+        following = np.array(x)
+        following[:count] = now.end
+        found = self._run(cycle, np.arange(count), lanes, following)
+        return Solved(found.start, found.harmonics, np.full(count, Reason.SETTLED))
+
+    def _run(self, cycle: Cycle, who: np.ndarray, lanes: Lane, x: np.ndarray) -> shooting.Orbit:
+        own, begin = _front(lanes, x, who)
+        found = shooting.periods(self.key, cycle, who.size, own, begin)
+        return _cut(found, who.size)
+
+
+class HarmonicBalance:
+    """Orbits by harmonic balance."""
+
+    def __init__(self, model: Model, states: int, harmonics: int) -> None:
+        self.key = Key(model)
+        self.harmonics = harmonics
+        unknowns = (states * (2 * harmonics + 1)) ** 2
+        self.capacity = max(BLOCK, min(LANES, NUMBERS // unknowns) // BLOCK * BLOCK)
+        self.coarsest = max(32, 1 << (4 * harmonics - 1).bit_length())
+        self.finest = max(4096, self.coarsest)
+
+    def begin(self, cycle: Cycle, count: int, lanes: Lane) -> np.ndarray:
+        """Constant states, the model's own initial ones, ``(count, n, c)``."""
+        first = np.asarray(shooting.starts(self.key, cycle, count, lanes))[:count]
+        x = np.zeros((*first.shape, 2 * self.harmonics + 1))
+        x[:, :, 0] = first
+        return x
+
+    def solve(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> Solved:
+        """Newton's method, its step halved where it would lead further away."""
+        x = np.array(x)
+        point, step = x[:count].copy(), np.zeros_like(x[:count])
+        share, rest = np.ones(count), np.full(count, np.inf)
+        unit: np.ndarray | None = None
+        reason = np.full(count, Reason.NOT_CLOSED)
+        kept = None
+        active = np.arange(count)
+        for _ in range(hb.ROUNDS):
+            found = self._run(cycle, active, lanes, x)
+            size = np.abs(found.rest).max(axis=2)
+            if unit is None:
+                unit = np.where(size > 0, size, 1.0)
+            with np.errstate(invalid="ignore"):
+                now = np.sqrt(np.sum((found.rest / unit[active][:, :, None]) ** 2, axis=(1, 2)))
+            further = ~(now <= rest[active]) & (share[active] > hb.SHORTEST)
+            further &= np.isfinite(rest[active])
+            keep = ~further
+            kept = _merged(kept, found, active[keep], count, keep)
+            new = active[keep]
+            point[new], rest[new], share[new] = x[new], now[keep], 1.0
+            step[new] = hb.newton_step(_picked(found, keep), point[new].shape)
+            share[active[further]] *= 0.5
+            scale = np.abs(point).max(axis=2) + hb.TINY
+            far = (np.abs(step).max(axis=2) / scale).max(axis=1)
+            still = (step == 0).all(axis=(1, 2))
+            closed = keep & ((far <= hb.CLOSED) | still)[active]
+            broken = keep & ~np.isfinite(now)
+            reason[active[closed]] = Reason.SETTLED
+            reason[active[broken]] = Reason.DIVERGES
+            active = active[~closed & ~broken]
+            if not active.size:
+                break
+            x[active] = point[active] + share[active][:, None, None] * step[active]
+        assert kept is not None
+        return Solved(point, kept.harmonics, reason)
+
+    def again(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> Solved:
+        """The same coefficients on a later clock."""
+        found = self._run(cycle, np.arange(count), lanes, x)
+        return Solved(x[:count], found.harmonics, np.full(count, Reason.SETTLED))
+
+    def _run(self, cycle: Cycle, who: np.ndarray, lanes: Lane, x: np.ndarray) -> hb.Balance:
+        own, begin = _front(lanes, x, who)
+        cycle = _with_harmonics(cycle, self.harmonics)
+        return _cut(hb.balances(self.key, cycle, who.size, own, begin), who.size)
+
+
+def _with_harmonics(cycle: Cycle, harmonics: int) -> Cycle:
+    return Cycle(cycle.input, cycle.output, cycle.samples, cycle.periods, harmonics)
+
+
+def _front(lanes: Lane, x: np.ndarray, who: np.ndarray) -> tuple[Lane, np.ndarray]:
+    """Some lanes moved to the front, the last of them repeated behind."""
+    order = np.concatenate([who, np.full(x.shape[0] - who.size, who[-1])])
+    take = {"values": {n: v[order] for n, v in lanes.values.items()}}
+    take["others"] = {n: v[order] for n, v in lanes.others.items()}
+    plain = {n: getattr(lanes, n)[order] for n in ("amplitude", "frequency", "bias", "clock")}
+    return Lane(**plain, **take), x[order]
+
+
+def _tree(function: Any, *things: Any) -> Any:
+    first = things[0]
+    if isinstance(first, tuple):
+        return type(first)(*(_tree(function, *parts) for parts in zip(*things, strict=True)))  # pyright: ignore
+    return function(*things)
+
+
+def _cut(found: Any, count: int) -> Any:
+    return _tree(lambda a: np.asarray(a)[:count], found)
+
+
+def _picked(found: Any, flags: np.ndarray) -> Any:
+    return _tree(lambda a: a[flags], found)
+
+
+def _merged(kept: Any, found: Any, who: np.ndarray, count: int, flags: Any = slice(None)) -> Any:
+    """What was kept of all lanes, with those of ``who`` anew."""
+    if kept is None:
+        kept = _tree(lambda a: np.zeros((count, *a.shape[1:])), found)
+
+    def put(old: np.ndarray, new: np.ndarray) -> np.ndarray:
+        old[who] = new[flags]
+        return old
+
+    return _tree(put, kept, found)
+
+
+__all__ = ["HarmonicBalance", "Harmonics", "Shooting"]

@@ -1,0 +1,261 @@
+"""Periodic responses of many lanes, each with steps as fine as it needs.
+
+Every lane begins with few steps to the period. They are doubled until its first harmonic stays
+where it is, and an effect with memory gets more periods until its series repeats. Then the orbit
+is run through once more on a later clock: what has settled gives the same again. A lane that fails
+one of these checks is marked with the reason, never passed on as an answer.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from enum import IntEnum
+from functools import lru_cache
+from typing import Any, Protocol
+
+import numpy as np
+
+from diffthrust._cycle import BLOCK, Cycle, Harmonics, Lane
+
+FINE = 1e-4
+"""Steps are fine enough where doubling them changes the first harmonic by no more than this."""
+REPEATED = 1e-6
+"""An effect with memory has settled where its series changes no more over a period, of its swing.
+"""
+SAME = 1e-4
+"""A further period may change the first harmonic and the mean by no more than this."""
+MOST_PERIODS = 256
+LATER = 1e5
+"""Clock [s] of the further period: a model that changes with the time of a log shows itself."""
+FAILURES = 3
+"""Step lengths at which the search for an orbit may end without one."""
+
+
+class Reason(IntEnum):
+    """Why a lane has no answer."""
+
+    SETTLED = 0
+    DIVERGES = 1
+    NOT_CLOSED = 2
+    UNSTABLE = 3
+    COARSE = 4
+    MEMORY = 5
+    CLOCK = 6
+
+    @property
+    def words(self) -> str:
+        """The reason in words."""
+        return _WORDS[self]
+
+
+_WORDS = {
+    Reason.SETTLED: "settled",
+    Reason.DIVERGES: "the response diverges",
+    Reason.NOT_CLOSED: "no response that repeats was found",
+    Reason.UNSTABLE: "the response that repeats is unstable",
+    Reason.COARSE: "the first harmonic still moves as the steps get finer",
+    Reason.MEMORY: f"an effect with memory has not settled after {MOST_PERIODS} periods",
+    Reason.CLOCK: "the response drifts, or changes with the time of the log",
+}
+
+
+@dataclass(frozen=True)
+class Solved:
+    """What a search at one step length gave, by lane.
+
+    Args:
+        x: what it searched for.
+        harmonics: of the output.
+        reason: ``SETTLED`` where it found an orbit.
+    """
+
+    x: np.ndarray
+    harmonics: Harmonics
+    reason: np.ndarray
+
+
+class Solver(Protocol):
+    """A way to find periodic orbits."""
+
+    capacity: int
+    """Lanes of one call."""
+    coarsest: int
+    finest: int
+
+    def begin(self, cycle: Cycle, count: int, lanes: Lane) -> np.ndarray:
+        """Where the search starts, by lane."""
+        ...
+
+    def solve(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> Solved:
+        """Search from ``x``."""
+        ...
+
+    def again(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> Solved:
+        """One further period of orbits that were found."""
+        ...
+
+
+@dataclass(frozen=True)
+class Responses:
+    """Periodic responses by lane, ``(L,)`` each.
+
+    Args:
+        first: first harmonic of the output over the amplitude of the input, complex.
+        mean: of the output.
+        distortion: higher harmonics over the first.
+        reason: see `Reason`.
+        samples: steps to the period.
+        periods: that effects with memory were given.
+        x: the orbits, as the solver knows them.
+    """
+
+    first: np.ndarray
+    mean: np.ndarray
+    distortion: np.ndarray
+    reason: np.ndarray
+    samples: np.ndarray
+    periods: np.ndarray
+    x: np.ndarray
+
+
+def respond(
+    solver: Solver,
+    cycle: Cycle,
+    lanes: Lane,
+    *,
+    samples: int | None = None,
+    guess: np.ndarray | None = None,
+) -> Responses:
+    """The periodic responses of all lanes.
+
+    Args:
+        solver: how orbits are found.
+        cycle: names; its samples and periods are where the search starts.
+        lanes: amplitudes, frequencies and parameters, ``(L,)`` each.
+        samples: steps to the period, where these are not to be chosen.
+        guess: where to start from, instead of the model's own initial states.
+    """
+    size = lanes.amplitude.size
+    steps = np.full(size, samples or max(cycle.samples, solver.coarsest))
+    last_steps = samples or solver.finest
+    periods = np.full(size, cycle.periods)
+    if guess is None:
+        guess = _over(solver, cycle, lanes, np.arange(size), solver.begin)
+    origin, x = guess, guess.copy()
+    first, before = np.zeros(size, complex), np.full(size, np.nan, complex)
+    mean, distortion = np.zeros(size), np.zeros(size)
+    reason, failed = np.full(size, -1), np.zeros(size, int)
+    while (active := np.flatnonzero(reason < 0)).size:
+        for n, p in sorted(set(zip(steps[active], periods[active], strict=True))):
+            who = active[(steps[active] == n) & (periods[active] == p)]
+            at = replace(cycle, samples=int(n), periods=int(p))
+            found = _over(solver, at, lanes, who, solver.solve, x)
+            h = found.harmonics
+            first[who] = (h.in_phase + 1j * h.ahead) / lanes.amplitude[who]
+            mean[who], distortion[who] = h.mean, h.distortion
+            bad = found.reason != Reason.SETTLED
+            x[who] = np.where(_like(bad, x), origin[who], found.x)
+            failed[who] += bad & (found.reason != Reason.DIVERGES)
+            # more periods first, then finer steps
+            restless = ~bad & ~(h.unsettled <= REPEATED)
+            periods[who] = np.where(restless, 4 * p, p)
+            reason[who[restless & (periods[who] > MOST_PERIODS)]] = Reason.MEMORY
+            floor = 1e-3 * h.swing / lanes.amplitude[who]
+            change = np.abs(first[who] - before[who])
+            near = change <= FINE * np.maximum(np.abs(first[who]), floor)
+            near = near | (samples is not None)
+            reason[who[~bad & ~restless & near]] = Reason.SETTLED
+            finer = bad | (~restless & ~near)
+            before[who] = np.where(bad | restless, np.nan, first[who])
+            gone = finer & ((2 * n > last_steps) | (failed[who] >= FAILURES))
+            reason[who[gone]] = np.where(bad, found.reason, Reason.COARSE)[gone]
+            steps[who[finer & ~gone]] = 2 * n
+    _check_again(solver, cycle, lanes, x, first, mean, reason, steps, periods)
+    return Responses(first, mean, distortion, reason, steps, periods, x)
+
+
+def _check_again(
+    solver: Solver, cycle: Cycle, lanes: Lane, x: Any, first: Any, mean: Any, reason: Any,
+    steps: Any, periods: Any,
+) -> None:  # fmt: skip
+    """Mark the lanes that a further period, on a later clock, shows not to have settled."""
+    later = lanes._replace(clock=np.full_like(lanes.amplitude, LATER))
+    settled = np.flatnonzero(reason == Reason.SETTLED)
+    for n, p in sorted(set(zip(steps[settled], periods[settled], strict=True))):
+        who = settled[(steps[settled] == n) & (periods[settled] == p)]
+        at = replace(cycle, samples=int(n), periods=int(p))
+        found = _over(solver, at, later, who, solver.again, x)
+        h = found.harmonics
+        amplitude = lanes.amplitude[who]
+        change = np.abs((h.in_phase + 1j * h.ahead) / amplitude - first[who])
+        swing = np.maximum(h.swing / amplitude, np.abs(first[who]))
+        moved = np.abs(h.mean - mean[who]) / amplitude
+        same = (change <= SAME * np.maximum(np.abs(first[who]), 1e-3 * swing)) & (
+            moved <= SAME * swing
+        )
+        reason[who] = np.where(found.reason == Reason.SETTLED, reason[who], found.reason)
+        reason[who[(found.reason == Reason.SETTLED) & ~same]] = Reason.CLOCK
+
+
+def _like(flags: np.ndarray, x: np.ndarray) -> np.ndarray:
+    return flags.reshape(flags.size, *([1] * (x.ndim - 1)))
+
+
+def _over(
+    solver: Solver, cycle: Cycle, lanes: Lane, who: np.ndarray, act: Callable[..., Any], x: Any = None
+) -> Any:
+    """An act of the solver on some lanes, in portions that the cores of the machine share."""
+    portions = [*_portions(who, solver.capacity)]
+
+    def one(part: np.ndarray) -> Any:
+        given = () if x is None else (_padded(x[part], solver.capacity),)
+        return act(cycle, part.size, _taken(lanes, part, solver.capacity), *given)
+
+    done = [one(portions[0])] if len(portions) == 1 else [*pool().map(one, portions)]
+    order = np.argsort(np.concatenate(portions), kind="stable")
+    first = done[0]
+    if isinstance(first, np.ndarray):
+        return np.concatenate(done)[order]
+    fields = [np.concatenate([d.harmonics[i] for d in done])[order] for i in range(6)]
+    return Solved(
+        np.concatenate([d.x for d in done])[order],
+        Harmonics(*fields),
+        np.concatenate([d.reason for d in done])[order],
+    )
+
+
+def _portions(who: np.ndarray, capacity: int) -> Iterator[np.ndarray]:
+    """Lanes in portions of equal work: neighbours, who are equally slow, are dealt out in turn."""
+    cores = os.cpu_count() or 1
+    least = -(-who.size // BLOCK) if who.size else 1
+    count = max(-(-who.size // capacity), min(cores, least))
+    for i in range(count):
+        yield who[i::count]
+
+
+def _padded(values: np.ndarray, size: int) -> np.ndarray:
+    """Filled up to ``size`` with the last lane, which is worked out again at most."""
+    return np.concatenate([values, np.repeat(values[-1:], size - values.shape[0], axis=0)])
+
+
+def _taken(lanes: Lane, part: np.ndarray, size: int) -> Lane:
+    def some(values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        return {name: _padded(value[part], size) for name, value in values.items()}
+
+    return Lane(
+        _padded(lanes.amplitude[part], size),
+        _padded(lanes.frequency[part], size),
+        some(lanes.values),
+        _padded(lanes.bias[part], size),
+        some(lanes.others),
+        _padded(lanes.clock[part], size),
+    )
+
+
+@lru_cache(maxsize=1)
+def pool() -> ThreadPoolExecutor:
+    """The threads that share the portions."""
+    return ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="diffthrust-map")
