@@ -1,0 +1,206 @@
+"""What breaks while a loop runs: parameters that jump, a command that sticks or is cut off."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from diffthrust._channels import listing
+from diffthrust._errors import InputError
+from diffthrust.control._reference import number
+
+_ROUNDING = 1e-9
+"""Seconds: an instant on the grid counts, whatever its rounding."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """Parameters of the thruster or the vehicle are multiplied by factors from an instant on.
+
+    Args:
+        at: the instant [s].
+        factors: full name to factor: ``{"thruster.ct": 0.6, "vehicle.drag": 2.0}``.
+        until: when it ends [s].
+
+    Example:
+        >>> dft.control.Change(at=8.0, factors={"thruster.alpha": 1.5, "thruster.ct": 0.7})
+    """
+
+    at: float
+    factors: Mapping[str, float]
+    until: float = math.inf
+
+    def __post_init__(self) -> None:
+        _check_times(self)
+        if not isinstance(self.factors, Mapping) or not self.factors:
+            raise InputError(
+                f"Change: expected factors by the names of parameters, found {self.factors!r}.",
+                'Write factors={"thruster.ct": 0.6}.',
+            )
+        for name, factor in self.factors.items():
+            number(f"Change, factor of '{name}'", factor, lambda x: True, "a number")
+
+
+@dataclass(frozen=True)
+class Stuck:
+    """The motor controller keeps a command from an instant on.
+
+    Args:
+        at: the instant [s].
+        value: the command that it keeps [V]; ``None`` for the last one.
+        until: when it ends [s].
+
+    Example:
+        >>> dft.control.Stuck(at=10.0, until=12.0)
+    """
+
+    at: float
+    value: float | None = None
+    until: float = math.inf
+
+    def __post_init__(self) -> None:
+        _check_times(self)
+        if self.value is not None:
+            number("Stuck, value", self.value, lambda x: True, "a number or None")
+
+
+@dataclass(frozen=True)
+class Limited:
+    """The motor controller gives no more than so much from an instant on.
+
+    Args:
+        at: the instant [s].
+        limit: the largest command [V].
+        until: when it ends [s].
+
+    Example:
+        >>> dft.control.Limited(at=10.0, limit=1.0)
+    """
+
+    at: float
+    limit: float
+    until: float = math.inf
+
+    def __post_init__(self) -> None:
+        _check_times(self)
+        number("Limited, limit", self.limit, lambda x: x >= 0, "a positive number")
+
+
+Fault = Change | Stuck | Limited
+
+
+def duct_obstruction(at: float, load: float = 1.5, thrust: float = 0.7) -> Change:
+    """Something blocks the duct: the shaft is loaded more, and gives less thrust at a speed.
+
+    Args:
+        at: the instant [s].
+        load: factor of ``thruster.alpha``.
+        thrust: factor of ``thruster.ct``.
+
+    Returns:
+        The fault. Source: Yoerger, Cooke & Slotine 1990, figures 18 and 21, which say that the
+        static and dynamic properties change but not by how much: the factors are examples.
+    """
+    return Change(at, {"thruster.alpha": load, "thruster.ct": thrust})
+
+
+def _check_times(fault: Any) -> None:
+    name = type(fault).__name__
+    number(f"{name}, at", fault.at, lambda x: True, "an instant in seconds")
+    if not (isinstance(fault.until, int | float) and fault.until > fault.at):
+        raise InputError(
+            f"{name}, until: expected an instant after {fault.at:g} s, found {fault.until!r}.",
+            "Leave it out where the fault lasts.",
+        )
+
+
+def check_faults(faults: Any, parameters: Mapping[str, Any]) -> tuple[Fault, ...]:
+    """The faults of a loop as a tuple.
+
+    Raises:
+        InputError: something else than faults, or a parameter that the loop does not have.
+    """
+    found = (faults,) if isinstance(faults, Fault) else tuple(faults)
+    for fault in found:
+        if not isinstance(fault, Fault):
+            raise InputError(
+                f"faults: expected Change, Stuck or Limited, found {fault!r}.",
+                "Write faults=[dft.control.duct_obstruction(at=8.0)].",
+            )
+        for name in fault.factors if isinstance(fault, Change) else ():
+            if name not in parameters or name.startswith(("controller.", "compensator.")):
+                plant = [n for n in parameters if n.startswith(("thruster.", "vehicle."))]
+                raise InputError(
+                    f"Change: the plant has no parameter '{name}'; it has {listing(plant)}.",
+                    "Correct the name.",
+                )
+    return found
+
+
+@jax.tree_util.register_pytree_node_class
+@dataclass(frozen=True)
+class Numbers:
+    """The faults of a loop as a pytree: their kinds are structure, their numbers are leaves."""
+
+    kinds: tuple[tuple[Any, ...], ...]
+    leaves: tuple[Mapping[str, Any], ...] = field(default=())
+
+    @classmethod
+    def of(cls, faults: tuple[Fault, ...]) -> Numbers:
+        """The numbers of some faults."""
+        kinds, leaves = [], []
+        for fault in faults:
+            found = {"at": float(fault.at), "until": float(fault.until)}
+            match fault:
+                case Change():
+                    kinds.append(("change", *fault.factors))
+                    found |= {name: float(value) for name, value in fault.factors.items()}
+                case Stuck():
+                    kinds.append(("stuck", fault.value is None))
+                    found |= {"value": float(fault.value or 0.0)}
+                case Limited():
+                    kinds.append(("limited",))
+                    found |= {"limit": float(fault.limit)}
+            leaves.append(found)
+        return cls(tuple(kinds), tuple(leaves))
+
+    def tree_flatten(self) -> tuple[Any, Any]:
+        """For JAX."""
+        return (self.leaves,), self.kinds
+
+    @classmethod
+    def tree_unflatten(cls, kinds: Any, children: Any) -> Numbers:
+        """For JAX."""
+        return cls(kinds, children[0])
+
+    @property
+    def changes(self) -> bool:
+        """Whether parameters of the plant jump."""
+        return any(kind[0] == "change" for kind in self.kinds)
+
+    def factors(self, time: Any) -> dict[str, Any]:
+        """What each parameter is multiplied with at an instant, or at many."""
+        out: dict[str, Any] = {}
+        for kind, n in zip(self.kinds, self.leaves, strict=True):
+            for name in kind[1:] if kind[0] == "change" else ():
+                out[name] = out.get(name, 1.0) * jnp.where(_acts(n, time), n[name], 1.0)
+        return out
+
+    def command(self, sent: Any, last: Any, time: Any) -> Any:
+        """The command that the motor controller takes, from the one sent and its last one."""
+        for kind, n in zip(self.kinds, self.leaves, strict=True):
+            if kind[0] == "stuck":
+                sent = jnp.where(_acts(n, time), last if kind[1] else n["value"], sent)
+            elif kind[0] == "limited":
+                cut = jnp.clip(sent, -n["limit"], n["limit"])
+                sent = jnp.where(_acts(n, time), cut, sent)
+        return sent
+
+
+def _acts(n: Mapping[str, Any], time: Any) -> Any:
+    return (time >= n["at"] - _ROUNDING) & (time < n["until"] - _ROUNDING)

@@ -1,0 +1,159 @@
+"""A thruster, and the vehicle that it pushes, as one system of equations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import jax.numpy as jnp
+
+from diffthrust._channels import listing
+from diffthrust._errors import InputError
+from diffthrust._model import Model
+from diffthrust._signals import Ports, Signals, expect
+from diffthrust._simulate import equations_of, starting_point
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A thruster with its vehicle, or alone.
+
+    The vehicle moves under the thrust as it is, not as a sensor reports it. Where there is a
+    vehicle, the thruster's input ``inflow`` is the vehicle's velocity: the water comes at the
+    propeller as fast as the vehicle moves through it.
+
+    Args:
+        thruster: a model with the input ``command``.
+        vehicle: a model with the input ``thrust``, or ``None``.
+        given: other inputs of the thruster, constant.
+    """
+
+    thruster: Model
+    vehicle: Model | None
+    given: Mapping[str, Any]
+
+    def check(self) -> None:
+        """Raise `InputError` where the two cannot be joined."""
+        if not isinstance(self.thruster, Model) or "command" not in self.thruster.inputs:
+            raise InputError(
+                f"Loop: expected a thruster with the input 'command', found {self.thruster!s}.",
+                "Give a model such as dft.Thruster().",
+            )
+        if self.vehicle is not None:
+            if not isinstance(self.vehicle, Model) or list(self.vehicle.inputs) != ["thrust"]:
+                raise InputError(
+                    f"Loop: expected a vehicle with the one input 'thrust', found "
+                    f"{self.vehicle!s}.",
+                    "Give a model such as dft.AxisVehicle().",
+                )
+            if "thrust" not in self.thruster.outputs:
+                raise InputError(
+                    f"Loop: the model '{self.thruster.name}' has no output 'thrust' to push the "
+                    f"vehicle; it has {listing(self.thruster.outputs)}.",
+                    "Use a model that gives a thrust.",
+                )
+            for effect in self.vehicle.effects:
+                if effect.memory and "thrust" in effect.ports:
+                    raise InputError(
+                        f"The effect '{effect.name}' acts on whole records of 'thrust': it cannot "
+                        "run between the thruster and the vehicle of a loop.",
+                        "Leave it out.",
+                    )
+        known = {**self.thruster.inputs, **self.thruster.optional_inputs}
+        wrong = [n for n in self.given if n not in known or n in self._own]
+        if wrong:
+            raise InputError(
+                f"given: the loop takes no {listing(wrong)}; the thruster's other inputs are "
+                f"{listing(n for n in known if n not in self._own)}.",
+                "Correct the name.",
+            )
+        has = {*self.given, *self._own}
+        needs = [n for e in self.thruster.effects for n in e.needs]
+        absent = [n for n in (*self.thruster.inputs, *needs) if n not in has]
+        if absent:
+            raise InputError(
+                f"Loop: the thruster '{self.thruster}' needs the input {listing(absent)}.",
+                f'Give a constant: given={{"{absent[0]}": ...}}.',
+            )
+
+    @property
+    def _own(self) -> tuple[str, ...]:
+        """Inputs of the thruster that the loop itself gives."""
+        states = ("speed",) if "speed" in self.thruster.states else ()
+        moving = self.vehicle is not None and "velocity" in self.vehicle.outputs
+        return ("command", *states, *(("inflow",) if moving else ()))
+
+    @property
+    def channels(self) -> dict[str, str]:
+        """Everything that can be measured, with its unit."""
+        return {**self.thruster.outputs, **(self.vehicle.outputs if self.vehicle else {})}
+
+    @property
+    def states(self) -> dict[str, str]:
+        """All states by their own names, with their units."""
+        return {**self.thruster.all_states, **(self.vehicle.all_states if self.vehicle else {})}
+
+    def bind(self, values: Mapping[str, Any]) -> Plant:
+        """The plant reading (possibly traced) values by full name."""
+
+        def part(model: Model, prefix: str) -> Model:
+            named = {k.removeprefix(prefix): v for k, v in values.items() if k.startswith(prefix)}
+            return model.bind(named) if named else model
+
+        vehicle = part(self.vehicle, "vehicle.") if self.vehicle else None
+        return Plant(part(self.thruster, "thruster."), vehicle, self.given)
+
+    def start(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """All states at the start: those given, others as the models have them at rest."""
+        zero = jnp.zeros(())
+        first = {"command": zero, "time": zero, **self.given}
+        if "inflow" in self._own:
+            first["inflow"] = given.get("velocity", zero)
+        states = starting_point(self.thruster, Signals(first), given)
+        if self.vehicle:
+            side = Signals({"thrust": zero, "time": zero})
+            states |= starting_point(self.vehicle, side, given)
+        return {**states, **{name: value for name, value in given.items() if name in states}}
+
+    def equations(
+        self, state: Mapping[str, Any], command: Any, time: Any
+    ) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+        """Rates of all states, outputs as they are, and outputs as the sensors report them.
+
+        Elementwise: with numbers inside the integration, with whole arrays for a record. Effects
+        with memory on an output are left to `sensed`.
+        """
+        given: dict[str, Any] = {"command": command, "time": time, **self.given}
+        if "inflow" in self._own:
+            given["inflow"] = state["velocity"]
+        rates, outputs, told = _side(self.thruster, state, given, "command")
+        if self.vehicle is not None:
+            moved = _side(self.vehicle, state, {"thrust": outputs["thrust"], "time": time}, "")
+            rates, outputs, told = (
+                {**a, **b} for a, b in zip((rates, outputs, told), moved, strict=True)
+            )
+        return rates, outputs, told
+
+
+def _side(
+    model: Model, state: Mapping[str, Any], given: Mapping[str, Any], worked_out: str
+) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+    """Rates, outputs and readings of one of the two models."""
+    for effect in model.effects:  # as `_simulate` does with recorded series
+        outer = Ports((effect,), Signals(given))
+        given = {n: v if n == worked_out else outer(n, v) for n, v in given.items()}
+    s = Signals({**{name: state[name] for name in model.all_states}, **given})
+    port = Ports(model.effects, s)
+    own, outputs = equations_of(model, s, port)
+    rates = {**own, **port.rates}
+    where = f"{type(model).__name__}.equations"
+    expect(where, "rate of the state", model.all_states, rates)
+    expect(where, "output", model.outputs, outputs)
+    outputs = {name: outputs[name] for name in model.outputs}
+    shape = jnp.shape(given["time"])
+    if shape:
+        outputs = {name: jnp.broadcast_to(value, shape) for name, value in outputs.items()}
+    now = [effect for effect in model.effects if shape or not effect.memory]
+    sensor = Ports(now, s.also(outputs))
+    return rates, outputs, {name: sensor(name, value) for name, value in outputs.items()}

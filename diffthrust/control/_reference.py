@@ -1,0 +1,159 @@
+"""What a loop is to follow: a value with its rate and acceleration over time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from diffthrust._errors import InputError
+
+Followed = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Value, rate and acceleration at some instants, ``(n,)`` each."""
+
+
+@dataclass(frozen=True)
+class Sinusoid:
+    """offset + amplitude sin(frequency t + phase).
+
+    With ``phase=-math.pi / 2`` and ``offset=amplitude`` it begins at rest at zero.
+
+    Args:
+        amplitude: in the unit of the channel that follows (m, or rad/s).
+        frequency: [rad/s].
+        offset: the middle.
+        phase: at the start [rad].
+
+    Raises:
+        InputError: an amplitude or frequency that is not a positive number.
+
+    Example:
+        >>> dft.control.Sinusoid(0.2, frequency=2 * math.pi * 0.3)
+    """
+
+    amplitude: float
+    frequency: float
+    offset: float = 0.0
+    phase: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("amplitude", "frequency"):
+            number(f"Sinusoid, {name}", getattr(self, name), lambda x: x > 0, "a positive number")
+        for name in ("offset", "phase"):
+            number(f"Sinusoid, {name}", getattr(self, name), lambda x: True, "a number")
+
+    def at(self, time: np.ndarray) -> Followed:
+        """Value, rate and acceleration at instants [s]."""
+        angle, w = self.frequency * time + self.phase, self.frequency
+        value = self.amplitude * np.sin(angle)
+        return self.offset + value, self.amplitude * w * np.cos(angle), -(w**2) * value
+
+
+@dataclass(frozen=True)
+class Step:
+    """From one value to another at an instant; rate and acceleration are zero.
+
+    Args:
+        value: from the instant on, in the unit of the channel that follows.
+        time: the instant [s].
+        before: the value until then.
+
+    Example:
+        >>> dft.control.Step(100.0, time=0.5)
+    """
+
+    value: float
+    time: float = 0.0
+    before: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("value", "time", "before"):
+            number(f"Step, {name}", getattr(self, name), lambda x: True, "a number")
+
+    def at(self, time: np.ndarray) -> Followed:
+        """Value, rate and acceleration at instants [s]."""
+        # a billionth of a second: an instant on the grid counts, whatever its rounding
+        value = np.where(time >= self.time - 1e-9, float(self.value), float(self.before))
+        return value, np.zeros_like(time), np.zeros_like(time)
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Given by samples, straight between them and constant beyond their ends.
+
+    Args:
+        time: increasing instants [s], ``(n,)``.
+        value: ``(n,)``, in the unit of the channel that follows.
+        rate: its derivative, ``(n,)``; by central differences where not given.
+        acceleration: the derivative of the rate, likewise.
+
+    Raises:
+        InputError: lengths that differ, numbers that are not finite, a time that does not increase.
+
+    Example:
+        >>> dft.control.Trajectory([0.0, 5.0, 10.0], [0.0, 1.0, 1.0], rate=[0.0, 0.1, 0.0])
+    """
+
+    time: Sequence[float] | np.ndarray
+    value: Sequence[float] | np.ndarray
+    rate: Sequence[float] | np.ndarray | None = None
+    acceleration: Sequence[float] | np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        time = self._series("time", self.time, None)
+        if time.size < 2 or np.any(np.diff(time) <= 0):
+            raise InputError(
+                "Trajectory, time: expected two or more increasing instants [s].", "Sort them."
+            )
+        value = self._series("value", self.value, time)
+        rate = np.gradient(value, time) if self.rate is None else self.rate
+        rate = self._series("rate", rate, time)
+        curve = np.gradient(rate, time) if self.acceleration is None else self.acceleration
+        curve = self._series("acceleration", curve, time)
+        for name, series in zip(("time", "value", "rate", "acceleration"),
+                                (time, value, rate, curve), strict=True):  # fmt: skip
+            object.__setattr__(self, name, series)
+
+    @staticmethod
+    def _series(name: str, given: Any, time: np.ndarray | None) -> np.ndarray:
+        try:
+            series = np.asarray(given, float)
+        except (TypeError, ValueError):
+            series = np.empty((0, 0))
+        wanted = series.ndim == 1 and (time is None or series.shape == time.shape)
+        if not wanted or not np.all(np.isfinite(series)):
+            length = "" if time is None else f" {time.size}"
+            raise InputError(
+                f"Trajectory, {name}: expected{length} finite numbers in one row, found "
+                f"{np.shape(series)}.",
+                "Give one number for each instant.",
+            )
+        return series
+
+    def at(self, time: np.ndarray) -> Followed:
+        """Value, rate and acceleration at instants [s]."""
+        rows = (np.asarray(row) for row in (self.value, self.rate, self.acceleration))
+        value, rate, curve = (np.interp(time, np.asarray(self.time), row) for row in rows)
+        within = (time >= self.time[0]) & (time <= self.time[-1])
+        return value, np.where(within, rate, 0.0), np.where(within, curve, 0.0)
+
+
+Reference = Sinusoid | Step | Trajectory
+
+
+def number(where: str, value: Any, right: Callable[[float], bool], expected: str) -> float:
+    """A finite number that meets a condition.
+
+    Raises:
+        InputError: it does not.
+    """
+    try:
+        found = math.nan if isinstance(value, bool | str) else float(value)
+    except (TypeError, ValueError):
+        found = math.nan
+    if not math.isfinite(found) or not right(found):
+        raise InputError(f"{where}: expected {expected}, found {value!r}.", "Correct it.")
+    return found

@@ -1,0 +1,121 @@
+"""Sliding control of the propeller's speed, with fixed and with adapted estimates."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import jax.numpy as jnp
+
+from diffthrust._parameters import parameter
+from diffthrust._signals import Signals
+from diffthrust.control._block import Kept, rate_of
+from diffthrust.control._compensators import Compensator
+
+
+class Sliding(Compensator):
+    """Drives the propeller to the speed that gives the wanted thrust, robustly.
+
+        sliding error  s = speed - wanted speed
+        command = load speed |speed| + inertia d(wanted speed)/dt - gain sat(s / width)
+
+    ``load`` and ``inertia`` are the estimates of alpha / beta and 1 / beta. ``gain`` [V] must
+    exceed what they are wrong by; within the boundary layer |s| < ``width`` [rad/s] the error s
+    behaves as a first-order lag of the frequency gain / (inertia width). The wanted speed is
+    thrust / sqrt(thrust_coefficient (|thrust| + floor)): a square root whose slope stays finite
+    where the thrust changes its sign. Its rate is a backward difference through a low-pass of the
+    time constant ``smoothing`` [s].
+
+    Source: Yoerger, Cooke & Slotine 1990, section V D.
+
+    Example:
+        >>> sliding = dft.control.Sliding.of(dft.Thruster(), gain=2.0, width=4.0)
+    """
+
+    reads = ("speed",)
+    states: ClassVar = {
+        "wanted_speed": "rad/s",
+        "sliding_error": "rad/s",
+        "smoothed": "rad/s",
+        "begun": "",
+    }
+
+    load: float = parameter(0.037 / 42.0, "V s^2/rad^2", bounds=(0, None), transform="linear")
+    inertia: float = parameter(1.0 / 42.0, "V s^2/rad", bounds=(0, None), transform="linear")
+    thrust_coefficient: float = parameter(0.019, "N s^2/rad^2", bounds=(0, None), fixed=True)
+    gain: float = parameter(2.0, "V", bounds=(0, None))
+    width: float = parameter(4.0, "rad/s", bounds=(0, None))
+    floor: float = parameter(1.0, "N", bounds=(0, None), fixed=True)
+    smoothing: float = parameter(
+        0.0, "s", bounds=(0, None), transform="linear", size=0.1, fixed=True
+    )
+
+    @classmethod
+    def _nominal(cls, alpha: float, beta: float, ct: float) -> dict[str, float]:
+        return {"load": alpha / beta, "inertia": 1.0 / beta, "thrust_coefficient": ct}
+
+    def __call__(self, thrust: Any, s: Signals, kept: Kept, period: Any) -> tuple[Any, Kept]:
+        """Yoerger et al. 1990, section V D."""
+        return self._command(thrust, s, kept, period, self.load, self.inertia)[:2]
+
+    def _command(
+        self, thrust: Any, s: Signals, kept: Kept, period: Any, load: Any, inertia: Any
+    ) -> tuple[Any, Kept, Any, Any]:
+        """Command, memory, and what ``load`` and ``inertia`` are multiplied with."""
+        speed = thrust / jnp.sqrt(self.thrust_coefficient * (jnp.abs(thrust) + self.floor))
+        rate, smoothed = rate_of(speed, kept["smoothed"], kept["begun"], self.smoothing, period)
+        error = s.speed - speed
+        swept = s.speed * jnp.abs(s.speed)
+        inside = jnp.clip(error / self.width, -1.0, 1.0)
+        command = load * swept + inertia * rate - self.gain * inside
+        memory = {
+            "wanted_speed": speed,
+            "sliding_error": error,
+            "smoothed": smoothed,
+            "begun": jnp.ones(()),
+        }
+        return command, memory, swept, rate
+
+
+class AdaptiveSliding(Sliding):
+    """Sliding control that learns the thruster while its error is outside the boundary layer.
+
+        s_delta = s - width sat(s / width)
+        d(load)/dt    = -load_rate    speed |speed|          s_delta
+        d(inertia)/dt = -inertia_rate d(wanted speed)/dt     s_delta
+
+    Inside the layer nothing is adapted, so the estimates do not drift. They begin at ``load`` and
+    ``inertia``, zero unless given (`of` gives those of the thruster), and are recorded as
+    ``load_estimate`` and ``inertia_estimate``.
+
+    Source: Yoerger, Cooke & Slotine 1990, section V E; Slotine & Coetsee 1986.
+
+    Example:
+        >>> unknowing = dft.control.AdaptiveSliding(thrust_coefficient=0.019)
+    """
+
+    states: ClassVar = {
+        **Sliding.states,
+        "load_estimate": "V s^2/rad^2",
+        "inertia_estimate": "V s^2/rad",
+    }
+
+    load: float = parameter(0.0, "V s^2/rad^2", bounds=(0, None), size=1e-3)
+    inertia: float = parameter(0.0, "V s^2/rad", bounds=(0, None), size=0.02)
+    load_rate: float = parameter(1e-9, "V s^4/rad^5", bounds=(0, None), transform="log")
+    inertia_rate: float = parameter(1e-6, "V s^4/rad^3", bounds=(0, None), transform="log")
+
+    def start(self) -> Kept:
+        """The estimates with which the run begins."""
+        return {"load_estimate": self.load, "inertia_estimate": self.inertia}
+
+    def __call__(self, thrust: Any, s: Signals, kept: Kept, period: Any) -> tuple[Any, Kept]:
+        """Yoerger et al. 1990, section V E."""
+        load, inertia = kept["load_estimate"], kept["inertia_estimate"]
+        command, memory, swept, rate = self._command(thrust, s, kept, period, load, inertia)
+        error = memory["sliding_error"]
+        outside = error - jnp.clip(error, -self.width, self.width)
+        learned = {
+            "load_estimate": load - period * self.load_rate * swept * outside,
+            "inertia_estimate": inertia - period * self.inertia_rate * rate * outside,
+        }
+        return command, {**memory, **learned}

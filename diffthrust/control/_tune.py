@@ -1,0 +1,232 @@
+"""Gains found through the simulation of the loop, by its derivatives."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from scipy.optimize import least_squares
+
+from diffthrust._channels import listing, nearest
+from diffthrust._errors import InputError
+from diffthrust._parameters import Parameter
+from diffthrust.control._loop import Loop
+from diffthrust.control._march import Parts, march
+from diffthrust.control._reference import Reference, number
+
+Cost = Callable[[Mapping[str, Any]], Any]
+"""From the signals of a run, ``(T,)`` each, to residuals whose mean square is to be small."""
+
+
+@dataclass(frozen=True, eq=False)
+class Effort:
+    """The tracking error, and the command at a price: the residuals of `tune` by default.
+
+    Args:
+        price: what one volt counts for, in the unit of the error per volt.
+        start: seconds at the start that do not count.
+    """
+
+    price: float = 0.0
+    start: float = 0.0
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Effort) and (self.price, self.start) == (other.price, other.start)
+
+    def __hash__(self) -> int:
+        return hash((self.price, self.start))
+
+    def __call__(self, signals: Mapping[str, Any]) -> Any:
+        """The residuals, ``(2, T)``."""
+        counts = jnp.where(signals["time"] >= self.start, 1.0, 0.0)
+        return counts * jnp.stack([signals["error"], self.price * signals["command"]])
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """Gains before and after.
+
+    Args:
+        loop: the loop with the tuned gains.
+        gains: name to ``(before, after)``.
+        cost: mean square of the residuals, ``(before, after)``.
+        gradient: derivative of the cost with respect to each gain where the tuning began.
+        runs: how often the loop was simulated.
+        converged: no step within the bounds would lower the cost by more than a millionth.
+        message: how the search ended.
+    """
+
+    loop: Loop
+    gains: Mapping[str, tuple[float, float]]
+    cost: tuple[float, float]
+    gradient: Mapping[str, float]
+    runs: int
+    converged: bool
+    message: str
+
+    def report(self) -> str:
+        """The gains and the cost, before and after, as text."""
+        rows = [("gain", "before", "after")]
+        rows += [(name, f"{a:.5g}", f"{b:.5g}") for name, (a, b) in self.gains.items()]
+        rows.append(("cost", *(f"{value:.5g}" for value in self.cost)))
+        wide = [max(len(row[i]) for row in rows) for i in range(3)]
+        lines = [f"{a:<{wide[0]}}  {b:>{wide[1]}}  {c:>{wide[2]}}" for a, b, c in rows]
+        return "\n".join([*lines, f"{self.message} ({self.runs} simulations)"])
+
+
+def tune(
+    loop: Loop,
+    reference: Reference,
+    duration: float,
+    gains: Sequence[str],
+    *,
+    cost: Cost | None = None,
+    seed: int = 0,
+    initial: Mapping[str, float] | None = None,
+    substeps: int | None = None,
+    most: int = 100,
+) -> Tuning:
+    """Choose gains such that the loop follows a reference well.
+
+    The mean square of the residuals is lowered by a trust-region Gauss-Newton method within the
+    bounds of the gains, with derivatives that are carried forward through the simulation. The
+    search is local: it finds the nearest minimum of the cost. Gains at which the loop runs away
+    are stepped back from.
+
+    Args:
+        loop: where the gains start.
+        reference: what to follow.
+        duration: how long to simulate [s].
+        gains: full names, such as ``"controller.bandwidth"``; parameters of the plant count too.
+        cost: residuals from the signals of a run (traced arrays by name, as in `LoopRun.signals`,
+            and ``time``); by default `Effort`, the tracking error alone.
+        seed: of the measurement noise, the same in every simulation.
+        initial: initial states, as for `Loop.simulate`.
+        substeps: as for `Loop.simulate`.
+        most: the most simulations.
+
+    Returns:
+        The tuned loop, the gains and the cost before and after.
+
+    Raises:
+        InputError: an unknown gain, a start at which the loop runs away, or a cost that is not
+            made of numbers.
+
+    Example:
+        >>> tuned = dft.control.tune(loop, dft.control.Step(1.0), 20.0, ["controller.bandwidth"])
+        >>> tuned.loop.simulate(dft.control.Step(1.0), 20.0).plot()
+    """
+    known = loop.parameters
+    names = (gains,) if isinstance(gains, str) else tuple(gains)
+    _check(names, known)
+    number("most", most, lambda n: n >= 1, "a whole number above zero")
+    parts, values, given, faults, rows, start = loop.prepared(
+        reference, duration, seed, initial, substeps
+    )
+    described = tuple(known[name] for name in names)
+    cost = Effort() if cost is None else cost
+    begin = np.array([float(p.to_coordinate(p.value)) for p in described])
+    ends = np.array([p.coordinate_limits() for p in described])
+    # a start on a bound is moved inside: the method needs room
+    room = 1e-6 * np.maximum(1.0, np.abs(begin))
+    begin = np.clip(begin, ends[:, 0] + room, ends[:, 1] - room)
+    seen: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
+
+    def evaluated(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        key = y.tobytes()
+        if key not in seen:
+            of = (parts, loop.controller.of, names, cost)
+            coordinates = {n: p.from_coordinate(c) for n, p, c in
+                           zip(names, described, y, strict=True)}  # fmt: skip
+            traced = {n: jnp.asarray(v, float) for n, v in coordinates.items()}
+            r, slopes = _linearized(*of, traced, values, given, faults, rows, start)
+            scale = np.array([_slope(p, float(c)) for p, c in zip(described, y, strict=True)])
+            seen[key] = np.asarray(r), np.asarray(slopes) * scale
+        return seen[key]
+
+    first, slopes = evaluated(begin)
+    if not np.all(np.isfinite(first)):
+        raise InputError(
+            "tune: the loop runs away with the gains that it starts from, or the cost is not "
+            "finite there.",
+            "Start from gains that hold the loop together.",
+        )
+    scale = np.array([_slope(p, float(c)) for p, c in zip(described, begin, strict=True)])
+    found = least_squares(
+        lambda y: evaluated(y)[0],
+        begin,
+        jac=lambda y: evaluated(y)[1],  # pyright: ignore[reportArgumentType]
+        bounds=(ends[:, 0], ends[:, 1]),
+        x_scale="jac",
+        ftol=1e-6,
+        xtol=1e-8,
+        gtol=1e-10,
+        max_nfev=int(most),
+    )
+    after = [float(p.from_coordinate(c)) for p, c in zip(described, found.x, strict=True)]
+    inside = [float(np.clip(v, *p.limits)) for v, p in zip(after, described, strict=True)]
+    return Tuning(
+        loop=loop.replace(dict(zip(names, inside, strict=True))),
+        gains={n: (p.value, v) for n, p, v in zip(names, described, inside, strict=True)},
+        cost=(float(first @ first), 2.0 * float(found.cost)),
+        gradient=dict(zip(names, (2.0 * first @ slopes / scale).tolist(), strict=True)),
+        runs=len(seen),
+        converged=bool(found.status > 0),
+        message=str(found.message),
+    )
+
+
+@partial(jax.jit, static_argnums=(0, 1, 2, 3))
+def _linearized(
+    parts: Parts,
+    of: str,
+    names: tuple[str, ...],
+    cost: Cost,
+    gains: Mapping[str, Any],
+    values: Mapping[str, Any],
+    given: Mapping[str, Any],
+    faults: Any,
+    rows: Mapping[str, Any],
+    start: Mapping[str, Any],
+) -> tuple[Any, Any]:
+    """Residuals ``(m,)`` and their derivatives with respect to each gain, ``(m, k)``."""
+
+    def residuals(gains: Mapping[str, Any]) -> tuple[Any, Any]:
+        found = march(parts, {**values, **gains}, given, faults, rows, start)
+        signals = {**found, "time": rows["time"], "reference": rows["wanted"]}
+        signals["error"] = rows["wanted"] - found[of]
+        r = jnp.ravel(jnp.asarray(cost(signals), float))
+        r = r / math.sqrt(r.shape[0])
+        return r, r
+
+    slopes, r = jax.jacfwd(residuals, has_aux=True)(gains)
+    return r, jnp.stack([slopes[name] for name in names], axis=1)
+
+
+def _slope(p: Parameter, coordinate: float) -> float:
+    """Derivative of a parameter's value with respect to its coordinate."""
+    return float(p.from_coordinate(coordinate)) if p.transform == "log" else p.scale
+
+
+def _check(names: Sequence[str], known: Mapping[str, Parameter]) -> None:
+    if not names:
+        raise InputError("tune: expected at least one gain, found none.", "Name one.")
+    for name in names:
+        if name not in known:
+            near = nearest(str(name), known)
+            raise InputError(
+                f"tune: the loop has no gain '{name}'{f' ({near})' if near else ''}; it has "
+                f"{listing(known)}.",
+                "Correct the name.",
+            )
+        if not math.isfinite(known[name].value):
+            raise InputError(
+                f"tune: the gain '{name}' is infinite, so nothing can be learned about it.",
+                "Give it a finite value to start from.",
+            )
