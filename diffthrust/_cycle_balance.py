@@ -1,0 +1,172 @@
+"""Harmonic balance of a whole loop around a static element: the cycle beyond its fundamental.
+
+Unknown are the Fourier coefficients of the element's input and the frequency; the fundamental's
+phase is held. The output's coefficients are integrals over pieces between the jumps, bends and
+turns of the input, so that a switching instant is as exact as the series itself.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from diffthrust._nonlinearity import Static
+from diffthrust._oscillation import Harmonics
+from diffthrust._transfer import Transfer
+
+_PIECES = 240
+_POINTS = np.polynomial.legendre.leggauss(3)
+_ITERATIONS = 25
+
+
+def balanced(
+    transfer: Transfer, element: Static, amplitude: float, frequency: float, harmonics: int
+) -> Harmonics | None:
+    """The cycle near a solution of the describing function.
+
+    Args:
+        transfer: the linear part.
+        element: the static element.
+        amplitude: of the fundamental, the first guess.
+        frequency: [rad/s], the first guess.
+        harmonics: the highest harmonic.
+
+    Returns:
+        ``None`` where Newton's method does not converge near the guess.
+    """
+    order = np.arange(1, harmonics + 1, 2) if element.odd else np.arange(harmonics + 1)
+    unknowns = _Unknowns(order, amplitude, frequency)
+    z = unknowns.start()
+    r = _residual(transfer, element, unknowns, z)
+    for _ in range(_ITERATIONS):
+        if not np.isfinite(r).all():
+            return None
+        jacobian = np.empty((r.size, z.size))
+        for i in range(z.size):
+            moved = z.copy()
+            moved[i] += 1e-6
+            jacobian[:, i] = (_residual(transfer, element, unknowns, moved) - r) / 1e-6
+        try:
+            step = np.linalg.solve(jacobian, -r)
+        except np.linalg.LinAlgError:
+            return None
+        step *= min(1.0, 0.3 / max(np.abs(step).max(), 1e-300))
+        z, r, before = _shortened(transfer, element, unknowns, z, r, step)
+        if np.abs(step).max() < 1e-9 or np.abs(r).max() < 1e-11:
+            break
+        if np.abs(r).max() > 0.999 * before and np.abs(r).max() < 1e-7:
+            break
+    e, w = unknowns.taken(z)
+    if np.abs(r).max() > 1e-6 or not 0.5 < w / frequency < 2.0:
+        return None
+    first = int(np.flatnonzero(order == 1)[0])
+    if not 0.3 < abs(e[first]) / amplitude < 3.0:
+        return None
+    return Harmonics(w, order, e, output_of(element, order, e))
+
+
+class _Unknowns:
+    """The coefficients over the first amplitude, and the logarithm of the frequency's change."""
+
+    def __init__(self, order: np.ndarray, amplitude: float, frequency: float) -> None:
+        self.order, self.amplitude, self.frequency = order, amplitude, frequency
+        self.mean = int(order[0] == 0)
+        self.turning = order[self.mean :]
+
+    def start(self) -> np.ndarray:
+        z = np.zeros(self.mean + 2 * self.turning.size)
+        z[self.mean] = 1.0
+        return z
+
+    def taken(self, z: np.ndarray) -> tuple[np.ndarray, float]:
+        """Complex coefficients and frequency; the fundamental's imaginary part gives its place."""
+        m, count = self.mean, self.turning.size
+        imaginary = z[m + count :].copy()
+        log_w, imaginary[0] = imaginary[0], 0.0
+        e = np.concatenate([z[:m] + 0j, z[m : m + count] + 1j * imaginary])
+        return self.amplitude * e, self.frequency * math.exp(log_w)
+
+
+def _shortened(
+    transfer: Transfer,
+    element: Static,
+    unknowns: _Unknowns,
+    z: np.ndarray,
+    r: np.ndarray,
+    step: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """A step as long as it helps."""
+    before = float(np.abs(r).max())
+    share, moved, new = 1.0, z + step, r
+    for _ in range(6):
+        moved = z + share * step
+        new = _residual(transfer, element, unknowns, moved)
+        if np.isfinite(new).all() and np.linalg.norm(new) <= np.linalg.norm(r):
+            break
+        share *= 0.5
+    return moved, new, before
+
+
+def _residual(
+    transfer: Transfer, element: Static, unknowns: _Unknowns, z: np.ndarray
+) -> np.ndarray:
+    e, w = unknowns.taken(z)
+    y = output_of(element, unknowns.order, e)
+    s = 1j * w * unknowns.order
+    num, den = np.polyval(transfer.num, s), np.polyval(transfer.den, s)
+    # at a pole of G (k = 0 with an integrator) the output itself must vanish
+    size = np.maximum(np.abs(den), 1e-9 * np.abs(num))
+    size = np.where(np.abs(den) > 1e-12 * np.abs(num), size, np.abs(num))
+    found = (den * e + num * np.exp(-transfer.delay * s) * y) / size / unknowns.amplitude
+    m = unknowns.mean
+    return np.concatenate([found[:m].real, found[m:].real, found[m:].imag])
+
+
+def output_of(element: Static, order: np.ndarray, e: np.ndarray) -> np.ndarray:
+    """Fourier coefficients of the settled output for those of the input.
+
+    Args:
+        element: the static element.
+        order: the harmonics k, ``(m,)``.
+        e: coefficients of the input, complex ``(m,)``.
+
+    Returns:
+        Coefficients of the output, complex ``(m,)``.
+    """
+
+    def value(angle: np.ndarray) -> np.ndarray:
+        return (np.exp(1j * np.outer(angle, order)) @ e).real
+
+    def slope(angle: np.ndarray) -> np.ndarray:
+        return (np.exp(1j * np.outer(angle, order)) @ (1j * order * e)).real
+
+    grid = np.linspace(0.0, 2.0 * math.pi, _PIECES + 1)
+    at, rising = value(grid), slope(grid)
+    cuts = [_zeros(slope, grid, rising)]
+    cuts += [_zeros(lambda a, b=b: value(a) - b, grid, at - b) for b in element.bends]
+    nodes = np.sort(np.concatenate([grid, *cuts]))
+    half = 0.5 * np.diff(nodes)[:, None]
+    inner = nodes[:-1, None] + half * (1.0 + _POINTS[0])
+    places = np.concatenate([nodes[:-1, None], inner], axis=1).reshape(-1)
+    y = element.over(value(places)).reshape(-1, 1 + _POINTS[0].size)[:, 1:].reshape(-1)
+    weighted = y * (half * _POINTS[1]).reshape(-1)
+    found = weighted @ np.exp(-1j * np.outer(inner.reshape(-1), order)) / math.pi
+    return np.where(order == 0, 0.5 * found, found)
+
+
+def _zeros(function, grid: np.ndarray, values: np.ndarray) -> np.ndarray:  # noqa: ANN001
+    """Where a smooth function changes its sign: by the rule of Illinois, all places at once."""
+    i = np.flatnonzero(values[:-1] * values[1:] < 0)
+    left, right, f, g = grid[i], grid[i + 1], values[i], values[i + 1]
+    for _ in range(8):
+        if not i.size:
+            break
+        middle = right - g * (right - left) / np.where(g == f, 1.0, g - f)
+        h = function(middle)
+        turned = h * g < 0
+        left, f = np.where(turned, right, left), np.where(turned, g, 0.5 * f)
+        right, g = middle, h
+        if np.abs(h).max(initial=0.0) == 0.0:
+            break
+    return right

@@ -1,0 +1,111 @@
+"""A periodic course in numbers: from Fourier coefficients, or measured in a simulated one."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Oscillation:
+    """A periodic signal at the input of the nonlinear element.
+
+    Args:
+        amplitude: of the fundamental.
+        peak: half the distance from the lowest to the highest value.
+        frequency: [rad/s].
+        offset: mean value.
+    """
+
+    amplitude: float
+    peak: float
+    frequency: float
+    offset: float
+
+    @property
+    def period(self) -> float:
+        """Length of a turn [s]."""
+        return 2.0 * math.pi / self.frequency
+
+    def scaled(self, factor: float) -> Oscillation:
+        """The same in another unit."""
+        return Oscillation(
+            factor * self.amplitude, factor * self.peak, self.frequency, factor * self.offset
+        )
+
+
+@dataclass(frozen=True)
+class Harmonics:
+    """Input and output of the element over a period: the real part of sum c_k exp(j k w t).
+
+    Args:
+        frequency: w [rad/s].
+        order: the k, ``(m,)``, rising, with 1 among them.
+        input: coefficients of the input, complex ``(m,)``.
+        output: coefficients of the output, complex ``(m,)``.
+    """
+
+    frequency: float
+    order: np.ndarray
+    input: np.ndarray
+    output: np.ndarray
+
+    def signal(self, coefficients: np.ndarray, time: np.ndarray) -> np.ndarray:
+        """Values at times [s], ``(n,)``."""
+        turn = np.exp(1j * self.frequency * np.outer(time, self.order))
+        return (turn @ coefficients).real
+
+    @property
+    def oscillation(self) -> Oscillation:
+        """The input in numbers."""
+        time = np.linspace(0.0, 2.0 * math.pi / self.frequency, 1024, endpoint=False)
+        e = self.signal(self.input, time)
+        first = int(np.flatnonzero(self.order == 1)[0])
+        offset = float(self.input[0].real) if self.order[0] == 0 else 0.0
+        return Oscillation(
+            float(abs(self.input[first])), 0.5 * float(np.ptp(e)), self.frequency, offset
+        )
+
+
+def measured(time: np.ndarray, e: np.ndarray, turns: int = 4) -> Oscillation | None:
+    """The last turns of a simulated course in numbers.
+
+    Args:
+        time: evenly spaced [s], ``(n,)``.
+        e: the course, ``(n,)``.
+        turns: how many of the last turns to take, if there are as many.
+
+    Returns:
+        ``None`` where the course does not go through its own mean twice or more.
+    """
+    starts = upward(time, e)
+    if starts.size < 2:
+        return None
+    first, last = starts[max(0, starts.size - 1 - turns)], starts[-1]
+    count = min(turns, starts.size - 1)
+    frequency = 2.0 * math.pi * count / (last - first)
+    inside = (time >= first) & (time <= last)
+    fine = np.linspace(first, last, 256 * count, endpoint=False)
+    values = np.interp(fine, time, e)
+    mean = float(values.mean())
+    fundamental = 2.0 * abs(np.mean((values - mean) * np.exp(-1j * frequency * fine)))
+    return Oscillation(float(fundamental), 0.5 * float(np.ptp(e[inside])), frequency, mean)
+
+
+def upward(time: np.ndarray, e: np.ndarray) -> np.ndarray:
+    """Instants [s] at which the course rises through the middle of its last part."""
+    late = e[e.size // 2 :]
+    level = 0.5 * (late.max() + late.min())
+    rises = np.flatnonzero((e[:-1] < level) & (e[1:] >= level))
+    share = (level - e[rises]) / (e[rises + 1] - e[rises])
+    return time[rises] + share * (time[rises + 1] - time[rises])
+
+
+def envelope(time: np.ndarray, e: np.ndarray, period: float) -> np.ndarray:
+    """Half the height of the course in each stretch of one period [s], ``(periods,)``."""
+    width = max(2, round(period / (time[1] - time[0])))
+    count = e.size // width
+    pieces = e[: count * width].reshape(count, width)
+    return 0.5 * np.ptp(pieces, axis=1)
