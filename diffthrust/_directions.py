@@ -127,8 +127,8 @@ class Directions:
 def directions(fit: Fit, logs: Log | Sequence[Log]) -> Directions:
     """Eigen-directions of the information that the logs hold about the parameters.
 
-    In the fit's coordinates, so that a change of a "log" parameter is relative to its value, and
-    that of a "linear" one to its typical size (`Parameter.scale`). Initial states and the
+    Changes are relative to the values (to the standard error where a value is smaller than that).
+    Initial states and the
     parameters of the noise go to their best. The information is that of the fit's likelihood:
     with correlated residuals taken as white, all directions are less well known than told.
 
@@ -163,22 +163,27 @@ def directions_of(problem: Problem, z: np.ndarray) -> Directions:
     # whether a direction is known at all must not depend on units: judged where all lengths are one
     _, left = _marginal(gradient / length, scaled, inside, beside)
     nothing = RANK_LIMIT * max(np.linalg.eigvalsh(left).max(initial=0.0), 1e-300)
-    values, vectors = np.linalg.eigh(left * np.outer(length[inside], length[inside]))
+    names, slopes = [problem.own[i] for i in inside], problem.slopes(z)[inside]
+    length, values = length[inside], problem.values(z)
+    error = np.sqrt(np.diagonal(np.linalg.pinv(left, RANK_LIMIT, hermitian=True))) * slopes / length
+    whole = np.maximum(np.abs([values[n] for n in names]), error)
+    whole = np.where(whole > 0, whole, slopes)
+    unit = whole / slopes  # coordinates in a relative change of one
+    length = length * unit
+    values, vectors = np.linalg.eigh(left * np.outer(length, length))
     samples = float(np.sum(problem.arrays["counts"]))
     wide = _inflation(problem, samples, inside.size + beside.size)
-    slopes = problem.slopes(z)[inside]
     found = []
     for value, vector in zip(values[::-1], vectors.T[::-1], strict=True):
         # along the vector the scaled information is this small where nothing is known
-        known = value > nothing * float(np.sum((vector * length[inside]) ** 2))
+        known = value > nothing * float(np.sum((vector * length) ** 2))
         error = math.sqrt(wide / value) if known else math.inf
         sign = 1.0 if vector[np.argmax(np.abs(vector))] > 0 else -1.0
         step = sign * vector * (error if known else 0.01)
-        names = [problem.own[i] for i in inside]
         found.append(
             Direction(
                 error,
-                dict(zip(names, map(float, step * slopes), strict=True)),
+                dict(zip(names, map(float, step * unit * slopes), strict=True)),
                 dict(zip(names, map(float, step), strict=True)),
             )
         )

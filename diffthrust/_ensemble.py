@@ -115,8 +115,8 @@ class _Driven(Correction):
     """An observer run forward: what stands for the measurements are the errors themselves."""
 
     def error(self, channel: str, modelled: Any, measured: Any, colour: Any) -> Any:
-        """The error that was drawn."""
-        return measured
+        """The error that was drawn; between samples there is none."""
+        return jnp.where(jnp.isnan(measured), 0.0, measured)
 
 
 @partial(jax.jit, static_argnums=(0, 1, 2))

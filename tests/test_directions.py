@@ -72,3 +72,16 @@ def test_a_parameter_at_a_bound_takes_no_part():
     assert len(found) == 2
     assert "held at a bound: alpha" in found.sentences
     assert set(TRUE) - {"alpha"} == set(found[0].changes)
+
+
+def test_a_linear_parameter_changes_relative_to_its_value_too():
+    clean = made_log(seed=8)
+    damped = MODEL + dft.effects.LinearDamping(rate=2.0)
+    made = dft.simulate(damped, clean)
+    noise = np.random.default_rng(8).normal(0.0, 0.3, (2, clean.time.size))
+    measured = {n: made[n] + rest for n, rest in zip(("speed", "thrust"), noise, strict=True)}
+    log = dft.Log(time=clean.time, inputs=dict(clean.inputs), measured=measured)
+    fit = dft.fit(damped, log, starts=1)
+    value = np.array([fit.parameters[n].value for n in fit.free])
+    expected = np.sqrt(np.linalg.eigvalsh(fit.covariance / np.outer(value, value)))
+    np.testing.assert_allclose([d.std_error for d in directions(fit, log)], expected, rtol=1e-6)

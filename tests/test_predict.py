@@ -126,6 +126,9 @@ def test_random_forces_of_an_innovations_fit_are_in_its_band():
     assert predictions[0].random_forces
     legend = predictions[0].plot().legends[0]
     assert "random forces" in legend.get_texts()[0].get_text()
+    # errors are drawn at the samples, not at the integrator's steps between them
+    finer = predict(replace(whole, substeps=2), runs[0], draws=100)
+    assert finer.coverage["speed"] == pytest.approx(predictions[0].coverage["speed"], abs=0.05)
     # the errors of one step say nothing of a whole run
     short = predict(replace(whole, likelihood="simulation"), runs[0])
     assert short.coverage["speed"] < 0.5
