@@ -65,6 +65,20 @@ def test_uncertainty(tmp_path):
         figure(tmp_path, f"jason_{name}.png")
 
 
+@pytest.mark.slow
+def test_uncertainty_measured(tmp_path):
+    data_folder("ngs_thruster")
+    data_folder("esso_osaka")
+    text = " ".join(run("uncertainty_measured", tmp_path).split())
+    for name, channels, runs in (("ngs", "speed thrust", 6), ("esso", "surge sway yaw_rate", 2)):
+        told = re.findall(rf"{name}, unseen: \S+ the 95 % band holds ([^.]+)\.", text)
+        assert len(told) == runs
+        assert all(channel in sentence for channel in channels.split() for sentence in told)
+        figure(tmp_path, f"{name}_band.png")
+        figure(tmp_path, f"{name}_corner.png")
+    assert "take the sandwich" in text  # their residuals last, and the table says so
+
+
 def test_own_model(tmp_path):
     data_folder("emps")
     text = run("own_model", tmp_path)
@@ -152,7 +166,15 @@ def test_esso_osaka(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "name", ["own_model", "ngs_thruster", "open_loop_thrust", "blueboat", "esso_osaka"]
+    "name",
+    [
+        "own_model",
+        "ngs_thruster",
+        "open_loop_thrust",
+        "blueboat",
+        "esso_osaka",
+        "uncertainty_measured",
+    ],
 )
 def test_absent_logs_end_in_one_sentence(name, tmp_path):
     text = run(name, tmp_path, DIFFTHRUST_DATA=str(tmp_path / "nowhere"))
