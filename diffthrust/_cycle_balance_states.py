@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from diffthrust._dynamic_element import ModelElement, plain_rate, settled
+from diffthrust._dynamic_element import ModelElement, plain_rate
 from diffthrust._integrate import integrate
 from diffthrust._oscillation import Harmonics
 from diffthrust._transfer import Transfer
@@ -34,8 +34,8 @@ def balanced_states(
         The cycle and the coefficients of the model's states, complex ``(states, harmonics + 1)``;
         ``None`` where Newton's method does not converge near the guess.
     """
-    found, start = settled(element, np.array([amplitude]), np.array([frequency]))
-    if np.isnan(found[0]):
+    start = element.begin(amplitude, frequency)
+    if not np.isfinite(start).all():
         return None
     order = np.arange(harmonics + 1)
     width = max(9, transfer.den.size)  # one compilation for all loops of usual order
@@ -49,7 +49,7 @@ def balanced_states(
         transfer.delay,
         amplitude,
         frequency,
-        jnp.asarray(start[0]),
+        jnp.asarray(start),
     )
     z, w = np.asarray(z), float(w)
     if not (np.isfinite(z).all() and float(worst) < 1e-7 and 0.5 < w / frequency < 2.0):
@@ -118,7 +118,7 @@ def _solved(
     path = _course(element, values, amplitude, frequency, start, points)
     guess = jnp.stack([analysed(path[name]) for name in names])
     guess = guess * jnp.exp(0.5 * math.pi * jay)[None, :]
-    first = jnp.zeros((1, count), complex).at[0, 1].set(amplitude)
+    first = jnp.zeros((1, count), complex).at[0, 1].set(jnp.asarray(amplitude).astype(complex))
     c = jnp.concatenate([first, guess])
     sizes = jnp.maximum(jnp.abs(c).max(axis=1), 1e-300)
     c = c / sizes[:, None].astype(complex)

@@ -13,7 +13,7 @@ import numpy as np
 from diffthrust._nonlinearity import Nonlinearity, Static
 from diffthrust._transfer import Transfer
 
-_FINE, _COARSE = (320, 400), (48, 48)
+_FINE, _COARSE = (320, 400), (32, 32)
 _SAME = 1e-4
 _STENCIL = 1e-4
 

@@ -22,6 +22,8 @@ from diffthrust._simulate import equations_of
 _STEPS = 192
 """Steps per period while a describing function is mapped."""
 _SHOTS = 12
+_PORTIONS = (8, 64, 1024)
+"""Points of one call: a few sizes, each compiled once."""
 
 
 class ModelElement(Nonlinearity):
@@ -124,6 +126,10 @@ class ModelElement(Nonlinearity):
         found, _ = settled(self, a.reshape(-1), w.reshape(-1))
         return found.reshape(a.shape)
 
+    def begin(self, amplitude: float, frequency: float) -> np.ndarray:
+        """States at the start of a settled period, ``(states,)``; NaN where none was found."""
+        return settled(self, np.array([amplitude]), np.array([frequency]))[1][0]
+
     def quasi_linear(self, amplitude: float, frequency: float) -> tuple[np.ndarray, np.ndarray]:
         """A gain with a first-order lag, as in Yoerger et al. 1990, where the phase allows it."""
         n = complex(self.describing(amplitude, frequency))
@@ -177,11 +183,13 @@ def settled(
         left = np.flatnonzero(np.isnan(found))
         if not left.size:
             break
-        size = 1 << (left.size - 1).bit_length()  # few sizes, few compilations
-        taken = np.resize(left, size)
-        n, x = _shoot(element, steps, element.values, amplitude[taken], frequency[taken])
-        found[left] = np.asarray(n)[: left.size]
-        start[left] = np.asarray(x)[: left.size]
+        size = next((n for n in _PORTIONS if n >= left.size), _PORTIONS[-1])
+        for first in range(0, left.size, size):
+            part = left[first : first + size]
+            taken = np.resize(part, size)
+            n, x = _shoot(element, steps, element.values, amplitude[taken], frequency[taken])
+            found[part] = np.asarray(n)[: part.size]
+            start[part] = np.asarray(x)[: part.size]
     return found, start
 
 

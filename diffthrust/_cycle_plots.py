@@ -1,0 +1,103 @@
+"""Figure of a loop's limit cycles: G(jw) against -1/N(A, w)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from diffthrust._nonlinearity import Static
+from diffthrust._plots import BLUE, VERMILLION, literal, styled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from diffthrust._limit_cycle_result import LimitCycles
+
+_MARKS = {"stable": ("o", "black"), "unstable": ("o", "white"), "undecided": ("D", "0.7")}
+
+
+def nyquist_figure(found: LimitCycles) -> Figure:
+    """The polar plot of the linear part and of the element, their crossings labelled.
+
+    The window is laid around the crossings, or without any around the place where the two come
+    nearest; parts of the curves far outside are not drawn.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.4, 6.4), layout="constrained")
+    axes = figure.add_subplot()
+    transfer, element = found.transfer, found.element
+    w = np.geomspace(*found.frequencies, 4000)
+    a = np.geomspace(*found.amplitudes, 400 if not isinstance(element, Static) else 2000)
+    if isinstance(element, Static) and element.scale:
+        a = np.unique(np.concatenate([a, element.least + element.scale * np.geomspace(1e-6, 50)]))
+    places = [complex(transfer(1j * c.frequency)) for c in found]
+    if not places:
+        places = [complex(transfer(1j * found.nearest[2]))]
+    radius = 2.5 * max(max(abs(p) for p in places), 1e-12)
+    _drawn(axes, transfer(1j * w), radius, BLUE, "G(jw)", "-")
+    frequencies = list(dict.fromkeys(c.frequency for c in found)) or [found.nearest[2]]
+    for i, frequency in enumerate(frequencies[:1] if isinstance(element, Static) else frequencies):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            curve = -1.0 / element.describing(a, frequency)
+        label = "-1/N(A)" if isinstance(element, Static) else f"-1/N(A, {frequency:.3g} rad/s)"
+        _drawn(axes, curve, radius, VERMILLION, label, ("-", "--", ":", "-.")[i % 4])
+    for number, (c, place) in enumerate(zip(found, places, strict=False), 1):
+        mark, face = _MARKS[c.verdict]
+        axes.plot(
+            [place.real], [place.imag], mark, color="black", markerfacecolor=face, markersize=7,
+            zorder=4,
+        )  # fmt: skip
+        best = c.best
+        axes.annotate(
+            f"{number}. {c.verdict}\namplitude {best.amplitude:.4g}{found.unit}\n"
+            f"{best.frequency:.4g} rad/s",
+            (place.real, place.imag),
+            xytext=(12, 14 if number % 2 else -42),
+            textcoords="offset points",
+            fontsize=8.5,
+            arrowprops={"arrowstyle": "-", "color": "0.4", "linewidth": 0.7},
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0},
+            zorder=5,
+        )
+    axes.axhline(0.0, color="0.5", linewidth=0.7, zorder=0)
+    axes.axvline(0.0, color="0.5", linewidth=0.7, zorder=0)
+    title = f"G = {transfer}\nN: {literal(str(element))}"
+    styled(axes, title, "real part", "imaginary part")
+    axes.set_xlim(-radius, 0.6 * radius)
+    axes.set_ylim(-0.8 * radius, 0.8 * radius)
+    axes.set_aspect("equal")
+    axes.legend(loc="lower right", frameon=False, fontsize=9)
+    if not len(found):
+        axes.text(
+            0.02, 0.98, "no limit cycle in the range", transform=axes.transAxes, va="top",
+            fontsize=10,
+        )  # fmt: skip
+    return figure
+
+
+def _drawn(
+    axes: Axes, curve: np.ndarray, radius: float, colour: str, label: str, style: str
+) -> None:
+    """A curve where it is finite and not far outside the window, an arrow in its direction."""
+    near = np.isfinite(curve) & (np.abs(curve) < 4.0 * radius)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
+    named = False
+    for first, last in zip(edges[::2], edges[1::2], strict=True):
+        z = curve[first:last]
+        axes.plot(
+            z.real, z.imag, style, color=colour, linewidth=1.5, label="" if named else label
+        )
+        named = True
+        inside = np.flatnonzero(np.abs(z) < 0.9 * radius)
+        if inside.size > 4:
+            length = np.cumsum(np.abs(np.diff(z[inside], prepend=z[inside[0]])))
+            k = int(inside[np.searchsorted(length, 0.6 * length[-1])])
+            k = min(max(k, 1), z.size - 1)
+            if abs(z[k] - z[k - 1]) > 1e-12 * radius:
+                axes.annotate(
+                    "", (z[k].real, z[k].imag), (z[k - 1].real, z[k - 1].imag),
+                    arrowprops={"arrowstyle": "-|>", "color": colour, "mutation_scale": 16},
+                )  # fmt: skip

@@ -1,0 +1,161 @@
+"""Figure of the closed loop's poles as the amplitude grows (Yoerger et al. 1990, figure 13)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from diffthrust._cycle_search import grid_of, loop_poles
+from diffthrust._errors import InputError
+from diffthrust._limit_cycle import _range, element_of
+from diffthrust._nonlinearity import Nonlinearity
+from diffthrust._plots import literal, styled
+from diffthrust._transfer import Transfer, transfer_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_COUNT = 90
+
+
+def plot_pole_motion(linear: Any, nonlinearity: Any, *, amplitudes: Any = None) -> Figure:
+    """The root locus of the quasi-linear loop over the amplitude at the element's input.
+
+    Where the poles cross to the left as the amplitude grows, an oscillation that is too small
+    grows and one that is too large shrinks: a stable limit cycle. A model's lag is taken at the
+    frequency of the oscillating pair itself.
+
+    Args:
+        linear: G(s) as for `limit_cycles`.
+        nonlinearity: the element, model or fit, as for `limit_cycles`.
+        amplitudes: lowest and highest, or a rising grid; as for `limit_cycles`.
+
+    Raises:
+        InputError: as for `limit_cycles`, or no poles at any amplitude.
+
+    Source: Yoerger, Cooke & Slotine 1990, figure 13.
+
+    Example:
+        >>> plot_pole_motion(([2.0], [1, 3, 2, 0]), Saturation(1.0)).savefig("poles.png")
+    """
+    transfer, element = transfer_of(linear), element_of(nonlinearity)
+    given = _range("amplitudes", amplitudes, element.least)
+    if given is None:
+        a, _ = grid_of(transfer, element, None, None)
+        scale = element.scale
+        ends = (a[0], a[-1]) if scale is None else (element.least + 1e-3 * scale, 100.0 * scale)
+    else:
+        ends = (given[0], given[-1])
+    label = f"amplitude [{element}]" if False else "amplitude"
+    return pole_figure(transfer, element, (float(ends[0]), float(ends[1])), label=label)
+
+
+def pole_path(
+    transfer: Transfer, element: Nonlinearity, amplitudes: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Poles of the quasi-linear loop at amplitudes where there is a describing function.
+
+    Returns:
+        Amplitudes ``(m,)`` and poles [1/s], complex ``(m, n)``.
+    """
+    kept, rows = [], []
+    w = float(np.sqrt(transfer.corners[0] * transfer.corners[-1]))
+    for a in amplitudes:
+        poles = np.empty(0, complex)
+        for _ in range(6):  # the lag depends on the frequency of the pair that it moves
+            if not np.isfinite(complex(element.describing(a, w))):
+                break
+            poles = loop_poles(transfer, element, float(a), w)
+            turning = poles[poles.imag > 1e-6 * np.abs(poles)]
+            if not turning.size:
+                break
+            new = float(turning[int(np.argmax(turning.real))].imag)
+            if abs(new - w) < 1e-9 * w:
+                break
+            w = new
+        if poles.size and np.isfinite(poles).all():
+            kept.append(float(a))
+            rows.append(poles)
+    most = max((row.size for row in rows), default=0)
+    alike = [i for i, row in enumerate(rows) if row.size == most]
+    if not alike:
+        raise InputError(
+            "The quasi-linear loop has no poles at these amplitudes.",
+            "Choose amplitudes at which the element has an output.",
+        )
+    return np.array([kept[i] for i in alike]), np.array([rows[i] for i in alike])
+
+
+def pole_figure(
+    transfer: Transfer,
+    element: Nonlinearity,
+    ends: tuple[float, float],
+    *,
+    factor: float = 1.0,
+    label: str = "amplitude",
+) -> Figure:
+    """The figure; amplitudes are shown times ``factor``."""
+    from matplotlib.colors import LogNorm
+    from matplotlib.figure import Figure
+
+    a, poles = pole_path(transfer, element, np.geomspace(*ends, _COUNT))
+    figure = Figure(figsize=(7.6, 5.6), layout="constrained")
+    axes = figure.add_subplot()
+    reach = _window(transfer, poles)
+    near = np.abs(poles) <= 3.0 * reach
+    norm = LogNorm(factor * a[0], factor * a[-1])
+    colours = np.broadcast_to(factor * a[:, None], poles.shape)[near]
+    shown = axes.scatter(
+        poles[near].real, poles[near].imag, c=colours, norm=norm, cmap="viridis", s=13, zorder=3
+    )
+    figure.colorbar(shown, ax=axes, label=label, shrink=0.85)
+    for amplitude, w, to_left in axis_crossings(a, poles):
+        word = "stable" if to_left else "unstable"
+        axes.plot([0, 0], [w, -w], "o", color="black", markersize=8, markerfacecolor="none")
+        axes.annotate(
+            f"{word} cycle: {factor * amplitude:.4g}\nat {w:.4g} rad/s",
+            (0.0, w),
+            xytext=(14, 10),
+            textcoords="offset points",
+            fontsize=8.5,
+            arrowprops={"arrowstyle": "-", "color": "0.4", "linewidth": 0.7},
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0},
+        )
+    axes.axvline(0.0, color="0.3", linewidth=1.0, zorder=1)
+    axes.axhline(0.0, color="0.7", linewidth=0.7, zorder=1)
+    title = f"Poles of the quasi-linear loop\n{literal(str(element))}"
+    styled(axes, title, "real part [1/s]", "imaginary part [rad/s]")
+    axes.set_xlim(-1.3 * reach, 1.0 * reach)
+    axes.set_ylim(-1.2 * reach, 1.2 * reach)
+    return figure
+
+
+def axis_crossings(a: np.ndarray, poles: np.ndarray) -> list[tuple[float, float, bool]]:
+    """Where a pair crosses the imaginary axis: amplitude, frequency, and whether to the left.
+
+    Args:
+        a: amplitudes, ``(m,)``.
+        poles: complex ``(m, n)``.
+    """
+    found = []
+    upper = np.where(poles.imag > 1e-6 * np.abs(poles), poles, -np.inf)
+    best = np.argmax(upper.real, axis=1)
+    pair = upper[np.arange(a.size), best]
+    for i in range(a.size - 1):
+        one, two = pair[i], pair[i + 1]
+        if np.isfinite(one.real) and np.isfinite(two.real) and one.real * two.real < 0:
+            share = one.real / (one.real - two.real)
+            amplitude = a[i] * (a[i + 1] / a[i]) ** share
+            w = one.imag + share * (two.imag - one.imag)
+            found.append((float(amplitude), float(w), bool(two.real < 0)))
+    return found
+
+
+def _window(transfer: Transfer, poles: np.ndarray) -> float:
+    """How far from the origin the interesting part reaches: around the crossings, or the corners."""
+    pair = poles[np.abs(poles.imag) > 1e-6 * np.abs(poles)]
+    near = pair[np.abs(pair.real) < 0.3 * np.abs(pair)]
+    if near.size:
+        return 1.8 * float(np.median(np.abs(near)))
+    return 2.0 * float(transfer.corners[-1])
