@@ -94,7 +94,7 @@ class Limited:
 Fault = Change | Stuck | Limited
 
 
-def duct_obstruction(at: float, load: float = 1.5, thrust: float = 0.7) -> Change:
+def duct_obstruction(at: float, load: float = 2.0, thrust: float = 0.9) -> Change:
     """Something blocks the duct: the shaft is loaded more, and gives less thrust at a speed.
 
     Args:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from diffthrust._plots import BLUE, GREY, VERMILLION, styled, thinned
 from diffthrust.control._faults import Change
 
@@ -28,11 +30,12 @@ def run_figure(run: LoopRun) -> Figure:
     panels = [(of, ("reference", of)), ("error", ("error",))]
     if "wanted_thrust" in run.signals:
         panels.append(("thrust", ("wanted_thrust", "thrust")))
-    panels.append(("command", ("command", "motor_command")))
+    same = np.array_equal(run["command"], run["motor_command"])
+    panels.append(("command", ("command",) if same else ("command", "motor_command")))
     if of != "speed" and "speed" in run.signals:
         panels.append(("speed", ("compensator.wanted_speed", "speed")))
     panels += [(name.removeprefix("compensator."), (name,)) for name in estimates]
-    figure = Figure(figsize=(8.0, 0.8 + 1.8 * len(panels)), layout="constrained")
+    figure = Figure(figsize=(8.0, 0.8 + 1.9 * len(panels)), layout="constrained")
     rows = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (label, names) in zip(rows, panels, strict=True):
         _draw(axes, run, label, tuple(name for name in names if name in run.signals))
@@ -50,15 +53,19 @@ def run_figure(run: LoopRun) -> Figure:
 def _draw(axes: Axes, run: LoopRun, label: str, names: tuple[str, ...]) -> None:
     styles = (_WIDE, _THIN) if len(names) == 2 else (_OTHER,)
     for name, style in zip(names, styles, strict=True):
-        axes.plot(*thinned(run.time, run[name]), label=name.replace("_", " "), **style)
+        axes.plot(
+            *thinned(run.time, run[name]),
+            label=name.removeprefix("compensator.").replace("_", " "),
+            **style,
+        )
     for fault in run.loop.faults:  # pyright: ignore[reportGeneralTypeIssues]
         if fault.at <= run.time[-1]:
             axes.axvline(fault.at, color="0.4", linewidth=0.8, linestyle=":")
             if label == run.loop.controller.of:
                 word = "change" if isinstance(fault, Change) else type(fault).__name__.lower()
-                axes.annotate(f" {word}", (fault.at, 1.0), xycoords=("data", "axes fraction"),
+                axes.annotate(f" {word}", (fault.at, 0.97), xycoords=("data", "axes fraction"),
                               va="top", fontsize=8, color="0.4")  # fmt: skip
     unit = run.units[names[-1]]
     styled(axes, "", "", f"{label.replace('_', ' ')}" + (f"\n[{unit}]" if unit else ""))
     if len(names) == 2:
-        axes.legend(loc="upper right", fontsize=8, frameon=False, ncols=2)
+        axes.legend(loc="lower right", bbox_to_anchor=(1, 1), fontsize=8, frameon=False, ncols=2)

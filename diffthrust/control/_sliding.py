@@ -28,7 +28,7 @@ class Sliding(Compensator):
     Source: Yoerger, Cooke & Slotine 1990, section V D.
 
     Example:
-        >>> sliding = dft.control.Sliding.of(dft.Thruster(), gain=2.0, width=4.0)
+        >>> sliding = dft.control.Sliding.of(dft.Thruster(), gain=3.0, width=4.0)
     """
 
     reads = ("speed",)
@@ -42,7 +42,7 @@ class Sliding(Compensator):
     load: float = parameter(0.037 / 42.0, "V s^2/rad^2", bounds=(0, None), transform="linear")
     inertia: float = parameter(1.0 / 42.0, "V s^2/rad", bounds=(0, None), transform="linear")
     thrust_coefficient: float = parameter(0.019, "N s^2/rad^2", bounds=(0, None), fixed=True)
-    gain: float = parameter(2.0, "V", bounds=(0, None))
+    gain: float = parameter(3.0, "V", bounds=(0, None))
     width: float = parameter(4.0, "rad/s", bounds=(0, None))
     floor: float = parameter(1.0, "N", bounds=(0, None), fixed=True)
     smoothing: float = parameter(
@@ -101,8 +101,8 @@ class AdaptiveSliding(Sliding):
 
     load: float = parameter(0.0, "V s^2/rad^2", bounds=(0, None), size=1e-3)
     inertia: float = parameter(0.0, "V s^2/rad", bounds=(0, None), size=0.02)
-    load_rate: float = parameter(1e-9, "V s^4/rad^5", bounds=(0, None), transform="log")
-    inertia_rate: float = parameter(1e-6, "V s^4/rad^3", bounds=(0, None), transform="log")
+    load_rate: float = parameter(2e-9, "V s^4/rad^5", bounds=(0, None), transform="log")
+    inertia_rate: float = parameter(5e-6, "V s^4/rad^3", bounds=(0, None), transform="log")
 
     def start(self) -> Kept:
         """The estimates with which the run begins."""
