@@ -46,6 +46,8 @@ WORSE = 3.0
 """A noise that costs the unseen logs more log-likelihood than this (odds of 20 to 1) is no better
 one. An effect is refused whose gain is no longer worth its price when that cost is taken from it:
 of training and unseen logs neither speaks louder than its likelihood."""
+GONE = 1e-2
+"""A positive parameter below this share of what simulations say is as good as zero."""
 POOR = 0.5
 """With a larger error of whole training runs (NRMSE) the fit may have gone astray."""
 PART = 0.3
@@ -254,9 +256,7 @@ class Stages:
 
         found = []
         levels = self.trials.levels(self.present)
-        astray = self.guess and self.stages[-1].train.nrmse > POOR
-        given = self.guess if astray else None
-        screen = screened(self.trials, names, self.present, levels, say, given)
+        screen = screened(self.trials, names, self.present, levels, say, self._other_values())
         for name, trial in screen.items():
             # what gains so much, the other parameters cannot do from where they are
             gains = self.present.cost - trial.cost > PLAIN
@@ -275,6 +275,20 @@ class Stages:
             return self._rated(number, trial, leading)
 
         return list(zip(side_by_side(rated, ended), ended, strict=True))
+
+    def _other_values(self) -> Mapping[str, float] | None:
+        """Values to try effects with besides the present ones, which may have gone astray.
+
+        Where whole runs fail the search's own; where the observer explains all by random forces,
+        and the model is left with nothing to do, those of the simulation.
+        """
+        stage = self.stages[-1]
+        if self.guess and stage.train.nrmse > POOR:
+            return self.guess
+        fitted = {n: p.value for n, p in stage.fit.model.parameters.items() if not p.fixed}
+        logs = [n for n in self.trials.own if self.trials.problem.named[n].transform == "log"]
+        gone = any(self.present.values[n] < GONE * fitted[n] for n in logs if n in fitted)
+        return fitted if gone else None
 
     def _rated(self, number: int, trial: Trial, leading: float) -> Candidate:
         """What is told of a trial; its noises are priced where that may make it the best."""

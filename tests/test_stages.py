@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+import diffthrust as dft
 from diffthrust._stages import PLAIN, SCREENS, Stages
 
 
@@ -69,3 +70,24 @@ def test_it_is_carried_to_the_end_where_the_loss_may_be_small():
 
 def test_it_is_not_where_it_has_come_to_its_end():
     assert without(loss=3.0, promise=0.0) == [12]
+
+
+def other_values(nrmse, beta, guess):
+    """What effects are tried with where the trials have come to some ``beta``; 42 in the fit."""
+    model = dft.Thruster(beta=42.0).fix("ct")
+    stages = Stages((), (), 0, lambda *_: None, guess=guess)
+    fit = SimpleNamespace(model=model)
+    stages.stages = [SimpleNamespace(fit=fit, train=SimpleNamespace(nrmse=nrmse))]
+    problem = SimpleNamespace(named=model.parameters)
+    stages.trials = SimpleNamespace(own=("alpha", "beta"), problem=problem)
+    stages.present = SimpleNamespace(values={"alpha": 0.037, "beta": beta})
+    return stages._other_values()
+
+
+def test_effects_are_tried_with_other_values_where_the_model_has_gone_astray():
+    guess = {"alpha": 1.0, "beta": 1.0}
+    assert other_values(0.2, 30.0, guess) is None
+    assert other_values(0.8, 30.0, guess) == guess
+    # an observer that explains all by random forces leaves the model nothing to do
+    assert other_values(0.2, 1e-6, guess) == {"alpha": 0.037, "beta": 42.0}
+    assert other_values(0.8, 1e-6, {}) == {"alpha": 0.037, "beta": 42.0}
