@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from diffthrust._limit_cycle_result import LimitCycles
+    from diffthrust._transfer import Transfer
 
 _MARKS = {"stable": ("o", "black"), "unstable": ("o", "white"), "undecided": ("D", "0.7")}
 
@@ -55,7 +56,7 @@ def nyquist_figure(found: LimitCycles) -> Figure:
             f"{number}. {c.verdict}\namplitude {best.amplitude:.4g}{found.unit}\n"
             f"{best.frequency:.4g} rad/s",
             (place.real, place.imag),
-            xytext=(12, 14 if number % 2 else -42),
+            xytext=(12, _clear_side(transfer, c.frequency)),
             textcoords="offset points",
             fontsize=8.5,
             arrowprops={"arrowstyle": "-", "color": "0.4", "linewidth": 0.7},
@@ -66,8 +67,11 @@ def nyquist_figure(found: LimitCycles) -> Figure:
     axes.axvline(0.0, color="0.5", linewidth=0.7, zorder=0)
     title = f"G = {transfer}\nN: {literal(str(element))}"
     styled(axes, title, "real part", "imaginary part")
-    axes.set_xlim(-radius, 0.6 * radius)
-    axes.set_ylim(-0.8 * radius, 0.8 * radius)
+    for limits, parts in (
+        (axes.set_xlim, [p.real for p in places]),
+        (axes.set_ylim, [p.imag for p in places]),
+    ):
+        limits(min(0.0, *parts, 0.0) - 0.5 * radius, max(0.0, *parts, 0.0) + 0.5 * radius)
     axes.set_aspect("equal")
     axes.legend(loc="lower right", frameon=False, fontsize=9)
     if not len(found):
@@ -76,6 +80,12 @@ def nyquist_figure(found: LimitCycles) -> Figure:
             fontsize=10,
         )  # fmt: skip
     return figure
+
+
+def _clear_side(transfer: Transfer, w: float) -> int:
+    """Height of a label [points] that keeps off G's curve: below where that rises to the right."""
+    ahead = complex(transfer(1.001j * w) - transfer(1j * w))
+    return -46 if ahead.real * ahead.imag > 0 else 14
 
 
 def _drawn(
@@ -87,9 +97,7 @@ def _drawn(
     named = False
     for first, last in zip(edges[::2], edges[1::2], strict=True):
         z = curve[first:last]
-        axes.plot(
-            z.real, z.imag, style, color=colour, linewidth=1.5, label="" if named else label
-        )
+        axes.plot(z.real, z.imag, style, color=colour, linewidth=1.5, label="" if named else label)
         named = True
         inside = np.flatnonzero(np.abs(z) < 0.9 * radius)
         if inside.size > 4:

@@ -165,9 +165,7 @@ def _polished(
     return (a, w) if abs(f) < 1e-6 else None
 
 
-def stability(
-    transfer: Transfer, element: Nonlinearity, a: float, w: float
-) -> tuple[float, float]:
+def stability(transfer: Transfer, element: Nonlinearity, a: float, w: float) -> tuple[float, float]:
     """Growth of a deviation, and the other poles of the quasi-linear loop.
 
     The oscillation exp((s + jw) t) of a slightly larger one solves the balance with a shifted

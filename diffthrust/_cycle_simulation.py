@@ -64,8 +64,8 @@ def simulated(
         pending.append((first, last))
     x = factor * states_on(transfer, cycle)
     limit = BEYOND * max(cycle.oscillation.peak, float(np.abs(past).max()))
-    return _march(transfer, element, step, x, memory, pending, limit, round(periods * wait
-                  * STEPS / step))  # fmt: skip
+    count = round(periods * cycle.oscillation.period / step)
+    return _march(transfer, element, step, x, memory, pending, limit, count)
 
 
 def _march(
@@ -98,7 +98,7 @@ def _march(
         else:
             after = -(free + (by_first + by_last) * last)  # as if the output stayed
             for _ in range(3):  # a jump or bend within the step moves the end of the step
-                first, end, remembered = element.passage(now, after, memory)
+                first, end, _ = element.passage(now, after, memory)
                 after = -(free + by_first * first + by_last * end)
             first, last, memory = element.passage(now, after, memory)
             y[k + 1] = last

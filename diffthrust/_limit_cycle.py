@@ -71,8 +71,8 @@ def limit_cycles(
     a, w = grid_of(
         transfer,
         element,
-        _range("amplitudes", amplitudes, element.least),
-        _range("frequencies", frequencies, 0.0),
+        range_of("amplitudes", amplitudes, element.least),
+        range_of("frequencies", frequencies, 0.0),
     )
     found, f = crossings(transfer, element, a, w)
     cycles = tuple(_followed(transfer, element, c, high, verify) for c in found)
@@ -163,7 +163,12 @@ def _harmonics(harmonics: Any, element: Nonlinearity) -> int:
     return harmonics
 
 
-def _range(what: str, given: Any, least: float) -> np.ndarray | None:
+def range_of(what: str, given: Any, least: float) -> np.ndarray | None:
+    """A range or grid as given, cut where the element begins to have an output.
+
+    Raises:
+        InputError: it is not positive and rising, or ends below that.
+    """
     if given is None:
         return None
     try:

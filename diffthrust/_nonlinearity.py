@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -119,7 +120,7 @@ class Static(Nonlinearity):
             return self.at(before + tiny), self.at(after - tiny), memory
         ends = [0.0, *sorted(cuts), 1.0]
         pieces = []
-        for s, t in zip(ends[:-1], ends[1:], strict=True):
+        for s, t in pairwise(ends):
             inward = _NUDGE * (t - s)
             first, last = before + (s + inward) * rise, before + (t - inward) * rise
             pieces.append((s, t, self.at(first), self.at(last)))

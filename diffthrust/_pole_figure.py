@@ -8,7 +8,7 @@ import numpy as np
 
 from diffthrust._cycle_search import grid_of, loop_poles
 from diffthrust._errors import InputError
-from diffthrust._limit_cycle import _range, element_of
+from diffthrust._limit_cycle import element_of, range_of
 from diffthrust._nonlinearity import Nonlinearity
 from diffthrust._plots import literal, styled
 from diffthrust._transfer import Transfer, transfer_of
@@ -40,15 +40,14 @@ def plot_pole_motion(linear: Any, nonlinearity: Any, *, amplitudes: Any = None) 
         >>> plot_pole_motion(([2.0], [1, 3, 2, 0]), Saturation(1.0)).savefig("poles.png")
     """
     transfer, element = transfer_of(linear), element_of(nonlinearity)
-    given = _range("amplitudes", amplitudes, element.least)
+    given = range_of("amplitudes", amplitudes, element.least)
     if given is None:
         a, _ = grid_of(transfer, element, None, None)
         scale = element.scale
         ends = (a[0], a[-1]) if scale is None else (element.least + 1e-3 * scale, 100.0 * scale)
     else:
         ends = (given[0], given[-1])
-    label = f"amplitude [{element}]" if False else "amplitude"
-    return pole_figure(transfer, element, (float(ends[0]), float(ends[1])), label=label)
+    return pole_figure(transfer, element, (float(ends[0]), float(ends[1])))
 
 
 def pole_path(
@@ -153,9 +152,9 @@ def axis_crossings(a: np.ndarray, poles: np.ndarray) -> list[tuple[float, float,
 
 
 def _window(transfer: Transfer, poles: np.ndarray) -> float:
-    """How far from the origin the interesting part reaches: around the crossings, or the corners."""
+    """How far from the origin the figure reaches: around the pairs near the imaginary axis."""
     pair = poles[np.abs(poles.imag) > 1e-6 * np.abs(poles)]
-    near = pair[np.abs(pair.real) < 0.3 * np.abs(pair)]
+    near = np.abs(pair[np.abs(pair.real) < 0.6 * np.abs(pair)])
     if near.size:
-        return 1.8 * float(np.median(np.abs(near)))
+        return 1.3 * float(min(near.max(), 4.0 * np.median(near)))
     return 2.0 * float(transfer.corners[-1])
