@@ -37,7 +37,7 @@ ROUNDS = 80
 """Evaluations that may be spent on one orbit, at one density of instants."""
 CLOSED = 1e-8
 """An orbit is found where Newton's next step is so short against the coefficients."""
-SHORTEST = 2.0**-12
+SHORTEST = 2.0**-10
 """A step is halved no further than to this share of Newton's."""
 
 
@@ -97,14 +97,14 @@ def balances(key: Key, cycle: Cycle, count: Any, lanes: Lane, x: Any) -> Balance
     return in_blocks(one, count, (lanes, x))
 
 
-def newton_step(found: Balance, shape: tuple[int, ...]) -> np.ndarray:
-    """The step that would balance each lane, of the shape of the coefficients.
+def newton_step(slope: np.ndarray, rest: np.ndarray) -> np.ndarray:
+    """The step that would balance each lane, of the shape of the rest, ``(lanes, n, c)``.
 
     A coefficient that nothing depends on, as the mean position of a vehicle that nothing pulls
     back, is held. NaN where the rest is not finite.
     """
-    slope = np.array(found.slope)
-    rest = np.array(found.rest).reshape(slope.shape[0], -1)
+    shape, slope = rest.shape, slope.copy()
+    rest = rest.reshape(slope.shape[:2])
     fine = np.isfinite(slope).all(axis=(1, 2)) & np.isfinite(rest).all(axis=1)
     idle = ~np.any(slope != 0, axis=1)
     lane, column = np.nonzero(idle & fine[:, None])

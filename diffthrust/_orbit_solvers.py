@@ -8,7 +8,7 @@ import numpy as np
 
 from diffthrust import _harmonic_balance as hb
 from diffthrust import _shooting as shooting
-from diffthrust._cycle import BLOCK, Cycle, Harmonics, Lane
+from diffthrust._cycle import BLOCK, TINY, Cycle, Lane
 from diffthrust._model import Model
 from diffthrust._periodic import Reason, Solved
 from diffthrust._simulate import Key
@@ -25,7 +25,8 @@ class Shooting:
     def __init__(self, model: Model, states: int) -> None:
         self.key = Key(model)
         self.capacity = LANES
-        self.coarsest, self.finest = (64, 8192) if states else (128, 65536)
+        # few different lengths: each is a program to compile, which takes longer than to run it
+        self.coarsest, self.finest, self.growth = (128, 8192, 4) if states else (256, 65536, 4)
 
     def begin(self, cycle: Cycle, count: int, lanes: Lane) -> np.ndarray:
         """The model's own initial states, ``(count, n)``."""
@@ -88,7 +89,7 @@ class HarmonicBalance:
         unknowns = (states * (2 * harmonics + 1)) ** 2
         self.capacity = max(BLOCK, min(LANES, NUMBERS // unknowns) // BLOCK * BLOCK)
         self.coarsest = max(32, 1 << (4 * harmonics - 1).bit_length())
-        self.finest = max(4096, self.coarsest)
+        self.finest, self.growth = max(4096, self.coarsest), 2
 
     def begin(self, cycle: Cycle, count: int, lanes: Lane) -> np.ndarray:
         """Constant states, the model's own initial ones, ``(count, n, c)``."""
@@ -98,35 +99,41 @@ class HarmonicBalance:
         return x
 
     def solve(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> Solved:
-        """Newton's method, its step halved where it would lead further away."""
+        """Newton's method, its step halved where it would lead further away.
+
+        Further in Deuflhard's natural measure: by the length of the step that the Jacobian of the
+        last point would take from the new one. The rest itself will not do, for its parts have
+        the units of different states.
+        """
         x = np.array(x)
         point, step = x[:count].copy(), np.zeros_like(x[:count])
-        share, rest = np.ones(count), np.full(count, np.inf)
-        unit: np.ndarray | None = None
+        share, length = np.ones(count), np.full(count, np.inf)
         reason = np.full(count, Reason.NOT_CLOSED)
-        kept = None
+        kept: hb.Balance | None = None
         active = np.arange(count)
         for _ in range(hb.ROUNDS):
             found = self._run(cycle, active, lanes, x)
-            size = np.abs(found.rest).max(axis=2)
-            if unit is None:
-                unit = np.where(size > 0, size, 1.0)
-            with np.errstate(invalid="ignore"):
-                now = np.sqrt(np.sum((found.rest / unit[active][:, :, None]) ** 2, axis=(1, 2)))
-            further = ~(now <= rest[active]) & (share[active] > hb.SHORTEST)
-            further &= np.isfinite(rest[active])
-            keep = ~further
-            kept = _merged(kept, found, active[keep], count, keep)
+            keep = np.isfinite(found.rest).all(axis=(1, 2))
+            if kept is None:
+                reason[~keep] = Reason.DIVERGES
+                kept = _merged(None, found, active, count)
+            else:
+                unit = _size(point[active] + step[active])
+                old = np.asarray(kept.slope)[active]
+                bar = hb.newton_step(old, found.rest) / unit[:, :, None]
+                with np.errstate(invalid="ignore"):
+                    keep &= np.abs(bar).max(axis=(1, 2)) <= length[active]
+                keep |= share[active] <= hb.SHORTEST
             new = active[keep]
-            point[new], rest[new], share[new] = x[new], now[keep], 1.0
-            step[new] = hb.newton_step(_picked(found, keep), point[new].shape)
-            share[active[further]] *= 0.5
-            scale = np.abs(point).max(axis=2) + hb.TINY
-            far = (np.abs(step).max(axis=2) / scale).max(axis=1)
-            still = (step == 0).all(axis=(1, 2))
-            closed = keep & ((far <= hb.CLOSED) | still)[active]
-            broken = keep & ~np.isfinite(now)
+            kept = _merged(kept, found, new, count, keep)
+            point[new], share[new] = x[new], np.minimum(1.0, 4.0 * share[new])
+            step[new] = hb.newton_step(found.slope[keep], found.rest[keep])
+            share[active[~keep]] *= 0.5
+            unit = _size(point[active] + step[active])
+            length[active] = (np.abs(step[active]) / unit[:, :, None]).max(axis=(1, 2))
+            closed = keep & (length[active] <= hb.CLOSED)
             reason[active[closed]] = Reason.SETTLED
+            broken = ~np.isfinite(length[active])
             reason[active[broken]] = Reason.DIVERGES
             active = active[~closed & ~broken]
             if not active.size:
@@ -144,6 +151,11 @@ class HarmonicBalance:
         own, begin = _front(lanes, x, who)
         cycle = _with_harmonics(cycle, self.harmonics)
         return _cut(hb.balances(self.key, cycle, who.size, own, begin), who.size)
+
+
+def _size(x: np.ndarray) -> np.ndarray:
+    """The largest coefficient of each state, ``(lanes, n)``."""
+    return np.abs(x).max(axis=2) + TINY
 
 
 def _with_harmonics(cycle: Cycle, harmonics: int) -> Cycle:
@@ -170,10 +182,6 @@ def _cut(found: Any, count: int) -> Any:
     return _tree(lambda a: np.asarray(a)[:count], found)
 
 
-def _picked(found: Any, flags: np.ndarray) -> Any:
-    return _tree(lambda a: a[flags], found)
-
-
 def _merged(kept: Any, found: Any, who: np.ndarray, count: int, flags: Any = slice(None)) -> Any:
     """What was kept of all lanes, with those of ``who`` anew."""
     if kept is None:
@@ -185,5 +193,3 @@ def _merged(kept: Any, found: Any, who: np.ndarray, count: int, flags: Any = sli
 
     return _tree(put, kept, found)
 
-
-__all__ = ["HarmonicBalance", "Harmonics", "Shooting"]

@@ -1,6 +1,6 @@
 """Periodic responses of many lanes, each with steps as fine as it needs.
 
-Every lane begins with few steps to the period. They are doubled until its first harmonic stays
+Every lane begins with few steps to the period. They are multiplied until its first harmonic stays
 where it is, and an effect with memory gets more periods until its series repeats. Then the orbit
 is run through once more on a later clock: what has settled gives the same again. A lane that fails
 one of these checks is marked with the reason, never passed on as an answer.
@@ -21,7 +21,7 @@ import numpy as np
 from diffthrust._cycle import BLOCK, Cycle, Harmonics, Lane
 
 FINE = 1e-4
-"""Steps are fine enough where doubling them changes the first harmonic by no more than this."""
+"""Steps are fine enough where multiplying them changes the first harmonic by no more than this."""
 REPEATED = 1e-6
 """An effect with memory has settled where its series changes no more over a period, of its swing.
 """
@@ -31,7 +31,8 @@ MOST_PERIODS = 256
 LATER = 1e5
 """Clock [s] of the further period: a model that changes with the time of a log shows itself."""
 FAILURES = 3
-"""Step lengths at which the search for an orbit may end without one."""
+"""Step lengths at which the search for an orbit may end without one: while the steps are too long
+for the model, there may be none."""
 
 
 class Reason(IntEnum):
@@ -83,7 +84,10 @@ class Solver(Protocol):
     capacity: int
     """Lanes of one call."""
     coarsest: int
+    """Steps to the period at first."""
     finest: int
+    growth: int
+    """Finer steps are finer by this factor."""
 
     def begin(self, cycle: Cycle, count: int, lanes: Lane) -> np.ndarray:
         """Where the search starts, by lane."""
@@ -158,7 +162,7 @@ def respond(
             mean[who], distortion[who] = h.mean, h.distortion
             bad = found.reason != Reason.SETTLED
             x[who] = np.where(_like(bad, x), origin[who], found.x)
-            failed[who] += bad & (found.reason != Reason.DIVERGES)
+            failed[who] += found.reason == Reason.NOT_CLOSED
             # more periods first, then finer steps
             restless = ~bad & ~(h.unsettled <= REPEATED)
             periods[who] = np.where(restless, 4 * p, p)
@@ -170,9 +174,10 @@ def respond(
             reason[who[~bad & ~restless & near]] = Reason.SETTLED
             finer = bad | (~restless & ~near)
             before[who] = np.where(bad | restless, np.nan, first[who])
-            gone = finer & ((2 * n > last_steps) | (failed[who] >= FAILURES))
+            finer_steps = solver.growth * n
+            gone = finer & ((finer_steps > last_steps) | (failed[who] >= FAILURES))
             reason[who[gone]] = np.where(bad, found.reason, Reason.COARSE)[gone]
-            steps[who[finer & ~gone]] = 2 * n
+            steps[who[finer & ~gone]] = finer_steps
     _check_again(solver, cycle, lanes, x, first, mean, reason, steps, periods)
     return Responses(first, mean, distortion, reason, steps, periods, x)
 
@@ -205,7 +210,12 @@ def _like(flags: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def _over(
-    solver: Solver, cycle: Cycle, lanes: Lane, who: np.ndarray, act: Callable[..., Any], x: Any = None
+    solver: Solver,
+    cycle: Cycle,
+    lanes: Lane,
+    who: np.ndarray,
+    act: Callable[..., Any],
+    x: Any = None,
 ) -> Any:
     """An act of the solver on some lanes, in portions that the cores of the machine share."""
     portions = [*_portions(who, solver.capacity)]

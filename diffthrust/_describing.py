@@ -1,0 +1,153 @@
+"""Describing functions: what a model makes of a sinusoid, over its amplitude and frequency."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from diffthrust._continuation import continued
+from diffthrust._cycle import Cycle, Lane, remembers
+from diffthrust._describing_formulas import FORMULAS, quasi_linear
+from diffthrust._describing_map import DescribingMap
+from diffthrust._describing_notes import notes_of
+from diffthrust._describing_request import Request, request
+from diffthrust._orbit_solvers import HarmonicBalance, Shooting
+from diffthrust._periodic import Reason, Responses
+
+
+def describing_function(
+    model: Any,
+    amplitudes: Sequence[float] | np.ndarray | float,
+    frequencies: Sequence[float] | np.ndarray | float,
+    *,
+    input: str = "command",
+    output: str = "thrust",
+    method: str = "simulation",
+    harmonics: int = 15,
+    samples: int | None = None,
+    bias: float = 0.0,
+    others: Mapping[str, float] | None = None,
+    sensors: bool = False,
+) -> DescribingMap:
+    """Gain and phase of a model under a sinusoid, over amplitude and frequency.
+
+    The input is ``bias + A sin(w t)`` for ever; the describing function is the first harmonic of
+    the output over that of the input. Methods:
+
+    - ``"simulation"``: the model and its effects are simulated to their periodic steady state,
+      which shooting finds and one further period confirms.
+    - ``"harmonic_balance"``: the states are Fourier series of so many harmonics that satisfy the
+      equations in the Galerkin sense. It does not tell whether the response is stable.
+    - ``"paper"``: the quasi-linear lag of Yoerger et al. as printed; the plain thruster only.
+    - ``"consistent"``: the same with the amplitude of the thrust's fundamental throughout.
+
+    The first two work for every model, effect, input and output. The period is divided ever more
+    finely until the first harmonic stays where it is to 1e-4. Points without an answer (a response
+    that diverges, drifts, is unstable, or has not settled) are marked in ``settled`` with their
+    ``reason``. Effects act on the input as on a command that is known at every instant: a rate
+    limit or a delay sees a smooth sinusoid and not the samples of a log.
+
+    Args:
+        model: a model with its effects, or a fit.
+        amplitudes: of the input, in its unit, ``(A,)``; positive and increasing.
+        frequencies: [rad/s], ``(F,)``; positive and increasing.
+        input: the channel that is a sinusoid.
+        output: the output that is looked at.
+        method: see above.
+        harmonics: of the states, for the harmonic balance.
+        samples: steps to the period; ``None`` chooses them point by point.
+        bias: what the input swings about, in its unit.
+        others: constant values of other inputs that the model or its effects read.
+        sensors: count the effects on what the sensors report. They are left out by default: what
+            acts on a vehicle is the thrust, and not its measurement.
+
+    Returns:
+        A `DescribingMap`.
+
+    Raises:
+        InputError: an argument that cannot be meant, or a formula for another model than its own.
+
+    Source: Yoerger, Cooke & Slotine 1990, section IV; Gelb & Vander Velde 1968, Multiple-Input
+    Describing Functions, chapter 2.
+
+    Example:
+        >>> found = dft.describing_function(fit, np.geomspace(0.1, 10, 32), np.geomspace(0.1, 30, 32))
+        >>> print(found.report())
+        >>> found.at(2.0, 1.0)
+    """
+    asked = request(
+        model, amplitudes, frequencies, input=input, output=output, method=method,
+        harmonics=harmonics, samples=samples, bias=bias, others=others, sensors=sensors,
+    )  # fmt: skip
+    given = {name: np.array([p.value]) for name, p in asked.model.parameters.items()}
+    shape = asked.amplitudes.size, asked.frequencies.size
+    units = asked.units
+    common: dict[str, Any] = {
+        "model": asked.model,
+        "method": method,
+        "input": input,
+        "output": output,
+        "input_unit": units[0],
+        "output_unit": units[1],
+        "bias": asked.bias,
+        "amplitudes": asked.amplitudes,
+        "frequencies": asked.frequencies,
+    }
+    if method in FORMULAS:
+        values = formula_values(asked, given).reshape(shape)
+        return DescribingMap(complex=values, reason=np.zeros(shape, int), **common)
+    found = found_values(asked, given)
+    settled = found.reason == Reason.SETTLED
+
+    def shown(values: np.ndarray) -> np.ndarray:
+        return np.where(settled, values, np.nan).reshape(shape)
+
+    reason = found.reason.reshape(shape)
+    return DescribingMap(
+        complex=shown(found.first),
+        reason=reason,
+        distortion=shown(found.distortion),
+        mean=shown(found.mean),
+        samples=found.samples.reshape(shape),
+        harmonics=asked.harmonics if method == "harmonic_balance" else None,
+        notes=notes_of(asked, model, reason),
+        **common,
+    )
+
+
+def formula_values(asked: Request, given: Mapping[str, np.ndarray]) -> np.ndarray:
+    """The closed form by draw and point, ``(D, A, F)``, of parameters ``(D,)``."""
+    values = {name: value[:, None, None] for name, value in given.items()}
+    a, w = asked.amplitudes[None, :, None], asked.frequencies[None, None, :]
+    return quasi_linear(values, a, w, asked.output, paper=asked.method == "paper")
+
+
+def found_values(asked: Request, given: Mapping[str, np.ndarray]) -> Responses:
+    """Periodic responses by draw and point, ``(D * A * F,)``, of parameters ``(D,)``."""
+    draws = next((value.size for value in given.values()), 1)
+    shape = (draws, asked.amplitudes.size, asked.frequencies.size)
+
+    def spread(values: Any, axis: int) -> np.ndarray:
+        place = [1, 1, 1]
+        place[axis] = -1
+        return np.broadcast_to(np.asarray(values, float).reshape(place), shape).reshape(-1)
+
+    lanes = Lane(
+        amplitude=spread(asked.amplitudes, 1),
+        frequency=spread(asked.frequencies, 2),
+        values={name: spread(value, 0) for name, value in given.items()},
+        bias=spread(asked.bias, 0),
+        others={name: spread(value, 0) for name, value in sorted(asked.others.items())},
+        clock=spread(0.0, 0),
+    )
+    count = len(asked.states)
+    balanced = asked.method == "harmonic_balance" and count > 0
+    solver = (
+        HarmonicBalance(asked.model, count, asked.harmonics)
+        if balanced
+        else Shooting(asked.model, count)
+    )
+    cycle = Cycle(asked.input, asked.output, 1, 4 if remembers(asked.model) else 1)
+    return continued(solver, cycle, lanes, shape, samples=asked.samples)
