@@ -50,17 +50,16 @@ def tanker_run(path: Path) -> dft.Log:
     ).averaged(5)
 
 
-def told(name: str, fit: dft.Fit, logs: list[dft.Log], unseen: list[dft.Log], method: str) -> None:
+def told(name: str, fit: dft.Fit, logs: list[dft.Log], unseen: list[dft.Log]) -> None:
     print(fit.report())
     print(dft.compare(fit, logs).noise_advice.sentence)
-    post = dft.sample(fit, logs, method=method, draws=1000, warmup=1000)
+    post = dft.sample(fit, logs, draws=1000, warmup=1000)
     print(post.attrs["message"])
     print(dft.intervals(fit, logs, post).report())
-    for i, log in enumerate(unseen):
-        band = dft.predict(post, fit, log)
+    bands = [dft.predict(post, fit, log) for log in unseen]
+    for band in bands:
         print(f"{name}, unseen: {band.sentence}")
-        if i == 0:
-            band.plot().savefig(output_folder() / f"{name}_band.png", dpi=90)
+    bands[0].plot().savefig(output_folder() / f"{name}_band.png", dpi=90)
     dft.plot_corner(post, fit).savefig(output_folder() / f"{name}_corner.png", dpi=90)
 
 
@@ -82,11 +81,10 @@ thruster = thruster.replace(
     }
 )
 fit = dft.fit(thruster, train, holdout=unseen, loss="student_t", initial="measured", starts=16)
-told("ngs", fit, train, unseen, "emcee")
+told("ngs", fit, train, unseen)
 
-files = sorted(data_folder("esso_osaka").glob("*.csv"))
-zigzag = [tanker_run(path) for path in files if path.name.startswith("zigzag")]
+zigzag = [tanker_run(path) for path in sorted(data_folder("esso_osaka").glob("zigzag*.csv"))]
 vessel = dft.Vessel(lever_arm=1.5) + "wind"
 fit = dft.fit(vessel, zigzag[:5], holdout=zigzag[5:])
-told("esso", fit, zigzag[:5], zigzag[5:], "emcee")
+told("esso", fit, zigzag[:5], zigzag[5:])
 print(f"Figures: {output_folder()}")
