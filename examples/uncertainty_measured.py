@@ -66,8 +66,7 @@ def told(name: str, fit: dft.Fit, logs: list[dft.Log], unseen: list[dft.Log]) ->
 files = sorted(data_folder("ngs_thruster").glob("CL*.csv"))
 train = [bench_run(path) for path in files if not path.stem.endswith("Step")]
 unseen = [bench_run(path) for path in files if path.stem.endswith("Step")]
-found = ["linear_damping", "command_deadband", "axial_flow"]
-thruster = dft.Thruster() + found
+thruster = dft.Thruster() + "linear_damping" + "command_deadband" + "axial_flow"
 # beside the linear damping nothing is left of the quadratic load, which would run to zero; the
 # search begins where the diagnosis ended
 thruster = thruster.replace(
