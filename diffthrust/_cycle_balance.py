@@ -19,12 +19,17 @@ from diffthrust._transfer import Transfer
 _PIECES = 180
 _POINTS = np.polynomial.legendre.leggauss(3)
 _ITERATIONS = 25
+_TAIL = 5e-4
+"""Share of the fundamental that the last harmonic of the input may have."""
 
 
 def balanced(
     transfer: Transfer, element: Static, amplitude: float, frequency: float, harmonics: int
 ) -> Harmonics | None:
     """The cycle near a solution of the describing function.
+
+    Where Newton's method fails with all harmonics at once they are added little by little; where
+    the last one is not small yet (a relay before a first-order lag), four times as many are taken.
 
     Args:
         transfer: the linear part.
@@ -36,9 +41,29 @@ def balanced(
     Returns:
         ``None`` where Newton's method does not converge near the guess.
     """
+    sine = Harmonics(frequency, np.array([1]), np.array([amplitude + 0j]), np.zeros(1, complex))
+    found = _solved(transfer, element, sine, sine, harmonics)
+    if found is None:
+        found = sine
+        for highest in sorted({*(n for n in (1, 3, 5, 9, 15) if n < harmonics), harmonics}):
+            found = _solved(transfer, element, sine, found, highest)
+            if found is None:
+                return None
+    tail = np.abs(found.input[-2:]).max() / np.abs(found.input).max()
+    if tail > _TAIL and harmonics > 1:
+        more = _solved(transfer, element, sine, found, 4 * harmonics + 1)
+        found = found if more is None else more
+    return found
+
+
+def _solved(
+    transfer: Transfer, element: Static, sine: Harmonics, guess: Harmonics, harmonics: int
+) -> Harmonics | None:
+    """Newton's method with so many harmonics; ``None`` where it ends far from the sine."""
     order = np.arange(1, harmonics + 1, 2) if element.odd else np.arange(harmonics + 1)
+    amplitude, frequency = float(sine.input[0].real), sine.frequency
     unknowns = _Unknowns(order, amplitude, frequency)
-    z = unknowns.start()
+    z = unknowns.start(guess)
     r = _residual(transfer, element, unknowns, z)
     jacobian = None
     for _ in range(_ITERATIONS):
@@ -63,7 +88,7 @@ def balanced(
     first = int(np.flatnonzero(order == 1)[0])
     if not 0.3 < abs(e[first]) / amplitude < 3.0:
         return None
-    return Harmonics(w, order, e, output_of(element, order, e))
+    return Harmonics(float(w), order, e, output_of(element, order, e))
 
 
 class _Unknowns:
@@ -74,9 +99,17 @@ class _Unknowns:
         self.mean = int(order[0] == 0)
         self.turning = order[self.mean :]
 
-    def start(self) -> np.ndarray:
-        z = np.zeros(self.mean + 2 * self.turning.size)
-        z[self.mean] = 1.0
+    def start(self, guess: Harmonics) -> np.ndarray:
+        """The unknowns of a cycle that may have fewer harmonics."""
+        m, count = self.mean, self.turning.size
+        z = np.zeros(m + 2 * count)
+        for i, k in enumerate(self.order):
+            known = np.flatnonzero(guess.order == k)
+            c = guess.input[known[0]] / self.amplitude if known.size else 0j
+            z[i] = c.real
+            if i >= m:
+                z[count + i] = c.imag
+        z[m + count] = math.log(guess.frequency / self.frequency)
         return z
 
     def taken(self, z: np.ndarray) -> tuple[np.ndarray, float]:
@@ -152,7 +185,8 @@ def output_of(element: Static, order: np.ndarray, e: np.ndarray) -> np.ndarray:
     def slope(angle: np.ndarray) -> np.ndarray:
         return (_turns(angle, order) * (1j * order * e)).sum(axis=1).real
 
-    grid = np.linspace(0.0, 2.0 * math.pi, _PIECES + 1)
+    pieces = max(_PIECES, 6 * int(order[-1]))
+    grid = np.linspace(0.0, 2.0 * math.pi, pieces + 1)
     at, rising = value(grid), slope(grid)
     cuts = [_zeros(slope, grid, rising)]
     cuts += [_zeros(lambda a, b=b: value(a) - b, grid, at - b) for b in element.bends]

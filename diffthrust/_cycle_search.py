@@ -42,7 +42,7 @@ class Crossing:
         small = 1e-6 * self.frequency
         if abs(self.growth) < small:
             return None
-        return self.growth < 0 and self.others < small
+        return bool(self.growth < 0 and self.others < small)
 
 
 def grid_of(
@@ -123,7 +123,7 @@ def crossings(
             edge = a < amplitudes[1] or a > amplitudes[-2]
             edge = edge or w < frequencies[1] or w > frequencies[-2]
             growth, others = stability(transfer, element, a, w)
-            found.append(Crossing(a, w, growth, others, bool(edge)))
+            found.append(Crossing(float(a), float(w), growth, others, bool(edge)))
     return sorted(found, key=lambda c: c.amplitude), f
 
 

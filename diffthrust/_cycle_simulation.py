@@ -52,10 +52,14 @@ def simulated(
         factor: on the cycle's size at the start, the dead time's content included.
         periods: how long, in periods of the cycle.
     """
-    wait = cycle.oscillation.period / STEPS
+    period = cycle.oscillation.period
+    wait = period / STEPS
+    if periods <= 32:  # what is left of a slow cycle may turn faster
+        fast = 2.0 * math.pi / transfer.corners[-1] / 64
+        wait = max(min(wait, fast), 0.25 * wait)
     lagging = math.ceil(transfer.delay / wait) if transfer.delay else 0
     step = transfer.delay / lagging if lagging else wait
-    before = step * np.arange(-max(STEPS, lagging) - 1, 1)
+    before = step * np.arange(-max(math.ceil(period / step), lagging) - 1, 1)
     past = factor * cycle.signal(cycle.input, before)
     memory = element.rest(float(past[0]))
     pending: deque[tuple[float, float]] = deque(maxlen=lagging)
@@ -64,7 +68,7 @@ def simulated(
         pending.append((first, last))
     x = factor * states_on(transfer, cycle)
     limit = BEYOND * max(cycle.oscillation.peak, float(np.abs(past).max()))
-    count = round(periods * cycle.oscillation.period / step)
+    count = round(periods * period / step)
     return _march(transfer, element, step, x, memory, pending, limit, count)
 
 

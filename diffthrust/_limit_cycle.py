@@ -85,11 +85,21 @@ def limit_cycles(
         amplitudes=(float(a[0]), float(a[-1])),
         frequencies=(float(w[0]), float(w[-1])),
         nearest=(float(size[i, j]), float(a[i]), float(w[j])),
-        nearest_at_edge=bool(i in (0, a.size - 1) or j in (0, w.size - 1)),
+        nearest_at_edge=_falling_outwards(size, int(i), int(j)),
         ends=(_rightmost(transfer, element, a, w), _rightmost(transfer, element, a[::-1], w)),
         unknown=float(np.mean(~np.isfinite(f))),
         verified=verify,
     )
+
+
+def _falling_outwards(size: np.ndarray, i: int, j: int) -> bool:
+    """Whether a smallest value at the edge of the grid would become smaller beyond it."""
+    inward = []
+    if i in (0, size.shape[0] - 1):
+        inward.append(size[abs(i - min(3, size.shape[0] - 1)), j])
+    if j in (0, size.shape[1] - 1):
+        inward.append(size[i, abs(j - min(3, size.shape[1] - 1))])
+    return any(bool(value > 1.001 * size[i, j] + 1e-12) for value in inward)
 
 
 def element_of(nonlinearity: Any) -> Nonlinearity:

@@ -91,7 +91,7 @@ def measured(time: np.ndarray, e: np.ndarray, turns: int = 4) -> Oscillation | N
     values = np.interp(fine, time, e)
     mean = float(values.mean())
     fundamental = 2.0 * abs(np.mean((values - mean) * np.exp(-1j * frequency * fine)))
-    return Oscillation(float(fundamental), 0.5 * float(np.ptp(e[inside])), frequency, mean)
+    return Oscillation(float(fundamental), 0.5 * float(np.ptp(e[inside])), float(frequency), mean)
 
 
 def upward(time: np.ndarray, e: np.ndarray) -> np.ndarray:
