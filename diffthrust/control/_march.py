@@ -109,7 +109,7 @@ def march(
 
     x = {name: jnp.repeat(row, timing.substeps) for name, row in rows.items()}
     index = jnp.arange(x["time"].shape[0])
-    x["time"] = time[0] + short * index
+    x["time"] = time[0] + short * index.astype(float)
     x["mark"] = index % timing.substeps == 0
     x["tick"] = index % (timing.substeps * timing.samples) == 0
     x["first"] = index == 0

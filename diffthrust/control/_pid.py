@@ -41,7 +41,7 @@ class PID(Controller):
     states: ClassVar = {"integral": "", "smoothed": "", "begun": ""}
     options = ("of", "gives")
 
-    kp: float = parameter(1.0, bounds=(0, None))
+    kp: float = parameter(1.0, bounds=(0, None), transform="linear", size=1.0)
     ki: float = parameter(0.0, bounds=(0, None), transform="linear", size=1.0)
     kd: float = parameter(0.0, bounds=(0, None), transform="linear", size=1.0)
     limit: float = parameter(math.inf, bounds=(0, None), null=math.inf, fixed=True)
