@@ -73,7 +73,8 @@ def describing_function(
     Describing Functions, chapter 2.
 
     Example:
-        >>> found = dft.describing_function(fit, np.geomspace(0.1, 10, 32), np.geomspace(0.1, 30, 32))
+        >>> amplitudes, frequencies = np.geomspace(0.1, 10, 32), np.geomspace(0.1, 30, 32)
+        >>> found = dft.describing_function(fit, amplitudes, frequencies)
         >>> print(found.report())
         >>> found.at(2.0, 1.0)
     """

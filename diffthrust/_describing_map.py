@@ -73,9 +73,7 @@ class DescribingMap:
     @property
     def gain_unit(self) -> str:
         """The unit of the gain."""
-        below = f"({self.input_unit})" if " " in self.input_unit else self.input_unit
-        above = f"({self.output_unit})" if "/" in self.output_unit and below else self.output_unit
-        return f"{above or '1'}/{below}" if below else self.output_unit
+        return ratio_unit(self.input_unit, self.output_unit)
 
     @property
     def phase(self) -> np.ndarray:
@@ -84,11 +82,7 @@ class DescribingMap:
         Followed along the frequency, so that a delay goes on below -180 degrees. NaN where there
         is no answer, and where the output does not move.
         """
-        moves = self.settled & (self.gain > 0)
-        found = np.full(self.complex.shape, np.nan)
-        for row, at, values in zip(found, moves, self.complex, strict=True):
-            row[at] = np.degrees(np.unwrap(np.angle(values[at])))
-        return found
+        return followed_phase(self.complex)
 
     @property
     def break_frequency(self) -> np.ndarray:
@@ -195,3 +189,28 @@ class DescribingMap:
         from diffthrust._describing_plots import break_figure
 
         return break_figure(self)
+
+
+def ratio_unit(below: str, above: str) -> str:
+    """The unit of an output over an input.
+
+    Example:
+        >>> ratio_unit("V", "rad/s"), ratio_unit("V", "N")
+        ('(rad/s)/V', 'N/V')
+    """
+    if not below:
+        return above
+    if any(mark in below for mark in " /"):
+        below = f"({below})"
+    return (
+        f"({above})/{below}" if any(mark in above for mark in " /") else f"{above or '1'}/{below}"
+    )
+
+
+def followed_phase(values: np.ndarray) -> np.ndarray:
+    """The phase [deg] of complex values ``(A, F)``, followed along the second axis; NaN at 0."""
+    found = np.full(values.shape, np.nan)
+    for row, own in zip(found, values, strict=True):
+        moves = np.isfinite(own) & (np.abs(np.nan_to_num(own)) > 0)
+        row[moves] = np.degrees(np.unwrap(np.angle(own[moves])))
+    return found

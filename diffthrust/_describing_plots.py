@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from diffthrust._band_plots import bracketed
+from diffthrust._phrases import percent
 from diffthrust._plots import literal, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from diffthrust._describing_band import DescribingBand
     from diffthrust._describing_map import DescribingMap
 
 CURVES = 6
@@ -46,7 +48,26 @@ def break_figure(found: DescribingMap) -> Figure:
     figure = _figure(11.0, 4.4, title)
     left, right = figure.subplots(1, 2)
     _map(figure, left, found, values, label, logarithmic=True)
-    _curves(right, found, values, label, logarithmic=True)
+    _curves(right, found, values, label)
+    return figure
+
+
+def band_figure(found: DescribingBand) -> Figure:
+    """Gain and phase over frequency for some amplitudes: medians, with bands behind."""
+    from matplotlib import colormaps
+
+    title = f"{found.model}: {found.input} to {found.output}, {percent(found.level)} band"
+    figure = _figure(11.0, 4.2, title)
+    rows = _rows(found.amplitudes.size, 4)
+    parts = (found.gain, bracketed("gain", found.gain_unit)), (found.phase, "phase [deg]")
+    for axes, (values, label) in zip(np.ravel(figure.subplots(1, 2)), parts, strict=True):
+        for j, i in enumerate(rows):
+            colour = colormaps["cividis"](0.85 * j / max(rows.size - 1, 1))
+            median, low, high = values[:, i]
+            axes.fill_between(found.frequencies, low, high, color=colour, alpha=0.3, linewidth=0)
+            told = f"{found.amplitudes[i]:.3g} {found.input_unit}".rstrip()
+            axes.plot(found.frequencies, median, color=colour, linewidth=1.2, label=told)
+        _scales(axes, found, values[:, rows], label)
     return figure
 
 
@@ -62,7 +83,7 @@ def _curves_figure(found: DescribingMap, title: str, parts: Any, labels: Any) ->
     figure = _figure(5.6 * len(parts), 4.0, title)
     panels = np.ravel(figure.subplots(1, len(parts)))
     for axes, values, label in zip(panels, parts, labels, strict=True):
-        _curves(axes, found, values, label, logarithmic="phase" not in label)
+        _curves(axes, found, values, label)
     return figure
 
 
@@ -114,13 +135,10 @@ def _hatched(axes: Axes, found: DescribingMap, values: np.ndarray) -> None:
         axes.legend(handles=handles, fontsize=8, loc="lower right")
 
 
-def _curves(
-    axes: Axes, found: DescribingMap, values: np.ndarray, label: str, *, logarithmic: bool
-) -> None:
+def _curves(axes: Axes, found: DescribingMap, values: np.ndarray, label: str) -> None:
     from matplotlib import colormaps
 
-    size = found.amplitudes.size
-    rows = np.unique(np.linspace(0, size - 1, min(size, CURVES)).round().astype(int))
+    rows = _rows(found.amplitudes.size, CURVES)
     static = found.static_gain
     for j, i in enumerate(rows):
         colour = colormaps["cividis"](0.9 * j / max(rows.size - 1, 1))
@@ -129,11 +147,21 @@ def _curves(
             told += f" (static {static[i] * found.amplitudes[i]:.3g} {found.output_unit})"
         dots: dict[str, Any] = {"marker": "o", "markersize": 3} if values.shape[1] <= 20 else {}
         axes.plot(found.frequencies, values[i], color=colour, linewidth=1.4, label=told, **dots)
+    _scales(axes, found, values[rows], label)
+
+
+def _rows(size: int, most: int) -> np.ndarray:
+    """Some of the amplitudes, evenly."""
+    return np.unique(np.linspace(0, size - 1, min(size, most)).round().astype(int))
+
+
+def _scales(axes: Axes, found: DescribingMap | DescribingBand, values: Any, label: str) -> None:
+    """Labels, scales and legend of curves over the frequency."""
     styled(axes, literal(label), "frequency [rad/s]", literal(label))
     w = found.frequencies
     _logarithmic(axes, axes.xaxis, w[-1] / w[0])
-    seen = values[rows][np.isfinite(values[rows])]
-    if logarithmic and seen.size and seen.min() > 0:
+    seen = values[np.isfinite(values)]
+    if "phase" not in label and seen.size and seen.min() > 0:
         _logarithmic(axes, axes.yaxis, float(seen.max() / seen.min()))
     axes.legend(fontsize=7, frameon=False, title=f"amplitude of the {literal(found.input)}",
                 title_fontsize=8)  # fmt: skip

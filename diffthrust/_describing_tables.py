@@ -11,11 +11,14 @@ from rich.text import Text
 
 from diffthrust._display import _table, number, rendered
 from diffthrust._periodic import Reason
+from diffthrust._phrases import percent
+from diffthrust._posterior_tables import interval_text
 
 if TYPE_CHECKING:
+    from diffthrust._describing_band import DescribingBand
     from diffthrust._describing_map import DescribingMap
 
-__all__ = ["describing_json", "describing_table", "rendered"]
+__all__ = ["band_table", "describing_json", "describing_table", "rendered"]
 
 ROWS = 8
 """A table shows at most so many amplitudes."""
@@ -64,6 +67,34 @@ def describing_table(found: DescribingMap) -> RenderableType:
     notes = [Text(f"Note: {note}") for note in found.notes]
     texts = [Text(line) for line in lines]
     return Group(Text(str(found.model), style="bold"), *texts, Text(), table, *notes)
+
+
+def band_table(found: DescribingBand) -> RenderableType:
+    """Gain and phase with their intervals, at some of the points."""
+    share = percent(found.level)
+    table = _table(
+        f"Amplitude [{escape(found.input_unit)}]",
+        "Frequency [rad/s]",
+        f"Gain [{escape(found.gain_unit)}]",
+        f"{share} from",
+        "to",
+        "Phase [deg]",
+        f"{share} from",
+        "to",
+        numbers=range(8),
+    )
+    for i in _picked(found.amplitudes.size)[:: 2 if found.amplitudes.size > 4 else 1]:
+        for j in _picked(found.frequencies.size)[::2]:
+            gain = interval_text(*(float(v) for v in found.gain[:, i, j]))
+            phase = interval_text(*(float(v) for v in found.phase[:, i, j]))
+            place = f"{found.amplitudes[i]:.4g}", f"{found.frequencies[j]:.4g}"
+            table.add_row(*place, *gain, *phase)
+    head = (
+        f"From {found.input} to {found.output}, by {found.method.replace('_', ' ')}: "
+        f"{found.draws.shape[0]} draws from the {found.kind}."
+    )
+    notes = [Text(f"Note: {note}") for note in found.notes]
+    return Group(Text(found.model, style="bold"), Text(head), Text(), table, *notes)
 
 
 def _some_words(found: DescribingMap) -> str:

@@ -106,7 +106,7 @@ def newton_step(slope: np.ndarray, rest: np.ndarray) -> np.ndarray:
     shape, slope = rest.shape, slope.copy()
     rest = rest.reshape(slope.shape[:2])
     fine = np.isfinite(slope).all(axis=(1, 2)) & np.isfinite(rest).all(axis=1)
-    idle = ~np.any(slope != 0, axis=1)
+    idle = np.abs(slope).max(axis=1) == 0
     lane, column = np.nonzero(idle & fine[:, None])
     slope[lane, column, column] = 1.0
     size = np.abs(slope).max(axis=2) + TINY

@@ -192,4 +192,3 @@ def _merged(kept: Any, found: Any, who: np.ndarray, count: int, flags: Any = sli
         return old
 
     return _tree(put, kept, found)
-

@@ -146,9 +146,9 @@ def respond(
     steps = np.full(size, samples or max(cycle.samples, solver.coarsest))
     last_steps = samples or solver.finest
     periods = np.full(size, cycle.periods)
-    if guess is None:
-        guess = _over(solver, cycle, lanes, np.arange(size), solver.begin)
-    origin, x = guess, guess.copy()
+    own = guess is None
+    origin = _over(solver, cycle, lanes, np.arange(size), solver.begin) if own else guess
+    x: np.ndarray = np.array(origin)
     first, before = np.zeros(size, complex), np.full(size, np.nan, complex)
     mean, distortion = np.zeros(size), np.zeros(size)
     reason, failed = np.full(size, -1), np.zeros(size, int)
@@ -161,7 +161,7 @@ def respond(
             first[who] = (h.in_phase + 1j * h.ahead) / lanes.amplitude[who]
             mean[who], distortion[who] = h.mean, h.distortion
             bad = found.reason != Reason.SETTLED
-            x[who] = np.where(_like(bad, x), origin[who], found.x)
+            x[who] = np.where(_like(bad, x), np.asarray(origin)[who], found.x)
             failed[who] += found.reason == Reason.NOT_CLOSED
             # more periods first, then finer steps
             restless = ~bad & ~(h.unsettled <= REPEATED)
