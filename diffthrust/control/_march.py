@@ -107,7 +107,7 @@ def march(
         rates, _, _ = plant_at(instant).equations(first, jnp.zeros(()), instant)
         return {n: jnp.asarray(k.decay) for n, k in rates.items() if isinstance(k, Relaxing)}
 
-    x = {name: jnp.repeat(row, timing.substeps) for name, row in rows.items()}
+    x: dict[str, Any] = {name: jnp.repeat(row, timing.substeps) for name, row in rows.items()}
     index = jnp.arange(x["time"].shape[0])
     x["time"] = time[0] + short * index.astype(float)
     x["mark"] = index % timing.substeps == 0

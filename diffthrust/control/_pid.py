@@ -72,5 +72,6 @@ class PID(Controller):
         output = jnp.clip(free, -self.limit, self.limit)
         # the implicit form of (output - free) / unwinding: stable for any period
         back = (output - free) * period / (self.unwinding + period)
+        back = jnp.where(self.ki > 0, back, 0.0)  # without integral action nothing winds up
         integral = kept["integral"] + period * self.ki * error + back
         return output, {"integral": integral, "smoothed": smoothed, "begun": jnp.ones(())}

@@ -138,8 +138,8 @@ class LoopRun:
         Raises:
             InputError: no sample lies between them.
         """
-        start = self.time[-1] / 3.0 if start is None else start
-        stop = self.time[-1] if stop is None else stop
+        start = float(self.time[-1]) / 3.0 if start is None else start
+        stop = float(self.time[-1]) if stop is None else stop
         within = (self.time >= start - 1e-9) & (self.time <= stop + 1e-9)
         if not within.any():
             raise InputError(

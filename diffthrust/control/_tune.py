@@ -45,7 +45,7 @@ class Effort:
     def __call__(self, signals: Mapping[str, Any]) -> Any:
         """The residuals, ``(2, T)``."""
         counts = jnp.where(signals["time"] >= self.start, 1.0, 0.0)
-        return counts * jnp.stack([signals["error"], self.price * signals["command"]])
+        return jnp.stack([counts * signals["error"], counts * self.price * signals["command"]])
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Tuning:
         """The gains and the cost, before and after, as text."""
         rows = [("gain", "before", "after")]
         rows += [(name, f"{a:.5g}", f"{b:.5g}") for name, (a, b) in self.gains.items()]
-        rows.append(("cost", *(f"{value:.5g}" for value in self.cost)))
+        rows.append(("cost", f"{self.cost[0]:.5g}", f"{self.cost[1]:.5g}"))
         wide = [max(len(row[i]) for row in rows) for i in range(3)]
         lines = [f"{a:<{wide[0]}}  {b:>{wide[1]}}  {c:>{wide[2]}}" for a, b, c in rows]
         return "\n".join([*lines, f"{self.message} ({self.runs} simulations)"])
