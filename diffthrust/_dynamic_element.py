@@ -22,6 +22,8 @@ from diffthrust._simulate import equations_of
 _STEPS = 192
 """Steps per period while a describing function is mapped."""
 _SHOTS = 12
+_HELD = 1e-12
+"""Keeps Newton's method where it is if a state does not move at all, as within a dead band."""
 _PORTIONS = (8, 64, 1024)
 """Points of one call: a few sizes, each compiled once."""
 
@@ -215,8 +217,10 @@ def _settle(element: ModelElement, steps: int, values: Any, a: Any, w: Any) -> t
         path = course(x)
         return jnp.stack([path[name][-1] for name in names]) - x
 
+    held = _HELD * jnp.eye(len(names))
+
     def shot(_: Any, x: Any) -> Any:
-        return x - jnp.linalg.solve(jax.jacfwd(after)(x), after(x))
+        return x - jnp.linalg.solve(jax.jacfwd(after)(x) - held, after(x))
 
     x = after(jnp.zeros(len(names)))  # where one period leads from rest
     x = jax.lax.fori_loop(0, _SHOTS, shot, x)

@@ -69,7 +69,8 @@ class PropelledAxis(ModelElement):
         """That of the thruster times that of the vehicle, one after the other."""
         n = self.thruster.describing(amplitude, frequency)
         w = np.asarray(frequency, float)
-        return n / (1j * w * self.mass + self._damping(np.abs(n) * amplitude, w))
+        with np.errstate(invalid="ignore"):  # where the thruster has no settled answer
+            return n / (1j * w * self.mass + self._damping(np.abs(n) * amplitude, w))
 
     def begin(self, amplitude: float, frequency: float) -> np.ndarray:
         """States at the start of a period, the velocity's by its describing function."""

@@ -94,7 +94,10 @@ def relay_hysteresis() -> list[Case]:
     """Im G = -pi h / (4 M), Re G = -pi sqrt(A^2 - h^2) / (4 M), for K / (s (T s + 1))."""
     cases = []
     for gain, lag, h, level in ((1.0, 0.5, 0.1, 1.0), (5.0, 2.0, 0.4, 0.6)):
-        w = brentq(lambda w: gain / (w * (1 + (w * lag) ** 2)) - math.pi * h / (4 * level), 0.01, 99)
+        sine = math.pi * h / (4 * level)
+        # K / (w (1 + (T w)^2)) = sine
+        cubic = np.roots([lag**2, 0.0, 1.0, -gain / sine])
+        w = float(cubic[np.abs(cubic.imag) < 1e-9 * np.abs(cubic)].real[0])
         real = gain * lag / (1 + (w * lag) ** 2)
         size = math.hypot(4 * level * real / math.pi, h)
         cases.append(
@@ -162,9 +165,7 @@ def _real_axis(num: np.ndarray, den: np.ndarray) -> list[float]:
 
     whole = np.polymul(along(num), along(den).conj()).imag
     roots = np.roots(np.trim_zeros(whole, "f"))
-    return sorted(
-        float(r.real) for r in roots if abs(r.imag) < 1e-9 * abs(r) and r.real > 1e-9
-    )
+    return sorted(float(r.real) for r in roots if abs(r.imag) < 1e-9 * abs(r) and r.real > 1e-9)
 
 
 def dead_zones() -> list[Case]:
@@ -216,7 +217,9 @@ def smooth() -> list[Case]:
         Case("Van der Pol", ([mu, 0.0], [1.0, -mu, 1.0]), third, ((2.0, 1.0, True),)),
         Case("straight line, stable: none", third_order(3.0, a, b), lambda e: 1.0 * e, ()),
         Case("straight line, unstable: none", third_order(9.0, a, b), lambda e: 1.0 * e, ()),
-        Case("saturation and double integrator: none", ([1.0], [1.0, 0.0, 0.0]), Saturation(1.0), ()),
+        Case(
+            "saturation and double integrator: none", ([1.0], [1.0, 0.0, 0.0]), Saturation(1.0), ()
+        ),
     ]
 
 
