@@ -169,12 +169,13 @@ def test_a_closed_loop_record_is_fitted_and_its_hidden_effect_is_found():
         rate=25.0,
         noise={"speed": 0.3, "thrust": 0.2, "position": 0.001},
     )
-    train = [loop.simulate(there_and_back(a), 14.0, seed=i).log for i, a in enumerate((0.05, 0.02))]
-    unseen = loop.simulate(there_and_back(0.03), 14.0, seed=9).log
+    train, unseen = (
+        loop.simulate(there_and_back(amplitude), 14.0, seed=seed).log
+        for seed, amplitude in enumerate((0.05, 0.03))
+    )
     found = dft.diagnose(
-        dft.Thruster(), train, holdout=unseen,
-        candidates=["command_deadband", "linear_damping"],
-    )  # fmt: skip
+        dft.Thruster(), train, holdout=unseen, candidates=["command_deadband", "linear_damping"]
+    )
     assert found.verdict == "effects_found"
     assert list(found.added) == ["command_deadband"]
     for name in ("alpha", "beta", "ct"):
