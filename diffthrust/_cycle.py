@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from diffthrust._model import Model
 from diffthrust._signals import Signals
@@ -184,6 +185,34 @@ def in_blocks(function: Callable[[Any], Any], count: Any, lanes: Any) -> Any:
         )
 
     return jax.lax.fori_loop(0, (count + BLOCK - 1) // BLOCK, body, begin)
+
+
+def idle(matrix: np.ndarray, least: Any) -> np.ndarray:
+    """Unknowns that no equation depends on but those of others like it, ``(lanes, m)``.
+
+    Such is the position of a vehicle that nothing pulls back: its own equation says only how fast
+    it drifts, and is to be left out with it.
+
+    Args:
+        matrix: derivative of the equations (rows) by the unknowns, ``(lanes, m, m)``.
+        least: size up to which a derivative counts as none; a number, or ``(lanes, 1)``.
+    """
+    found = np.zeros(matrix.shape[:2], bool)
+    size = np.abs(matrix)
+    while True:
+        rest = np.where(found[:, :, None], 0.0, size).max(axis=1, initial=0.0)
+        more = (rest <= least) & ~found
+        if not more.any():
+            return found
+        found |= more
+
+
+def held_fast(matrix: np.ndarray, rest: np.ndarray, which: np.ndarray) -> None:
+    """Change equations such that the unknowns of ``which`` stay where they are; in place."""
+    lane, place = np.nonzero(which)
+    matrix[lane, place, :] = 0.0
+    matrix[lane, place, place] = 1.0
+    rest[lane, place] = 0.0
 
 
 def _change(series: Mapping[str, Any], period: int, periods: int) -> Any:

@@ -162,7 +162,9 @@ class DescribingMap:
         smooth = min(values.shape) >= 4 and bool(np.all(np.isfinite(values)))
         how = "pchip" if smooth else "linear"
         place = np.stack([w.reshape(-1) for w in wanted], axis=1)
-        parts = [RegularGridInterpolator(axes, v, how)(place) for v in (values.real, values.imag)]
+        parts = [
+            RegularGridInterpolator(axes, v, how)(place) for v in (np.real(values), np.imag(values))
+        ]
         found = (parts[0] + 1j * parts[1]).reshape(given[0].shape)
         return found if found.ndim else found[()]
 

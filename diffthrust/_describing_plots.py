@@ -98,6 +98,8 @@ def _map(
     unit = bracketed(f"amplitude of the {found.input}", found.input_unit)
     styled(axes, literal(label), "frequency [rad/s]", unit)
     axes.grid(False)
+    for axis, grid in ((axes.xaxis, x), (axes.yaxis, y)):  # before the labels of contours are set
+        _logarithmic(axes, axis, grid[-1] / grid[0])
     _hatched(axes, found, values)
     if seen.size:
         low, high = float(seen.min()), float(seen.max())
@@ -113,8 +115,6 @@ def _map(
         bar = figure.colorbar(mesh, ax=axes, ticks=levels, format=lambda v, _: f"{v:g}")
         bar.ax.minorticks_off()
         bar.ax.tick_params(labelsize=8)
-    for axis, grid in ((axes.xaxis, x), (axes.yaxis, y)):
-        _logarithmic(axes, axis, grid[-1] / grid[0])
 
 
 def _hatched(axes: Axes, found: DescribingMap, values: np.ndarray) -> None:
@@ -174,9 +174,9 @@ def _levels(low: float, high: float, logarithmic: bool) -> np.ndarray:
     if not logarithmic:
         if high - low < 1e-9 * max(abs(low), abs(high), 1e-9):
             return np.array([low - 1.0, high + 1.0])
-        return MaxNLocator(9, steps=[1, 1.5, 2, 3, 5, 10]).tick_values(low, high)
+        return np.asarray(MaxNLocator(9, steps=[1, 1.5, 2, 3, 5, 10]).tick_values(low, high))
     if high < 1.5 * low:
-        found = MaxNLocator(8).tick_values(low, max(high, low * 1.001))
+        found = np.asarray(MaxNLocator(8).tick_values(low, max(high, low * 1.001)))
         return found[found > 0]
     tens = np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
     parts = (1.0, 2.0, 5.0) if high / low < 2000 else (1.0,)

@@ -26,6 +26,8 @@ from diffthrust._cycle import (
     Lane,
     driven_period,
     harmonics_of,
+    held_fast,
+    idle,
     in_blocks,
     start_of,
 )
@@ -37,6 +39,8 @@ ROUNDS = 80
 """Evaluations that may be spent on one orbit, at one density of instants."""
 CLOSED = 1e-8
 """An orbit is found where Newton's next step is so short against the coefficients."""
+ROUNDING = 1e-13
+"""A derivative counts as none below this share of the largest."""
 SHORTEST = 2.0**-10
 """A step is halved no further than to this share of Newton's."""
 
@@ -106,9 +110,8 @@ def newton_step(slope: np.ndarray, rest: np.ndarray) -> np.ndarray:
     shape, slope = rest.shape, slope.copy()
     rest = rest.reshape(slope.shape[:2])
     fine = np.isfinite(slope).all(axis=(1, 2)) & np.isfinite(rest).all(axis=1)
-    idle = np.abs(slope).max(axis=1) == 0
-    lane, column = np.nonzero(idle & fine[:, None])
-    slope[lane, column, column] = 1.0
+    rest = rest.copy()
+    held_fast(slope, rest, drifting(slope) & fine[:, None])
     size = np.abs(slope).max(axis=2) + TINY
     slope, rest = slope / size[:, :, None], rest / size
     step = np.full(rest.shape, np.nan)
@@ -118,8 +121,12 @@ def newton_step(slope: np.ndarray, rest: np.ndarray) -> np.ndarray:
         except np.linalg.LinAlgError:  # some lane is singular: the shortest step for all
             inverse = np.linalg.pinv(slope[fine], rcond=1e-12)
             step[fine] = -np.einsum("lij,lj->li", inverse, rest[fine])
-    step[lane, column] = 0.0
     return step.reshape(shape)
+
+
+def drifting(slope: np.ndarray) -> np.ndarray:
+    """Coefficients that nothing depends on, ``(lanes, n c)``; see `idle`."""
+    return idle(slope, ROUNDING * np.abs(slope).max(axis=(1, 2))[:, None])
 
 
 def _matrices(points: int, harmonics: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

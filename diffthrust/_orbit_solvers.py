@@ -143,8 +143,14 @@ class HarmonicBalance:
         return Solved(point, kept.harmonics, reason)
 
     def again(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> Solved:
-        """The same coefficients on a later clock."""
-        found = self._run(cycle, np.arange(count), lanes, x)
+        """The same coefficients on a later clock, those that drift a period further."""
+        every = np.arange(count)
+        now = self._run(cycle, every, lanes, x)
+        drifts = hb.drifting(np.asarray(now.slope)).reshape(now.rest.shape)
+        period = (2.0 * np.pi / lanes.frequency[:count])[:, None, None]
+        x = np.array(x)
+        x[:count] -= np.where(drifts, now.rest * period, 0.0)
+        found = self._run(cycle, every, lanes, x)
         return Solved(x[:count], found.harmonics, np.full(count, Reason.SETTLED))
 
     def _run(self, cycle: Cycle, who: np.ndarray, lanes: Lane, x: np.ndarray) -> hb.Balance:

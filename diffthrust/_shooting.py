@@ -25,6 +25,8 @@ from diffthrust._cycle import (
     Lane,
     driven_period,
     harmonics_of,
+    held_fast,
+    idle,
     in_blocks,
     start_of,
 )
@@ -126,6 +128,7 @@ def newton_step(orbit: Orbit) -> np.ndarray:
     slope = np.asarray(orbit.slope) * scale[:, None, :] / scale[:, :, None]
     matrix = np.eye(rest.shape[1]) - slope
     fine = np.isfinite(rest).all(axis=1) & np.isfinite(matrix).all(axis=(1, 2))
+    held_fast(matrix, rest, idle(matrix, FREE) & fine[:, None])
     step = np.full(rest.shape, np.nan)
     if rest.shape[1] == 1:
         held = fine & (np.abs(matrix[:, 0, 0]) > FREE)
