@@ -21,6 +21,7 @@ from diffthrust import control as dc
 
 THRUSTER = dft.Thruster(alpha=0.037, beta=42.0, ct=0.022)
 LARGE, SMALL = 0.05, 0.01
+COLOURS = ["0.6", "#D55E00", "#0072B2"]
 KINDS = {
     "none": dc.NoCompensator.of(THRUSTER),
     "lead": dc.Lead.of(THRUSTER),
@@ -40,14 +41,10 @@ FIGURES = {  # number in the paper: kinds, amplitudes, obstructed
 
 
 def run(kind: str, reference: dc.Sinusoid, obstructed: bool = False) -> dc.LoopRun:
-    loop = dc.Loop(
-        thruster=THRUSTER,
-        vehicle=dft.AxisVehicle(mass=340.0, drag=67.0),
-        controller=dc.PositionController(bandwidth=1.0, mass=340.0, drag=67.0),
-        compensator=KINDS[kind],
-        rate=200.0,
-        faults=[dc.duct_obstruction(at=8.0)] if obstructed else [],
-    )
+    naive = dc.PositionController(bandwidth=1.0)  # knows the vehicle: 340 kg, 67 N s^2/m^2
+    faults = [dc.duct_obstruction(at=8.0)] if obstructed else []
+    loop = dc.Loop(thruster=THRUSTER, vehicle=dft.AxisVehicle(), controller=naive, rate=200.0,
+                   compensator=KINDS[kind], faults=faults)  # fmt: skip
     return loop.simulate(reference, 30.0)
 
 
@@ -56,45 +53,40 @@ def there_and_back(amplitude: float) -> dc.Sinusoid:
     return dc.Sinusoid(amplitude, 0.6 * math.pi, offset=amplitude, phase=-math.pi / 2)
 
 
-def draw(panels: list, name: str) -> None:
+def draw(panels: list, number: int) -> None:
     """One panel for each list of lines (label, run, signal), up to a time."""
     figure = Figure(figsize=(7.0, 0.6 + 2.4 * len(panels)), layout="constrained")
     rows = figure.subplots(len(panels), squeeze=False)[:, 0]
     for axes, (title, until, lines) in zip(rows, panels, strict=True):
-        for (label, made, signal), colour in zip(
-            lines, ["0.6", "#D55E00", "#0072B2"], strict=False
-        ):
-            within = made.time <= until
-            axes.plot(made.time[within], made[signal][within], color=colour, label=label)
+        for i, (label, made, signal) in enumerate(lines):
+            axes.plot(made.time, made[signal], color=COLOURS[i], label=label)
         axes.set_title(title, loc="left", fontsize=9)
+        axes.set_xlim(0.0, until)
         axes.set(xlabel="time [s]", ylabel=f"{signal.split('.')[-1]} [{made.units[signal]}]")
         axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=3, fontsize=8, frameon=False)
-        axes.margins(x=0.01)
-        axes.grid(True, color="0.9")
-    figure.savefig(output_folder() / f"{name}.png", dpi=80)
+    figure.savefig(output_folder() / f"yoerger_figure_{number}.png", dpi=80)
 
 
 for number, (kinds, amplitudes, obstructed) in FIGURES.items():
     panels = []
     for a in amplitudes:
-        made = [run(kind, there_and_back(a), obstructed) for kind in kinds]
-        lines = [(k, m, "position") for k, m in zip(kinds, made, strict=True)]
-        title = f"amplitude {a:g} m{', duct obstructed from 8 s on' if obstructed else ''}"
-        until = 30.0 if obstructed else 12.0
-        panels.append((title, until, [("reference", made[0], "reference"), *lines]))
-    draw(panels, f"yoerger_figure_{number}")
+        runs = {kind: run(kind, there_and_back(a), obstructed) for kind in kinds}
+        lines = [("reference", runs[kinds[0]], "reference")]
+        lines += [(kind, made, "position") for kind, made in runs.items()]
+        title = f"amplitude {a:g} m{', duct obstructed from 8 s on' * obstructed}"
+        panels.append((title, 30.0 if obstructed else 12.0, lines))
+    draw(panels, number)
 
 learning = run("adaptive from zero", there_and_back(0.2))
 estimates = ["compensator.load_estimate", "compensator.inertia_estimate"]
-draw([("from zero", 30.0, [("estimate", learning, n)]) for n in estimates], "yoerger_figure_20")
-print(f"{'tracking error, 15 to 30 s':28}" + "".join(f"{a * 100:g} cm, {o:12}" for o in
-      ("free", "obstructed") for a in (LARGE, SMALL)))  # fmt: skip
+draw([("", 30.0, [("from zero", learning, n)]) for n in estimates], 20)
+cases = [(o, a) for o in (False, True) for a in (LARGE, SMALL)]
+print("error from 15 to 30 s [%] " + "".join(
+    f"{f'{a * 100:g} cm' + ', obstructed' * o:>18}" for o, a in cases))  # fmt: skip
 for kind in list(KINDS)[:5]:
-    errors = [run(kind, there_and_back(a), o).tracking(start=15.0).relative
-              for o in (False, True) for a in (LARGE, SMALL)]  # fmt: skip
-    print(f"{kind:28}" + "".join(f"{100 * e:<18.1f}" for e in errors) + "%")
-outside = abs(learning["compensator.sliding_error"]) > 4.0
-load, inertia = (float(learning[name][-1]) for name in estimates)
-print(f"The estimates that begin at zero rest from {learning.time[outside][-1]:.1f} s on: "
-      f"load {load:.3g} (alpha / beta is {0.037 / 42:.3g}), "
-      f"inertia {inertia:.3g} (1 / beta is {1 / 42:.3g}).")  # fmt: skip
+    runs = [run(kind, there_and_back(a), o) for o, a in cases]
+    print(f"{kind:26}" + "".join(f"{100 * r.tracking(start=15.0).relative:18.1f}" for r in runs))
+last = learning.time[abs(learning["compensator.sliding_error"]) > 4.0][-1]
+print(f"The estimates that begin at zero rest from {last:.1f} s on.")
+for name, truth in zip(estimates, (0.037 / 42.0, 1.0 / 42.0), strict=True):
+    print(f"{name}: {learning[name][-1]:.3g}, true value {truth:.3g}")

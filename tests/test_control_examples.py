@@ -1,0 +1,42 @@
+"""The examples of closed loops run from top to bottom and print what they promise."""
+
+import re
+
+from test_examples import figure, run
+
+
+def numbers(text: str, start: str) -> list[float]:
+    (line,) = (line for line in text.splitlines() if line.startswith(start))
+    return [float(found) for found in re.findall(r"-?\d+\.?\d*(?:e-?\d+)?", line[len(start) :])]
+
+
+def test_compensators(tmp_path):
+    text = run("compensators", tmp_path)
+    rows = {kind: numbers(text, kind) for kind in ("none", "lead", "pole", "sliding", "adaptive s")}
+    for column in range(2):  # the duct is free
+        errors = [rows[kind][column] for kind in rows]
+        assert errors[:4] == sorted(errors[:4], reverse=True)
+    for column in range(2, 4):
+        assert rows["sliding"][column] < 0.5 * rows["pole"][column]
+    assert rows["lead"][1] > 2.0 * rows["lead"][0]
+    assert numbers(text, "The estimates that begin at zero rest from ")[0] < 10.0
+    for number in range(15, 22):
+        figure(tmp_path, f"yoerger_figure_{number}.png")
+
+
+def test_pi_speed_loop(tmp_path):
+    text = run("pi_speed_loop", tmp_path)
+    calm, wound = (numbers(text, f"Integral {how}: 90 % after ") for how in ("drawn", "wound"))
+    assert calm[1] < 2.0
+    assert wound[1] > 10.0
+    figure(tmp_path, "pi_drawn_back.png")
+    figure(tmp_path, "pi_wound_up.png")
+
+
+def test_tune_lead(tmp_path):
+    text = run("tune_lead", tmp_path)
+    before, after = numbers(text, "cost ")
+    assert after < 0.5 * before
+    by_hand, tuned = numbers(text, "Amplitude 0.05 m: error ")
+    assert tuned < 0.6 * by_hand
+    figure(tmp_path, "tune_lead.png")
