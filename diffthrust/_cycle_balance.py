@@ -45,7 +45,7 @@ def balanced(
     found = _solved(transfer, element, sine, sine, harmonics)
     if found is None:
         found = sine
-        for highest in sorted({*(n for n in (1, 3, 5, 9, 15) if n < harmonics), harmonics}):
+        for highest in sorted({*(n for n in (1, 3, 9) if n < harmonics), harmonics}):
             found = _solved(transfer, element, sine, found, highest)
             if found is None:
                 return None

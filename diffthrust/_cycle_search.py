@@ -110,8 +110,10 @@ def crossings(
     f = balance(transfer, element, amplitudes[:, None], frequencies[None, :])
     found: list[Crossing] = []
     for i, j in zip(*np.nonzero(_turning(f.real) & _turning(f.imag)), strict=True):
-        middle = np.sqrt(amplitudes[i] * amplitudes[i + 1])
-        place = _polished(transfer, element, middle, np.sqrt(frequencies[j] * frequencies[j + 1]))
+        cell = amplitudes[i : i + 2], frequencies[j : j + 2]
+        if any(_in_or_near(cell, c) for c in found):
+            continue
+        place = _polished(transfer, element, *cell)
         if place is None:
             continue
         a, w = place
@@ -145,11 +147,25 @@ def _stencil(
     return complex(f[0]), (f[1] - f[2]) / (2 * _STENCIL), (f[3] - f[4]) / (2 * _STENCIL)
 
 
+def _in_or_near(cell: tuple[np.ndarray, np.ndarray], c: Crossing) -> bool:
+    """Whether a solution lies in a cell or so near that the cell's change of sign is its own."""
+    apart = []
+    for (low, high), at in zip(cell, (c.amplitude, c.frequency), strict=True):
+        apart.append(abs(np.log(at / np.sqrt(low * high))) / np.log(high / low))
+    return max(apart) < 0.75
+
+
 def _polished(
-    transfer: Transfer, element: Nonlinearity, a: float, w: float
+    transfer: Transfer, element: Nonlinearity, amplitudes: np.ndarray, frequencies: np.ndarray
 ) -> tuple[float, float] | None:
-    """Newton's method from the middle of a cell; ``None`` where it leads nowhere."""
+    """Newton's method from the middle of a cell; ``None`` where it leads nowhere, or far away."""
+    ends = np.log(amplitudes - element.least), np.log(frequencies)
+    reach = [end.mean() + 4.0 * np.ptp(end) * np.array([-1.0, 1.0]) for end in ends]
+    a, w = element.least + float(np.exp(ends[0].mean())), float(np.exp(ends[1].mean()))
     for _ in range(40):
+        log_a, log_w = np.log(a - element.least), np.log(w)
+        if not (reach[0][0] <= log_a <= reach[0][1] and reach[1][0] <= log_w <= reach[1][1]):
+            return None
         f, by_a, by_w = _stencil(transfer, element, a, w)
         matrix = np.array([[by_a.real, by_w.real], [by_a.imag, by_w.imag]])
         if not (np.isfinite(f) and np.isfinite(matrix).all()):
@@ -185,8 +201,11 @@ def stability(transfer: Transfer, element: Nonlinearity, a: float, w: float) -> 
     return growth, float(np.delete(poles, pair).real.max())
 
 
-def loop_poles(transfer: Transfer, element: Nonlinearity, a: float, w: float) -> np.ndarray:
+def loop_poles(
+    transfer: Transfer, element: Nonlinearity, a: float, w: float, n: complex | None = None
+) -> np.ndarray:
     """Poles [1/s] of the quasi-linear loop at one amplitude, the element's lag taken at ``w``."""
     plain = transfer.rational()
-    num, den = element.quasi_linear(a, w)
+    n = complex(element.describing(a, w)) if n is None else n
+    num, den = element.quasi_linear(n, a, w)
     return np.roots(np.polyadd(np.polymul(den, plain.den), np.polymul(num, plain.num)))

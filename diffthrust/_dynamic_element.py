@@ -19,13 +19,13 @@ from diffthrust._nonlinearity import Nonlinearity
 from diffthrust._signals import Ports, Relaxing, Signals
 from diffthrust._simulate import equations_of
 
-_STEPS = 192
+_STEPS = 256
 """Steps per period while a describing function is mapped."""
-_SHOTS = 12
+_SHOTS = 16
 _HELD = 1e-12
 """Keeps Newton's method where it is if a state does not move at all, as within a dead band."""
-_PORTIONS = (8, 64, 1024)
-"""Points of one call: a few sizes, each compiled once."""
+_PORTION = 64
+"""Points of one call: one size, compiled once."""
 
 
 class ModelElement(Nonlinearity):
@@ -125,18 +125,18 @@ class ModelElement(Nonlinearity):
     def describing(self, amplitude: Any, frequency: Any) -> np.ndarray:
         """The describing function by shooting; NaN where no settled answer was found."""
         a, w = np.broadcast_arrays(np.asarray(amplitude, float), np.asarray(frequency, float))
-        found, _ = settled(self, a.reshape(-1), w.reshape(-1))
-        return found.reshape(a.shape)
+        return settled(self, a.reshape(-1), w.reshape(-1))[0].reshape(a.shape)
 
-    def begin(self, amplitude: float, frequency: float) -> np.ndarray:
-        """States at the start of a settled period, ``(states,)``; NaN where none was found."""
-        return settled(self, np.array([amplitude]), np.array([frequency]))[1][0]
+    def orbit(self, amplitude: float, frequency: float) -> np.ndarray:
+        """States over a settled period, evenly spaced from the sine's rise, ``(states, n)``."""
+        return settled(self, np.array([amplitude]), np.array([frequency]))[1]
 
-    def quasi_linear(self, amplitude: float, frequency: float) -> tuple[np.ndarray, np.ndarray]:
+    def quasi_linear(
+        self, n: complex, amplitude: float, frequency: float
+    ) -> tuple[np.ndarray, np.ndarray]:
         """A gain with a first-order lag, as in Yoerger et al. 1990, where the phase allows it."""
-        n = complex(self.describing(amplitude, frequency))
         if not (n.real > 0 > n.imag):
-            return super().quasi_linear(amplitude, frequency)
+            return super().quasi_linear(n, amplitude, frequency)
         pole = frequency * n.real / -n.imag
         gain = abs(n) * math.hypot(1.0, frequency / pole)
         return np.array([gain * pole]), np.array([1.0, pole])
@@ -167,7 +167,7 @@ def plain_rate(rate: Any) -> Any:
 def settled(
     element: ModelElement, amplitude: np.ndarray, frequency: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Describing function and states at the start of a settled period.
+    """Describing function and orbits.
 
     Where the steps prove too long for a fast model, the period is cut more finely.
 
@@ -177,22 +177,21 @@ def settled(
         frequency: [rad/s], ``(n,)``.
 
     Returns:
-        N, complex ``(n,)``, NaN where no settled answer was found; states, ``(n, states)``.
+        N, complex ``(n,)``, NaN where no settled answer was found; and the states over the period
+        of the last point, ``(states, steps)``.
     """
     found = np.full(amplitude.shape, np.nan + 0j)
-    start = np.full((amplitude.size, len(element.states)), np.nan)
-    for steps in (_STEPS, 16 * _STEPS):
+    orbit = np.full((len(element.states), 1), np.nan)
+    for steps in (_STEPS, 12 * _STEPS):
         left = np.flatnonzero(np.isnan(found))
-        if not left.size:
-            break
-        size = next((n for n in _PORTIONS if n >= left.size), _PORTIONS[-1])
-        for first in range(0, left.size, size):
-            part = left[first : first + size]
-            taken = np.resize(part, size)
+        for first in range(0, left.size, _PORTION):
+            part = left[first : first + _PORTION]
+            taken = np.resize(part, _PORTION)
             n, x = _shoot(element, steps, element.values, amplitude[taken], frequency[taken])
             found[part] = np.asarray(n)[: part.size]
-            start[part] = np.asarray(x)[: part.size]
-    return found, start
+            if part[-1] == found.size - 1:
+                orbit = np.asarray(x)[part.size - 1]
+    return found, orbit
 
 
 @partial(jax.jit, static_argnums=(0, 1))
@@ -219,11 +218,17 @@ def _settle(element: ModelElement, steps: int, values: Any, a: Any, w: Any) -> t
 
     held = _HELD * jnp.eye(len(names))
 
-    def shot(_: Any, x: Any) -> Any:
-        return x - jnp.linalg.solve(jax.jacfwd(after)(x) - held, after(x))
+    def shot(state: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
+        x, _, count = state
+        gap, slopes = after(x), jax.jacfwd(after)(x)
+        step = jnp.linalg.solve(slopes - held, gap)
+        return x - step, jnp.abs(step).max() / (jnp.abs(x).max() + 1e-300), count + 1
+
+    def going(state: tuple[Any, Any, Any]) -> Any:
+        return (state[1] > 1e-10) & (state[2] < _SHOTS)
 
     x = after(jnp.zeros(len(names)))  # where one period leads from rest
-    x = jax.lax.fori_loop(0, _SHOTS, shot, x)
+    x, _, _ = jax.lax.while_loop(going, shot, (x, jnp.asarray(math.inf), 0))
     path = course(x)
     missed = jnp.stack([path[name][-1] for name in names]) - x
     swing = jnp.stack([jnp.ptp(path[name]) for name in names]) + jnp.abs(x)
@@ -232,4 +237,5 @@ def _settle(element: ModelElement, steps: int, values: Any, a: Any, w: Any) -> t
     angle = w * clock[:-1]
     inphase, quadrature = jnp.mean(y * jnp.sin(angle)), jnp.mean(y * jnp.cos(angle))
     n = 2.0 / a * inphase, 2.0 / a * quadrature
-    return jax.lax.complex(*(jnp.where(fine, part, jnp.nan) for part in n)), x
+    orbit = jnp.stack([path[name][:-1] for name in names])
+    return jax.lax.complex(*(jnp.where(fine, part, jnp.nan) for part in n)), orbit

@@ -47,13 +47,19 @@ class Nonlinearity:
         """
         raise NotImplementedError
 
-    def quasi_linear(self, amplitude: float, frequency: float) -> tuple[np.ndarray, np.ndarray]:
+    def quasi_linear(
+        self, n: complex, amplitude: float, frequency: float
+    ) -> tuple[np.ndarray, np.ndarray]:
         """A real rational function of s that equals N at ``s = jw``, for the poles of the loop.
+
+        Args:
+            n: the describing function there.
+            amplitude: of the sine at the input.
+            frequency: w [rad/s].
 
         Returns:
             Coefficients of numerator and denominator, highest power first.
         """
-        n = complex(self.describing(amplitude, frequency))
         if abs(n.imag) < 1e-12 * abs(n):
             return np.array([n.real]), np.ones(1)
         return np.array([n.imag / frequency, n.real]), np.ones(1)

@@ -16,7 +16,7 @@ from diffthrust._transfer import Transfer, transfer_of
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_COUNT = 90
+_COUNT = 64
 
 
 def plot_pole_motion(linear: Any, nonlinearity: Any, *, amplitudes: Any = None) -> Figure:
@@ -58,32 +58,28 @@ def pole_path(
     Returns:
         Amplitudes ``(m,)`` and poles [1/s], complex ``(m, n)``.
     """
-    kept, rows = [], []
-    w = float(np.sqrt(transfer.corners[0] * transfer.corners[-1]))
-    for a in amplitudes:
-        poles = np.empty(0, complex)
-        for _ in range(6):  # the lag depends on the frequency of the pair that it moves
-            if not np.isfinite(complex(element.describing(a, w))):
-                break
-            poles = loop_poles(transfer, element, float(a), w)
+    w = np.full(amplitudes.shape, np.sqrt(transfer.corners[0] * transfer.corners[-1]))
+    rows: list[np.ndarray] = []
+    for _ in range(8):  # the lag depends on the frequency of the pair that it moves
+        rows, before = [], w.copy()
+        for i, n in enumerate(element.describing(amplitudes, w)):
+            poles = np.empty(0, complex)
+            if np.isfinite(n):
+                poles = loop_poles(transfer, element, float(amplitudes[i]), float(w[i]), complex(n))
             turning = poles[poles.imag > 1e-6 * np.abs(poles)]
-            if not turning.size:
-                break
-            new = float(turning[int(np.argmax(turning.real))].imag)
-            if abs(new - w) < 1e-9 * w:
-                break
-            w = new
-        if poles.size and np.isfinite(poles).all():
-            kept.append(float(a))
+            if turning.size:
+                w[i] = turning[int(np.argmax(turning.real))].imag
             rows.append(poles)
-    most = max((row.size for row in rows), default=0)
-    alike = [i for i, row in enumerate(rows) if row.size == most]
+        if np.abs(np.log(w / before)).max() < 1e-6:
+            break
+    most = max(row.size for row in rows)
+    alike = [i for i, row in enumerate(rows) if most and row.size == most]
     if not alike:
         raise InputError(
             "The quasi-linear loop has no poles at these amplitudes.",
             "Choose amplitudes at which the element has an output.",
         )
-    return np.array([kept[i] for i in alike]), np.array([rows[i] for i in alike])
+    return amplitudes[alike], np.array([rows[i] for i in alike])
 
 
 def pole_figure(

@@ -72,17 +72,21 @@ class PropelledAxis(ModelElement):
         with np.errstate(invalid="ignore"):  # where the thruster has no settled answer
             return n / (1j * w * self.mass + self._damping(np.abs(n) * amplitude, w))
 
-    def begin(self, amplitude: float, frequency: float) -> np.ndarray:
-        """States at the start of a period, the velocity's by its describing function."""
+    def orbit(self, amplitude: float, frequency: float) -> np.ndarray:
+        """States over a settled period, the velocity by its describing function."""
+        thruster = self.thruster.orbit(amplitude, frequency)
         n = complex(self.describing(amplitude, frequency))
-        return np.append(self.thruster.begin(amplitude, frequency), amplitude * n.imag)
+        turn = np.exp(2j * math.pi * np.arange(thruster.shape[1]) / thruster.shape[1])
+        return np.vstack([thruster, amplitude * (n * turn).imag])
 
-    def quasi_linear(self, amplitude: float, frequency: float) -> tuple[np.ndarray, np.ndarray]:
+    def quasi_linear(
+        self, n: complex, amplitude: float, frequency: float
+    ) -> tuple[np.ndarray, np.ndarray]:
         """The thruster's lag and the vehicle's."""
-        num, den = self.thruster.quasi_linear(amplitude, frequency)
-        force = abs(complex(self.thruster.describing(amplitude, frequency))) * amplitude
-        damping = float(self._damping(np.asarray(force), np.asarray(frequency)))
-        return num, np.polymul(den, [self.mass, damping])
+        vehicle = [self.mass, _SINE * self.drag * abs(n) * amplitude]
+        thrust = n * complex(vehicle[1], frequency * vehicle[0])
+        num, den = self.thruster.quasi_linear(thrust, amplitude, frequency)
+        return num, np.polymul(den, vehicle)
 
     def _damping(self, force: np.ndarray, w: np.ndarray) -> np.ndarray:
         """8/(3 pi) drag V for the velocity V that solves |j w M + 8/(3 pi) drag V| V = force."""

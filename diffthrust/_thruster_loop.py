@@ -134,9 +134,9 @@ class ThrusterLoop:
         from diffthrust._pole_figure import pole_figure
 
         f = self.found
-        top = 10.0 * max([c.amplitude for c in f], default=self.consistent / self.newton)
+        top = 8.0 * max([c.amplitude for c in f], default=self.consistent / self.newton)
         return pole_figure(
-            f.transfer, f.element, (1e-3 * top, top), factor=self.newton, label="command [N]"
+            f.transfer, f.element, (2e-3 * top, top), factor=self.newton, label="command [N]"
         )
 
 
@@ -196,11 +196,11 @@ def thruster_loop_cycle(
     else:
         element, linear = ModelElement(thruster), (gains, [mass, 0.0, 0.0])
     if frequencies is None:
-        frequencies = (0.05 * wn, 20.0 * wn)
+        frequencies = (0.1 * wn, 10.0 * wn)
     if amplitudes is None:  # around what the formula says for a pure inertia
         lag = wn / (2.0 * zeta)
         size = ct * lag * math.hypot(lag, wn) / (8.0 / (3.0 * math.pi) * alpha**2) / newton
-        amplitudes = (0.01 * size, 100.0 * size)
+        amplitudes = (0.02 * size, 20.0 * size)
     found = limit_cycles(
         linear, element, amplitudes=amplitudes, frequencies=frequencies, verify=verify
     )
