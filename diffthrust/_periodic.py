@@ -27,7 +27,8 @@ REPEATED = 1e-6
 """
 SAME = 1e-4
 """A further period may change the first harmonic and the mean by no more than this."""
-MOST_PERIODS = 256
+MORE, MOST_PERIODS = 8, 256
+"""An effect with memory that has not settled gets so many times more periods, up to a limit."""
 LATER = 1e5
 """Clock [s] of the further period: a model that changes with the time of a log shows itself."""
 FAILURES = 3
@@ -165,7 +166,7 @@ def respond(
             failed[who] += found.reason == Reason.NOT_CLOSED
             # more periods first, then finer steps
             restless = ~bad & ~(h.unsettled <= REPEATED)
-            periods[who] = np.where(restless, 4 * p, p)
+            periods[who] = np.where(restless, MORE * p, p)
             reason[who[restless & (periods[who] > MOST_PERIODS)]] = Reason.MEMORY
             floor = 1e-3 * h.swing / lanes.amplitude[who]
             change = np.abs(first[who] - before[who])
