@@ -26,7 +26,9 @@ def test_compensators(tmp_path):
 
 def test_pi_speed_loop(tmp_path):
     text = run("pi_speed_loop", tmp_path)
-    calm, wound = (numbers(text, f"Integral {how}: 90 % after ") for how in ("drawn", "wound"))
+    calm, wound = (
+        numbers(text, f"Integral {how}: 90 % after ") for how in ("drawn back", "wound up")
+    )
     assert calm[1] < 2.0
     assert wound[1] > 10.0
     figure(tmp_path, "pi_drawn_back.png")

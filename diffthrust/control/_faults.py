@@ -125,7 +125,8 @@ def check_faults(faults: Any, parameters: Mapping[str, Any]) -> tuple[Fault, ...
     Raises:
         InputError: something else than faults, or a parameter that the loop does not have.
     """
-    found = (faults,) if isinstance(faults, Fault) else tuple(faults)
+    several = isinstance(faults, list | tuple)
+    found = tuple(faults) if several else (faults,)
     for fault in found:
         if not isinstance(fault, Fault):
             raise InputError(

@@ -17,6 +17,7 @@ from diffthrust._parameters import Parameter
 from diffthrust.control._block import Controller
 from diffthrust.control._compensators import Compensator, NoCompensator
 from diffthrust.control._faults import Fault, Numbers, check_faults
+from diffthrust.control._loop_check import check_blocks, check_numbers, mapping
 from diffthrust.control._march import Parts, Timing, compiled
 from diffthrust.control._plant import Plant
 from diffthrust.control._reference import Reference, number
@@ -72,67 +73,25 @@ class Loop:
     given: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._plant.check()
-        number("Loop, rate", self.rate, lambda x: x > 0, "samples in a second, above zero")
-        number("Loop, delay", self.delay, lambda x: x >= 0, "seconds, zero or more")
-        self._check_blocks()
-        channels = self._plant.channels
-        for name, level in self.noise.items():
-            if name not in channels:
-                near = nearest(name, channels)
-                raise InputError(
-                    f"Loop, noise: there is no channel '{name}'{f' ({near})' if near else ''}; "
-                    f"there are {listing(channels)}.",
-                    "Correct the name.",
-                )
-            number(f"Loop, noise of '{name}'", level, lambda x: x >= 0, "zero or more")
+        plant = self._plant
+        check_numbers(plant, self.rate, self.delay, self.noise)
+        check_blocks(plant, self.controller, self.compensator)
+        if self.controller.gives == "thrust" and self.compensator is None:
+            object.__setattr__(self, "compensator", NoCompensator.of(self.thruster))
         object.__setattr__(self, "faults", check_faults(self.faults, self.parameters))
         self._parts(1)  # refuses effects that cannot run in a loop, and delays
-
-    def _check_blocks(self) -> None:
-        if not isinstance(self.controller, Controller):
-            raise InputError(
-                f"Loop: expected a controller, found {self.controller!r}.",
-                "Give an instance, such as dft.control.PD().",
-            )
-        if self.compensator is not None and not isinstance(self.compensator, Compensator):
-            raise InputError(
-                f"Loop: expected a compensator, found {self.compensator!r}.",
-                "Give an instance, such as dft.control.Lead(), or None.",
-            )
-        gives = self.controller.gives
-        if gives == "command" and self.compensator is not None:
-            raise InputError(
-                f"Loop: {type(self.controller).__name__} gives a command; a compensator expects a "
-                "thrust.",
-                "Leave the compensator out, or use a controller that gives a thrust.",
-            )
-        if gives == "thrust" and self.compensator is None:
-            object.__setattr__(self, "compensator", NoCompensator.of(self.thruster))
-        channels = self._plant.channels
-        for block in (self.controller, self.compensator):
-            for name in block.reads if block else ():
-                if name not in channels:
-                    raise InputError(
-                        f"Loop: {type(block).__name__} reads '{name}', which nothing in the loop "
-                        f"gives; there are {listing(channels)}.",
-                        "Add a vehicle, or use a block that reads one of these.",
-                    )
-                models = [m for m in (self.thruster, self.vehicle) if m is not None]
-                for effect in (e for m in models for e in m.effects):
-                    if effect.memory and name in effect.ports:
-                        raise InputError(
-                            f"The effect '{effect.name}' acts on whole records of '{name}', which "
-                            f"{type(block).__name__} reads: it cannot run within a loop.",
-                            "Leave it out, or use a block that does not read this channel.",
-                        )
 
     # -- parameters by their full names ------------------------------------------------------------
 
     @property
     def _plant(self) -> Plant:
-        given = {name: jnp.asarray(value, float) for name, value in self.given.items()}
-        return Plant(self.thruster, self.vehicle, given)
+        given = mapping("given", self.given, '{"supply_voltage": 24.0}')
+        numbers = {
+            name: number(f"Loop, given '{name}'", value, lambda x: True, "a number")
+            for name, value in given.items()
+        }
+        arrays = {name: jnp.asarray(value) for name, value in numbers.items()}
+        return Plant(self.thruster, self.vehicle, arrays)
 
     @property
     def _members(self) -> dict[str, Any]:
@@ -174,6 +133,12 @@ class Loop:
                 )
             member, _, own = name.partition(".")
             grouped.setdefault(member, {})[own] = new
+        for name in fields:
+            if name not in self.__dataclass_fields__:
+                raise InputError(
+                    f"Loop has no argument '{name}'; it has {listing(self.__dataclass_fields__)}.",
+                    'Give parameters by their full names: replace({"thruster.ct": 0.02}).',
+                )
         changed = {}
         for member, named in grouped.items():
             part = self._members[member]
@@ -217,6 +182,8 @@ class Loop:
                 f"reference: expected Sinusoid, Step or Trajectory, found {reference!r}.",
                 "Write dft.control.Step(1.0).",
             )
+        if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
+            raise InputError(f"seed: expected a whole number, 0 or more, found {seed!r}.", "")
         samples = self._samples()
         step = 1.0 / (self.rate * samples)
         if substeps is None:

@@ -53,6 +53,12 @@ class Plant:
                     f"vehicle; it has {listing(self.thruster.outputs)}.",
                     "Use a model that gives a thrust.",
                 )
+            twice = [n for n in self.vehicle.all_states if n in self.thruster.all_states]
+            if twice:
+                raise InputError(
+                    f"Loop: thruster and vehicle both have a state {listing(twice)}.",
+                    "Give one of them another name.",
+                )
             for effect in self.vehicle.effects:
                 if effect.memory and "thrust" in effect.ports:
                     raise InputError(

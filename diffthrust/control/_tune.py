@@ -11,7 +11,6 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from scipy.optimize import least_squares
 
 from diffthrust._channels import listing, nearest
 from diffthrust._errors import InputError
@@ -58,7 +57,8 @@ class Tuning:
         cost: mean square of the residuals, ``(before, after)``.
         gradient: derivative of the cost with respect to each gain where the tuning began.
         runs: how often the loop was simulated.
-        converged: no step within the bounds would lower the cost by more than a millionth.
+        converged: the search ended because nothing more was to be gained (a millionth of the cost,
+            or a step too small to matter), not because ``most`` simulations were made.
         message: how the search ended.
     """
 
@@ -122,6 +122,8 @@ def tune(
         >>> tuned = dft.control.tune(loop, dft.control.Step(1.0), 20.0, ["controller.bandwidth"])
         >>> tuned.loop.simulate(dft.control.Step(1.0), 20.0).plot()
     """
+    from scipy.optimize import least_squares  # late: slow to import
+
     known = loop.parameters
     names = (gains,) if isinstance(gains, str) else tuple(gains)
     _check(names, known)

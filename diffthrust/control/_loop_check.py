@@ -1,0 +1,91 @@
+"""Checks that the parts of a loop fit together, before anything is run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from diffthrust._channels import listing, nearest
+from diffthrust._errors import InputError
+from diffthrust.control._block import Block, Controller
+from diffthrust.control._compensators import Compensator
+from diffthrust.control._plant import Plant
+from diffthrust.control._reference import number
+
+
+def check_numbers(plant: Plant, rate: Any, delay: Any, noise: Any) -> None:
+    """Raise `InputError` for a plant, a rate, a delay or a noise that cannot be meant."""
+    plant.check()
+    number("Loop, rate", rate, lambda x: x > 0, "samples in a second, above zero")
+    number("Loop, delay", delay, lambda x: x >= 0, "seconds, zero or more")
+    channels = plant.channels
+    for name, level in mapping("noise", noise, '{"speed": 0.3}').items():
+        if name not in channels:
+            near = nearest(name, channels)
+            raise InputError(
+                f"Loop, noise: there is no channel '{name}'{f' ({near})' if near else ''}; "
+                f"there are {listing(channels)}.",
+                "Correct the name.",
+            )
+        number(f"Loop, noise of '{name}'", level, lambda x: x >= 0, "zero or more")
+
+
+def mapping(what: str, given: Any, example: str) -> Mapping[str, Any]:
+    """What was given by the names of channels.
+
+    Raises:
+        InputError: something else than a dictionary.
+    """
+    if not isinstance(given, Mapping):
+        raise InputError(
+            f"Loop, {what}: expected a dictionary by the names of channels, found {given!r}.",
+            f"Write {what}={example}.",
+        )
+    return given
+
+
+def check_blocks(plant: Plant, controller: Any, compensator: Any) -> None:
+    """Raise `InputError` for blocks that do not fit each other or the plant."""
+    if not isinstance(controller, Controller):
+        raise InputError(
+            f"Loop: expected a controller, found {controller!r}.",
+            "Give an instance, such as dft.control.PD().",
+        )
+    if compensator is not None and not isinstance(compensator, Compensator):
+        raise InputError(
+            f"Loop: expected a compensator, found {compensator!r}.",
+            "Give an instance, such as dft.control.Lead(), or None.",
+        )
+    if controller.gives == "command" and compensator is not None:
+        raise InputError(
+            f"Loop: {type(controller).__name__} gives a command; a compensator expects a thrust.",
+            "Leave the compensator out, or use a controller that gives a thrust.",
+        )
+    if controller.of not in plant.channels:
+        raise InputError(
+            f"Loop: the reference of {type(controller).__name__} is for '{controller.of}', which "
+            f"nothing in the loop gives; there are {listing(plant.channels)}.",
+            "Add a vehicle, or use a controller of one of these.",
+        )
+    for block in (controller, compensator):
+        if block is not None:
+            _check_reads(plant, block)
+
+
+def _check_reads(plant: Plant, block: Block) -> None:
+    name = type(block).__name__
+    models = [model for model in (plant.thruster, plant.vehicle) if model is not None]
+    for channel in block.reads:
+        if channel not in plant.channels:
+            raise InputError(
+                f"Loop: {name} reads '{channel}', which nothing in the loop gives; there are "
+                f"{listing(plant.channels)}.",
+                "Add a vehicle, or use a block that reads one of these.",
+            )
+        for effect in (effect for model in models for effect in model.effects):
+            if effect.memory and channel in effect.ports:
+                raise InputError(
+                    f"The effect '{effect.name}' acts on whole records of '{channel}', which "
+                    f"{name} reads: it cannot run within a loop.",
+                    "Leave it out, or use a block that does not read this channel.",
+                )
