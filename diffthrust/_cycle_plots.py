@@ -7,13 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from diffthrust._nonlinearity import Static
-from diffthrust._plots import BLUE, VERMILLION, literal, styled
+from diffthrust._plots import BLUE, GREY, VERMILLION, literal, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from diffthrust._cycle_simulation import Course
     from diffthrust._limit_cycle_result import LimitCycles
+    from diffthrust._thruster_loop import ThrusterLoop
     from diffthrust._transfer import Transfer
 
 _MARKS = {"stable": ("o", "black"), "unstable": ("o", "white"), "undecided": ("D", "0.7")}
@@ -109,3 +111,32 @@ def _drawn(
                     "", (z[k].real, z[k].imag), (z[k - 1].real, z[k - 1].imag),
                     arrowprops={"arrowstyle": "-|>", "color": colour, "mutation_scale": 16},
                 )  # fmt: skip
+
+
+def course_figure(loop: ThrusterLoop, course: Course) -> Figure:
+    """Command and thrust over time, with what the formulas and the balance say of the peak."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8.4, 4.4), layout="constrained")
+    axes = figure.add_subplot()
+    axes.plot(course.time, course.output, color=GREY, linewidth=1.6, label="thrust")
+    axes.plot(course.time, course.input, color=BLUE, linewidth=1.3, label="command")
+    levels = {"printed formula": (loop.printed, ":"), "consistent formula": (loop.consistent, "--")}
+    if len(loop.found):
+        levels["balance of harmonics"] = (loop.newton * loop.cycle.best.peak, "-")
+    for name, (level, style) in levels.items():
+        for side in (level, -level):
+            axes.axhline(
+                side,
+                color=VERMILLION,
+                linestyle=style,
+                linewidth=0.9,
+                label=f"{name}: {level:.2f} N" if side > 0 else "",
+            )
+    title = (
+        f"{loop.model} on a vehicle of {loop.mass:.4g} kg, drag {loop.drag:.4g} N s2/m2\n"
+        f"position control for {loop.natural_frequency:.4g} rad/s, damping {loop.damping:.4g}"
+    )
+    styled(axes, title, "time [s]", "force [N]")
+    figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize=8.5)
+    return figure

@@ -6,6 +6,10 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from diffthrust._cycle_simulation import Course
+from diffthrust._cycle_simulation_states import course_of
 from diffthrust._dynamic_element import ModelElement, checked_model
 from diffthrust._errors import InputError
 from diffthrust._limit_cycle import limit_cycles
@@ -128,6 +132,37 @@ class ThrusterLoop:
             f"Its printed prediction {predicted}: its formula with these parameters gives "
             f"{100 * away:+.0f} %, the consistent one {100 * also:+.1f} %.",
         ]
+
+    def course(self, displacement: float = 0.02, duration: float = 60.0) -> Course:
+        """Simulate the loop from rest beside its set point.
+
+        Args:
+            displacement: at the start [m].
+            duration: [s].
+
+        Returns:
+            Time [s], command and thrust [N], ``(n,)`` each.
+
+        Raises:
+            InputError: something that is no positive number.
+        """
+        x, end = positive("displacement", displacement), positive("duration", duration)
+        element, k = self.found.element, self.newton
+        assert isinstance(element, ModelElement)
+        force = self.mass * self.natural_frequency**2 * x
+        period = 2.0 * math.pi / self.natural_frequency
+        run = course_of(self.found.transfer, element, {}, force / k, period, end)
+        thrust = run.output
+        if self.drag:  # the element's output is the velocity
+            rise = np.gradient(thrust, run.time)
+            thrust = self.mass * rise + self.drag * thrust * np.abs(thrust)
+        return Course(run.time, k * run.input, thrust, run.fled)
+
+    def plot(self, displacement: float = 0.02, duration: float = 60.0) -> Figure:
+        """Command and thrust from rest beside the set point (the paper's figure 14)."""
+        from diffthrust._cycle_plots import course_figure
+
+        return course_figure(self, self.course(displacement, duration))
 
     def plot_poles(self) -> Figure:
         """How the closed loop's poles move as the command grows (the paper's figure 13)."""
