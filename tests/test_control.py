@@ -226,6 +226,27 @@ def test_the_compensators_rank_as_in_the_paper():
     assert blocked["sliding"] < 0.4 * blocked["pole"]
 
 
+def test_the_ranking_holds_with_noise_and_a_delay():
+    noise = {"position": 5e-4, "velocity": 2e-3, "speed": 0.3}
+    smooth = {
+        name: block.replace(floor=1.0, smoothing=0.05) if name in ("pole", "sliding") else block
+        for name, block in COMPENSATORS.items()
+        if name != "adaptive"
+    }
+    loops = {
+        name: tracking_loop(block, rate=50.0, delay=0.02, noise=noise)
+        for name, block in smooth.items()
+    }
+    for amplitude in (0.05, 0.01):
+        errors = [
+            loop.simulate(there_and_back(amplitude), 30.0).tracking(15.0).relative
+            for loop in loops.values()
+        ]
+        assert errors == sorted(errors, reverse=True)
+        assert errors[2] < 0.4
+        assert errors[3] < 0.12
+
+
 def test_estimates_converge_from_zero_and_then_rest():
     # Figure 20: a commanded position of 0.2 m at 0.3 Hz.
     block = control.AdaptiveSliding(thrust_coefficient=0.022, gain=1.5, floor=5.0)
