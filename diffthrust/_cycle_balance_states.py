@@ -48,7 +48,7 @@ def balanced_states(
     width = max(9, transfer.den.size)  # one compilation for all loops of usual order
     num, den = (np.concatenate([np.zeros(width - c.size), c]) for c in (transfer.num, transfer.den))
     loop = [jnp.asarray(x) for x in (num, den, transfer.delay, frequency, sizes)]
-    worst = np.inf
+    worst, found, w = np.inf, c, frequency
     for _ in range(_ITERATIONS):
         r, slopes, found, w = (
             np.asarray(x)

@@ -99,7 +99,9 @@ def _drawn(
     named = False
     for first, last in zip(edges[::2], edges[1::2], strict=True):
         z = curve[first:last]
-        axes.plot(z.real, z.imag, style, color=colour, linewidth=1.5, label="" if named else label)
+        axes.plot(
+            np.real(z), np.imag(z), style, color=colour, linewidth=1.5, label="" if named else label
+        )
         named = True
         inside = np.flatnonzero(np.abs(z) < 0.9 * radius)
         if inside.size > 4:

@@ -6,6 +6,7 @@ imaginary part change their sign are polished by Newton's method.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,13 +63,14 @@ def grid_of(
         if not isinstance(element, Static):
             low, top = 10.0 * low, 0.1 * top
         frequencies = np.array([low, top])
-    if frequencies.size == 2:
-        frequencies = np.geomspace(frequencies[0], frequencies[1], counts[1])
+    w = _grid(frequencies, counts[1])
     if amplitudes is None:
-        amplitudes = _amplitudes(transfer, element, frequencies, counts[0])
-    elif amplitudes.size == 2:
-        amplitudes = np.geomspace(amplitudes[0], amplitudes[1], counts[0])
-    return amplitudes, frequencies
+        return _amplitudes(transfer, element, w, counts[0]), w
+    return _grid(amplitudes, counts[0]), w
+
+
+def _grid(given: np.ndarray, count: int) -> np.ndarray:
+    return np.geomspace(given[0], given[1], count) if given.size == 2 else given
 
 
 def _amplitudes(
@@ -109,9 +111,9 @@ def crossings(
     """
     f = balance(transfer, element, amplitudes[:, None], frequencies[None, :])
     found: list[Crossing] = []
-    for i, j in zip(*np.nonzero(_turning(f.real) & _turning(f.imag)), strict=True):
+    for i, j, apart in _candidates(_turning(np.real(f)), _turning(np.imag(f))):
         cell = amplitudes[i : i + 2], frequencies[j : j + 2]
-        if any(_in_or_near(cell, c) for c in found):
+        if any(_cells_apart(cell, c) < apart for c in found):
             continue
         place = _polished(transfer, element, *cell)
         if place is None:
@@ -147,12 +149,33 @@ def _stencil(
     return complex(f[0]), (f[1] - f[2]) / (2 * _STENCIL), (f[3] - f[4]) / (2 * _STENCIL)
 
 
-def _in_or_near(cell: tuple[np.ndarray, np.ndarray], c: Crossing) -> bool:
-    """Whether a solution lies in a cell or so near that the cell's change of sign is its own."""
+def _candidates(real: np.ndarray, imaginary: np.ndarray) -> Iterator[tuple[int, int, float]]:
+    """Cells to be polished, and how many cells away a known solution makes that needless.
+
+    First those in which both parts change their sign. Then those in which one does and the other
+    does next door: a line that only bulges into a cell leaves its corners alike.
+    """
+    both = real & imaginary
+    for i, j in zip(*np.nonzero(both), strict=True):
+        yield int(i), int(j), 0.75
+    beside = (real & _widened(imaginary)) | (_widened(real) & imaginary)
+    for i, j in zip(*np.nonzero(beside & ~both), strict=True):
+        yield int(i), int(j), 1.75
+
+
+def _widened(cells: np.ndarray) -> np.ndarray:
+    """These cells and the eight around each."""
+    padded = np.pad(cells, 1)
+    n, m = cells.shape
+    return np.any([padded[i : i + n, j : j + m] for i in range(3) for j in range(3)], axis=0)
+
+
+def _cells_apart(cell: tuple[np.ndarray, np.ndarray], c: Crossing) -> float:
+    """How far a solution lies from the middle of a cell, in cells."""
     apart = []
     for (low, high), at in zip(cell, (c.amplitude, c.frequency), strict=True):
         apart.append(abs(np.log(at / np.sqrt(low * high))) / np.log(high / low))
-    return max(apart) < 0.75
+    return float(max(apart))
 
 
 def _polished(
@@ -170,7 +193,7 @@ def _polished(
         matrix = np.array([[by_a.real, by_w.real], [by_a.imag, by_w.imag]])
         if not (np.isfinite(f) and np.isfinite(matrix).all()):
             return None
-        if abs(np.linalg.det(matrix)) < 1e-14 * np.abs(matrix).max() ** 2:
+        if abs(np.linalg.det(matrix)) <= 1e-14 * np.abs(matrix).max() ** 2:
             return None
         move = np.clip(-np.linalg.solve(matrix, [f.real, f.imag]), -0.3, 0.3)
         a = element.least + (a - element.least) * float(np.exp(move[0]))
@@ -197,8 +220,8 @@ def stability(transfer: Transfer, element: Nonlinearity, a: float, w: float) -> 
     poles = loop_poles(transfer, element, a, w)
     if poles.size <= 2:
         return growth, -np.inf
-    pair = np.argsort(np.abs(np.abs(poles.imag) - w) + np.abs(poles.real))[:2]
-    return growth, float(np.delete(poles, pair).real.max())
+    pair = np.argsort(np.abs(np.abs(np.imag(poles)) - w) + np.abs(np.real(poles)))[:2]
+    return growth, float(np.real(np.delete(poles, pair)).max())
 
 
 def loop_poles(

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -63,7 +64,7 @@ def simulated(
     past = factor * cycle.signal(cycle.input, before)
     memory = element.rest(float(past[0]))
     pending: deque[tuple[float, float]] = deque(maxlen=lagging)
-    for a, b in zip(past[:-1], past[1:], strict=True):
+    for a, b in pairwise(past):
         first, last, memory = element.passage(float(a), float(b), memory)
         pending.append((first, last))
     x = factor * states_on(transfer, cycle)

@@ -39,7 +39,8 @@ def limit_cycles(
 
     Each solution of 1 + N(A, w) G(jw) = 0 is found on a grid and polished, judged stable or not by
     the quasi-static criterion (Loeb), refined by a balance of more harmonics over the whole loop,
-    and simulated from the cycle and from 10 % below and above it.
+    and simulated from the cycle and from 10 % below and above it. The search takes the element's
+    input without a mean; a mean (of an element that is not odd) comes with the refinement.
 
     Args:
         linear: G(s) under negative feedback: ``(num, den)``, ``(num, den, delay)`` with the dead
@@ -160,7 +161,7 @@ def _rightmost(transfer: Transfer, element: Nonlinearity, a: np.ndarray, w: np.n
     if not known.any():
         return float("nan")
     poles = loop_poles(transfer, element, float(a[int(np.argmax(known))]), middle)
-    return float(poles.real.max()) if poles.size else float("-inf")
+    return float(np.real(poles).max()) if poles.size else float("-inf")
 
 
 def _harmonics(harmonics: Any, element: Nonlinearity) -> int:

@@ -143,9 +143,9 @@ class LimitCycles:
         """What should be known besides."""
         said = []
         poles = self.transfer.poles
-        right = poles[poles.real > 1e-9 * max(1e-300, np.abs(poles).max(initial=0.0))]
+        right = poles[np.real(poles) > 1e-9 * max(1e-300, np.abs(poles).max(initial=0.0))]
         if right.size:
-            worst = right[int(np.argmax(right.real))]
+            worst = complex(right[int(np.argmax(np.real(right)))])
             said.append(
                 f"The linear part by itself is unstable (a pole at {worst.real:.4g} 1/s): where "
                 "the element gives little, the loop is not held."
@@ -212,4 +212,4 @@ def _lossless(transfer: Transfer) -> bool:
     if transfer.delay:
         return False
     g = transfer(1j * np.geomspace(0.1, 10.0, 9) * transfer.corners[0])
-    return bool(np.all(np.abs(g.imag) <= 1e-12 * np.abs(g)))
+    return bool(np.all(np.abs(np.imag(g)) <= 1e-12 * np.abs(g)))

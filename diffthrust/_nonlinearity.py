@@ -193,13 +193,15 @@ class StaticNonlinearity(Static):
 
     def over(self, e: np.ndarray) -> np.ndarray:
         """The function's values."""
-        found = np.asarray(self.function(e), float)
+        with np.errstate(all="ignore"):  # what is not finite is named below
+            found = np.asarray(self.function(e), float)
         if found.shape != e.shape or not np.isfinite(found).all():
             raise InputError(
                 f"The nonlinear element '{self.name}': expected {e.size} finite outputs for inputs "
                 f"between {e.min():.4g} and {e.max():.4g}, found shape {found.shape}"
                 + (", not all finite." if found.shape == e.shape else "."),
-                "Let the function act on every entry of an array and stay finite.",
+                "Let the function act on every entry of an array and stay finite there, or search "
+                "smaller amplitudes.",
             )
         return found
 

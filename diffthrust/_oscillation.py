@@ -55,7 +55,7 @@ class Harmonics:
     def signal(self, coefficients: np.ndarray, time: np.ndarray) -> np.ndarray:
         """Values at times [s], ``(n,)``."""
         turn = np.exp(1j * self.frequency * np.outer(time, self.order))
-        return (turn @ coefficients).real
+        return np.real(turn @ coefficients)
 
     @property
     def oscillation(self) -> Oscillation:

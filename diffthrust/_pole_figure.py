@@ -44,7 +44,7 @@ def plot_pole_motion(linear: Any, nonlinearity: Any, *, amplitudes: Any = None) 
     if given is None:
         a, _ = grid_of(transfer, element, None, None)
         scale = element.scale
-        ends = (a[0], a[-1]) if scale is None else (element.least + 1e-3 * scale, 100.0 * scale)
+        ends = (a[0], a[-1]) if scale is None else (element.least + 0.1 * scale, 100.0 * scale)
     else:
         ends = (given[0], given[-1])
     return pole_figure(transfer, element, (float(ends[0]), float(ends[1])))
@@ -66,9 +66,9 @@ def pole_path(
             poles = np.empty(0, complex)
             if np.isfinite(n):
                 poles = loop_poles(transfer, element, float(amplitudes[i]), float(w[i]), complex(n))
-            turning = poles[poles.imag > 1e-6 * np.abs(poles)]
+            turning = poles[np.imag(poles) > 1e-6 * np.abs(poles)]
             if turning.size:
-                w[i] = turning[int(np.argmax(turning.real))].imag
+                w[i] = complex(turning[int(np.argmax(np.real(turning)))]).imag
             rows.append(poles)
         if np.abs(np.log(w / before)).max() < 1e-6:
             break
@@ -102,14 +102,20 @@ def pole_figure(
     norm = LogNorm(factor * a[0], factor * a[-1])
     colours = np.broadcast_to(factor * a[:, None], poles.shape)[near]
     shown = axes.scatter(
-        poles[near].real, poles[near].imag, c=colours, norm=norm, cmap="viridis", s=13, zorder=3
+        np.real(poles[near]),
+        np.imag(poles[near]),
+        c=colours,
+        norm=norm,
+        cmap="viridis",
+        s=13,
+        zorder=3,
     )
     figure.colorbar(shown, ax=axes, label=label, shrink=0.85)
     for amplitude, w, to_left in axis_crossings(a, poles):
         word = "stable" if to_left else "unstable"
         axes.plot([0, 0], [w, -w], "o", color="black", markersize=8, markerfacecolor="none")
         axes.annotate(
-            f"{word} cycle: {factor * amplitude:.4g}\nat {w:.4g} rad/s",
+            f"{word} cycle: {factor * amplitude:.3g}\nat {w:.3g} rad/s",
             (0.0, w),
             xytext=(14, 10),
             textcoords="offset points",
@@ -134,8 +140,8 @@ def axis_crossings(a: np.ndarray, poles: np.ndarray) -> list[tuple[float, float,
         poles: complex ``(m, n)``.
     """
     found = []
-    upper = np.where(poles.imag > 1e-6 * np.abs(poles), poles, -np.inf)
-    best = np.argmax(upper.real, axis=1)
+    upper = np.where(np.imag(poles) > 1e-6 * np.abs(poles), poles, -np.inf)
+    best = np.argmax(np.real(upper), axis=1)
     pair = upper[np.arange(a.size), best]
     for i in range(a.size - 1):
         one, two = pair[i], pair[i + 1]
@@ -149,8 +155,8 @@ def axis_crossings(a: np.ndarray, poles: np.ndarray) -> list[tuple[float, float,
 
 def _window(transfer: Transfer, poles: np.ndarray) -> float:
     """How far from the origin the figure reaches: around the pairs near the imaginary axis."""
-    pair = poles[np.abs(poles.imag) > 1e-6 * np.abs(poles)]
-    near = np.abs(pair[np.abs(pair.real) < 0.6 * np.abs(pair)])
+    pair = poles[np.abs(np.imag(poles)) > 1e-6 * np.abs(poles)]
+    near = np.abs(pair[np.abs(np.real(pair)) < 0.6 * np.abs(pair)])
     if near.size:
         return 1.3 * float(min(near.max(), 4.0 * np.median(near)))
     return 2.0 * float(transfer.corners[-1])

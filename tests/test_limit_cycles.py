@@ -458,7 +458,7 @@ def test_poles_of_the_thruster_loop_move_from_right_to_left(tmp_path):
     figure.savefig(tmp_path / "poles.png")
     assert all(np.isfinite(values).all() for values in numbers_of(figure))
     text = figure.axes[0].texts[0].get_text()
-    assert text.startswith("stable cycle: 15.6")
+    assert text.startswith("stable cycle: 15.7")
 
 
 def test_poles_of_a_conditionally_stable_loop_move_from_left_to_right():
@@ -466,3 +466,50 @@ def test_poles_of_a_conditionally_stable_loop_move_from_left_to_right():
     assert figure.axes[0].texts[0].get_text().startswith("unstable cycle: 3.7")
     with pytest.raises(InputError, match="no output up to"):
         plot_pole_motion(third_order(6.0, 1.0, 2.0), DeadZone(1.0), amplitudes=(0.1, 0.2))
+
+
+# Long studies.
+
+
+@pytest.mark.slow
+def test_many_random_loops_are_found_and_judged_as_their_simulation_does():
+    rng = np.random.default_rng(5)
+    judged = 0
+    for _ in range(120):
+        a, b = rng.uniform(0.2, 5.0, 2)
+        gain = a * b * (a + b) * rng.uniform(1.2, 5.0)
+        element, stable = [
+            (Relay(rng.uniform(0.2, 3.0)), True),
+            (Saturation(rng.uniform(0.2, 3.0)), True),
+            (DeadZone(rng.uniform(0.1, 1.0)), False),
+        ][rng.integers(3)]
+        found = limit_cycles(third_order(gain, a, b), element)
+        assert len(found) == 1, found.report()
+        (c,) = found
+        np.testing.assert_allclose(c.frequency, math.sqrt(a * b), rtol=1e-6)
+        n = complex(element.describing(c.amplitude, c.frequency)).real
+        np.testing.assert_allclose(n * gain / (a * b * (a + b)), 1.0, rtol=1e-6)
+        assert c.stable is stable
+        if c.lasts is not None:
+            judged += 1
+            assert c.lasts is stable, found.report()
+            np.testing.assert_allclose(c.refined.peak, c.simulated.peak, rtol=0.005)
+            np.testing.assert_allclose(c.refined.frequency, c.simulated.frequency, rtol=0.005)
+    assert judged >= 110
+
+
+@pytest.mark.slow
+def test_many_random_thruster_loops_agree_with_their_simulation():
+    rng = np.random.default_rng(6)
+    for _ in range(40):
+        loop = thruster_loop_cycle(
+            dft.Thruster(**JASON),
+            mass=rng.uniform(50, 2000),
+            drag=rng.uniform(1, 300),
+            natural_frequency=rng.uniform(0.2, 3.0),
+            damping=rng.uniform(0.3, 1.2),
+        )
+        c = loop.cycle
+        assert c.verdict == "stable", loop.report()
+        np.testing.assert_allclose(c.refined.peak, c.simulated.peak, rtol=0.005)
+        np.testing.assert_allclose(c.refined.frequency, c.simulated.frequency, rtol=0.005)
