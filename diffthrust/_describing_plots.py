@@ -33,8 +33,9 @@ def map_figure(found: DescribingMap) -> Figure:
         return _curves_figure(found, title, (gain, found.phase), labels)
     figure = _figure(11.0, 4.4, title)
     left, right = figure.subplots(1, 2)
-    _map(figure, left, found, gain, labels[0], logarithmic=True)
-    _map(figure, right, found, found.phase, labels[1], logarithmic=False)
+    empty = "output does not move"
+    _map(figure, left, found, gain, labels[0], empty, logarithmic=True)
+    _map(figure, right, found, found.phase, labels[1], empty, logarithmic=False)
     return figure
 
 
@@ -47,7 +48,7 @@ def break_figure(found: DescribingMap) -> Figure:
         return _curves_figure(found, title, (values,), (label,))
     figure = _figure(11.0, 4.4, title)
     left, right = figure.subplots(1, 2)
-    _map(figure, left, found, values, label, logarithmic=True)
+    _map(figure, left, found, values, label, "no such lag", logarithmic=True)
     _curves(right, found, values, label)
     return figure
 
@@ -88,7 +89,7 @@ def _curves_figure(found: DescribingMap, title: str, parts: Any, labels: Any) ->
 
 
 def _map(
-    figure: Figure, axes: Axes, found: DescribingMap, values: np.ndarray, label: str,
+    figure: Figure, axes: Axes, found: DescribingMap, values: np.ndarray, label: str, empty: str,
     *, logarithmic: bool,
 ) -> None:  # fmt: skip
     from matplotlib.colors import LogNorm, Normalize
@@ -100,14 +101,14 @@ def _map(
     axes.grid(False)
     for axis, grid in ((axes.xaxis, x), (axes.yaxis, y)):  # before the labels of contours are set
         _logarithmic(axes, axis, grid[-1] / grid[0])
-    _hatched(axes, found, values)
+    _hatched(axes, found, values, empty)
     if seen.size:
         low, high = float(seen.min()), float(seen.max())
         levels = _levels(low, high, logarithmic)
         norm = LogNorm(levels[0], levels[-1]) if logarithmic else Normalize(levels[0], levels[-1])
         shown = np.ma.masked_invalid(values)
         # cividis reads the same with every kind of colour vision, and in grey
-        mesh = axes.pcolormesh(x, y, shown, norm=norm, cmap="cividis", shading="nearest")
+        mesh = axes.pcolormesh(_edges(x), _edges(y), shown, norm=norm, cmap="cividis")
         inner = [v for v in levels if low < v < high]
         if inner and min(shown.shape) >= 2:
             lines = axes.contour(x, y, shown, levels=inner, colors="white", linewidths=0.8)
@@ -117,22 +118,29 @@ def _map(
         bar.ax.tick_params(labelsize=8)
 
 
-def _hatched(axes: Axes, found: DescribingMap, values: np.ndarray) -> None:
+def _hatched(axes: Axes, found: DescribingMap, values: np.ndarray, empty: str) -> None:
     """Points without an answer, and those where the output does not move or does not lag."""
     from matplotlib.patches import Patch
 
     handles = []
     silent = found.settled & ~np.isfinite(values)
-    for where, hatch, words in ((~found.settled, "xxxx", "not settled"), (silent, "....", "none")):
+    for where, hatch, words in ((~found.settled, "xxxx", "not settled"), (silent, "....", empty)):
         if where.any():
             axes.pcolor(
-                found.frequencies, found.amplitudes, np.ma.masked_where(~where, where * 1.0),
-                shading="nearest", hatch=hatch, facecolor="0.92", edgecolor="0.55", linewidth=0,
+                _edges(found.frequencies), _edges(found.amplitudes),
+                np.ma.masked_where(~where, where * 1.0), hatch=hatch, facecolor="0.92",
+                edgecolor="0.55", linewidth=0,
                 cmap="Greys_r", vmin=0, vmax=1,
             )  # fmt: skip
             handles.append(Patch(facecolor="0.95", edgecolor="0.55", hatch=hatch, label=words))
     if handles:
         axes.legend(handles=handles, fontsize=8, loc="lower right")
+
+
+def _edges(grid: np.ndarray) -> np.ndarray:
+    """Borders of cells about the points, half way between them in the logarithm."""
+    inner = np.sqrt(grid[:-1] * grid[1:])
+    return np.concatenate([[grid[0] ** 2 / inner[0]], inner, [grid[-1] ** 2 / inner[-1]]])
 
 
 def _curves(axes: Axes, found: DescribingMap, values: np.ndarray, label: str) -> None:

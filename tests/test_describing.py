@@ -1,9 +1,13 @@
-"""Describing functions: the methods against each other, against closed forms, and at their edges."""
+"""Describing functions: methods against each other, against closed forms, and at their edges."""
 
 from __future__ import annotations
 
 import json
 import math
+import os
+import subprocess
+import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import control
@@ -406,3 +410,18 @@ def test_uncertainty_follows_the_draws(plain):
         post, model, amplitudes=[2.0, 8.0], frequencies=[0.02, 2.0], draws=50, method="consistent"
     )
     np.testing.assert_allclose(formula.gain[0, :, 0], band.gain[0, :, 0], rtol=0.03)
+
+
+@pytest.mark.slow
+def test_the_example_runs(tmp_path):
+    script = Path(__file__).parents[1] / "examples" / "describing_function.py"
+    done = subprocess.run(
+        [sys.executable, str(script), str(tmp_path)],
+        env={**os.environ, "PYTHONPATH": str(script.parents[1])},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=True,
+    )
+    assert "1024 points, 1024 of them settled" in done.stdout
+    assert len(list(tmp_path.glob("*.png"))) == 5
