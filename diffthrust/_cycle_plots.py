@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,7 +30,7 @@ def nyquist_figure(found: LimitCycles) -> Figure:
     """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(7.4, 6.4), layout="constrained")
+    figure = Figure(figsize=(7.4, 6.8), layout="constrained")
     axes = figure.add_subplot()
     transfer, element = found.transfer, found.element
     w = np.geomspace(*found.frequencies, 4000)
@@ -49,20 +50,25 @@ def nyquist_figure(found: LimitCycles) -> Figure:
         _drawn(axes, curve, radius, VERMILLION, label, ("-", "--", ":", "-.")[i % 4])
     for number, (c, place) in enumerate(zip(found, places, strict=False), 1):
         mark, face = _MARKS[c.verdict]
+        best, side = c.best, _clear_side(transfer, c.frequency)
         axes.plot(
-            [place.real], [place.imag], mark, color="black", markerfacecolor=face, markersize=7,
+            [place.real],
+            [place.imag],
+            mark,
+            color="black",
+            markerfacecolor=face,
+            markersize=7,
             zorder=4,
-        )  # fmt: skip
-        best = c.best
-        axes.annotate(
-            f"{number}. {c.verdict}\namplitude {best.amplitude:.4g}{found.unit}\n"
+            label=f"{number}. {c.verdict}: amplitude {best.amplitude:.4g}{found.unit}, "
             f"{best.frequency:.4g} rad/s",
+        )
+        axes.annotate(
+            str(number),
             (place.real, place.imag),
-            xytext=(12, _clear_side(transfer, c.frequency)),
+            xytext=(6, side + math.copysign(11 * ((number - 1) % 3), side)),
             textcoords="offset points",
-            fontsize=8.5,
-            arrowprops={"arrowstyle": "-", "color": "0.4", "linewidth": 0.7},
-            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0},
+            fontsize=9,
+            fontweight="bold",
             zorder=5,
         )
     axes.axhline(0.0, color="0.5", linewidth=0.7, zorder=0)
@@ -75,7 +81,7 @@ def nyquist_figure(found: LimitCycles) -> Figure:
     ):
         limits(min(0.0, *parts, 0.0) - 0.5 * radius, max(0.0, *parts, 0.0) + 0.5 * radius)
     axes.set_aspect("equal")
-    axes.legend(loc="lower right", frameon=False, fontsize=9)
+    figure.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=9)
     if not len(found):
         axes.text(
             0.02, 0.98, "no limit cycle in the range", transform=axes.transAxes, va="top",
@@ -87,7 +93,7 @@ def nyquist_figure(found: LimitCycles) -> Figure:
 def _clear_side(transfer: Transfer, w: float) -> int:
     """Height of a label [points] that keeps off G's curve: below where that rises to the right."""
     ahead = complex(transfer(1.001j * w) - transfer(1j * w))
-    return -46 if ahead.real * ahead.imag > 0 else 14
+    return -14 if ahead.real * ahead.imag > 0 else 7
 
 
 def _drawn(

@@ -54,7 +54,10 @@ class ThrusterLoop:
 
     @property
     def printed(self) -> float:
-        """Amplitude of the command [N] by the paper's printed formula, for a pure inertia."""
+        """Amplitude of the command [N] by the paper's printed formula, for a pure inertia.
+
+        Like `consistent` it knows of alpha and ct only, not of effects.
+        """
         return self._by(self._gamma**2)
 
     @property

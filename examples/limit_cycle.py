@@ -22,6 +22,11 @@ print(loop.report())
 
 free = dft.thruster_loop_cycle(thruster, mass=340.0, drag=0.0, natural_frequency=1.0, damping=0.707)
 print(f"\nWithout drag:\n{free.report()}")
+print(
+    f"The paper's 15.7 N is near what the describing function of the thruster itself (the first "
+    f"harmonic of its settled answer) gives for a pure inertia: "
+    f"{free.newton * free.cycle.amplitude:.2f} N."
+)
 
 folder = output_folder()
 free.plot_poles().savefig(folder / "yoerger_figure_13.png", dpi=90)

@@ -1,8 +1,12 @@
 """Limit cycles against loops with known answers, python-control, SciPy and the paper."""
 
 import math
+import os
+import subprocess
+import sys
 from functools import lru_cache
 from itertools import pairwise
+from pathlib import Path
 
 import control
 import numpy as np
@@ -14,6 +18,7 @@ import diffthrust as dft
 from diffthrust import InputError
 from diffthrust._classical_elements import Backlash, DeadZone, Relay, Saturation
 from diffthrust._cycle_balance import output_of
+from diffthrust._describing import describing_function
 from diffthrust._dynamic_element import ModelElement
 from diffthrust._limit_cycle import limit_cycles
 from diffthrust._nonlinearity import StaticNonlinearity
@@ -429,6 +434,45 @@ def test_quick_thrusters_do_not_cycle():
         _ = loop.cycle
 
 
+def test_describing_function_of_a_model_is_that_of_the_map():
+    model = dft.Thruster(**JASON) + ReverseThrustAsymmetry(change=-0.2)
+    a, w = np.array([0.05, 0.5, 5.0]), np.array([0.3, 1.0, 4.0])
+    found = describing_function(model, a, w, method="harmonic_balance")
+    ours = ModelElement(model).describing(a[:, None], w[None, :])
+    np.testing.assert_allclose(ours, found.complex, rtol=1e-3)
+
+
+def test_the_course_from_rest_grows_into_the_cycle(tmp_path):
+    loop = jason()
+    course = loop.course(displacement=0.01, duration=80.0)
+    late = np.abs(course.input[course.time > 60]).max()
+    np.testing.assert_allclose(late, 15.70, rtol=0.005)
+    assert np.abs(course.input[course.time < 2]).max() < 5.0
+    figure = loop.plot(duration=30.0)
+    figure.savefig(tmp_path / "course.png")
+    assert all(np.isfinite(values).all() for values in numbers_of(figure))
+    with pytest.raises(InputError, match="duration"):
+        loop.course(duration=0.0)
+
+
+@pytest.mark.skipif(not hasattr(dft, "thruster_loop_cycle"), reason="not exported")
+def test_the_example_prints_both_formulas_and_draws_its_figures(tmp_path):
+    script = Path(__file__).parents[1] / "examples" / "limit_cycle.py"
+    done = subprocess.run(
+        [sys.executable, str(script), str(tmp_path)],
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
+        env={**os.environ, "PYTHONPATH": str(script.parents[1])},
+    )
+    assert done.returncode == 0, done.stderr
+    for words in ("19.32", "16.40", "15.70", "15.60", "is not reproduced", "grows without end"):
+        assert words in done.stdout
+    for name in ("yoerger_figure_13", "yoerger_figure_14", "saturation", "saturation_poles"):
+        assert (tmp_path / f"{name}.png").stat().st_size > 10_000
+
+
 # Figures.
 
 
@@ -449,8 +493,9 @@ def test_polar_plots_have_a_point_for_each_cycle_and_no_gaps_that_are_not_number
     assert all(np.isfinite(values).all() for values in numbers_of(figure))
     texts = " ".join(text.get_text() for text in figure.axes[0].texts)
     assert ("no limit cycle" in texts) == (not len(found))
+    named = " ".join(text.get_text() for text in figure.legends[0].get_texts())
     for number, c in enumerate(found, 1):
-        assert f"{number}. {c.verdict}" in texts
+        assert f"{number}. {c.verdict}" in named
 
 
 def test_poles_of_the_thruster_loop_move_from_right_to_left(tmp_path):
