@@ -21,7 +21,7 @@ from diffthrust._transfer import Transfer
 STEPS = 256
 """Steps per period."""
 BEYOND = 1e3
-"""A course that grows to so many times the cycle is taken to grow without end."""
+"""A course is followed until it has grown to so many times the cycle."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Course:
         time: [s], evenly spaced, ``(n,)``.
         input: the element's input, ``(n,)``.
         output: the element's output, ``(n,)``.
-        fled: the simulation was ended because it had grown without end.
+        fled: the simulation was ended because it had grown a thousandfold.
     """
 
     time: np.ndarray

@@ -98,7 +98,7 @@ def _end(run: Course, cycle: Oscillation) -> float:
 
 def _fate(run: Course, end: float, cycle: Oscillation, periods: int) -> str:
     if run.fled:
-        return "grows without end"
+        return "grows a thousandfold"
     if end < 0.1:
         return "dies out"
     if abs(end - 1.0) < _BACK:
