@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +23,23 @@ from diffthrust._status import Status
 
 SAME = 1e-6
 """The likelihood is that of the fit where it differs by no more than this times its samples."""
+
+
+def mark_of(fit: Fit) -> str:
+    """A short mark of a fit, by which a posterior of it is known."""
+    told = [fit.log_likelihood, fit.likelihood, fit.loss, fit.noise_model]
+    told += [(n, e.value, e.fixed) for n, e in sorted(fit.parameters.items())]
+    return hashlib.sha256(repr((str(fit.model), told)).encode()).hexdigest()[:16]
+
+
+def check_mark(post: Any, fit: Fit, what: str) -> None:
+    """Raise `InputError` for a posterior of another fit; one without a mark is taken on trust."""
+    found = getattr(post.posterior, "attrs", {}).get("fit")
+    if found is not None and found != mark_of(fit):
+        raise InputError(
+            f"{what}: this posterior was drawn from another fit (other estimates, logs or noise).",
+            "Give the fit that was sampled, or sample this one.",
+        )
 
 
 def problem_of(fit: Fit, logs: Log | Sequence[Log]) -> tuple[Problem, np.ndarray]:

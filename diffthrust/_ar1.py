@@ -79,10 +79,9 @@ def gaps(batches: Sequence[Mapping[str, Any]]) -> dict[str, np.ndarray]:
     for channel in zip(*(np.moveaxis(np.asarray(b["gap"]), 1, 0) for b in batches), strict=True):
         all_gaps = np.concatenate([part.ravel() for part in channel])
         finite = all_gaps[all_gaps < FAR]
-        digits = DIGITS - 1 - np.floor(np.log10(finite)).astype(int)
-        _, first, counts = np.unique(
-            np.round(finite * 10.0**digits), return_index=True, return_counts=True
-        )
+        size = 10.0 ** np.floor(np.log10(finite))
+        rounded = np.round(finite / size, DIGITS - 1) * size
+        _, first, counts = np.unique(rounded, return_index=True, return_counts=True)
         found.append((finite[first], counts))
     widest = max(steps.size for steps, _ in found)
 

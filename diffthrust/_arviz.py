@@ -79,7 +79,8 @@ def noise_draws(posterior: Posterior, chains: Chains, seed: int) -> np.ndarray:
 
 
 def log_names(given: list[str]) -> list[str]:
-    """Names of the logs, numbered where several are called the same."""
+    """Names of the logs, numbered where several are called the same, and without slashes."""
+    given = [name.replace("/", "|") for name in given]
     return [
         f"{name} {given[: i + 1].count(name)}" if given.count(name) > 1 else name
         for i, name in enumerate(given)

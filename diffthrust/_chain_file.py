@@ -142,6 +142,12 @@ def write(path: Path, data: bytes) -> None:
             os.fsync(f.fileno())
         os.replace(temporary, target)
         _settle(target.parent)
+    except FileNotFoundError:
+        raise InputError(
+            f"{path}: the chain cannot be saved: its temporary file or its folder is gone. Another "
+            "run may be writing to the same file.",
+            "Give each run a file of its own, in a folder that exists.",
+        ) from None
     except OSError as error:
         if temporary.is_file():
             temporary.unlink()
@@ -182,7 +188,7 @@ def read(path: Path, who: Mapping[str, Mapping[str, str]]) -> Stored | None:
             that cannot be written to. Nothing is changed.
     """
     target = path.resolve()
-    if not target.exists():
+    if not target.exists() or target.is_dir():
         _try(path, target)
         return None
     try:

@@ -43,16 +43,22 @@ def sample(
             callback=ends(".h5", ".hdf5"),
         ),
     ] = None,
+    walkers: Annotated[
+        int | None, typer.Option("--walkers", metavar="N", help="Walkers of emcee, an even number.")
+    ] = None,
+    chains: Annotated[int, typer.Option("--chains", metavar="N", help="Chains of nuts.")] = 4,
     json: JsonPath = None,
     report: ReportPath = None,
 ) -> None:
     """Draw from the posterior: what the logs say of each parameter, and how far to trust it."""
     with session() as progress:
         from diffthrust._posterior_tables import sample_table
+        from diffthrust._sample import check
         from diffthrust._sample import sample as run
         from diffthrust._sampled import Sampled, sampled
         from diffthrust._spec import load_spec
 
+        check(method.value, draws, warmup, chains, seed, walkers, file)  # before the fit
         loaded = load_spec(spec)
         train, unseen = loaded.train_logs(), loaded.holdout_logs()
         fit = loaded.fit(progress, train=train, holdout=unseen)
@@ -62,6 +68,8 @@ def sample(
             method=method.value,
             draws=draws,
             warmup=warmup,
+            walkers=walkers,
+            chains=chains,
             seed=seed,
             file=file,
             progress=progress,

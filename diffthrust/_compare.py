@@ -28,8 +28,9 @@ if TYPE_CHECKING:
     from diffthrust._result import Fit
 
 _OUTSTANDING = 3.0
-_TELLING = 50  # fewer samples do not tell laws of noise apart
 """A run stands out where its RMSE is so many times that of the median run."""
+_TELLING = 50
+"""Fewer samples do not tell laws of noise apart."""
 
 
 @dataclass(frozen=True)

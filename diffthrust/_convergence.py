@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from diffthrust._errors import InputError
+from diffthrust._posterior_draws import posterior_data
 
 R_HAT = 1.01
 """Chains with a larger R-hat have not mixed (Vehtari et al. 2021, section 4)."""
@@ -85,17 +86,13 @@ def convergence(post: Any) -> Convergence:
 
     from diffthrust._arviz import arviz
 
-    if not hasattr(post, "posterior"):
-        raise InputError(
-            f"Expected a posterior, found {type(post).__name__}.", "Give what dft.sample returns."
-        )
+    own = posterior_data(post)
     az = arviz()
-    own = post.posterior
     if own.sizes["draw"] < 4:
         raise InputError(
             f"{own.sizes['draw']} draws by chain are too few to judge.", "Draw at least 100."
         )
-    r_hat = _flat(az.rhat(own, method="rank"))
+    r_hat = _flat(az.rhat(_several(own), method="rank"))
     bulk = _flat(az.ess(own, method="bulk"))
     tail = _flat(az.ess(own, method="tail"))
     memory = {}
@@ -129,7 +126,7 @@ def _judged(
     if r_hat[worst] > R_HAT:
         times = min(max(math.ceil(SAMPLES / least), 4), 10)
         return Mixing.NOT_MIXED, (
-            f"R-hat of {worst} {r_hat[worst]:.2f} (allowed {R_HAT}): the chains have not found the "
+            f"R-hat of {worst} {r_hat[worst]:.3f} (allowed {R_HAT}): the chains have not found the "
             f"same distribution. Draw {times} times as many with a longer warmup{other}."
         )
     if least < SAMPLES:
@@ -149,6 +146,18 @@ def _judged(
         f"Converged: {total} draws{told} are worth at least {least:.0f} independent ones of every "
         f"parameter, and the chains agree (R-hat at most {max(r_hat[worst], 1.0):.3f})."
     )
+
+
+def _several(own: Any) -> Any:
+    """A lone chain as its two halves, which must agree like chains."""
+    if own.sizes["chain"] > 1:
+        return own
+    half = own.sizes["draw"] // 2
+    import xarray as xr
+
+    parts = [own.isel(draw=slice(0, half)), own.isel(draw=slice(half, 2 * half))]
+    level = [part.assign_coords(chain=[i], draw=range(half)) for i, part in enumerate(parts)]
+    return xr.concat(level, dim="chain")
 
 
 def _series(data: Any) -> dict[str, np.ndarray]:

@@ -6,6 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+FEW = 20
+"""Fewer pairs of values say nothing of a correlation."""
+
 
 def ljung_box(correlation: np.ndarray, samples: int) -> float:
     """P-value of the first autocorrelations of white noise (Ljung & Box 1978).
@@ -39,6 +42,22 @@ def autocorrelation(runs: Sequence[np.ndarray], lags: int) -> np.ndarray:
     """
     found = covariance(runs, runs, lags)[lags:]
     return found / found[0] if found[0] > 0 else np.where(np.arange(lags + 1) == 0, 1.0, 0.0)
+
+
+def lag_one(runs: Sequence[np.ndarray]) -> float:
+    """Correlation of each measured value with the one measured before it, pooled over runs.
+
+    Missing samples are left out: what was read at every tenth sample is compared with the reading
+    before. Zero where it is within what chance gives to white noise (three standard deviations),
+    and where there are too few values to tell.
+    """
+    seen = [run[np.isfinite(run)] for run in runs]
+    pairs = [np.stack([rest[1:], rest[:-1]]) for rest in seen if rest.size > 1]
+    both = np.concatenate(pairs, axis=1) if pairs else np.zeros((2, 0))
+    if both.shape[1] <= FEW or not np.all(both.std(axis=1) > 0):
+        return 0.0
+    found = float(np.corrcoef(both)[0, 1])
+    return found if found > 3 / np.sqrt(both.shape[1]) else 0.0
 
 
 def covariance(first: Sequence[np.ndarray], second: Sequence[np.ndarray], lags: int) -> np.ndarray:

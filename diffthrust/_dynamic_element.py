@@ -212,22 +212,24 @@ def _settle(element: ModelElement, steps: int, values: Any, a: Any, w: Any) -> t
         begin = dict(zip(names, x, strict=True))
         return integrate(rates, begin, instants, length, {}, uniform=True)
 
-    def after(x: Any) -> Any:
+    def after(x: Any) -> tuple[Any, Any]:
         path = course(x)
-        return jnp.stack([path[name][-1] for name in names]) - x
+        gap = jnp.stack([path[name][-1] for name in names]) - x
+        return gap, gap
 
     held = _HELD * jnp.eye(len(names))
 
     def shot(state: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
         x, _, count = state
-        gap, slopes = after(x), jax.jacfwd(after)(x)
-        step = jnp.linalg.solve(slopes - held, gap)
-        return x - step, jnp.abs(step).max() / (jnp.abs(x).max() + 1e-300), count + 1
+        slopes, gap = jax.jacfwd(after, has_aux=True)(x)
+        # from rest one period is run through first: there the slopes can mislead
+        step = jnp.where(count == 0, gap, -jnp.linalg.solve(slopes - held, gap))
+        return x + step, jnp.abs(step).max() / (jnp.abs(x).max() + 1e-300), count + 1
 
     def going(state: tuple[Any, Any, Any]) -> Any:
         return (state[1] > 1e-10) & (state[2] < _SHOTS)
 
-    x = after(jnp.zeros(len(names)))  # where one period leads from rest
+    x = jnp.zeros(len(names))
     x, _, _ = jax.lax.while_loop(going, shot, (x, jnp.asarray(math.inf), 0))
     path = course(x)
     missed = jnp.stack([path[name][-1] for name in names]) - x

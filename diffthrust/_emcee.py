@@ -82,6 +82,8 @@ def run(
     stored = _chain_file.read(file, who) if file else None
     if stored is None:
         stored = _begin(posterior, walkers, seed)
+    elif file and len(stored.chain):
+        _same_density(file, posterior, stored, lanes)
 
     def density(points: np.ndarray) -> np.ndarray:
         log_prob, levels = posterior.batch(points, lanes)
@@ -208,6 +210,21 @@ def _walkers(posterior: Posterior, root: np.ndarray, walkers: int, seed: int) ->
         "simulation fails beside it.",
         "Raise substeps, narrow the bounds, or give priors.",
     )
+
+
+def _same_density(file: Path, posterior: Posterior, stored: Stored, lanes: int) -> None:
+    """Raise `InputError` where the last walkers of a file have another density now.
+
+    Equations may have changed under the same names, which no description tells.
+    """
+    now, _ = posterior.batch(stored.chain[-1], lanes)
+    if not np.allclose(now, stored.log_prob[-1], rtol=1e-6, atol=1e-6):
+        away = float(np.max(np.abs(now - stored.log_prob[-1])))
+        raise InputError(
+            f"{file}: the chain of another problem. Its last walkers have other densities now (by "
+            f"up to {away:.3g}): an equation, an effect or the integrator has changed.",
+            "Name another file, or sample with what this one was begun with. It was left as it is.",
+        )
 
 
 def _backend(stored: Stored, walkers: int) -> Any:

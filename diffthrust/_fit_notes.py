@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from diffthrust._compare import Comparison
+from diffthrust._correlation import lag_one
 from diffthrust._innovations import one_step_errors
 from diffthrust._likelihood import errors_at
 from diffthrust._problem import Problem
@@ -40,18 +40,15 @@ def correlation_notes(problem: Problem, z: np.ndarray, train: Comparison) -> lis
         told = _told(residuals, CORRELATED)
         words = "Residuals are correlated from sample to sample ({}): something is missing from "
         words += "the model, or the noise is coloured. The standard errors assume white noise and "
-        words += "are too small; see Comparison.noise_advice."
+        words += "are too small" + ("." if train.tabular else "; see Comparison.noise_advice.")
     return [words.format(told)] if told else []
 
 
 def _told(runs: Sequence[Mapping[str, np.ndarray]], limit: float) -> str:
     """Channels with a lag-one correlation beyond a limit and beyond chance, with its value."""
-    strongest: dict[str, float] = {}
-    for run in runs:
-        for name, residual in run.items():
-            rest = residual[np.isfinite(residual)]
-            if rest.size > 20 and np.std(rest) > 0:
-                lag = float(np.corrcoef(rest[:-1], rest[1:])[0, 1])
-                if lag > max(limit, 3 / math.sqrt(rest.size)):
-                    strongest[name] = max(lag, strongest.get(name, -1.0))
-    return ", ".join(f"{name} {lag:.2f}" for name, lag in strongest.items())
+    found = {}
+    for name in dict.fromkeys(name for run in runs for name in run):
+        lag = lag_one([run[name] for run in runs if name in run])
+        if lag > limit:
+            found[name] = lag
+    return ", ".join(f"{name} {lag:.2f}" for name, lag in found.items())

@@ -44,7 +44,7 @@ class Evidence:
 
 def heading(fit: Fit, lag: float, correlated: bool, sandwich: bool) -> str:
     """The recommendation, with its reason."""
-    lasting = getattr(fit, "noise_model", "white") == "ar1"
+    lasting = fit.noise_model == "ar1"
     if correlated:
         kind = "What is new in the noise is" if lasting else "Residuals are"
         mend = "something is missing from the model" if lasting else _mend(fit)
@@ -63,7 +63,7 @@ def heading(fit: Fit, lag: float, correlated: bool, sandwich: bool) -> str:
 
 
 def _mend(fit: Fit) -> str:
-    if fit.likelihood == "innovations":
+    if fit.likelihood == "innovations" or not fit.model.states:
         return "look for what the model lacks (diagnose)"
     return (
         'look for what the model lacks (diagnose), or fit with noise_model="ar1" or '

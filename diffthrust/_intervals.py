@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from diffthrust._again import problem_of
+from diffthrust._again import check_mark, problem_of
 from diffthrust._directions import directions_of
 from diffthrust._errors import InputError
 from diffthrust._interval_words import Evidence, heading, sentences
@@ -62,6 +62,8 @@ def intervals(
     """
     converged(fit, "intervals")
     check_level(level, "intervals")
+    if posterior is not None and hasattr(posterior, "posterior"):
+        check_mark(posterior, fit, "intervals")
     drawn = {} if posterior is None else {n: _drawn(posterior, n, level) for n in fit.free}
     problem, z = problem_of(fit, logs)
     told = scores(problem, z)

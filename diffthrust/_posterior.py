@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -18,6 +19,7 @@ from diffthrust._ar1 import levels
 from diffthrust._errors import InputError
 from diffthrust._likelihood import TAIL, named_values, noise_of, residuals
 from diffthrust._log import Log
+from diffthrust._parameters import Normal
 from diffthrust._problem import Layout, Problem
 from diffthrust._result import Fit
 from diffthrust._solver import solve
@@ -274,6 +276,21 @@ FAR = 8.0
 """A prior whose mean is more than this many standard deviations from the fit excludes it."""
 
 
+def _contradiction(fit: Fit, name: str, value: float, prior: Normal) -> float:
+    """How many standard deviations lie between a prior and what the logs alone say.
+
+    A fit counts its prior as a measurement: a narrow one drags the estimate along, and then their
+    distance says nothing. Both are taken as Gaussian, and the prior is taken out of their product.
+    """
+    known = fit.free.index(name) if name in fit.free else None
+    variance = math.nan if known is None else float(fit.covariance[known, known])
+    if not variance > 0:
+        return abs(value - prior.mean) / prior.std
+    own = max(1 / variance - 1 / prior.std**2, 1e-12 / variance)  # information of the logs
+    apart = abs(value - prior.mean) * (1 + 1 / (own * prior.std**2))
+    return apart / math.sqrt(prior.std**2 + 1 / own)
+
+
 def _refuse(posterior: Posterior) -> None:
     """Raise `InputError` where there is no posterior to sample, or not at the fit."""
     problem = posterior.problem
@@ -281,12 +298,12 @@ def _refuse(posterior: Posterior) -> None:
         if name not in problem.free:
             continue
         value = problem.values(posterior.base)[name]
-        if p.prior is not None and abs(value - p.prior.mean) > FAR * p.prior.std:
-            away = abs(value - p.prior.mean) / p.prior.std
+        away = 0.0 if p.prior is None else _contradiction(posterior.fit, name, value, p.prior)
+        if p.prior is not None and away > FAR:
             raise InputError(
                 f"Parameter '{name}': its prior, {p.prior.mean:g} +- {p.prior.std:g} {p.unit}, "
-                f"excludes the fit, {value:.5g} within {p.range_text()}, by {away:.0f} standard "
-                "deviations.",
+                f"excludes what the logs say (the fit: {value:.5g} within {p.range_text()}), by "
+                f"{away:.0f} standard deviations.",
                 "Widen the prior, correct its unit, or correct the bounds.",
             )
         start = posterior.fit.guess.get(name, p.value)

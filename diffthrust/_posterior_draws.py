@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from diffthrust._again import check_mark
 from diffthrust._channels import listing
 from diffthrust._errors import InputError
 from diffthrust._model import Model
@@ -109,7 +110,7 @@ def _of_fit(fit: Fit, model: Model, count: int, rng: np.random.Generator) -> Dra
             fit.message,
         )
     held = [n for n in fit.free if n not in names]
-    notes = () if fit.status.ok else (f"The fit is to be doubted. {fit.message}",)
+    notes = fit.doubts if fit.status.ok else (f"The fit is to be doubted. {fit.message}",)
     if held:
         has, is_held, it = ("have", "are held at their values", "them")
         if len(held) == 1:
@@ -170,6 +171,8 @@ def _of_posterior(
             f"free; it has {listing(own) or 'none of its parameters'}.",
             "Give the model that was sampled, or the fit that it was sampled from.",
         )
+    if fit is not None:
+        check_mark(source, fit, "draws of a posterior")
     total = posterior.sizes["chain"] * posterior.sizes["draw"]
     picked = np.sort(rng.choice(total, min(count, total), replace=False))
 
@@ -205,6 +208,7 @@ def _of_posterior(
         likelihood=fit.likelihood if fit else str(attrs.get("likelihood", "simulation")),
         loss=fit.loss if fit else str(attrs.get("loss", "gaussian")),
         fit=fit,
+        notes=tuple(filter(None, str(attrs.get("doubts", "")).split("\n"))),
     )
 
 

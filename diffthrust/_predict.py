@@ -161,6 +161,10 @@ def predict(
             f"predict: expected a log, found {type(log).__name__}.",
             "Write dft.predict(posterior, fit, log), one log at a time.",
         )
+    if substeps is not None and not (isinstance(substeps, int) and substeps >= 1):
+        raise InputError(
+            f"substeps: expected a whole number of at least 1, found {substeps!r}.", "Correct it."
+        )
     drawn = draws_of(source, model, count=draws, seed=seed, level=level)
     channels = [name for name in drawn.model.outputs if name in log.measured]
     if not channels:

@@ -75,6 +75,11 @@ def profile(
     converged(fit, "profile")
     check_level(level, "profile")
     wanted = _wanted(fit, names)
+    if quantities is not None and not callable(quantities):
+        raise InputError(
+            f"profile, quantities: expected a function, found {type(quantities).__name__}.",
+            "Write quantities=lambda p: {'gain': p['beta'] / p['alpha']}.",
+        )
     problem, z = problem_of(fit, logs)
     return profiles_of(fit, problem, z, wanted, quantities, units or {}, level)
 
@@ -166,10 +171,12 @@ def threshold_of(problem: Problem, z: np.ndarray, confidence: float) -> float:
 
 def independent(problem: Problem, z: np.ndarray) -> float:
     """How many independent samples tell as much about a mean, under noise that lasts."""
-    values, total = problem.values(z), 0.0
-    for name, samples in zip(problem.layout.channels, problem.arrays["counts"], strict=True):
-        kept = values[name_of(name)]
-        total += float(samples) * (1 - kept) / (1 + kept)
+    values, gaps, total = problem.values(z), problem.arrays["gaps"], 0.0
+    for i, name in enumerate(problem.layout.channels):
+        often = np.asarray(gaps["counts"][i])
+        apart = float(often @ np.asarray(gaps["steps"][i])) / max(float(often.sum()), 1.0)
+        kept = values[name_of(name)] ** apart  # between neighbours, some steps apart
+        total += float(problem.arrays["counts"][i]) * (1 - kept) / (1 + kept)
     return max(total, 2.0)
 
 

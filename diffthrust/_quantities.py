@@ -176,6 +176,13 @@ def quantities(
         for name, given in {"commands": commands, "steps": steps, "amplitudes": amplitudes}.items()
         if given is not None
     }
+    if functions is not None and not (
+        isinstance(functions, Mapping) and all(map(callable, functions.values()))
+    ):
+        raise InputError(
+            f"functions: expected functions by name, found {functions!r}.",
+            "Write functions={'gain': lambda p: p['beta'] / p['alpha']}.",
+        )
     if pitch is None and not curves and not functions:
         raise InputError(
             "quantities: nothing is asked for.",

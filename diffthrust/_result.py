@@ -92,6 +92,11 @@ class Fit:
     guess: Mapping[str, float] = field(default_factory=dict, repr=False)
 
     @property
+    def doubts(self) -> tuple[str, ...]:
+        """The notes that say why standard errors, and all that follows from them, are too small."""
+        return tuple(note for note in self.notes if "are too small" in note)
+
+    @property
     def options(self) -> dict[str, Any]:
         """The arguments of `fit` that lead to the same likelihood.
 

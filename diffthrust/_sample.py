@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
+from diffthrust._again import mark_of
 from diffthrust._arguments import listed
 from diffthrust._convergence import convergence
 from diffthrust._errors import InputError
@@ -74,7 +75,7 @@ def sample(
     from diffthrust import _emcee, _nuts  # slow to import, as ArviZ is
     from diffthrust._arviz import inference_data
 
-    _check(method, draws, warmup, chains, seed, walkers, file)
+    check(method, draws, warmup, chains, seed, walkers, file)
     if not isinstance(fit, Fit):
         raise InputError(
             f"Expected a fit, found {type(fit).__name__}.", "Give what dft.fit returns."
@@ -105,6 +106,8 @@ def sample(
         "effects": ", ".join(effect.name for effect in fit.model.effects),
         "likelihood": fit.likelihood,
         "loss": fit.loss,
+        "fit": mark_of(fit),
+        "doubts": "\n".join(fit.doubts),
         **found.attrs,
     }
     post = inference_data(posterior, found, attrs)
@@ -116,7 +119,7 @@ def sample(
     return post
 
 
-def _check(
+def check(
     method: str, draws: Any, warmup: Any, chains: Any, seed: Any, walkers: Any, file: Any
 ) -> None:
     """Raise `InputError` for an argument that cannot be meant."""
@@ -129,6 +132,8 @@ def _check(
             "file: NUTS keeps no file, its runs cannot be resumed.",
             "Leave the file out, or sample with method='emcee'.",
         )
+    if file is not None and not isinstance(file, str | os.PathLike):
+        raise InputError(f"file: expected the name of a file, found {file!r}.", "Correct it.")
     if method == "nuts" and walkers is not None:
         raise InputError("walkers: only emcee has walkers.", "Give chains instead.")
     numbers: list[tuple[str, Any, int]] = [

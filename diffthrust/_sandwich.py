@@ -112,6 +112,10 @@ def sandwich(fit: Fit, logs: Log | Sequence[Log]) -> Sandwich:
 
 def converged(fit: Fit, what: str) -> None:
     """Raise `InputError` for a fit that is not at an optimum, of which nothing can be said."""
+    if not isinstance(fit, Fit):
+        raise InputError(
+            f"{what}: expected a fit, found {type(fit).__name__}.", "Give what dft.fit returns."
+        )
     if fit.status in (Status.NOT_CONVERGED, Status.SIMULATION_FAILED):
         raise InputError(
             f"{what}: expected a fit that converged, its status is '{fit.status}'. {fit.message}",
@@ -138,7 +142,7 @@ def sandwich_of(fit: Fit, problem: Problem, z: np.ndarray, told: Scores) -> Sand
     inside, weights = _influence(problem, z, told)
     ours = [problem.own[i] for i in inside]
     runs = [weights[:, place] @ v for place, v in zip(told.places, told.values, strict=True)]
-    scatter, block, lasting, degrees = summed(runs)
+    scatter, block, memory, degrees = summed(runs)
     used = told.samples / max(told.samples - inside.size, 1)
     scatter = used * scatter + weights @ told.prior @ weights.T
     slopes = problem.slopes(z)[inside]
@@ -157,7 +161,7 @@ def sandwich_of(fit: Fit, problem: Problem, z: np.ndarray, told: Scores) -> Sand
         inflation={n: _ratio(errors[n], naive[n]) for n in problem.own},
         block=block,
         block_seconds=block * float(np.median(steps)) if timed else math.nan,
-        memory={n: float((1 + a) / (1 - a)) for n, a in zip(ours, lasting, strict=True)},
+        memory=dict(zip(ours, map(float, memory), strict=True)),
         degrees=dict(zip(ours, map(float, degrees), strict=True)),
         values={n: fit.parameters[n].value for n in problem.own},
     )

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from diffthrust._correlation import lag_one
 from diffthrust._likelihood import TAIL, _weights, _with_jacobian, noise_of
 from diffthrust._problem import Layout, Problem
 
@@ -20,8 +21,8 @@ class Scores:
 
     Args:
         values: for each log the gradient of the negative log-likelihood with respect to the
-            coordinates in ``places``, one column for each sample, ``(n + m, T)``. Channels are
-            summed: noise of two sensors may be one. Priors are no samples and not in it.
+            coordinates in ``places``, by channel and sample, ``(C, n + m, T)``; NaN where nothing
+            was measured. Priors are no samples and not in it.
         places: for each log the coordinates of its rows: the shared ones, then its initial states.
         residuals: for each log and channel over the noise level, ``(C, T)``; NaN where nothing was
             measured. They are what the likelihood takes as white.
@@ -42,15 +43,7 @@ class Scores:
 
         Zero where it is within what chance gives to white noise (three standard deviations).
         """
-        largest = 0.0
-        for channel in zip(*self.residuals, strict=True):
-            pairs = [np.stack([rest[1:], rest[:-1]]) for rest in channel if rest.size > 1]
-            both = np.concatenate(pairs, axis=1) if pairs else np.zeros((2, 0))
-            both = both[:, np.isfinite(both).all(axis=0)]
-            if both.shape[1] > 20 and np.all(both.std(axis=1) > 0):
-                lag = float(np.asarray(np.corrcoef(both))[0, 1])
-                largest = max(largest, lag if lag > 3 / np.sqrt(both.shape[1]) else 0.0)
-        return largest
+        return max(map(lag_one, zip(*self.residuals, strict=True)), default=0.0)
 
 
 def scores(problem: Problem, z: np.ndarray) -> Scores:
@@ -78,13 +71,15 @@ def scores(problem: Problem, z: np.ndarray) -> Scores:
     at = n
     for part, batch, indices in zip(done, problem.arrays["batches"], problem.order, strict=True):
         values, rests, gram = (np.asarray(a) for a in part)
-        rests = np.where(np.isnan(np.asarray(batch["measured"])), np.nan, rests)
+        absent = np.isnan(np.asarray(batch["measured"]))
+        rests = np.where(absent, np.nan, rests)
+        values = np.where(absent[:, :, None], np.nan, values)
         for row, index in enumerate(indices):
             size = len(problem.logs[index])  # what follows is padding
             place = np.concatenate([np.arange(n), np.arange(at, at + m)])
             at += m
             curvature[np.ix_(place, place)] += gram[row]
-            found[index] = values[row, :, :size], place, rests[row, :, :size]
+            found[index] = values[row, :, :, :size], place, rests[row, :, :size]
     by_log = [found[index] for index in range(len(problem.logs))]
     return Scores(
         values=tuple(v for v, _, _ in by_log),
@@ -107,7 +102,7 @@ def _prior(problem: Problem, z: np.ndarray) -> np.ndarray:
 
 @partial(jax.jit, static_argnums=0)
 def _pass(layout: Layout, arrays: Any, z: Any) -> list[tuple[Any, Any, Any]]:
-    """By batch: scores ``(B, n + m, T)``, residuals ``(B, C, T)``, grams ``(B, n + m, n + m)``."""
+    """By batch scores ``(B, C, n + m, T)``, residuals ``(B, C, T)``, grams of n + m columns."""
     n, m = len(layout.free), len(layout.starts)
     at, passes = n, []
     for index, batch in enumerate(arrays["batches"]):
@@ -123,7 +118,7 @@ def _pass(layout: Layout, arrays: Any, z: Any) -> list[tuple[Any, Any, Any]]:
     for rest, jacobian in passes:
         level = sigma[None, :, None]
         weighted = rest / level * _weights(layout, rest, sigma)
-        values = jnp.einsum("bict,bct->bit", jacobian / level[:, None], weighted)
+        values = jnp.einsum("bict,bct->bcit", jacobian / level[:, None], weighted)
         rows = jacobian * (jnp.sqrt(bend) / sigma)[None, None, :, None]
         out.append((values, rest / level, jnp.einsum("bict,bjct->bij", rows, rows)))
     return out

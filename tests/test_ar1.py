@@ -85,6 +85,31 @@ def test_the_likelihood_is_that_of_the_whole_covariance_matrix():
     np.testing.assert_allclose(costs(problem, kept), expected, rtol=1e-8)
 
 
+def test_gaps_of_one_ten_and_a_hundred_steps_are_told_apart():
+    rng = np.random.default_rng(10)
+    time = np.cumsum(np.r_[0.0, rng.choice([0.05, 0.5, 5.0], 79, p=[0.6, 0.3, 0.1])])
+    log = log_of(time, {"speed": np.zeros(80)})
+    true = dft.simulate(dft.Thruster(), log, initial={"speed": 0.0}, substeps=20)["speed"]
+    noise = lasting(rng, time, 1.0, 1.0)
+    noise[0] = 0.0
+    measured = log_of(time, {"speed": true + noise})
+    problem = build(dft.Thruster(), [measured], substeps=20, lasting=True, initial="measured")
+    assert np.sum(np.asarray(problem.arrays["gaps"]["counts"]) > 0) == 3
+    step = problem.logs[0].step
+    kept = np.array([0.3, 0.9])
+    rests = [problem_rest(problem, noise)]
+    expected = [exact([problem.logs[0].time], rests, -step / np.log(k)) for k in kept]
+    np.testing.assert_allclose(costs(problem, kept), expected, rtol=1e-8)
+
+
+def problem_rest(problem, noise):
+    """The noise on the problem's grid, on which wide gaps are bridged by samples without values."""
+    log = problem.logs[0]
+    rest = np.full(log.time.size, np.nan)
+    rest[np.isfinite(log.measured["speed"])] = noise
+    return rest
+
+
 def test_noise_begins_anew_where_the_simulation_does():
     rng = np.random.default_rng(2)
     log = thruster_log(rng, size=200)

@@ -17,11 +17,18 @@ LOGS = 400
 HONEST = (0.92, 0.98)
 
 
-def shares(fit, **kind):
+def slower(log, every):
+    """The log with a thrust that is read at every so many samples, and the speed at all."""
+    thrust = np.where(np.arange(log.time.size) % every, np.nan, log.measured["thrust"])
+    measured = {**log.measured, "thrust": thrust}
+    return dft.Log(time=log.time, inputs=dict(log.inputs), measured=measured)
+
+
+def shares(fit, every=1, **kind):
     """Share of the truths that lie in each kind of interval, and how often which is recommended."""
     held, taken = {}, {}
     for seed in range(LOGS):
-        log = made_log(seed=1000 + seed, **kind)
+        log = slower(made_log(seed=1000 + seed, **kind), every)
         found = intervals(fit(log), log)
         for name, true in TRUE.items():
             row = found[name]
@@ -49,6 +56,15 @@ def test_noise_that_lasts():
     assert taken == {"sandwich": 3 * LOGS}
     assert told["covariance"] < 0.6
     assert told["profile"] < 0.6
+
+
+@pytest.mark.slow
+def test_noise_that_lasts_in_a_channel_that_is_read_more_slowly():
+    """Its readings are 0.9^2 alike; 200 of them tell less, and the error is that much larger."""
+    told, taken = shares(fitted, every=2, correlation=0.9)
+    assert HONEST[0] - 0.03 <= told["recommended"] <= HONEST[1]
+    assert taken == {"sandwich": 3 * LOGS}
+    assert told["covariance"] < 0.6
 
 
 @pytest.mark.slow

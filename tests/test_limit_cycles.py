@@ -438,7 +438,7 @@ def test_a_balance_of_one_harmonic_is_the_consistent_formula():
 
 
 def test_describing_function_of_a_model_is_that_of_the_map():
-    model = dft.Thruster(**JASON) + ReverseThrustAsymmetry(change=-0.2)
+    model = dft.Thruster(**JASON)
     a, w = np.array([0.05, 0.5, 5.0]), np.array([0.3, 1.0, 4.0])
     found = describing_function(model, a, w, method="harmonic_balance")
     ours = ModelElement(model).describing(a[:, None], w[None, :])

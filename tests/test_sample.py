@@ -209,7 +209,7 @@ def test_convergence_in_words():
         warnings.simplefilter("ignore")
         still = convergence(made(np.ones((4, 100))))
     assert not still.status.ok or still.r_hat["beta"] == 1.0
-    with pytest.raises(dft.InputError, match="Expected a posterior, found dict"):
+    with pytest.raises(dft.InputError, match="found dict"):
         convergence({})
 
 
@@ -309,3 +309,50 @@ def test_progress_is_told():
     shares = [share for _, share in told]
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
+
+
+def test_a_posterior_of_another_fit_is_refused():
+    log = thruster_log(count=200)
+    fits = [dft.fit(dft.Thruster(**TRUE).replace(ct=ct), log, starts=1) for ct in (0.02, 0.021)]
+    post = sample(fits[0], log, draws=20, warmup=20)
+    other = thruster_log(count=200, seed=9)
+    away = dft.fit(dft.Thruster(**TRUE), other, starts=1)
+    for call in (
+        lambda: dft.intervals(away, other, post),
+        lambda: dft.predict(post, away, other),
+        lambda: dft.quantities(post, away, steps=[1.0]),
+    ):
+        with pytest.raises(dft.InputError, match="drawn from another fit"):
+            call()
+
+
+def test_one_chain_is_judged_by_its_halves():
+    log = thruster_log(count=200)
+    fit = dft.fit(dft.Thruster(**TRUE), log, starts=1)
+    post = sample(fit, log, draws=100, warmup=20)
+    lone = post.sel(chain=[0])
+    told = dft.convergence(lone)
+    assert all(np.isfinite(value) for value in told.r_hat.values())
+    assert "never moved" not in told.message
+
+
+def test_a_prior_that_drags_the_fit_along_is_found_out():
+    log = thruster_log(count=200)
+    model = dft.Thruster(**TRUE).replace(ct={"prior": dft.Normal(0.5, 1e-5)})
+    fit = dft.fit(model, log, starts=4)
+    assert fit.parameters["ct"].value == pytest.approx(0.5, rel=0.01)  # as told, and wrong
+    with pytest.raises(dft.InputError, match=r"'ct': its prior.*excludes what the logs say"):
+        sample(fit, log, draws=20, warmup=20)
+
+
+def test_doubts_of_a_fit_are_told_with_all_that_is_drawn_of_it():
+    rng = np.random.default_rng(3)
+    log = thruster_log(count=400)
+    lasting = np.convolve(rng.normal(size=420), np.full(20, 0.3), "valid")[:400]
+    bent = dft.Log(
+        log.time, dict(log.inputs), {**log.measured, "speed": log.measured["speed"] + lasting}
+    )
+    fit = dft.fit(dft.Thruster(**TRUE), bent, starts=1)
+    post = sample(fit, bent, draws=20, warmup=20)
+    for found in (dft.quantities(fit, steps=[1.0]), dft.quantities(post, fit, steps=[1.0])):
+        assert any("too small" in note for note in found.notes)

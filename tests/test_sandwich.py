@@ -24,10 +24,10 @@ def test_scores_sum_to_the_gradient_and_their_curvature_is_the_fits():
     q = solve(problem, away, budget=1).quadratic
     total = np.zeros(z.size)
     for value, place in zip(told.values, told.places, strict=True):
-        total[place] += value.sum(axis=1)
+        total[place] += value.sum(axis=(0, 2))
     np.testing.assert_allclose(total, q.gradient, rtol=1e-9)
     np.testing.assert_allclose(told.curvature, q.information, rtol=1e-9, atol=1e-9)
-    assert [v.shape[1] for v in told.values] == [400, 250]
+    assert [v.shape[2] for v in told.values] == [400, 250]
 
 
 def test_white_noise_leaves_the_standard_errors_as_they_are():
@@ -64,7 +64,7 @@ def test_known_least_squares_case_has_whites_covariance():
 
 def test_logs_are_independent_of_each_other():
     """The same log twice halves the variance: nothing is carried from one to the other."""
-    log = made_log(seed=5, correlation=0.8)
+    log = made_log(seed=5, count=1600, correlation=0.8)
     one, two = sandwich(fitted(log), log), sandwich(fitted([log, log]), [log, log])
     ratio = np.diagonal(two.covariance) / np.diagonal(one.covariance)
     np.testing.assert_allclose(ratio, 0.5, rtol=0.06)
@@ -129,17 +129,35 @@ def test_correlated_noise_is_seen():
 def test_the_scatter_of_a_first_order_series_is_its_long_run_variance():
     """Against the closed form 1 / (1 - a)^2, on 20 000 samples, within 15 %."""
     series = np.stack([noise.ar1(np.random.default_rng(s), 20_000, 1.0, 0.8) for s in (0, 1)])
-    scatter, _, lasting, degrees = summed([series[:, :12_000], series[:, 12_000:]])
+    scatter, _, memory, degrees = summed([series[None, :, :12_000], series[None, :, 12_000:]])
     expected = 20_000 * (1 + 0.8) / (1 - 0.8)
     np.testing.assert_allclose(np.diagonal(scatter), expected, rtol=0.15)
     assert abs(scatter[0, 1]) < 0.1 * expected
-    np.testing.assert_allclose(lasting, 0.8, atol=0.02)
+    np.testing.assert_allclose((memory - 1) / (memory + 1), 0.8, atol=0.02)
     assert np.all(degrees > 500)
 
 
 def test_few_samples_that_last_have_a_wide_interval_and_not_an_endless_one():
     series = noise.ar1(np.random.default_rng(0), 26, 1.0, 0.95)[None]
-    scatter, _, lasting, degrees = summed([series])
+    scatter, _, memory, degrees = summed([series[None]])
     assert np.isfinite(scatter).all()
     assert degrees[0] == 2.0
-    assert (1 + lasting[0]) / (1 - lasting[0]) <= 26 / 4 + 1e-9
+    assert memory[0] <= 26 / 4 + 1e-9
+
+
+def test_a_channel_read_at_every_fifth_sample_is_as_correlated_as_its_readings():
+    """Two channels on one grid: the scatter of the slow one is that of its own series."""
+    rng = np.random.default_rng(3)
+    fast, slow = noise.ar1(rng, 20_000, 1.0, 0.2), noise.ar1(rng, 4000, 1.0, 0.8)
+    run = np.full((2, 1, 20_000), np.nan)
+    run[0, 0], run[1, 0, ::5] = fast, slow
+    scatter, _, memory, _ = summed([run])
+    expected = 20_000 * 1.2 / 0.8 + 4000 * 1.8 / 0.2
+    np.testing.assert_allclose(scatter[0, 0], expected, rtol=0.15)
+    assert 1.2 / 0.8 < memory[0] < 1.8 / 0.2
+
+
+def test_noise_that_two_sensors_share_counts_twice():
+    shared = noise.ar1(np.random.default_rng(4), 20_000, 1.0, 0.5)
+    scatter, *_ = summed([np.stack([shared[None], shared[None]])])
+    np.testing.assert_allclose(scatter[0, 0], 4 * 20_000 * 3, rtol=0.15)
