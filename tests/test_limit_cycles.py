@@ -17,7 +17,8 @@ from scipy.integrate import solve_ivp
 import diffthrust as dft
 from diffthrust import InputError
 from diffthrust._classical_elements import Backlash, DeadZone, Relay, Saturation
-from diffthrust._cycle_balance import output_of
+from diffthrust._cycle_balance import balanced, output_of
+from diffthrust._cycle_balance_states import balanced_states
 from diffthrust._describing import describing_function
 from diffthrust._dynamic_element import ModelElement
 from diffthrust._limit_cycle import limit_cycles
@@ -430,11 +431,14 @@ def test_quick_thrusters_do_not_cycle():
 
 def test_a_balance_of_one_harmonic_is_the_consistent_formula():
     loop = jason(drag=0.0)
-    (c,) = limit_cycles(loop.found.transfer, loop.found.element, harmonics=1)
-    np.testing.assert_allclose(loop.newton * c.refined.amplitude, loop.consistent, rtol=1e-3)
-    np.testing.assert_allclose(c.refined.frequency, 1.0, rtol=1e-3)
-    (c,) = limit_cycles(third_order(6.0, 1.0, 2.0), Relay(1.0), harmonics=1)
-    np.testing.assert_allclose(c.refined.amplitude, c.amplitude, rtol=1e-6)
+    c = loop.cycle
+    first, _ = balanced_states(loop.found.transfer, loop.found.element, c.amplitude, c.frequency, 1)
+    o = first.oscillation
+    np.testing.assert_allclose(loop.newton * o.amplitude, loop.consistent, rtol=1e-3)
+    np.testing.assert_allclose(o.frequency, loop.natural_frequency, rtol=1e-3)
+    relay, (c,) = BANK[0], found_in(0)
+    first = balanced(transfer_of(relay.linear), relay.element, c.amplitude, c.frequency, 1)
+    np.testing.assert_allclose(first.oscillation.amplitude, c.amplitude, rtol=1e-6)
 
 
 def test_describing_function_of_a_model_is_that_of_the_map():
