@@ -39,6 +39,8 @@ class Cycle:
         samples: steps of the period; the input is known twice as densely.
         periods: how many effects with memory are given to settle.
         harmonics: of the states, where these are found by harmonic balance.
+        states: those that are followed; others stay where they begin, for the output does not
+            feel them.
     """
 
     input: str
@@ -46,6 +48,7 @@ class Cycle:
     samples: int
     periods: int = 1
     harmonics: int = 0
+    states: tuple[str, ...] = ()
 
 
 class Lane(NamedTuple):

@@ -15,6 +15,7 @@ from diffthrust._describing_notes import notes_of
 from diffthrust._describing_request import Request, request
 from diffthrust._orbit_solvers import HarmonicBalance, Shooting
 from diffthrust._periodic import Reason, Responses
+from diffthrust._reach import states_behind
 
 
 def describing_function(
@@ -44,7 +45,7 @@ def describing_function(
     - ``"consistent"``: the same with the amplitude of the thrust's fundamental throughout.
 
     The first two work for every model, effect, input and output. The period is divided ever more
-    finely until the first harmonic stays where it is to 1e-4. Points without an answer (a response
+    finely until the first harmonic is known to 2e-4. Points without an answer (a response
     that diverges, drifts, is unstable, or has not settled) are marked in ``settled`` with their
     ``reason``. Effects act on the input as on a command that is known at every instant: a rate
     limit or a delay sees a smooth sinusoid and not the samples of a log.
@@ -143,12 +144,14 @@ def found_values(asked: Request, given: Mapping[str, np.ndarray]) -> Responses:
         others={name: spread(value, 0) for name, value in sorted(asked.others.items())},
         clock=spread(0.0, 0),
     )
-    count = len(asked.states)
+    signals = {asked.input: asked.bias + 0.5, **asked.others, "time": 0.5}
+    states = states_behind(asked.model, asked.output, asked.states, signals)
+    count = len(states)
     balanced = asked.method == "harmonic_balance" and count > 0
     solver = (
         HarmonicBalance(asked.model, count, asked.harmonics)
         if balanced
         else Shooting(asked.model, count)
     )
-    cycle = Cycle(asked.input, asked.output, 1, 4 if remembers(asked.model) else 1)
+    cycle = Cycle(asked.input, asked.output, 1, 4 if remembers(asked.model) else 1, states=states)
     return continued(solver, cycle, lanes, shape, samples=asked.samples)

@@ -69,13 +69,15 @@ def balance(model: Model, cycle: Cycle, lane: Lane, x: Any) -> Balance:
         x: for each state its mean, then the cosine and sine parts of each harmonic, ``(n, c)``.
     """
     series = driven_period(model, cycle, lane)
-    names = tuple(start_of(model, cycle, lane))
     dense = 2 * cycle.samples
+    names = cycle.states
+    others = {n: jnp.full(dense, v) for n, v in start_of(model, cycle, lane).items()}
     up, down, turn = (jnp.asarray(m) for m in _matrices(dense, cycle.harmonics))
     u = {n: v[:-1] for n, v in series.inputs.items()} | {"time": series.time[:-1]}
 
     def rates(path: Any) -> Any:
-        found = rates_of(model, names, {n: path[i] for i, n in enumerate(names)}, u)
+        followed = {n: path[i] for i, n in enumerate(names)}
+        found = rates_of(model, names, {**others, **followed}, u)
         full = [k.rate if isinstance(k, Relaxing) else k for k in (found[n] for n in names)]
         return jnp.stack([jnp.broadcast_to(k, (dense,)) for k in full])
 
@@ -85,7 +87,8 @@ def balance(model: Model, cycle: Cycle, lane: Lane, x: Any) -> Balance:
     rest = lane.frequency * (x @ turn.T) - rates(path) @ down.T
     pushed = jnp.einsum("as,jis,sb->iajb", down, slopes, up)
     own = jnp.einsum("ij,ab->iajb", jnp.eye(len(names)), lane.frequency * turn)
-    whole = {n: jnp.concatenate([path[i], path[i, :1]]) for i, n in enumerate(names)}
+    whole = {**others, **{n: path[i] for i, n in enumerate(names)}}
+    whole = {n: jnp.concatenate([v, v[:1]]) for n, v in whole.items()}
     seen = harmonics_of(model, cycle, lane, series, whole)
     return Balance(rest, (own - pushed).reshape(x.size, x.size), seen)
 

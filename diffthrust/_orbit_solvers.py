@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -165,7 +166,7 @@ def _size(x: np.ndarray) -> np.ndarray:
 
 
 def _with_harmonics(cycle: Cycle, harmonics: int) -> Cycle:
-    return Cycle(cycle.input, cycle.output, cycle.samples, cycle.periods, harmonics)
+    return replace(cycle, harmonics=harmonics)
 
 
 def _front(lanes: Lane, x: np.ndarray, who: np.ndarray) -> tuple[Lane, np.ndarray]:

@@ -20,8 +20,12 @@ import numpy as np
 
 from diffthrust._cycle import BLOCK, Cycle, Harmonics, Lane
 
-FINE = 1e-4
-"""Steps are fine enough where multiplying them changes the first harmonic by no more than this."""
+FINE = 2e-4
+"""The error that is left in a first harmonic. It is judged by the change as the steps get finer, as
+if it fell with their first power, which is so where an effect has corners; elsewhere it falls with
+the second to the fourth and is far smaller."""
+LARGEST = 2**20
+"""Instants of a series with all its periods, at most: what the memory holds."""
 REPEATED = 1e-6
 """An effect with memory has settled where its series changes no more over a period, of its swing.
 """
@@ -170,13 +174,14 @@ def respond(
             reason[who[restless & (periods[who] > MOST_PERIODS)]] = Reason.MEMORY
             floor = 1e-3 * h.swing / lanes.amplitude[who]
             change = np.abs(first[who] - before[who])
-            near = change <= FINE * np.maximum(np.abs(first[who]), floor)
+            near = change <= FINE * (solver.growth - 1) * np.maximum(np.abs(first[who]), floor)
             near = near | (samples is not None)
             reason[who[~bad & ~restless & near]] = Reason.SETTLED
             finer = bad | (~restless & ~near)
             before[who] = np.where(bad | restless, np.nan, first[who])
             finer_steps = solver.growth * n
-            gone = finer & ((finer_steps > last_steps) | (failed[who] >= FAILURES))
+            last = min(last_steps, LARGEST // (2 * p)) if p > 1 else last_steps
+            gone = finer & ((finer_steps > last) | (failed[who] >= FAILURES))
             reason[who[gone]] = np.where(bad, found.reason, Reason.COARSE)[gone]
             steps[who[finer & ~gone]] = finer_steps
     _check_again(solver, cycle, lanes, x, first, mean, reason, steps, periods)

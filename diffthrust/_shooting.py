@@ -70,16 +70,18 @@ def one_period(model: Model, cycle: Cycle, lane: Lane, start: Any) -> Orbit:
         model: the model with the lane's parameters.
         cycle: how.
         lane: amplitude and frequency.
-        start: the states in the order of `start_of`, ``(n,)``.
+        start: the states that are followed, in their order, ``(n,)``.
     """
     series = driven_period(model, cycle, lane)
-    names = tuple(start_of(model, cycle, lane))
+    names, others = cycle.states, start_of(model, cycle, lane)
     inputs = {n: (v[:-1:2], v[1::2], v[2::2]) for n, v in series.inputs.items()}
     inputs["time"] = series.time[:-1:2], series.time[1::2], series.time[2::2]
     steps = jnp.full(cycle.samples, 2.0 * jnp.pi / lane.frequency / cycle.samples)
 
     def rates(state: Any, u: Any) -> dict[str, Any]:
-        return rates_of(model, names, state, u)
+        return {
+            n: k for n, k in rates_of(model, names, {**others, **state}, u).items() if n in names
+        }
 
     def end_of(x: Any) -> tuple[Any, dict[str, Any]]:
         begin = {name: x[i] for i, name in enumerate(names)}
@@ -88,12 +90,17 @@ def one_period(model: Model, cycle: Cycle, lane: Lane, start: Any) -> Orbit:
 
     if not names:
         empty = jnp.zeros(0)
-        seen = harmonics_of(model, cycle, lane, series, {})
+        seen = harmonics_of(model, cycle, lane, series, _still(others, 2 * cycle.samples + 1))
         return Orbit(empty, empty, jnp.zeros((0, 0)), empty, seen)
     along, path = jax.jacfwd(end_of, has_aux=True)(start)
     swing = jnp.stack([jnp.max(path[n]) - jnp.min(path[n]) for n in names])
     end = jnp.stack([path[n][-1] for n in names])
-    return Orbit(start, end, along, swing, harmonics_of(model, cycle, lane, series, path))
+    whole = {**_still(others, cycle.samples + 1), **path}
+    return Orbit(start, end, along, swing, harmonics_of(model, cycle, lane, series, whole))
+
+
+def _still(states: dict[str, Any], size: int) -> dict[str, Any]:
+    return {name: jnp.full(size, value) for name, value in states.items()}
 
 
 @partial(jax.jit, static_argnums=(0, 1))
@@ -109,11 +116,11 @@ def periods(key: Key, cycle: Cycle, count: Any, lanes: Lane, start: Any) -> Orbi
 
 @partial(jax.jit, static_argnums=(0, 1))
 def starts(key: Key, cycle: Cycle, count: Any, lanes: Lane) -> Any:
-    """The model's own initial states of the first ``count`` lanes, ``(lanes, n)``."""
+    """Where the states that are followed begin by themselves, of the first ``count`` lanes."""
 
     def one(lane: Lane) -> Any:
         found = start_of(key.model.bind(lane.values), cycle, lane)
-        return jnp.stack([*found.values()]) if found else jnp.zeros(0)
+        return jnp.stack([found[n] for n in cycle.states]) if cycle.states else jnp.zeros(0)
 
     return in_blocks(one, count, lanes)
 

@@ -22,6 +22,7 @@ from diffthrust._describing import describing_function
 from diffthrust._describing_band import describing_uncertainty
 from diffthrust._describing_map import DescribingMap
 from diffthrust._periodic import Reason
+from diffthrust._reach import states_behind
 from diffthrust._shooting import periods
 
 AMPLITUDES = np.geomspace(0.05, 10.0, 8)
@@ -303,6 +304,19 @@ def test_a_drift_spoils_only_what_sees_it(method):
             method=method, samples=128, harmonics=5,
         )  # fmt: skip
         assert found.settled.all() == settles
+
+
+def test_states_that_the_output_does_not_feel_are_left_out():
+    twin = dft.Vessel(drive="twin")
+    signals = {"left_force": 1.0, "right_force": 0.0, "time": 0.0}
+    assert states_behind(twin, "yaw_rate", tuple(twin.all_states), signals) == (
+        "surge", "sway", "yaw_rate",
+    )  # fmt: skip
+    assert states_behind(twin, "north", tuple(twin.all_states), signals) == (
+        "surge", "sway", "yaw_rate", "north", "heading",
+    )  # fmt: skip
+    states = tuple(LAGGED.all_states)
+    assert states_behind(LAGGED, "thrust", states, {"command": 1.0, "time": 0.0}) == states
 
 
 def test_beyond_saturation_is_said():
