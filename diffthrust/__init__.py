@@ -20,15 +20,25 @@ if "xla_backend_extra_options" not in _os.environ.get("XLA_FLAGS", ""):
         + _os.environ.get("XLA_FLAGS", "")
     ).strip()
 
+from diffthrust import control as control  # noqa: E402
 from diffthrust import effects as effects  # noqa: E402
 from diffthrust import models as models  # noqa: E402
+from diffthrust._classical_elements import Backlash as Backlash  # noqa: E402
+from diffthrust._classical_elements import DeadZone as DeadZone  # noqa: E402
+from diffthrust._classical_elements import Relay as Relay  # noqa: E402
+from diffthrust._classical_elements import Saturation as Saturation  # noqa: E402
 from diffthrust._compare import Comparison as Comparison  # noqa: E402
 from diffthrust._compare import compare as compare  # noqa: E402
 from diffthrust._convergence import Convergence as Convergence  # noqa: E402
 from diffthrust._convergence import convergence as convergence  # noqa: E402
+from diffthrust._describing import describing_function as describing_function  # noqa: E402
+from diffthrust._describing_band import DescribingBand as DescribingBand  # noqa: E402
+from diffthrust._describing_band import describing_uncertainty as describing_uncertainty  # noqa: E402
+from diffthrust._describing_map import DescribingMap as DescribingMap  # noqa: E402
 from diffthrust._diagnose import diagnose as diagnose  # noqa: E402
 from diffthrust._diagnosis import Diagnosis as Diagnosis  # noqa: E402
 from diffthrust._directions import directions as directions  # noqa: E402
+from diffthrust._dynamic_element import ModelElement as ModelElement  # noqa: E402
 from diffthrust._effect import Effect as Effect  # noqa: E402
 from diffthrust._errors import InputError as InputError  # noqa: E402
 from diffthrust._experiment import Experiment as Experiment  # noqa: E402
@@ -36,10 +46,14 @@ from diffthrust._experiment import suggest_experiment as suggest_experiment  # n
 from diffthrust._fit import fit as fit  # noqa: E402
 from diffthrust._intervals import intervals as intervals  # noqa: E402
 from diffthrust._intervals_result import Intervals as Intervals  # noqa: E402
+from diffthrust._limit_cycle import limit_cycles as limit_cycles  # noqa: E402
+from diffthrust._limit_cycle_result import LimitCycle as LimitCycle  # noqa: E402
+from diffthrust._limit_cycle_result import LimitCycles as LimitCycles  # noqa: E402
 from diffthrust._log import Log as Log  # noqa: E402
 from diffthrust._metrics import Errors as Errors  # noqa: E402
 from diffthrust._model import Model as Model  # noqa: E402
 from diffthrust._noise_advice import NoiseAdvice as NoiseAdvice  # noqa: E402
+from diffthrust._nonlinearity import StaticNonlinearity as StaticNonlinearity  # noqa: E402
 from diffthrust._parameters import Normal as Normal  # noqa: E402
 from diffthrust._parameters import Parameter as Parameter  # noqa: E402
 from diffthrust._parameters import parameter as parameter  # noqa: E402
@@ -47,6 +61,7 @@ from diffthrust._parameters import relative_to as relative_to  # noqa: E402
 from diffthrust._physical import Quantity as Quantity  # noqa: E402
 from diffthrust._physical import derived as derived  # noqa: E402
 from diffthrust._physical import physical as physical  # noqa: E402
+from diffthrust._pole_figure import plot_pole_motion as plot_pole_motion  # noqa: E402
 from diffthrust._posterior_plots import plot_corner as plot_corner  # noqa: E402
 from diffthrust._posterior_plots import plot_trace as plot_trace  # noqa: E402
 from diffthrust._predict import Prediction as Prediction  # noqa: E402
@@ -72,6 +87,8 @@ from diffthrust._status import Status as Status  # noqa: E402
 from diffthrust._step_check import CoarseStepWarning as CoarseStepWarning  # noqa: E402
 from diffthrust._step_check import choose_substeps as choose_substeps  # noqa: E402
 from diffthrust._step_check import step_error as step_error  # noqa: E402
+from diffthrust._thruster_loop import ThrusterLoop as ThrusterLoop  # noqa: E402
+from diffthrust._thruster_loop import thruster_loop_cycle as thruster_loop_cycle  # noqa: E402
 from diffthrust.models import AxisVehicle as AxisVehicle  # noqa: E402
 from diffthrust.models import DCMotorThruster as DCMotorThruster  # noqa: E402
 from diffthrust.models import LinearSensor as LinearSensor  # noqa: E402
