@@ -56,7 +56,7 @@ def lag_one(runs: Sequence[np.ndarray]) -> float:
     both = np.concatenate(pairs, axis=1) if pairs else np.zeros((2, 0))
     if both.shape[1] <= FEW or not np.all(both.std(axis=1) > 0):
         return 0.0
-    found = float(np.corrcoef(both)[0, 1])
+    found = float(np.asarray(np.corrcoef(both))[0, 1])
     return found if found > 3 / np.sqrt(both.shape[1]) else 0.0
 
 

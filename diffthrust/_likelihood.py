@@ -79,7 +79,8 @@ def residuals(layout: Layout, index: int, arrays: Any, log: Any, z: Any, start: 
         return innovations(layout.observer, model, grid, values, told, states)[0]
     anew = {n: (log["restart_" + n], log["sign_" + n]) for n in grid.restarted}
     outputs, _ = trajectory(model, grid, log["time"], log["inputs"], states, anew)
-    rows, new = [], levels(layout.channels, arrays, values) if layout.lasting else None
+    rows: list[Any] = []
+    new: Any = levels(layout.channels, arrays, values) if layout.lasting else None
     for i, name in enumerate(layout.channels):
         modelled, measured = outputs[name], log["measured"][i]
         modelled = jnp.where(log["unsigned"][i], jnp.abs(modelled), modelled)
