@@ -5,8 +5,10 @@ is a *lane*: an amplitude, a frequency and values of the parameters. Lanes are w
 blocks of a few; how many there are is a number and not a shape, so that maps of every size share
 one compilation.
 
-Effects with memory act on a whole series. They are given several periods, the last of which
-counts, and it is told how much that one differs from the one before.
+Effects with memory act on a whole series. They are given several periods, in the first half of
+which the amplitude grows from nothing. The last one counts, and it is told how much it differs from
+the one before, and from that after a sudden start: what has settled has forgotten how it began. A
+rate limit that acts all the time hardly forgets at all.
 """
 
 from __future__ import annotations
@@ -25,6 +27,8 @@ from diffthrust._simulate import driven, read_out, starting_point
 
 BLOCK = 8
 """Lanes that are worked out together."""
+LENIENT = 1e-3
+"""What two starts leave between them counts this much less than a change from period to period."""
 TINY = 1e-300
 """Keeps a ratio finite where nothing moves."""
 
@@ -112,12 +116,24 @@ def driven_period(model: Model, cycle: Cycle, lane: Lane) -> Series:
     length = 2.0 * jnp.pi / lane.frequency
     time = lane.clock + length * (count.astype(float) / dense)
     turn = (count % dense).astype(float) * (2.0 * jnp.pi / dense)
-    series = {name: jnp.full(count.shape, value) for name, value in lane.others.items()}
-    series[cycle.input] = lane.bias + lane.amplitude * jnp.sin(turn)
-    series, _ = driven(model, time, series)
-    series = {name: jnp.broadcast_to(value, count.shape) for name, value in series.items()}
+    whole = lane.amplitude * jnp.sin(turn)
+
+    def reaching(swing: Any) -> dict[str, Any]:
+        series = {name: jnp.full(count.shape, value) for name, value in lane.others.items()}
+        series[cycle.input] = lane.bias + swing
+        series, _ = driven(model, time, series)
+        return {name: jnp.broadcast_to(value, count.shape) for name, value in series.items()}
+
+    if cycle.periods == 1:
+        return Series(time, reaching(whole), jnp.asarray(0.0))
+    growing = jnp.minimum(count.astype(float) / (0.5 * dense * cycle.periods), 1.0)
+    series, sudden = reaching(growing * whole), reaching(whole)
     last = {name: value[-dense - 1 :] for name, value in series.items()}
-    return Series(time[-dense - 1 :], last, _change(series, dense, cycle.periods))
+    apart = {n: jnp.concatenate([sudden[n][-dense:], v[-dense:]]) for n, v in series.items()}
+    unsettled = jnp.maximum(
+        _change(series, dense, cycle.periods), LENIENT * _change(apart, dense, cycle.periods)
+    )
+    return Series(time[-dense - 1 :], last, unsettled)
 
 
 def start_of(model: Model, cycle: Cycle, lane: Lane) -> dict[str, Any]:

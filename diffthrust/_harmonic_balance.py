@@ -112,7 +112,7 @@ def newton_step(slope: np.ndarray, rest: np.ndarray) -> np.ndarray:
     """
     shape, slope = rest.shape, slope.copy()
     rest = rest.reshape(slope.shape[:2])
-    fine = np.isfinite(slope).all(axis=(1, 2)) & np.isfinite(rest).all(axis=1)
+    fine = np.asarray(np.isfinite(slope).all(axis=(1, 2)) & np.isfinite(rest).all(axis=1))
     rest = rest.copy()
     held_fast(slope, rest, drifting(slope) & fine[:, None])
     size = np.abs(slope).max(axis=2) + TINY

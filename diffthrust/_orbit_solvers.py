@@ -9,11 +9,14 @@ import numpy as np
 
 from diffthrust import _harmonic_balance as hb
 from diffthrust import _shooting as shooting
-from diffthrust._cycle import BLOCK, TINY, Cycle, Lane
+from diffthrust._cycle import BLOCK, TINY, Cycle, Lane, remembers
 from diffthrust._model import Model
 from diffthrust._periodic import Reason, Solved
 from diffthrust._simulate import Key
 
+COARSEST_SERIES = 512
+"""Steps to the period at first, with an effect that has memory: between the samples of a rate limit
+that always acts a small offset is not felt, and would look as if it had settled."""
 LANES = 512
 """Lanes of one call."""
 NUMBERS = 2_000_000
@@ -28,6 +31,8 @@ class Shooting:
         self.capacity = LANES
         # few different lengths: each is a program to compile, which takes longer than to run it
         self.coarsest, self.finest, self.growth = (128, 8192, 4) if states else (256, 65536, 4)
+        if remembers(model):
+            self.coarsest = COARSEST_SERIES
 
     def begin(self, cycle: Cycle, count: int, lanes: Lane) -> np.ndarray:
         """The model's own initial states, ``(count, n)``."""
@@ -90,6 +95,8 @@ class HarmonicBalance:
         unknowns = (states * (2 * harmonics + 1)) ** 2
         self.capacity = max(BLOCK, min(LANES, NUMBERS // unknowns) // BLOCK * BLOCK)
         self.coarsest = max(32, 1 << (4 * harmonics - 1).bit_length())
+        if remembers(model):
+            self.coarsest = max(self.coarsest, COARSEST_SERIES)
         self.finest, self.growth = max(4096, self.coarsest), 2
 
     def begin(self, cycle: Cycle, count: int, lanes: Lane) -> np.ndarray:

@@ -63,7 +63,7 @@ _WORDS = {
     Reason.NOT_CLOSED: "no response that repeats was found",
     Reason.UNSTABLE: "the response that repeats is unstable",
     Reason.COARSE: "the first harmonic still moves as the steps get finer",
-    Reason.MEMORY: f"an effect with memory has not settled after {MOST_PERIODS} periods",
+    Reason.MEMORY: f"an effect with memory still tells after {MOST_PERIODS} periods how it began",
     Reason.CLOCK: "the response drifts, or changes with the time of the log",
 }
 

@@ -134,7 +134,7 @@ def newton_step(orbit: Orbit) -> np.ndarray:
     rest = (np.asarray(orbit.end) - np.asarray(orbit.start)) / scale
     slope = np.asarray(orbit.slope) * scale[:, None, :] / scale[:, :, None]
     matrix = np.eye(rest.shape[1]) - slope
-    fine = np.isfinite(rest).all(axis=1) & np.isfinite(matrix).all(axis=(1, 2))
+    fine = np.asarray(np.isfinite(rest).all(axis=1) & np.isfinite(matrix).all(axis=(1, 2)))
     held_fast(matrix, rest, idle(matrix, FREE) & fine[:, None])
     step = np.full(rest.shape, np.nan)
     if rest.shape[1] == 1:
