@@ -15,7 +15,6 @@ from _data import output_folder
 
 import diffthrust as dft
 from diffthrust import effects
-from diffthrust._describing import describing_function
 
 jason = dft.Thruster()  # the paper's dynamic test, figure 10
 folder = output_folder()
@@ -35,12 +34,12 @@ figure.savefig(folder / "figure_6.png", dpi=100)
 
 volts, pace = np.geomspace(0.05, 4, 32), np.geomspace(0.1, 10, 32)
 for method in ("paper", "consistent", "simulation"):
-    found = describing_function(jason, volts, pace, method=method)
+    found = dft.describing_function(jason, volts, pace, method=method)
     fastest = np.nanmax(found.break_frequency)
     print(f"{method}: break frequency up to {fastest:.2f} rad/s at commands up to 4 V")
     found.plot_break().savefig(folder / f"figure_12_{method}.png", dpi=100)
 
-dead = describing_function(jason + effects.CommandDeadband(width=0.3), volts, pace)
+dead = dft.describing_function(jason + effects.CommandDeadband(width=0.3), volts, pace)
 print(dead.report())
 dead.plot().savefig(folder / "map_with_deadband.png", dpi=100)
 print(f"Figures: {folder}")

@@ -447,6 +447,7 @@ def test_a_browser_shows_the_page(full, tmp_path):
     assert picture.stat().st_size > 100_000
 
 
-def test_figures_do_not_touch_pyplot(full):
+def test_figures_do_not_touch_pyplot(full, monkeypatch):
+    monkeypatch.delitem(sys.modules, "matplotlib.pyplot", raising=False)  # ArviZ brings it along
     page(full)
     assert "matplotlib.pyplot" not in sys.modules

