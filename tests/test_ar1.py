@@ -199,6 +199,7 @@ def test_the_problem_of_a_fit_wants_the_logs_of_the_fit():
         problem_of(fit, [log, other])
 
 
+@pytest.mark.slow
 def test_a_diagnosis_of_such_a_fit_has_the_same_noise():
     rng = np.random.default_rng(9)
     hidden = dft.Thruster() + dft.effects.CommandDeadband(width=0.15)

@@ -111,14 +111,19 @@ sample(fit, log, draws=150, warmup=50, seed=1, file={path!r})
 """
 
 
-def test_a_run_killed_at_any_moment_ends_with_the_file_of_one_that_was_not(tmp_path):
+@pytest.mark.parametrize(
+    "moments",
+    [(40,), pytest.param((1, 40, 120), marks=pytest.mark.slow)],
+    ids=["once", "three times"],
+)
+def test_a_run_killed_at_any_moment_ends_with_the_file_of_one_that_was_not(tmp_path, moments):
     def begin(path, slow):
         script = SCRIPT.format(tests=str(TESTS), path=str(path), slow=slow)
         return subprocess.Popen([sys.executable, "-c", script])
 
     killed, whole = tmp_path / "killed.h5", tmp_path / "whole.h5"
     steps = []
-    for wanted in (1, 40, 120):  # in the warmup, and twice after it
+    for wanted in moments:  # the first in the warmup, the others after it
         run = begin(killed, slow=True)
         deadline = time.monotonic() + 240
         while run.poll() is None and time.monotonic() < deadline:

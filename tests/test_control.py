@@ -161,6 +161,7 @@ def test_the_inflow_is_the_velocity_of_the_vehicle():
     np.testing.assert_allclose(again["thrust"], run["thrust"], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_closed_loop_record_is_fitted_and_its_hidden_effect_is_found():
     hidden = THRUSTER + effects.CommandDeadband(width=0.25)
     loop = tracking_loop(

@@ -2,7 +2,10 @@
 
 import re
 
+import pytest
 from test_examples import figure, run
+
+pytestmark = pytest.mark.slow
 
 
 def numbers(text: str, start: str) -> list[float]:

@@ -140,6 +140,7 @@ def test_open_loop_thrust(tmp_path):
     figure(tmp_path, "open_loop_stages.png")
 
 
+@pytest.mark.slow
 def test_blueboat(tmp_path):
     data_folder("blueboat")
     text = run("blueboat", tmp_path)
