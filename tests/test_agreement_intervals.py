@@ -60,6 +60,7 @@ def test_correlated_residuals_make_the_sandwich_the_one_to_take():
     assert any("correlated" in s for s in found["beta"].sentences)
 
 
+@pytest.mark.slow
 def test_a_noise_model_that_accounts_for_it_is_asked_for_its_profile():
     log = made_log(seed=2, correlation=0.8)
     found = intervals(dft.fit(MODEL, log, starts=1, noise_model="ar1"), log)
@@ -100,6 +101,7 @@ def test_a_parameter_at_its_bound_has_only_a_profile():
     assert len(found.plot().axes) == 3
 
 
+@pytest.mark.slow
 def test_a_bound_that_another_parameter_meets_makes_a_profile_lopsided():
     log = made_log(seed=1)
     model = MODEL + dft.effects.EFFECTS["command_deadband"]()

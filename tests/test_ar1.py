@@ -152,6 +152,7 @@ def test_standard_errors_hold_where_those_of_white_noise_are_too_small():
     assert spread["white"] > 1.6
 
 
+@pytest.mark.slow
 def test_white_noise_costs_next_to_nothing():
     rng = np.random.default_rng(5)
     log = thruster_log(rng, kept=(1e-9, 1e-9))

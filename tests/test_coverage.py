@@ -87,6 +87,7 @@ def test_heavy_tailed_noise():
         assert HONEST[0] <= told[method] <= HONEST[1], method
 
 
+@pytest.mark.slow
 def test_a_sandwich_covers_where_the_covariance_does_not():
     """40 logs, 120 intervals: at least 104 covered, where the covariance covers at most 84.
 

@@ -99,7 +99,7 @@ def compare(first: DescribingMap, second: DescribingMap) -> tuple[float, float]:
 
 @pytest.mark.parametrize(
     "model",
-    [dft.Thruster(), DEADBAND, pytest.param(LAGGED, marks=pytest.mark.slow)],
+    [dft.Thruster(), *(pytest.param(m, marks=pytest.mark.slow) for m in (DEADBAND, LAGGED))],
     ids=["plain", "deadband", "lag"],
 )
 def test_harmonic_balance_agrees_with_simulation(model):
@@ -175,6 +175,7 @@ def test_the_consistent_formula_is_harmonic_balance_with_one_harmonic():
         np.testing.assert_allclose(one.complex, formula.complex, rtol=2e-4)
 
 
+@pytest.mark.slow
 def test_static_nonlinearities_are_those_of_python_control():
     """Dead zone, saturation and backlash to 1e-4; a relay, which jumps, to 1e-3."""
     a = np.array([0.3, 0.6, 0.9, 2.0, 5.0])
@@ -204,6 +205,7 @@ def test_static_nonlinearities_are_those_of_python_control():
     assert np.isnan(found.phase[0, 0])
 
 
+@pytest.mark.slow
 def test_delay_and_sensor_lag_settle():
     """Effects with memory on the input and on the output, against their frequency responses."""
     w = np.array([0.5, 3.0, 20.0])

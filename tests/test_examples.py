@@ -79,6 +79,7 @@ def test_uncertainty_measured(tmp_path):
     assert "take the sandwich" in text  # their residuals last, and the table says so
 
 
+@pytest.mark.slow
 def test_own_model(tmp_path):
     data_folder("emps")
     text = run("own_model", tmp_path)

@@ -62,7 +62,9 @@ def test_solutions_of_the_balance_are_the_known_ones(index):
     assert [c.stable for c in found] == [known[2] for known in case.expected]
 
 
-@pytest.mark.parametrize("index", INDICES, ids=NAMES)
+@pytest.mark.parametrize(
+    "index", [pytest.param(i, marks=pytest.mark.slow) if i % 3 else i for i in INDICES], ids=NAMES
+)
 def test_simulation_agrees_on_stability_and_with_the_refined_cycle(index):
     for c in found_in(index):
         assert c.lasts == c.stable
@@ -373,6 +375,7 @@ def test_amplitude_of_a_pure_inertia_grows_with_the_square_of_the_frequency(desi
     assert slow.cycle.lasts
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damping", [0.4, 1.0])
 def test_thruster_loops_of_other_damping_stay_near_the_consistent_formula(damping):
     loop = jason(drag=0.0, damping=damping)
@@ -449,6 +452,7 @@ def test_describing_function_of_a_model_is_that_of_the_map():
     np.testing.assert_allclose(ours, found.complex, rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_the_course_from_rest_grows_into_the_cycle(tmp_path):
     loop = jason()
     course = loop.course(displacement=0.01, duration=80.0)

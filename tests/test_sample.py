@@ -29,7 +29,7 @@ def posts():
     return {m: sample(fit, log, method=m, **SHORT[m]) for m in SHORT}
 
 
-@pytest.mark.parametrize("method", ["emcee", "nuts"])
+@pytest.mark.parametrize("method", ["emcee", pytest.param("nuts", marks=pytest.mark.slow)])
 def test_the_posterior_of_a_line_is_the_one_worked_out_by_hand(method):
     """Five figures, each within 4.5 of its Monte Carlo errors: a false alarm in 3e4 runs."""
     fit, log = line()

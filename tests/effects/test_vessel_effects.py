@@ -232,6 +232,7 @@ def test_a_gain_belongs_to_its_channel_or_to_its_thruster_by_the_order_of_the_ef
             np.testing.assert_allclose(found[channel], right_ones[channel], atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_constant_wind_is_found_without_channels_for_it():
     true = {"along": 0.02, "across": 0.05, "turning": 0.01, "speed": 4.0, "direction": 2.0}
     fit = fitted(EFFECTS["wind"](speed=4.0, direction=1.0), log_of(wind=true))

@@ -22,7 +22,6 @@ NOT_CATALOGUED = {"speed_sensor_lag", "speed_sensor_delay"}
 #: Of one shape, so that they share compiled code.
 QUICK = (
     ("clear/coulomb_friction", 2),
-    ("none_ar", 3),
     ("field-none", 1),
     ("field-clear/command_deadband", 1),
     ("outside/thrust_hollow", 2),
@@ -105,6 +104,7 @@ def test_a_plan_covers_every_class_and_repeats_no_set():
         sets.plan(wanted=("nonsense",))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["coulomb_friction", "reverse_thrust_asymmetry"])
 def test_a_clear_effect_shows_and_a_faint_one_only_to_the_optimal_filter(name):
     clear = visibility(sets.draw(f"clear/{name}", 1).plant, rounds=2)
@@ -114,18 +114,21 @@ def test_a_clear_effect_shows_and_a_faint_one_only_to_the_optimal_filter(name):
     assert max(faint.excess.values()) < 1.05
 
 
+@pytest.mark.slow
 def test_what_is_redundant_or_absent_shows_nothing():
     redundant = sets.draw("redundant/speed_sensor_scale", 0).plant
     assert visibility(redundant, rounds=3).ratio < 0.01
     assert visibility(sets.draw("none", 0).plant, rounds=1).ratio < 1e-12
 
 
+@pytest.mark.slow
 def test_process_noise_hides_what_the_sensors_alone_would_show():
     plant = sets.draw("field-clear/coulomb_friction", 0).plant
     calm = visibility(replace(plant, gust=None), rounds=2).ratio
     assert 40.0 < visibility(plant, rounds=2).ratio < 0.5 * calm
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     ["load_hump", "motor_heating"]
