@@ -154,8 +154,8 @@ def _with_jacobian(layout: Layout, index: int, arrays: Any, z: Any) -> tuple[Any
     return jax.lax.map(one, batch)
 
 
-def evaluate(layout: Layout, arrays: Any, z: Any) -> Quadratic:
-    """Simulation-error likelihood of all logs at coordinates ``z``: parameters, then starts."""
+def jacobians(layout: Layout, arrays: Any, z: Any) -> list[tuple[Any, Any]]:
+    """By batch residuals ``(B, C, T)`` and their derivatives ``(B, n + m, C, T)``."""
     n, m = layout.width or len(layout.free), len(layout.starts)
     at, passes = n, []
     for index, batch in enumerate(arrays["batches"]):
@@ -165,6 +165,13 @@ def evaluate(layout: Layout, arrays: Any, z: Any) -> Quadratic:
         local = {**arrays, "batches": list(arrays["batches"])}
         local["batches"][index] = {**batch, "start": starts}
         passes.append(_with_jacobian(layout, index, local, z[:n]))
+    return passes
+
+
+def evaluate(layout: Layout, arrays: Any, z: Any) -> Quadratic:
+    """Simulation-error likelihood of all logs at coordinates ``z``: parameters, then starts."""
+    n, m = layout.width or len(layout.free), len(layout.starts)
+    passes = jacobians(layout, arrays, z)
     cost, sigma = noise_of(layout, arrays, [r for r, _ in passes])
     return _assemble(layout, arrays, z[:n], passes, cost, sigma, n, m)
 

@@ -7,6 +7,7 @@ times that sine: the describing function (Gelb & Vander Velde 1968, chapter 2).
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Any
@@ -19,7 +20,7 @@ _GAUSS = np.polynomial.legendre.leggauss(64)
 _NUDGE = 1e-9
 
 
-class Nonlinearity:
+class Nonlinearity(ABC):
     """A nonlinear element: how it answers a sine.
 
     ``odd`` says that the output of -e is minus that of e, so that there are no even harmonics;
@@ -35,6 +36,7 @@ class Nonlinearity:
         """The input at which the behaviour changes."""
         return None
 
+    @abstractmethod
     def describing(self, amplitude: Any, frequency: Any) -> np.ndarray:
         """The describing function N(A, w), complex.
 
@@ -45,7 +47,6 @@ class Nonlinearity:
         Returns:
             Fundamental of the output over the input; NaN where there is none.
         """
-        raise NotImplementedError
 
     def quasi_linear(
         self, n: complex, amplitude: float, frequency: float
@@ -77,9 +78,9 @@ class Static(Nonlinearity):
     bends: tuple[float, ...] = ()
     """Levels at which the output jumps, perhaps, or bends: where an integral is split."""
 
+    @abstractmethod
     def over(self, e: np.ndarray) -> np.ndarray:
         """The output over one period, settled, from inputs in their order, ``(n,)``."""
-        raise NotImplementedError
 
     def at(self, e: float) -> float:
         """The output for one input, of an element without memory."""

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._correlation import lag_one
-from diffthrust._likelihood import TAIL, _weights, _with_jacobian, noise_of
+from diffthrust._likelihood import TAIL, _weights, jacobians, noise_of
 from diffthrust._problem import Layout, Problem
 
 
@@ -103,15 +103,7 @@ def _prior(problem: Problem, z: np.ndarray) -> np.ndarray:
 @partial(jax.jit, static_argnums=0)
 def _pass(layout: Layout, arrays: Any, z: Any) -> list[tuple[Any, Any, Any]]:
     """By batch scores ``(B, C, n + m, T)``, residuals ``(B, C, T)``, grams of n + m columns."""
-    n, m = len(layout.free), len(layout.starts)
-    at, passes = n, []
-    for index, batch in enumerate(arrays["batches"]):
-        count = batch["time"].shape[0]
-        starts = z[at : at + count * m].reshape(count, m)
-        at += count * m
-        local = {**arrays, "batches": list(arrays["batches"])}
-        local["batches"][index] = {**batch, "start": starts}
-        passes.append(_with_jacobian(layout, index, local, z[:n]))
+    passes = jacobians(layout, arrays, z)
     _, sigma = noise_of(layout, arrays, [rest for rest, _ in passes])
     bend = _bend(layout, arrays, [rest for rest, _ in passes], sigma)
     out = []
