@@ -158,11 +158,17 @@ class Observe(Protocol):
 
 def driven(model: Model, time: Any, inputs: Mapping[str, Any]) -> tuple[dict[str, Any], Signals]:
     """The input series that reach the model through the effects on them, and the first samples."""
-    series = dict(inputs)
-    for effect in model.effects:  # one after the other: some read several channels
-        outer = Ports((effect,), Signals({**series, "time": time}))
-        series = {name: outer(name, value) for name, value in series.items()}
+    series = arriving(model, time, inputs)
     return series, Signals({**{n: value[0] for n, value in series.items()}, "time": time[0]})
+
+
+def arriving(model: Model, time: Any, inputs: Mapping[str, Any]) -> dict[str, Any]:
+    """Inputs as they reach the model through the effects on them: series, or one sample of each."""
+    given = dict(inputs)
+    for effect in model.effects:  # one after the other: some read several channels
+        outer = Ports((effect,), Signals({**given, "time": time}))
+        given = {name: outer(name, value) for name, value in given.items()}
+    return given
 
 
 def equations_of(model: Model, s: Signals, port: Ports) -> tuple[Mapping[str, Any], ...]:

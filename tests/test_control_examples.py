@@ -45,3 +45,20 @@ def test_tune_lead(tmp_path):
     by_hand, tuned = numbers(text, "Amplitude 0.05 m: error ")
     assert tuned < 0.6 * by_hand
     figure(tmp_path, "tune_lead.png")
+
+
+def test_path_tracking(tmp_path):
+    text = run("path_tracking", tmp_path)
+    rows = [line.split("│")[1:-1] for line in text.splitlines() if line.startswith("│")]
+    found = {tuple(cell.strip() for cell in row[:3]): row[3:] for row in rows}
+    along, across, _, rudder = map(float, found["wind", "straight", "plain"])
+    assert along < 0.3
+    assert 0.35 < across < 0.5
+    assert rudder <= 24.0
+    for disturbance in ("wind", "current"):
+        for path in ("straight", "harmonic"):
+            for controller in ("estimating", "fitted"):
+                assert abs(float(found[disturbance, path, controller][1])) < 0.05
+            figure(tmp_path, f"path_tracking_{path}_{'water_' * (disturbance == 'current')}"
+                             f"{disturbance}.png")  # fmt: skip
+    assert "of a period of 200 ms" in text

@@ -1,0 +1,137 @@
+"""Where a vessel is to be at each instant: paths over the water that are run at constant speed."""
+
+from __future__ import annotations
+
+import abc
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from diffthrust.control._reference import number
+
+_FINE = 2048
+"""Points in one wave of a harmonic path, between which its arc length is linear."""
+
+
+class Wanted(NamedTuple):
+    """Where to be at some instants, ``(n,)`` each.
+
+    Args:
+        north: [m].
+        east: [m].
+        course: direction in which the point moves [rad], clockwise from north.
+    """
+
+    north: np.ndarray
+    east: np.ndarray
+    course: np.ndarray
+
+
+class Path(abc.ABC):
+    """Something to follow over the water; a subclass says where to be, and when.
+
+    Example:
+        >>> class Hold(dft.control.Path):
+        ...     def at(self, time):
+        ...         return dft.control.Wanted(0.0 * time, 0.0 * time, 0.0 * time)
+    """
+
+    @abc.abstractmethod
+    def at(self, time: np.ndarray) -> Wanted:
+        """Where to be at instants [s], ``(n,)``, counted from the start of the run."""
+
+
+@dataclass(frozen=True)
+class StraightPath(Path):
+    """A straight line at constant speed.
+
+    Args:
+        speed: [m/s].
+        course: [rad], clockwise from north.
+        north: where the line begins [m].
+        east: likewise [m].
+
+    Raises:
+        InputError: a speed that is not above zero, another number that is not finite.
+
+    Example:
+        >>> dft.control.StraightPath(0.8)
+    """
+
+    speed: float
+    course: float = 0.0
+    north: float = 0.0
+    east: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check(self, positive=("speed",), finite=("course", "north", "east"))
+
+    def at(self, time: np.ndarray) -> Wanted:
+        """Where to be at instants [s]."""
+        run = self.speed * np.asarray(time, float)
+        return _turned(self, run, 0.0 * run, 0.0 * run)
+
+
+@dataclass(frozen=True)
+class HarmonicPath(Path):
+    """A sine wave about a straight axis, run at constant speed along the curve.
+
+    Args:
+        speed: along the curve [m/s].
+        amplitude: to either side of the axis [m]; the first swing goes to starboard.
+        wavelength: along the axis [m].
+        course: of the axis [rad], clockwise from north.
+        north: where the axis begins [m].
+        east: likewise [m].
+
+    Raises:
+        InputError: a speed, amplitude or wavelength that is not above zero, another number that is
+            not finite.
+
+    Example:
+        >>> dft.control.HarmonicPath(0.8, amplitude=1.5, wavelength=20.0)
+    """
+
+    speed: float
+    amplitude: float
+    wavelength: float
+    course: float = 0.0
+    north: float = 0.0
+    east: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check(self, ("speed", "amplitude", "wavelength"), ("course", "north", "east"))
+
+    def at(self, time: np.ndarray) -> Wanted:
+        """Where to be at instants [s]."""
+        wave = 2.0 * math.pi / self.wavelength
+        along = np.linspace(0.0, self.wavelength, _FINE + 1)
+        slope = self.amplitude * wave * np.cos(wave * along)
+        pace = np.hypot(1.0, slope)
+        arc = np.concatenate([[0.0], np.cumsum(0.5 * (pace[1:] + pace[:-1]) * np.diff(along))])
+        waves, rest = np.divmod(self.speed * np.asarray(time, float), arc[-1])
+        x = waves * self.wavelength + np.interp(rest, arc, along)
+        aside = self.amplitude * np.sin(wave * x)
+        return _turned(self, x, aside, np.arctan(self.amplitude * wave * np.cos(wave * x)))
+
+
+def _check(path: Path, positive: tuple[str, ...], finite: tuple[str, ...]) -> None:
+    kind = type(path).__name__
+    for name in positive:
+        number(f"{kind}, {name}", getattr(path, name), lambda x: x > 0, "a number above zero")
+    for name in finite:
+        number(f"{kind}, {name}", getattr(path, name), lambda x: True, "a number")
+
+
+def _turned(
+    path: StraightPath | HarmonicPath, along: np.ndarray, aside: np.ndarray, turn: np.ndarray
+) -> Wanted:
+    """From the axis of a path to north and east."""
+    cos, sin = math.cos(path.course), math.sin(path.course)
+    return Wanted(
+        path.north + along * cos - aside * sin,
+        path.east + along * sin + aside * cos,
+        path.course + turn,
+    )

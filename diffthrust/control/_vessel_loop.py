@@ -1,0 +1,184 @@
+"""A vessel under predictive control, in what the controller does not know: wind, current, lags."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from time import perf_counter
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from diffthrust._channels import listing, nearest
+from diffthrust._errors import InputError
+from diffthrust._model import Model
+from diffthrust._simulate import Key, _checked_initial
+from diffthrust.control._motion import State, begin, check_vessel, one_sample, readings
+from diffthrust.control._mpc import MPC
+from diffthrust.control._path import Path
+from diffthrust.control._reference import Reference, number
+from diffthrust.control._track_run import TrackRun, track_run_of
+
+_STEP = 0.05
+"""Seconds: the longest step with which the vessel is integrated."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class VesselLoop:
+    """A vessel that follows a path under a predictive controller.
+
+    The vessel may carry effects that the controller's model does not: that is the disturbance.
+
+    Args:
+        vessel: what moves: a `Vessel` with its effects.
+        controller: an `MPC`, at whose rate the loop is sampled.
+        noise: standard deviations of the measured channels, in the model's units.
+        given: other inputs of the vessel: constants, or a `Sinusoid`, `Step` or `Trajectory` over
+            time (``{"wind_speed": dft.control.Sinusoid(1.0, 0.5, offset=3.0), ...}``).
+
+    Raises:
+        InputError: parts that do not fit together, a number that cannot be meant.
+
+    Example:
+        >>> loop = dft.control.VesselLoop(
+        ...     vessel=dft.Vessel() + dft.effects.WaterCurrent(to_east=0.1), controller=mpc
+        ... )
+        >>> run = loop.simulate(dft.control.StraightPath(0.8), 40.0, initial={"east": 0.5})
+        >>> run.across, run.solve_time
+    """
+
+    vessel: Model
+    controller: MPC
+    noise: Mapping[str, float] = field(default_factory=dict)
+    given: Mapping[str, float | Reference] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        check_vessel(self.vessel, "VesselLoop")
+        if not isinstance(self.controller, MPC):
+            raise InputError(
+                f"VesselLoop: expected an MPC as controller, found {self.controller!r}.",
+                "Write controller=dft.control.MPC(model=..., limits=...).",
+            )
+        if tuple(self.vessel.inputs) != tuple(self.controller.model.inputs):
+            raise InputError(
+                f"VesselLoop: the vessel has the inputs {listing(self.vessel.inputs)}, the "
+                f"controller's model {listing(self.controller.model.inputs)}.",
+                "Give both the same drive.",
+            )
+        for what, given, known in (
+            ("noise", self.noise, self.vessel.outputs),
+            ("given", self.given, self.vessel.optional_inputs),
+        ):
+            for name, value in given.items():
+                if name not in known:
+                    near = nearest(name, known)
+                    raise InputError(
+                        f"VesselLoop, {what}: there is no '{name}'{f' ({near})' if near else ''}; "
+                        f"there are {listing(known)}.",
+                        "Correct the name.",
+                    )
+                if what == "noise" or not isinstance(value, Reference):
+                    right = (lambda x: x >= 0) if what == "noise" else (lambda x: True)
+                    expected = "zero or more" if what == "noise" else "a number or a Reference"
+                    number(f"VesselLoop, {what} of '{name}'", value, right, expected)
+
+    def simulate(
+        self,
+        path: Path,
+        duration: float,
+        *,
+        seed: int = 0,
+        initial: Mapping[str, float] | None = None,
+    ) -> TrackRun:
+        """Run the loop.
+
+        The controller is called sample by sample, as on board, and each call is timed. The inputs
+        before the first sample are in the middle of their limits.
+
+        Args:
+            path: where to be, and when.
+            duration: how long [s]; whole samples of the controller are run.
+            seed: of the measurement noise.
+            initial: initial states by name; by default at rest at the path's beginning, heading
+                along it.
+
+        Returns:
+            Signals, errors along and across the path, the time of each solution, and a log.
+
+        Raises:
+            InputError: an unknown state, a number that cannot be meant.
+        """
+        number("duration", duration, lambda x: x > 0, "seconds, above zero")
+        if not isinstance(path, Path):
+            raise InputError(
+                f"path: expected a path, found {path!r}.",
+                "Write dft.control.StraightPath(0.8).",
+            )
+        mpc, rate = self.controller, self.controller.rate
+        time = np.arange(max(1, round(duration * rate)) + 1) / rate
+        rows = self._given(time)
+        state = self._beginning(path, initial, rows)
+        rng = np.random.default_rng(seed)
+        noise = {
+            name: self.noise.get(name, 0.0) * rng.standard_normal(time.size)
+            for name in self.vessel.outputs
+        }
+        values = {name: jnp.asarray(p.value, float) for name, p in self.vessel.parameters.items()}
+        ship = Key(self.vessel), max(1, math.ceil(1.0 / (rate * _STEP) - 1e-9))
+        inputs = {name: 0.5 * (low + high) for name, (low, high) in mpc.limits.items()}
+        plan, records = None, []
+        for k, now in enumerate(time):
+            given = {name: row[k] for name, row in rows.items()}
+            told = _readings(ship[0], values, state, {**inputs, **given}, now)
+            measured = {name: float(told[name]) + noise[name][k] for name in noise}
+            if not all(map(math.isfinite, measured.values())):
+                break
+            plan = mpc.start(measured, inputs) if plan is None else plan
+            begun = perf_counter()
+            plan = jax.block_until_ready(mpc.step(plan, measured, path.at(now + mpc.ahead)))
+            solving = perf_counter() - begun
+            inputs = {name: float(value) for name, value in plan.inputs.items()}
+            records.append({
+                **{name: float(value) for name, value in {**state, **told}.items()},
+                **{f"measured.{name}": value for name, value in measured.items()},
+                **inputs,
+                **given,
+                **{f"push.{name}": float(value) for name, value in plan.push.items()},
+                "cost": float(plan.cost),
+                "iterations": float(plan.iterations),
+                "settled": float(plan.settled),
+                "solve_time": solving,
+            })  # fmt: skip
+            state = _moved(*ship, values, state, {**inputs, **given}, now, 1.0 / rate)
+        signals = {name: np.array([row[name] for row in records]) for name in records[0]}
+        return track_run_of(self, path, time[: len(records)], time.size, signals)
+
+    def _given(self, time: np.ndarray) -> dict[str, np.ndarray]:
+        return {
+            name: value.at(time)[0] if isinstance(value, Reference)
+            else np.full(time.size, float(value))
+            for name, value in self.given.items()
+        }  # fmt: skip
+
+    def _beginning(self, path: Path, initial: Any, rows: Mapping[str, np.ndarray]) -> State:
+        start = path.at(np.zeros(1))
+        own = {"north": start.north[0], "east": start.east[0], "heading": start.course[0]}
+        limits = self.controller.limits
+        middle = {name: 0.5 * (low + high) for name, (low, high) in limits.items()}
+        first = {name: row[0] for name, row in rows.items()}
+        given = {**own, **_checked_initial(self.vessel, initial)}
+        return begin(self.vessel, {**middle, **first}, given)
+
+
+@partial(jax.jit, static_argnums=(0, 1))
+def _moved(key: Key, substeps: int, values: Any, state: Any, inputs: Any, now: Any, period: Any):
+    return one_sample(key.model.bind(values), state, inputs, now, period, substeps)
+
+
+@partial(jax.jit, static_argnums=0)
+def _readings(key: Key, values: Any, state: Any, inputs: Any, now: Any) -> Any:
+    return readings(key.model.bind(values), state, inputs, now)
