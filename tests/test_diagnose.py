@@ -128,6 +128,7 @@ def test_what_is_no_model_is_refused():
         dft.diagnose("thruster", logs(1))
 
 
+@pytest.mark.slow
 def test_the_diagnosis_tells_the_errors_of_its_own_logs():
     one, other, unseen = logs(command_deadband=0.4)
     fit = dft.fit(dft.Thruster(), one, holdout=other)
@@ -139,6 +140,7 @@ def test_the_diagnosis_tells_the_errors_of_its_own_logs():
     assert expected != pytest.approx(fit.holdout.nrmse, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_an_optional_input_that_only_the_first_log_has_is_left_out():
     one, other, unseen = logs()
     flow = {**one.inputs, "inflow": np.sin(one.time)}

@@ -112,6 +112,7 @@ def test_as_many_unknowns_as_samples_are_not_a_result():
     assert fit.parameters["slope"].std_error is None
 
 
+@pytest.mark.slow
 def test_student_t_standard_errors_match_the_spread():
     """60 repetitions, three parameters: the root mean square of error over standard error is
     1 +- 0.25 (180 ratios, partly dependent; four standard deviations of a mean square)."""

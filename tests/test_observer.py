@@ -331,6 +331,7 @@ def both_scores(seeds):
     return (np.array(found[kind]) for kind in kinds)
 
 
+@pytest.mark.slow
 def test_intervals_hold_under_random_forces_where_those_of_the_simulation_do_not():
     ours, theirs = both_scores(range(8))
     assert np.mean(np.abs(ours) < 1.96) > 0.8

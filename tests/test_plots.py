@@ -85,6 +85,7 @@ def test_pyplot_is_not_touched(monkeypatch):
     assert "matplotlib.pyplot" not in sys.modules
 
 
+@pytest.mark.slow
 def test_a_model_with_many_effects_is_drawn_with_its_name_wrapped(tmp_path):
     time = np.arange(100) * 0.04
     log = dft.Log(

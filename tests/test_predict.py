@@ -61,6 +61,7 @@ def test_noise_is_mixed_in_closed_form(heavy):
         assert share == pytest.approx(probability, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_coverage_is_near_its_level_on_logs_of_the_same_thruster(fit):
     """24 logs of 300 samples by 2 channels: the standard deviation of the share is 0.2 %.
 

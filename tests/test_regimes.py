@@ -79,6 +79,7 @@ def test_two_conditions_where_they_say_clearly_more():
     assert regime.share_of_error > 0.7
 
 
+@pytest.mark.slow
 def test_noise_alone_names_no_regime():
     alarms, cases = 0, 0
     for seed in range(200):
