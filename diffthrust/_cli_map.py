@@ -66,6 +66,15 @@ def map_command(
     no_fit: Annotated[
         bool, typer.Option("--no-fit", help="Take the parameters as the spec gives them.")
     ] = False,
+    draws: Annotated[
+        int | None,
+        typer.Option(
+            "--draws",
+            metavar="N",
+            min=20,
+            help="Give intervals of 95 %, by N draws from the covariance of the fit; 100 serve.",
+        ),
+    ] = None,
     json: JsonPath = None,
     figure: Annotated[
         Path | None,
@@ -80,9 +89,15 @@ def map_command(
     """Map gain and phase over amplitude and frequency, of the model that the logs give."""
     with session() as progress:
         from diffthrust._describing import describing_function
-        from diffthrust._describing_tables import describing_table
+        from diffthrust._describing_band import describing_uncertainty
+        from diffthrust._describing_tables import band_table, describing_table
         from diffthrust._spec import load_spec
 
+        if draws is not None and no_fit:
+            raise InputError(
+                "--draws: expected a fit, whose covariance is drawn from, found --no-fit.",
+                "Leave one of the two out.",
+            )
         grids = {"frequencies": numbers("--frequencies", frequencies)}
         if amplitudes is not None:
             grids["amplitudes"] = numbers("--amplitudes", amplitudes)
@@ -91,16 +106,16 @@ def map_command(
         if amplitudes is None:
             grids["amplitudes"] = _within(loaded.model, input, train, bias)
         fit = None if no_fit else loaded.fit(progress, train=train, holdout=unseen)
-        found = describing_function(
-            fit or loaded.model,
-            grids["amplitudes"],
-            grids["frequencies"],
-            input=input,
-            output=output,
-            method=method.value,
-            harmonics=harmonics,
-            bias=bias,
-        )
+        asked: Any = {
+            **{"input": input, "output": output, "bias": bias},
+            **{"method": method.value, "harmonics": harmonics},
+        }
+        if draws is None:
+            found = describing_function(fit or loaded.model, **grids, **asked)
+            table = describing_table(found)
+        else:
+            found = describing_uncertainty(fit, **grids, **asked, draws=draws)
+            table = band_table(found)
         if json:
             from diffthrust._files import write_json
 
@@ -108,7 +123,6 @@ def map_command(
             write_json(json, {**found.to_json(), "fit": status})
         if figure:
             _write_figure(figure, found)
-        table = describing_table(found)
     if fit:
         show(f"Status: {fit.status.value}. {fit.message}")
     show(table)

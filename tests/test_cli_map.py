@@ -44,6 +44,19 @@ def test_map_prints_and_writes(tmp_path):
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
+def test_draws_give_intervals(tmp_path):
+    out, picture = tmp_path / "band.json", tmp_path / "band.png"
+    options = ("--amplitudes", "1,2", "--frequencies", "0.1,1", "--method", "consistent")
+    result = run(JASON, *options, "--draws", 50, "--json", out, "--figure", picture)
+    assert "50 draws from the covariance" in result.stdout
+    assert "95 % from" in result.stdout
+    data = json.loads(out.read_text())
+    assert data["fit"]["status"] == "converged"
+    low, middle, high = (np.array(data["gain"][part]) for part in ("low", "median", "high"))
+    assert np.all((low < middle) & (middle < high))
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
 def test_formulas_and_amplitudes_from_the_logs(tmp_path):
     out = tmp_path / "map.json"
     run(JASON, "--no-fit", "--method", "consistent", "--frequencies", "1", "--json", out)
@@ -62,6 +75,7 @@ def test_formulas_and_amplitudes_from_the_logs(tmp_path):
         (("--amplitudes", "0,1"), "expected positive numbers, found 0"),
         (("--output", "trust"), "nearest is 'thrust'"),
         (("--input", "speeed", "--amplitudes", "1"), "nearest is 'speed'"),
+        (("--draws", "50"), "found --no-fit"),
         (("--input", "inflow"), "do not tell how far 'inflow' swings"),
     ],
 )
