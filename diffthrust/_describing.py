@@ -13,6 +13,7 @@ from diffthrust._describing_formulas import FORMULAS, quasi_linear
 from diffthrust._describing_map import DescribingMap
 from diffthrust._describing_notes import notes_of
 from diffthrust._describing_request import Request, request
+from diffthrust._left_out import left_out, more_than, too_few
 from diffthrust._orbit_solvers import HarmonicBalance, Shooting
 from diffthrust._periodic import Reason, Responses
 from diffthrust._reach import states_behind
@@ -40,15 +41,19 @@ def describing_function(
     - ``"simulation"``: the model and its effects are simulated to their periodic steady state,
       which shooting finds and one further period confirms.
     - ``"harmonic_balance"``: the states are Fourier series of so many harmonics that satisfy the
-      equations in the Galerkin sense. It does not tell whether the response is stable.
+      equations in the Galerkin sense. It does not tell whether the response is stable. What
+      it leaves out is judged by more harmonics and many more instants (``left_out``).
     - ``"paper"``: the quasi-linear lag of Yoerger et al. as printed; the plain thruster only.
     - ``"consistent"``: the same with the amplitude of the thrust's fundamental throughout.
 
     The first two work for every model, effect, input and output. The period is divided ever more
     finely until the first harmonic is known to 2e-4. Points without an answer (a response
-    that diverges, drifts, is unstable, or has not settled) are marked in ``settled`` with their
-    ``reason``. Effects act on the input as on a command that is known at every instant: a rate
-    limit or a delay sees a smooth sinusoid and not the samples of a log.
+    that diverges, drifts, is unstable, has not settled, or would change by more than 0.1 % or 0.1
+    degree with more harmonics) are marked in ``settled`` with their ``reason``. A model may have
+    several responses to one input, as where static friction catches a shaft whose speed swings
+    about a mean; each method gives one of them. Effects act on the input as on a command that is
+    known at every instant: a rate limit or a delay sees a smooth sinusoid and not the samples of a
+    log.
 
     Args:
         model: a model with its effects, or a fit.
@@ -100,7 +105,7 @@ def describing_function(
     if method in FORMULAS:
         values = formula_values(asked, given).reshape(shape)
         return DescribingMap(complex=values, reason=np.zeros(shape, int), **common)
-    found = found_values(asked, given)
+    found, error = found_values(asked, given)
     settled = found.reason == Reason.SETTLED
 
     def shown(values: np.ndarray) -> np.ndarray:
@@ -114,6 +119,7 @@ def describing_function(
         mean=shown(found.mean),
         samples=found.samples.reshape(shape),
         harmonics=asked.harmonics if method == "harmonic_balance" else None,
+        left_out=None if error is None else error.reshape(shape),
         notes=notes_of(asked, model, reason),
         **common,
     )
@@ -126,8 +132,14 @@ def formula_values(asked: Request, given: Mapping[str, np.ndarray]) -> np.ndarra
     return quasi_linear(values, a, w, asked.output, paper=asked.method == "paper")
 
 
-def found_values(asked: Request, given: Mapping[str, np.ndarray]) -> Responses:
-    """Periodic responses by draw and point, ``(D * A * F,)``, of parameters ``(D,)``."""
+def found_values(
+    asked: Request, given: Mapping[str, np.ndarray]
+) -> tuple[Responses, np.ndarray | None]:
+    """Periodic responses by draw and point, of parameters ``(D,)``, and what they leave out.
+
+    Returns:
+        The responses, ``(D * A * F,)``; and of a harmonic balance the error of `left_out`.
+    """
     draws = next((value.size for value in given.values()), 1)
     shape = (draws, asked.amplitudes.size, asked.frequencies.size)
 
@@ -147,11 +159,13 @@ def found_values(asked: Request, given: Mapping[str, np.ndarray]) -> Responses:
     signals = {asked.input: asked.bias + 0.5, **asked.others, "time": 0.5}
     states = states_behind(asked.model, asked.output, asked.states, signals)
     count = len(states)
-    balanced = asked.method == "harmonic_balance" and count > 0
-    solver = (
-        HarmonicBalance(asked.model, count, asked.harmonics)
-        if balanced
-        else Shooting(asked.model, count)
-    )
     cycle = Cycle(asked.input, asked.output, 1, 4 if remembers(asked.model) else 1, states=states)
-    return continued(solver, cycle, lanes, shape, samples=asked.samples)
+    if asked.method != "harmonic_balance" or not count:
+        solver = Shooting(asked.model, count)
+        return continued(solver, cycle, lanes, shape, samples=asked.samples), None
+    solver = HarmonicBalance(asked.model, count, asked.harmonics)
+    found = continued(solver, cycle, lanes, shape, samples=asked.samples)
+    richer = HarmonicBalance(asked.model, count, more_than(asked.harmonics))
+    error = left_out(richer, cycle, lanes, found)
+    found.reason[too_few(error)] = Reason.FEW_HARMONICS
+    return found, error

@@ -156,7 +156,7 @@ def describing_uncertainty(
         values = formula_values(asked, given)
         reason = np.zeros(shape, int)
     else:
-        found = found_values(asked, given)
+        found, _ = found_values(asked, given)
         settled = found.reason == Reason.SETTLED
         values = np.where(settled, found.first, np.nan).reshape(shape)
         reason = found.reason.reshape(shape)

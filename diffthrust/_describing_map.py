@@ -40,6 +40,9 @@ class DescribingMap:
         mean: of the output, in its unit, ``(A, F)``; or ``None``.
         samples: steps to the period that were needed, ``(A, F)``; or ``None``.
         harmonics: of the states, for a harmonic balance.
+        left_out: error of the first harmonic, relative to it, that more harmonics show, complex
+            ``(A, F)``: its real part is that of the gain, its imaginary one that of the phase
+            [rad]. NaN where the balance has no answer; ``None`` for other methods.
         notes: what the user should know besides.
     """
 
@@ -58,6 +61,7 @@ class DescribingMap:
     mean: np.ndarray | None = field(default=None, repr=False)
     samples: np.ndarray | None = field(default=None, repr=False)
     harmonics: int | None = None
+    left_out: np.ndarray | None = field(default=None, repr=False)
     notes: tuple[str, ...] = ()
 
     @property

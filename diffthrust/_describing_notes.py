@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from diffthrust._describing_request import Request
+from diffthrust._left_out import more_than
 from diffthrust._periodic import Reason
 from diffthrust._phrases import joined
 from diffthrust._result import Fit
@@ -26,7 +27,7 @@ def notes_of(asked: Request, given: Any, reason: np.ndarray) -> tuple[str, ...]:
     for kind in Reason:
         count = int(np.sum(reason == kind))
         if count and kind is not Reason.SETTLED:
-            notes.append(f"{count} of {size} points are marked: {kind.words}.")
+            notes.append(f"{count} of {size} points are marked: {kind.words}.{_mend(kind, asked)}")
     reach = float(asked.amplitudes[-1]) + abs(asked.bias)
     for effect in asked.model.effects:
         limit = getattr(effect, "limit", None) if asked.input in effect.ports else None
@@ -37,3 +38,12 @@ def notes_of(asked: Request, given: Any, reason: np.ndarray) -> tuple[str, ...]:
                 "with the amplitude there."
             )
     return tuple(notes)
+
+
+def _mend(kind: Reason, asked: Request) -> str:
+    if kind is not Reason.FEW_HARMONICS:
+        return ""
+    return (
+        f" {asked.harmonics} harmonics are too few for corners as sharp as there: give "
+        f'harmonics={more_than(asked.harmonics)}, or method="simulation".'
+    )

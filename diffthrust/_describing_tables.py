@@ -118,6 +118,7 @@ def describing_json(found: DescribingMap) -> dict[str, Any]:
             "parameters": {n: p.value for n, p in found.model.parameters.items()},
             "method": found.method,
             "harmonics": found.harmonics,
+            "left_out": _errors(found.left_out),
             "input": {"name": found.input, "unit": found.input_unit, "bias": found.bias},
             "output": {"name": found.output, "unit": found.output_unit},
             "amplitudes": found.amplitudes,
@@ -137,3 +138,9 @@ def describing_json(found: DescribingMap) -> dict[str, Any]:
             "notes": found.notes,
         }
     )
+
+
+def _errors(left_out: np.ndarray | None) -> dict[str, np.ndarray] | None:
+    if left_out is None:
+        return None
+    return {"gain": np.abs(np.real(left_out)), "phase": np.degrees(np.abs(np.imag(left_out)))}

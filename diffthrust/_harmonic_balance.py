@@ -41,6 +41,9 @@ CLOSED = 1e-8
 """An orbit is found where Newton's next step is so short against the coefficients."""
 ROUNDING = 1e-13
 """A derivative counts as none below this share of the largest."""
+DENSE = 2048
+"""Steps to the period at which a balance is judged: what happens in a moment, as static friction at
+the turn of a slow shaft, would pass unseen between the instants of a few harmonics."""
 SHORTEST = 2.0**-10
 """A step is halved no further than to this share of Newton's."""
 
@@ -50,7 +53,8 @@ class Balance(NamedTuple):
 
     Args:
         rest: what is missing to a balance [unit of the state / s], ``(n, c)``.
-        slope: derivative of the rest with respect to the coefficients, ``(n c, n c)``.
+        slope: derivative of the rest with respect to the coefficients, ``(n c, n c)``; empty where
+            it was not wanted.
         harmonics: of the output.
     """
 
@@ -59,7 +63,7 @@ class Balance(NamedTuple):
     harmonics: Harmonics
 
 
-def balance(model: Model, cycle: Cycle, lane: Lane, x: Any) -> Balance:
+def balance(model: Model, cycle: Cycle, lane: Lane, x: Any, sloped: bool) -> Balance:
     """How far Fourier coefficients are from a balance.
 
     Args:
@@ -67,6 +71,7 @@ def balance(model: Model, cycle: Cycle, lane: Lane, x: Any) -> Balance:
         cycle: how.
         lane: amplitude and frequency.
         x: for each state its mean, then the cosine and sine parts of each harmonic, ``(n, c)``.
+        sloped: with the slope, which costs far more than all the rest.
     """
     series = driven_period(model, cycle, lane)
     dense = 2 * cycle.samples
@@ -82,24 +87,28 @@ def balance(model: Model, cycle: Cycle, lane: Lane, x: Any) -> Balance:
         return jnp.stack([jnp.broadcast_to(k, (dense,)) for k in full])
 
     path = x @ up.T
-    along = jnp.broadcast_to(jnp.eye(len(names))[:, :, None], (len(names), *path.shape))
-    slopes = jax.vmap(lambda v: jax.jvp(rates, (path,), (v,))[1])(along)  # by state, (n, n, dense)
     rest = lane.frequency * (x @ turn.T) - rates(path) @ down.T
-    pushed = jnp.einsum("as,jis,sb->iajb", down, slopes, up)
-    own = jnp.einsum("ij,ab->iajb", jnp.eye(len(names)), lane.frequency * turn)
     whole = {**others, **{n: path[i] for i, n in enumerate(names)}}
     whole = {n: jnp.concatenate([v, v[:1]]) for n, v in whole.items()}
     seen = harmonics_of(model, cycle, lane, series, whole)
+    if not sloped:
+        return Balance(rest, jnp.zeros((0, 0)), seen)
+    along = jnp.broadcast_to(jnp.eye(len(names))[:, :, None], (len(names), *path.shape))
+    slopes = jax.vmap(lambda v: jax.jvp(rates, (path,), (v,))[1])(along)  # by state, (n, n, dense)
+    pushed = jnp.einsum("as,jis,sb->iajb", down, slopes, up)
+    own = jnp.einsum("ij,ab->iajb", jnp.eye(len(names)), lane.frequency * turn)
     return Balance(rest, (own - pushed).reshape(x.size, x.size), seen)
 
 
-@partial(jax.jit, static_argnums=(0, 1))
-def balances(key: Key, cycle: Cycle, count: Any, lanes: Lane, x: Any) -> Balance:
+@partial(jax.jit, static_argnums=(0, 1, 5))
+def balances(
+    key: Key, cycle: Cycle, count: Any, lanes: Lane, x: Any, sloped: bool = True
+) -> Balance:
     """`balance` of the first ``count`` lanes, with coefficients ``(lanes, n, c)``."""
 
     def one(lane_and_x: tuple[Lane, Any]) -> Balance:
         lane, own = lane_and_x
-        return balance(key.model.bind(lane.values), cycle, lane, own)
+        return balance(key.model.bind(lane.values), cycle, lane, own, sloped)
 
     return in_blocks(one, count, (lanes, x))
 

@@ -11,7 +11,7 @@ from diffthrust import _harmonic_balance as hb
 from diffthrust import _shooting as shooting
 from diffthrust._cycle import BLOCK, TINY, Cycle, Lane, remembers
 from diffthrust._model import Model
-from diffthrust._periodic import Reason, Solved
+from diffthrust._periodic import LARGEST, Reason, Solved
 from diffthrust._simulate import Key
 
 COARSEST_SERIES = 512
@@ -161,10 +161,26 @@ class HarmonicBalance:
         found = self._run(cycle, every, lanes, x)
         return Solved(x[:count], found.harmonics, np.full(count, Reason.SETTLED))
 
-    def _run(self, cycle: Cycle, who: np.ndarray, lanes: Lane, x: np.ndarray) -> hb.Balance:
+    def judge(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> Solved:
+        """One step towards the balance that many more instants than the cycle's ask for.
+
+        The slope is that at the cycle's own instants: a step needs to be right in its first digits.
+        """
+        every, x = np.arange(count), np.array(x)
+        dense = min(max(hb.DENSE, cycle.samples), LARGEST // (2 * cycle.periods))
+        many = replace(cycle, samples=dense)
+        slope = self._run(cycle, every, lanes, x).slope
+        x[:count] += hb.newton_step(slope, self._run(many, every, lanes, x, sloped=False).rest)
+        seen = self._run(many, every, lanes, x, sloped=False).harmonics
+        fine = np.isfinite(x[:count]).all(axis=(1, 2))
+        return Solved(x[:count], seen, np.where(fine, Reason.SETTLED, Reason.NOT_CLOSED))
+
+    def _run(
+        self, cycle: Cycle, who: np.ndarray, lanes: Lane, x: np.ndarray, sloped: bool = True
+    ) -> hb.Balance:
         own, begin = _front(lanes, x, who)
         cycle = _with_harmonics(cycle, self.harmonics)
-        return _cut(hb.balances(self.key, cycle, who.size, own, begin), who.size)
+        return _cut(hb.balances(self.key, cycle, who.size, own, begin, sloped), who.size)
 
 
 def _size(x: np.ndarray) -> np.ndarray:

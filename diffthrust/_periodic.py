@@ -50,6 +50,7 @@ class Reason(IntEnum):
     COARSE = 4
     MEMORY = 5
     CLOCK = 6
+    FEW_HARMONICS = 7
 
     @property
     def words(self) -> str:
@@ -65,6 +66,7 @@ _WORDS = {
     Reason.COARSE: "the first harmonic still moves as the steps get finer",
     Reason.MEMORY: f"an effect with memory still tells after {MOST_PERIODS} periods how it began",
     Reason.CLOCK: "the response drifts, or changes with the time of the log",
+    Reason.FEW_HARMONICS: "more harmonics would change the first one by more than it may err",
 }
 
 
@@ -152,7 +154,7 @@ def respond(
     last_steps = samples or solver.finest
     periods = np.full(size, cycle.periods)
     own = guess is None
-    origin = _over(solver, cycle, lanes, np.arange(size), solver.begin) if own else guess
+    origin = over(solver, cycle, lanes, np.arange(size), solver.begin) if own else guess
     x: np.ndarray = np.array(origin)
     first, before = np.zeros(size, complex), np.full(size, np.nan, complex)
     mean, distortion = np.zeros(size), np.zeros(size)
@@ -161,9 +163,9 @@ def respond(
         for n, p in sorted(set(zip(steps[active], periods[active], strict=True))):
             who = active[(steps[active] == n) & (periods[active] == p)]
             at = replace(cycle, samples=int(n), periods=int(p))
-            found = _over(solver, at, lanes, who, solver.solve, x)
+            found = over(solver, at, lanes, who, solver.solve, x)
             h = found.harmonics
-            first[who] = (h.in_phase + 1j * h.ahead) / lanes.amplitude[who]
+            first[who] = first_harmonic(h, lanes.amplitude[who])
             mean[who], distortion[who] = h.mean, h.distortion
             bad = found.reason != Reason.SETTLED
             x[who] = np.where(_like(bad, x), np.asarray(origin)[who], found.x)
@@ -198,10 +200,10 @@ def _check_again(
     for n, p in sorted(set(zip(steps[settled], periods[settled], strict=True))):
         who = settled[(steps[settled] == n) & (periods[settled] == p)]
         at = replace(cycle, samples=int(n), periods=int(p))
-        found = _over(solver, at, later, who, solver.again, x)
+        found = over(solver, at, later, who, solver.again, x)
         h = found.harmonics
         amplitude = lanes.amplitude[who]
-        change = np.abs((h.in_phase + 1j * h.ahead) / amplitude - first[who])
+        change = np.abs(first_harmonic(h, amplitude) - first[who])
         swing = np.maximum(h.swing / amplitude, np.abs(first[who]))
         moved = np.abs(h.mean - mean[who]) / amplitude
         same = (change <= SAME * np.maximum(np.abs(first[who]), 1e-3 * swing)) & (
@@ -211,11 +213,16 @@ def _check_again(
         reason[who[(found.reason == Reason.SETTLED) & ~same]] = Reason.CLOCK
 
 
+def first_harmonic(found: Harmonics, amplitude: np.ndarray) -> np.ndarray:
+    """The first harmonic of the output over that of the input, complex ``(L,)``."""
+    return (found.in_phase + 1j * found.ahead) / amplitude
+
+
 def _like(flags: np.ndarray, x: np.ndarray) -> np.ndarray:
     return flags.reshape(flags.size, *([1] * (x.ndim - 1)))
 
 
-def _over(
+def over(
     solver: Solver,
     cycle: Cycle,
     lanes: Lane,

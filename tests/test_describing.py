@@ -163,18 +163,6 @@ def test_formulas_are_their_closed_forms():
         assert found.settled.all()
 
 
-def test_the_consistent_formula_is_harmonic_balance_with_one_harmonic():
-    for output in ("thrust", "speed"):
-        formula, one = (
-            describing_function(
-                dft.Thruster(), [0.5, 2.0], [0.3, 3.0], output=output, method=m, harmonics=1,
-                samples=128,
-            )
-            for m in ("consistent", "harmonic_balance")
-        )  # fmt: skip
-        np.testing.assert_allclose(one.complex, formula.complex, rtol=2e-4)
-
-
 @pytest.mark.slow
 def test_static_nonlinearities_are_those_of_python_control():
     """Dead zone, saturation and backlash to 1e-4; a relay, which jumps, to 1e-3."""
