@@ -23,6 +23,7 @@ if "xla_backend_extra_options" not in _os.environ.get("XLA_FLAGS", ""):
 from diffthrust import control as control  # noqa: E402
 from diffthrust import effects as effects  # noqa: E402
 from diffthrust import models as models  # noqa: E402
+from diffthrust import papers as papers  # noqa: E402
 from diffthrust._classical_elements import Backlash as Backlash  # noqa: E402
 from diffthrust._classical_elements import DeadZone as DeadZone  # noqa: E402
 from diffthrust._classical_elements import Relay as Relay  # noqa: E402

@@ -1,0 +1,9 @@
+"""The papers' own methods, by the names of their first authors."""
+
+from diffthrust.papers import yoerger as yoerger
+from diffthrust.papers._commands import lowpass_noise as lowpass_noise
+from diffthrust.papers._commands import staircase as staircase
+from diffthrust.papers._line import Line as Line
+from diffthrust.papers._line import fit_line as fit_line
+from diffthrust.papers._steady import Steady as Steady
+from diffthrust.papers._steady import steady_portions as steady_portions

@@ -1,0 +1,87 @@
+"""A straight line through points, as the papers fit one parameter after the other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from diffthrust._errors import InputError
+from diffthrust._plots import BLUE, GREY, VERMILLION, styled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+@dataclass(frozen=True)
+class Line:
+    """y = slope x + intercept, by least squares.
+
+    Args:
+        slope: unit of y over that of x.
+        intercept: unit of y; zero where the line goes through the origin.
+        slope_error: standard error, from the scatter of the points about the line; NaN where as
+            many points as coefficients leave none.
+        intercept_error: likewise; zero where the line goes through the origin.
+        x: the points, ``(n,)``.
+        y: ``(n,)``.
+    """
+
+    slope: float
+    intercept: float
+    slope_error: float
+    intercept_error: float
+    x: np.ndarray = field(repr=False)
+    y: np.ndarray = field(repr=False)
+
+    def __call__(self, x: Any) -> Any:
+        return self.slope * x + self.intercept
+
+    @property
+    def unexplained(self) -> float:
+        """Root mean square of the residuals over the standard deviation of y."""
+        spread = float(np.std(self.y))
+        return float(np.sqrt(np.mean((self.y - self(self.x)) ** 2))) / spread
+
+    def draw(self, axes: Axes, x: str, y: str, title: str = "", others: Any = None) -> None:
+        """Points and line on axes; ``others`` are points ``(x, y)`` that were not fitted."""
+        axes.plot(self.x, self.y, "o", color=BLUE, markersize=5, label="fitted to")
+        seen = [self.x]
+        if others is not None:
+            axes.plot(*others, "s", color=GREY, markersize=5, label="verified on")
+            seen.append(np.asarray(others[0]))
+        ends = np.array([min(0.0, *(np.min(v) for v in seen)), max(np.max(v) for v in seen)])
+        axes.plot(ends, self(ends), color=VERMILLION, linewidth=1.3, label="line")
+        styled(axes, title, x, y)
+        axes.legend(fontsize=8, frameon=False)
+
+
+def fit_line(x: Any, y: Any, what: str, *, through_origin: bool = False) -> Line:
+    """The line of least squares through points.
+
+    Args:
+        x: ``(n,)``.
+        y: ``(n,)``.
+        what: names the line in errors.
+        through_origin: leave the intercept at zero.
+
+    Raises:
+        InputError: fewer points than coefficients, or points that lie above each other.
+    """
+    x, y = np.asarray(x, float), np.asarray(y, float)
+    columns = [x] if through_origin else [x, np.ones_like(x)]
+    matrix = np.stack(columns, axis=1)
+    if x.size < matrix.shape[1] or np.linalg.matrix_rank(matrix) < matrix.shape[1]:
+        raise InputError(
+            f"{what}: expected {matrix.shape[1]} or more different points, found "
+            f"{np.unique(x).size}.",
+            "Give records at more levels.",
+        )
+    found, *_ = np.linalg.lstsq(matrix, y, rcond=None)
+    left = x.size - matrix.shape[1]
+    variance = float(np.sum((y - matrix @ found) ** 2)) / left if left else np.nan
+    errors = np.sqrt(variance * np.diag(np.linalg.inv(matrix.T @ matrix)))
+    if through_origin:
+        return Line(float(found[0]), 0.0, float(errors[0]), 0.0, x, y)
+    return Line(float(found[0]), float(found[1]), float(errors[0]), float(errors[1]), x, y)

@@ -1,0 +1,133 @@
+"""The steady portions of records: where the inputs have been held long enough."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+
+from diffthrust._channels import listing
+from diffthrust._errors import InputError
+from diffthrust._log import Log
+
+
+@dataclass(frozen=True)
+class Steady:
+    """One portion of a record over which the inputs were held.
+
+    Args:
+        log: the record.
+        first: its first sample, after what the inputs changed had settled.
+        end: the sample behind its last one.
+    """
+
+    log: Log = field(repr=False)
+    first: int
+    end: int
+
+    @property
+    def start(self) -> float:
+        """When it begins [s]."""
+        return float(self.log.time[self.first])
+
+    @property
+    def stop(self) -> float:
+        """Its last sample [s]."""
+        return float(self.log.time[self.end - 1])
+
+    def mean(self, channel: str, unit: str) -> float:
+        """The mean of a channel, in ``unit``; NaN where nothing was measured."""
+        values = self.log.values(channel, unit)[self.first : self.end]
+        return float(np.nanmean(values)) if np.isfinite(values).any() else float("nan")
+
+    def drift(self, channel: str, unit: str) -> float:
+        """What a channel changed by over the portion, by the line through its samples.
+
+        NaN where fewer than three samples were measured.
+        """
+        part = slice(self.first, self.end)
+        time, values = self.log.time[part], self.log.values(channel, unit)[part]
+        seen = np.isfinite(values)
+        if seen.sum() < 3:
+            return float("nan")
+        slope = np.polyfit(time[seen] - time[0], values[seen], 1)[0]
+        return float(slope * (time[-1] - time[0]))
+
+
+def steady_portions(
+    logs: Log | Sequence[Log],
+    *,
+    settle: float,
+    least: float = 0.0,
+    inputs: Iterable[str] | None = None,
+    tolerance: float = 1e-3,
+) -> list[Steady]:
+    """Where the inputs stay where they are, from ``settle`` seconds after they last moved.
+
+    Args:
+        logs: one record or several.
+        settle: how long what is measured needs to come to rest [s].
+        least: how long a portion must last at least, after that [s].
+        inputs: which inputs have to be held; all of a record's where not given.
+        tolerance: an input counts as held while it moves by less than this share of the range it
+            has in all records.
+
+    Returns:
+        The portions in the order of the records.
+
+    Raises:
+        InputError: a record without such an input, no portion anywhere, a time that is negative.
+
+    Example:
+        >>> for part in dft.papers.steady_portions(logs, settle=2.0):
+        ...     print(part.mean("command", "V"), part.mean("speed", "rad/s"))
+    """
+    logs = [logs] if isinstance(logs, Log) else list(logs)
+    for name, value in (("settle", settle), ("least", least)):
+        if not (np.isfinite(value) and value >= 0):
+            raise InputError(
+                f"steady_portions, {name}: expected seconds, zero or more, found {value!r}.",
+                "Correct it.",
+            )
+    names = list(inputs) if inputs is not None else sorted({n for g in logs for n in g.inputs})
+    for log in logs:
+        absent = [name for name in names if name not in log.inputs]
+        if absent:
+            raise InputError(
+                f"{log.name}: expected the input {listing(absent)}, found {listing(log.inputs)}.",
+                "Name the inputs that all records have: inputs=[...].",
+            )
+    allowed = {
+        name: tolerance * max(1e-300, float(np.ptp(np.concatenate([g.inputs[name] for g in logs]))))
+        for name in names
+    }
+    found = []
+    for log in logs:
+        edges = _edges([log.inputs[name] for name in names], [allowed[name] for name in names])
+        for begin, end in pairwise(edges):
+            first = int(np.searchsorted(log.time, log.time[begin] + settle - 1e-9))
+            if end - first >= 2 and log.time[end - 1] - log.time[first] >= least - 1e-9:
+                found.append(Steady(log, first, end))
+    if not found:
+        raise InputError(
+            f"steady_portions: no stretch over which {listing(names)} were held for "
+            f"{settle + least:g} s.",
+            "Hold each level longer, or lower settle.",
+        )
+    return found
+
+
+def _edges(series: list[np.ndarray], allowed: list[float]) -> list[int]:
+    """Where a held stretch begins, and the end: every sample is compared with the stretch's first.
+
+    Compared with the sample before, a slow ramp would count as held.
+    """
+    samples = series[0].size
+    edges = [0]
+    for k in range(1, samples):
+        begin = edges[-1]
+        if any(abs(u[k] - u[begin]) > a for u, a in zip(series, allowed, strict=True)):
+            edges.append(k)
+    return [*edges, samples]

@@ -1,0 +1,277 @@
+"""Yoerger, Cooke & Slotine 1990, section III: static tests and the dynamic test of a thruster.
+
+Both are straight lines: of what is steady, and of the derivative of the speed. They need no first
+guess and no simulation; noise in the measured speed biases the second (`dynamic_test`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from diffthrust._errors import InputError
+from diffthrust._log import Log
+from diffthrust._physical import Quantity
+from diffthrust._plots import BLUE, VERMILLION, styled, thinned
+from diffthrust._simulate import simulate
+from diffthrust.models import Thruster
+from diffthrust.papers._line import Line, fit_line
+from diffthrust.papers._steady import Steady, steady_portions
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Direction = Literal["forward", "reverse", "both"]
+_SPEED, _THRUST, _COMMAND = ("speed", "rad/s"), ("thrust", "N"), ("command", "V")
+
+
+@dataclass(frozen=True)
+class StaticTest:
+    """What the steady portions of records tell of a thruster.
+
+    Args:
+        thrust: thrust [N] against speed |speed| [rad^2/s^2], through the origin.
+        speed: speed |speed| against command [V], through the origin.
+        portions: the portions that the points are from.
+        direction: of the commands that were used.
+    """
+
+    thrust: Line
+    speed: Line
+    portions: tuple[Steady, ...]
+    direction: str
+
+    @property
+    def ct(self) -> Quantity:
+        """Thrust over speed |speed|."""
+        return Quantity(self.thrust.slope, self.thrust.slope_error, "N s^2/rad^2")
+
+    @property
+    def ratio(self) -> Quantity:
+        """The steady speed |speed| over the command: beta / alpha."""
+        return Quantity(self.speed.slope, self.speed.slope_error, "rad^2/(V s^2)")
+
+    def plot(self) -> Figure:
+        """The two lines, as in the paper's figures 8 and 9."""
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(9.0, 3.8), layout="constrained")
+        left, right = figure.subplots(1, 2)
+        self.thrust.draw(left, "speed |speed| [rad²/s²]", "thrust [N]", f"ct = {self.ct}")
+        self.speed.draw(right, "command [V]", "speed |speed| [rad²/s²]",
+                        f"beta/alpha = {self.ratio}")  # fmt: skip
+        return figure
+
+
+@dataclass(frozen=True)
+class DynamicTest:
+    """What a moving record tells of a thruster, by linear least squares.
+
+    Args:
+        alpha: [1/rad].
+        beta: [rad/(V s^2)].
+        ct: [N s^2/rad^2]; ``None`` where the record has no thrust.
+        log: the record.
+    """
+
+    alpha: Quantity
+    beta: Quantity
+    ct: Quantity | None
+    log: Log
+
+    @property
+    def model(self) -> Thruster:
+        """The thruster with these values."""
+        ct = {} if self.ct is None else {"ct": self.ct.value}
+        return Thruster(alpha=self.alpha.value, beta=self.beta.value, **ct)
+
+    def plot(self) -> Figure:
+        """Command, and measured and simulated thrust (or speed), as in the paper's figure 10."""
+        from matplotlib.figure import Figure
+
+        name, unit = _SPEED if self.ct is None else _THRUST
+        found = simulate(self.model, self.log)[name]
+        figure = Figure(figsize=(8.0, 4.6), layout="constrained")
+        top, below = figure.subplots(2, 1, sharex=True)
+        top.plot(*thinned(self.log.time, self.log.values(*_COMMAND)), color="0.4", linewidth=0.9)
+        styled(top, "Dynamic test", "", "command [V]")
+        measured = self.log.values(name, unit)
+        below.plot(*thinned(self.log.time, measured), color=BLUE, linewidth=1.2, label="measured")
+        below.plot(*thinned(self.log.time, found), color=VERMILLION, linewidth=1.0,
+                   linestyle="--", label="simulated")  # fmt: skip
+        styled(below, "", "time [s]", f"{name} [{unit}]")
+        below.legend(fontsize=8, frameon=False, ncols=2)
+        return figure
+
+
+def static_test(
+    logs: Log | Sequence[Log],
+    *,
+    settle: float,
+    least: float = 0.5,
+    direction: Direction = "forward",
+) -> StaticTest:
+    """Find ct and beta/alpha from steady thrust, speed and command.
+
+    Args:
+        logs: records of ``command``, ``speed`` and ``thrust``, in which levels are held.
+        settle: how long the thruster takes to come to rest after a step [s]; it is the longer, the
+            smaller the step.
+        least: how long a portion must last after that [s].
+        direction: of the commands that are used; the paper used forward ones only.
+
+    Returns:
+        The lines, their points, and a figure.
+
+    Raises:
+        InputError: a channel that is missing, no steady portion in that direction.
+
+    Source: Yoerger, Cooke & Slotine 1990, section III, figures 8 and 9.
+
+    Example:
+        >>> static = dft.papers.yoerger.static_test(log, settle=3.0)
+        >>> print(static.ct, static.ratio)
+    """
+    _check_direction(direction)
+    found = steady_portions(logs, settle=settle, least=least, inputs=["command"])
+    used = [part for part in found if _in_direction(part.mean(*_COMMAND), direction)]
+    if not used:
+        raise InputError(
+            f"static_test: no steady portion with a command {direction}; "
+            f"{len(found)} portions were found.",
+            "Give direction='reverse' or 'both', or records with such commands.",
+        )
+    command = np.array([part.mean(*_COMMAND) for part in used])
+    thrust = np.array([part.mean(*_THRUST) for part in used])
+    speed = np.array([_signed_mean(part) for part in used])
+    squared = speed * np.abs(speed)
+    return StaticTest(
+        fit_line(squared, thrust, "static_test, thrust", through_origin=True),
+        fit_line(command, squared, "static_test, speed", through_origin=True),
+        tuple(used),
+        direction,
+    )
+
+
+def dynamic_test(
+    log: Log, *, cutoff: float | None = None, direction: Direction = "both"
+) -> DynamicTest:
+    """Find alpha, beta and ct by least squares on a moving record.
+
+    The change of the speed from sample to sample is explained by the means of speed |speed| and of
+    the command between them; all three pass the same zero-phase low-pass first, which leaves their
+    relation as it is. Noise in the speed stands on both sides of the equation and biases alpha and
+    beta where it is not small against what moves. `fit` has no such bias.
+
+    Args:
+        log: ``command`` and ``speed``, and ``thrust`` if it is there; evenly sampled.
+        cutoff: of the low-pass [Hz]; a tenth of the sample rate where not given.
+        direction: of the samples that are used.
+
+    Raises:
+        InputError: a channel that is missing or has gaps, a speed without a sign, a record that is
+            not evenly sampled or too short, a cut-off beyond half the sample rate.
+
+    Source: Yoerger, Cooke & Slotine 1990, section III, figure 10. How the derivative was formed is
+    not printed there.
+
+    Example:
+        >>> dynamic = dft.papers.yoerger.dynamic_test(log)
+        >>> print(dynamic.alpha, dynamic.beta, dynamic.ct)
+    """
+    from scipy.signal import butter, sosfiltfilt  # takes a while
+
+    _check_direction(direction)
+    speed, command = log.values(*_SPEED), log.values(*_COMMAND)
+    thrust = log.values(*_THRUST) if "thrust" in log.measured else None
+    if "speed" in log.unsigned:
+        raise InputError(
+            f"{log.name}: the sensor of 'speed' gives no sign; the dynamic test needs one.",
+            "Use dft.fit, which takes care of it.",
+        )
+    steps = np.diff(log.time)
+    rate = 1.0 / float(np.median(steps))
+    cutoff = 0.1 * rate if cutoff is None else cutoff
+    _check_record(log, steps, speed, cutoff, rate)
+    low = butter(2, cutoff, fs=rate, output="sos")
+
+    def smooth(values: np.ndarray) -> np.ndarray:
+        return np.asarray(sosfiltfilt(low, values))
+
+    squared = speed * np.abs(speed)
+    held = log.hold["command"] == "zero"
+    drive = smooth(command[:-1] if held else 0.5 * (command[:-1] + command[1:]))
+    drag = smooth(0.5 * (squared[:-1] + squared[1:]))
+    slope = smooth(np.diff(speed) * rate)
+    used = np.ones(slope.size, bool) if direction == "both" else (speed[:-1] > 0)
+    used = ~used if direction == "reverse" else used
+    matrix = np.stack([-drag, drive], axis=1)[used]
+    values, errors = _least_squares(matrix, slope[used])
+    ct = None
+    if thrust is not None:
+        seen = used & np.isfinite(thrust[:-1])
+        (value,), (error,) = _least_squares(squared[:-1][seen, None], thrust[:-1][seen])
+        ct = Quantity(value, error, "N s^2/rad^2")
+    return DynamicTest(
+        Quantity(values[0], errors[0], "1/rad"),
+        Quantity(values[1], errors[1], "rad/(V s^2)"),
+        ct,
+        log,
+    )
+
+
+def _signed_mean(part: Steady) -> float:
+    """The mean speed; where the sensor gives no sign it has that of the command."""
+    speed = part.mean(*_SPEED)
+    unsigned = "speed" in part.log.unsigned
+    return abs(speed) * float(np.sign(part.mean(*_COMMAND))) if unsigned else speed
+
+
+def _in_direction(command: float, direction: str) -> bool:
+    return command != 0 and (direction == "both" or (command > 0) == (direction == "forward"))
+
+
+def _check_direction(direction: str) -> None:
+    if direction not in ("forward", "reverse", "both"):
+        raise InputError(
+            f"direction: expected 'forward', 'reverse' or 'both', found {direction!r}.",
+            "Correct it.",
+        )
+
+
+def _check_record(
+    log: Log, steps: np.ndarray, speed: np.ndarray, cutoff: float, rate: float
+) -> None:
+    if np.ptp(steps) > 1e-3 * np.median(steps) or len(log) < 30:
+        raise InputError(
+            f"{log.name}: expected 30 or more evenly spaced samples, found {len(log)} with steps "
+            f"of {steps.min():g} to {steps.max():g} s.",
+            "Use dft.fit, which takes any time stamps.",
+        )
+    if not np.all(np.isfinite(speed)):
+        raise InputError(
+            f"{log.name}: 'speed' has {int(np.sum(~np.isfinite(speed)))} missing samples.",
+            "Use dft.fit, which leaves them out, or a stretch without gaps: log.slice(...).",
+        )
+    if not 0 < cutoff < 0.5 * rate:
+        raise InputError(
+            f"dynamic_test, cutoff: expected Hz, above zero and below half the sample rate, "
+            f"{0.5 * rate:g} Hz, found {cutoff!r}.",
+            "Correct it.",
+        )
+
+
+def _least_squares(matrix: np.ndarray, target: np.ndarray) -> tuple[list[float], list[float]]:
+    """Coefficients and the standard errors that residuals without memory would give them."""
+    if len(target) <= matrix.shape[1] or np.linalg.matrix_rank(matrix) < matrix.shape[1]:
+        raise InputError(
+            "dynamic_test: speed and command do not move enough to tell the coefficients apart.",
+            "Give a record that moves, in the direction that is asked for.",
+        )
+    found, *_ = np.linalg.lstsq(matrix, target, rcond=None)
+    variance = np.sum((target - matrix @ found) ** 2) / (len(target) - matrix.shape[1])
+    errors = np.sqrt(variance * np.diag(np.linalg.inv(matrix.T @ matrix)))
+    return [float(x) for x in found], [float(x) for x in errors]

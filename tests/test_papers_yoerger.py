@@ -1,0 +1,148 @@
+"""The static and the dynamic test of a thruster, on records with known parameters."""
+
+import math
+
+import numpy as np
+import pytest
+
+import diffthrust as dft
+from diffthrust import InputError, papers
+from diffthrust.papers import yoerger
+
+TRUE = dft.Thruster(alpha=0.037, beta=42.0, ct=0.019)
+STEP = 0.05
+
+
+def recorded(time, command, noise=0.0, seed=0, **more):
+    rng = np.random.default_rng(seed)
+    log = dft.Log(time=time, inputs={"command": command}, units={"command": "V"})
+    found = dft.simulate(TRUE, log)
+    return dft.Log(
+        time=time,
+        inputs={"command": command},
+        measured={
+            "speed": found["speed"] + noise * rng.standard_normal(time.size),
+            "thrust": found["thrust"] + noise * rng.standard_normal(time.size),
+        },
+        units={"command": "V", "speed": "rad/s", "thrust": "N"},
+        **more,
+    )
+
+
+def stairs(noise=0.0, seed=0, **more):
+    levels = [1.0, 2.0, 3.0, 4.0, -1.5, -3.0]
+    return recorded(*papers.staircase(levels, dwell=15.0, step=STEP, rest=2.0), noise, seed, **more)
+
+
+def moving(noise=0.0, seed=0):
+    return recorded(*papers.lowpass_noise(60.0, STEP, peak=4.0, seed=1), noise, seed)
+
+
+# -- what is steady --------------------------------------------------------------------------------
+
+
+def test_steady_portions_begin_after_settling_and_leave_out_ramps():
+    time = np.arange(0.0, 30.0, 0.1)
+    ramp = np.clip(time - 10.0, 0.0, 10.0) * 0.2
+    log = dft.Log(time=time, inputs={"command": ramp}, measured={"speed": 3.0 * ramp},
+                  units={"command": "V", "speed": "rad/s"})  # fmt: skip
+    first, last = papers.steady_portions(log, settle=2.0, least=3.0)
+    assert (first.start, first.stop) == pytest.approx((2.0, 10.0), abs=0.11)
+    assert (last.start, last.stop) == pytest.approx((22.0, 29.9), abs=0.11)
+    assert last.mean("speed", "rad/s") == pytest.approx(6.0)
+    assert abs(last.drift("speed", "rad/s")) < 1e-9
+    with pytest.raises(InputError, match="held for 25 s"):
+        papers.steady_portions(log, settle=25.0)
+    with pytest.raises(InputError, match=r"'thruster'.*'command'"):
+        papers.steady_portions(log, settle=1.0, inputs=["thruster"])
+
+
+# -- the static test -------------------------------------------------------------------------------
+
+
+def test_the_static_test_finds_ct_and_the_ratio():
+    static = yoerger.static_test(stairs(), settle=10.0)
+    assert len(static.portions) == 4  # forward
+    assert static.ct.value == pytest.approx(0.019, rel=1e-6)
+    assert static.ratio.value == pytest.approx(42.0 / 0.037, rel=1e-3)
+    assert len(yoerger.static_test(stairs(), settle=10.0, direction="reverse").portions) == 2
+    assert len(yoerger.static_test(stairs(), settle=10.0, direction="both").portions) == 6
+
+
+def test_a_sensor_without_a_sign_serves_the_static_test():
+    log = stairs()
+    folded = dft.Log(
+        time=log.time, inputs=log.inputs, units=log.units, unsigned=("speed",),
+        measured={**log.measured, "speed": np.abs(log.measured["speed"])},
+    )  # fmt: skip
+    static = yoerger.static_test(folded, settle=10.0, direction="both")
+    assert static.ratio.value == pytest.approx(42.0 / 0.037, rel=1e-3)
+
+
+def test_errors_of_the_static_test_are_those_of_its_scatter():
+    found = [yoerger.static_test(stairs(0.3, seed), settle=10.0) for seed in range(20)]
+    spread = np.std([one.ct.value for one in found])
+    told = np.mean([one.ct.std_error for one in found])
+    assert spread < 2e-4 * 0.5
+    assert told == pytest.approx(spread, rel=0.6)  # 20 repeats tell a spread to a sixth
+
+
+# -- the dynamic test ------------------------------------------------------------------------------
+
+
+def test_the_dynamic_test_finds_the_truth_without_noise():
+    dynamic = yoerger.dynamic_test(moving())
+    assert dynamic.alpha.value == pytest.approx(0.037, rel=0.01)
+    assert dynamic.beta.value == pytest.approx(42.0, rel=0.01)
+    assert dynamic.ct is not None
+    assert dynamic.ct.value == pytest.approx(0.019, rel=1e-6)
+    forward = yoerger.dynamic_test(moving(), direction="forward")
+    assert forward.alpha.value == pytest.approx(0.037, rel=0.01)
+
+
+def test_noise_in_the_speed_biases_the_dynamic_test_and_not_the_fit():
+    records = [moving(3.0, seed) for seed in range(6)]
+    linear = np.array([yoerger.dynamic_test(log, cutoff=9.0).alpha.value for log in records])
+    fits = [dft.fit(dft.Thruster(), log) for log in records]
+    fitted = np.array([fit.parameters["alpha"].value for fit in fits])
+    assert abs(linear.mean() / 0.037 - 1.0) > 3.0 * abs(fitted.mean() / 0.037 - 1.0)
+    assert abs(fitted.mean() / 0.037 - 1.0) < 0.02
+
+
+def test_the_figures_name_what_they_show():
+    static = yoerger.static_test(stairs(0.2), settle=10.0)
+    labels = [axes.get_xlabel() for axes in static.plot().axes]
+    assert labels == ["speed |speed| [rad²/s²]", "command [V]"]
+    figure = yoerger.dynamic_test(moving(0.2)).plot()
+    assert figure.axes[1].get_ylabel() == "thrust [N]"
+
+
+# -- commands --------------------------------------------------------------------------------------
+
+
+def test_the_noise_has_the_band_and_the_size_that_are_asked_for():
+    time, command = papers.lowpass_noise(200.0, 0.01, peak=3.0, cutoff=1.0, seed=2)
+    assert np.max(np.abs(command)) == pytest.approx(3.0)
+    power = np.abs(np.fft.rfft(command)) ** 2
+    share = power[np.fft.rfftfreq(time.size, 0.01) < 1.0].sum() / power.sum()
+    # of white noise through |H|^2 = 1 / (1 + f^4), f from 0 to 1 of 0 to infinity
+    assert share == pytest.approx(0.78, abs=0.05)
+    np.testing.assert_array_equal(papers.lowpass_noise(200.0, 0.01, 3.0, seed=2)[1], command)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: papers.staircase([], 1.0, 0.1), "levels: expected finite numbers"),
+        (lambda: papers.staircase([1.0], 0.0, 0.1), "dwell: expected seconds"),
+        (lambda: papers.lowpass_noise(10.0, 0.1, 1.0, cutoff=6.0), "half the sample rate, 5 Hz"),
+        (lambda: yoerger.static_test(stairs(), settle=math.nan), "settle: expected seconds"),
+        (lambda: yoerger.static_test(stairs(), settle=1.0, direction="back"), "'back'"),  # pyright: ignore
+        (lambda: yoerger.dynamic_test(moving(), cutoff=20.0), "cutoff: expected Hz"),
+        (lambda: yoerger.dynamic_test(moving().slice(0.0, 1.0)), "30 or more"),
+        (lambda: papers.fit_line([1.0, 1.0], [2.0, 3.0], "line"), "2 or more different points"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(call, words):
+    with pytest.raises(InputError, match=words):
+        call()
