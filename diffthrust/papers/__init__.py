@@ -1,5 +1,6 @@
 """The papers' own methods, by the names of their first authors."""
 
+from diffthrust.papers import siramdasu as siramdasu
 from diffthrust.papers import yoerger as yoerger
 from diffthrust.papers._commands import lowpass_noise as lowpass_noise
 from diffthrust.papers._commands import staircase as staircase

@@ -1,0 +1,325 @@
+"""Siramdasu & Fahimi 2013, section 3: a vessel's ratios to A, one after the other.
+
+Scenario 1, straight runs from rest at several propeller speeds, gives the exponent, d11 and m11;
+scenario 2, circles at one propeller speed and several angles after a straight stretch, gives m22,
+d22, d33 and i33. Each value enters the next line, and so does its error; a simultaneous fit
+(`diffthrust.fit`) of the same records does not pass errors on in this way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import combinations
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from diffthrust._errors import InputError
+from diffthrust._log import Log
+from diffthrust.models import Vessel
+from diffthrust.papers._line import Line, fit_line
+from diffthrust.papers._steady import Steady, steady_portions
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_N, _ANGLE = ("propeller_speed", "rev/s"), ("rudder_angle", "rad")
+_U, _V, _R = ("surge", "m/s"), ("sway", "m/s"), ("yaw_rate", "rad/s")
+_INPUTS = ("propeller_speed", "rudder_angle")
+_ZERO = 1e-3
+"""Radians: a propeller this far from amidships counts as straight."""
+
+
+@dataclass(frozen=True)
+class Transient:
+    """A time constant, from how a speed approaches its steady value.
+
+    Args:
+        time_constant: [s].
+        runs: ``(time, measured, fitted)`` of the runs it was fitted to, from the step on.
+        others: the same of the runs it was verified on.
+    """
+
+    time_constant: float
+    runs: tuple[tuple[np.ndarray, np.ndarray, np.ndarray], ...] = field(repr=False)
+    others: tuple[tuple[np.ndarray, np.ndarray, np.ndarray], ...] = field(repr=False)
+
+
+@dataclass(frozen=True)
+class Sequential:
+    """What the two scenarios tell, with every line on the way.
+
+    Args:
+        vessel: the vessel with the values found.
+        steady_speed: ln of the steady surge against ln of the propeller speed (figure 3).
+        surge: how surge approaches it: m11 / d11 (figure 4).
+        m22: its line (figure 5).
+        d22: its line (figure 6).
+        d33: its line (figure 7).
+        yaw: how the yaw rate turns in: i33 / d33 (figure 10).
+        verification: by parameter, the points of the circles that were not fitted, ``(x, y)``.
+    """
+
+    vessel: Vessel
+    steady_speed: Line
+    surge: Transient
+    m22: Line
+    d22: Line
+    d33: Line
+    yaw: Transient
+    verification: dict[str, tuple[np.ndarray, np.ndarray]]
+
+    def plot(self) -> Figure:
+        """The paper's figures 3, 4, 5, 6, 7 and 10."""
+        from diffthrust.papers._siramdasu_plots import sequential_figure
+
+        return sequential_figure(self)
+
+
+def sequential(
+    straight: Sequence[Log],
+    circles: Sequence[Log],
+    *,
+    lever_arm: float = 0.5,
+    settle: float = 6.0,
+    verify: Sequence[Log] = (),
+) -> Sequential:
+    """The ratios of a vessel to A, one after the other.
+
+    Args:
+        straight: runs from rest with the propeller amidships, at two or more propeller speeds.
+        circles: runs at one propeller speed, first straight, then at a held angle; the largest
+            angles to either side are fitted to, the others verify.
+        lever_arm: distance of the propeller behind the centre of gravity [m].
+        settle: how long the speeds take to come to rest [s].
+        verify: straight runs that are not fitted to.
+
+    Returns:
+        The vessel, the lines and transients behind it, and a figure.
+
+    Raises:
+        InputError: fewer than two propeller speeds or no circle, a run without a steady end,
+            values without a physical meaning (a negative damping).
+
+    Source: Siramdasu & Fahimi 2013, section 3, equations (9) to (20).
+
+    Example:
+        >>> found = dft.papers.siramdasu.sequential(straight, circles)
+        >>> found.vessel, found.plot()
+    """
+    line, d11 = _steady_speed(straight, settle)
+    exponent = line.slope
+    surge = _surge_transient(straight, verify, exponent, d11)
+    m11 = surge.time_constant * d11
+    ends = [_last(log, settle) for log in circles]
+    angles = np.array([end.mean(*_ANGLE) for end in ends])
+    turning = np.abs(angles) > _ZERO
+    if turning.sum() < 2:
+        raise InputError(
+            f"sequential: expected two or more circles at held angles, found {int(turning.sum())}.",
+            "Give runs that end at a held angle, to either side.",
+        )
+    n, u, v, r = (np.array([end.mean(*c) for end in ends]) for c in (_N, _U, _V, _R))
+    push = n**exponent
+    widest = turning & (np.abs(angles) > 0.95 * np.max(np.abs(angles)))
+    rest = turning & ~widest
+    points: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+
+    def line_of(name: str, x: np.ndarray, y: np.ndarray) -> Line:
+        points[name] = (x[rest], y[rest])
+        return fit_line(x[widest], y[widest], f"sequential, {name}", through_origin=True)
+
+    m22 = line_of("m22", v * r, d11 * u - push * np.cos(angles))
+    d22 = line_of("d22", v, push * np.sin(angles) - m11 * u * r)
+    moment = (m11 - m22.slope) * u * v - lever_arm * push * np.sin(angles)
+    d33 = line_of("d33", r, moment)
+    values = {"m11": m11, "m22": m22.slope, "d11": d11, "d22": d22.slope, "d33": d33.slope}
+    wrong = [name for name, value in values.items() if not value > 0]
+    if wrong:
+        raise InputError(
+            f"sequential: {wrong[0]} came out as {values[wrong[0]]:.3g}, which has no meaning.",
+            "Look at the signs of sway, yaw rate and angle (see dft.Vessel), and at the lines.",
+        )
+    yaw = _yaw_transient(circles, ends, widest, values, exponent, lever_arm)
+    vessel = Vessel(
+        **values, i33=yaw.time_constant * d33.slope, exponent=exponent, lever_arm=lever_arm
+    )
+    return Sequential(vessel, line, surge, m22, d22, d33, yaw, points)
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """How much the choice of the propeller speeds matters.
+
+    Args:
+        speeds: the propeller speeds of each selection [rev/s].
+        vessels: what was found with each; the first with all speeds.
+        paths: simulated ``(north, east)`` [m] of each, ``(2, n)``.
+        spread: the largest distance between two of the paths at one instant [m].
+    """
+
+    speeds: tuple[tuple[float, ...], ...]
+    vessels: tuple[Vessel, ...]
+    paths: tuple[np.ndarray, ...] = field(repr=False)
+    spread: float
+
+
+def sensitivity(
+    straight: Sequence[Log],
+    circles: Sequence[Log],
+    *,
+    lever_arm: float = 0.5,
+    settle: float = 6.0,
+    angle: float = -np.pi * 24 / 180,
+    propeller_speed: float = 98.0,
+    duration: float = 20.0,
+) -> Sensitivity:
+    """`sequential` with every pair of the straight runs' speeds, and the paths that follow.
+
+    Each vessel is simulated from rest: straight for 5 s, then at ``angle``.
+
+    Args:
+        straight: as for `sequential`, at three or more propeller speeds.
+        circles: as for `sequential`.
+        lever_arm: [m].
+        settle: [s].
+        angle: of the propeller from 5 s on [rad].
+        propeller_speed: [rev/s].
+        duration: of the simulation [s].
+
+    Source: Siramdasu & Fahimi 2013, section 4, table 3 and figure 11.
+    """
+    from diffthrust._simulate import simulate
+
+    levels = np.array([_last(log, settle).mean(*_N) for log in straight])
+    each = np.unique(np.round(levels, 3))
+    chosen = [tuple(map(float, each)), *(tuple(map(float, p)) for p in combinations(each, 2))]
+    time = np.arange(0.0, duration + 0.025, 0.05)
+    record = Log(
+        time=time,
+        inputs={
+            "propeller_speed": np.full(time.size, propeller_speed),
+            "rudder_angle": np.where(time >= 5.0, angle, 0.0),
+        },
+        units={"propeller_speed": "rev/s", "rudder_angle": "rad"},
+    )
+    vessels, paths = [], []
+    for speeds in chosen:
+        picked = [log for log, n in zip(straight, levels, strict=True)
+                  if np.any(np.abs(n - np.array(speeds)) < 1e-2)]  # fmt: skip
+        vessel = sequential(picked, circles, lever_arm=lever_arm, settle=settle).vessel
+        found = simulate(vessel, record)
+        vessels.append(vessel)
+        paths.append(np.stack([found["north"], found["east"]]))
+    apart = max(float(np.max(np.hypot(*(a - b)))) for a, b in combinations(paths, 2))
+    return Sensitivity(tuple(chosen), tuple(vessels), tuple(paths), apart)
+
+
+def _last(log: Log, settle: float) -> Steady:
+    """The steady end of a run."""
+    return steady_portions(log, settle=settle, least=0.5, inputs=_INPUTS)[-1]
+
+
+def _steady_speed(straight: Sequence[Log], settle: float) -> tuple[Line, float]:
+    ends = [_last(log, settle) for log in straight]
+    n, u = (np.array([end.mean(*c) for end in ends]) for c in (_N, _U))
+    if np.any(n <= 0) or np.any(u <= 0):
+        raise InputError(
+            "sequential: expected straight runs ahead, found steady propeller speeds from "
+            f"{n.min():.3g} rev/s and surge from {u.min():.3g} m/s.",
+            "Leave out runs at rest or astern.",
+        )
+    line = fit_line(np.log(n), np.log(u), "sequential, exponent and d11")
+    return line, float(np.exp(-line.intercept))
+
+
+def _surge_transient(
+    runs: Sequence[Log], others: Sequence[Log], exponent: float, d11: float
+) -> Transient:
+    """The time constant that all runs from rest have in common, equation (12)."""
+    from scipy.optimize import least_squares
+
+    def rising(log: Log) -> tuple[np.ndarray, np.ndarray, float]:
+        n, u = log.values(*_N), log.values(*_U)
+        begin = int(np.argmax(n > 0))
+        seen = np.isfinite(u[begin:])
+        time = (log.time[begin:] - log.time[begin])[seen]
+        return time, u[begin:][seen], float(np.median(n[begin:])) ** exponent / d11
+
+    def course(time: np.ndarray, u: np.ndarray, end: float, lag: float) -> np.ndarray:
+        return end + (u[0] - end) * np.exp(-time / lag)
+
+    data = [rising(log) for log in runs]
+
+    def residual(x: np.ndarray) -> np.ndarray:
+        return np.concatenate([course(t, u, end, np.exp(x[0])) - u for t, u, end in data])
+
+    lag = float(np.exp(least_squares(residual, [0.0]).x[0]))
+
+    def shown(logs: Sequence[Log]) -> tuple[Any, ...]:
+        return tuple((t, u, course(t, u, e, lag)) for t, u, e in map(rising, logs))
+
+    return Transient(lag, shown(runs), shown(others))
+
+
+def _yaw_transient(
+    circles: Sequence[Log],
+    ends: Sequence[Steady],
+    fitted: np.ndarray,
+    values: dict[str, float],
+    exponent: float,
+    lever_arm: float,
+) -> Transient:
+    """The time constant of turning in, equation (16), with exponentials for surge and sway."""
+    from scipy.optimize import least_squares
+
+    def turning(log: Log, end: Steady) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        angle, n, r = log.values(*_ANGLE), log.values(*_N), log.values(*_R)
+        held = np.abs(angle - end.mean(*_ANGLE)) < _ZERO
+        begin = int(np.argmax(held))
+        time = log.time[begin:] - log.time[begin]
+        u, v = (_exponential(time, log.values(*c)[begin:]) for c in (_U, _V))
+        moment = (values["m11"] - values["m22"]) * u * v
+        moment -= lever_arm * n[begin:] ** exponent * np.sin(angle[begin:])
+        return time, r[begin:], moment / values["d33"]
+
+    def course(time: np.ndarray, r: np.ndarray, target: np.ndarray, lag: float) -> np.ndarray:
+        """A first-order lag behind a target that is straight between the samples."""
+        out = np.empty(time.size)
+        out[0] = r[np.isfinite(r)][0]
+        for k, h in enumerate(np.diff(time)):
+            kept, slope = np.exp(-h / lag), (target[k + 1] - target[k]) / h
+            out[k + 1] = target[k + 1] - slope * lag + kept * (out[k] - target[k] + slope * lag)
+        return out
+
+    chosen = [i for i in range(len(circles)) if abs(ends[i].mean(*_ANGLE)) > _ZERO]
+    data = {i: turning(circles[i], ends[i]) for i in chosen}
+
+    def residual(x: np.ndarray) -> np.ndarray:
+        each = [course(t, r, g, np.exp(x[0])) - r for i, (t, r, g) in data.items() if fitted[i]]
+        joined = np.concatenate(each)
+        return joined[np.isfinite(joined)]
+
+    lag = float(np.exp(least_squares(residual, [0.0]).x[0]))
+    shown = {i: (t, r, course(t, r, g, lag)) for i, (t, r, g) in data.items()}
+    return Transient(
+        lag,
+        tuple(run for i, run in shown.items() if fitted[i]),
+        tuple(run for i, run in shown.items() if not fitted[i]),
+    )
+
+
+def _exponential(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """The course of an exponential through samples, equations (17) and (18)."""
+    from scipy.optimize import least_squares
+
+    seen = np.isfinite(values)
+    t, y = time[seen], values[seen]
+
+    def course(x: np.ndarray, t: np.ndarray) -> np.ndarray:
+        return x[0] * np.exp(-np.exp(x[1]) * t) + x[2]
+
+    start = [y[0] - y[-1], 0.0, y[-1]]
+    found = least_squares(lambda x: course(x, t) - y, start).x
+    return course(found, time)
