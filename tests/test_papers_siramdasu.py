@@ -1,0 +1,106 @@
+"""The sequential identification of a vessel, on records with known ratios."""
+
+import numpy as np
+import pytest
+
+import diffthrust as dft
+from diffthrust import InputError, effects
+from diffthrust.papers import siramdasu
+
+TRUE = dft.Vessel()
+SPEEDS = (69.2, 98.0, 120.0)
+ANGLES = (-24.0, -16.0, 8.0, 16.0, 24.0)
+RATIOS = ("m11", "m22", "i33", "d11", "d22", "d33", "exponent")
+
+
+def recorded(n, angle, duration, noise=0.0, seed=0, vessel=TRUE):
+    """A run from rest; the propeller turns to ``angle`` [deg] at 5 s."""
+    time, rng = np.arange(0.0, duration + 1e-9, 0.1), np.random.default_rng(seed)
+    inputs = {
+        "propeller_speed": np.full(time.size, n),
+        "rudder_angle": np.where(time >= 5.0, np.radians(angle), 0.0),
+    }
+    units = {"propeller_speed": "rev/s", "rudder_angle": "rad"}
+    found = dft.simulate(vessel, dft.Log(time=time, inputs=inputs, units=units))
+    speeds = {"surge": "m/s", "sway": "m/s", "yaw_rate": "rad/s"}
+    measured = {k: found[k] + noise * rng.standard_normal(time.size) for k in speeds}
+    return dft.Log(time=time, inputs=inputs, measured=measured, units={**units, **speeds})
+
+
+def scenarios(noise=0.0, seed=0, vessel=TRUE):
+    straight = [recorded(n, 0.0, 15.0, noise, seed + i, vessel) for i, n in enumerate(SPEEDS)]
+    circles = [recorded(98.0, a, 20.0, noise, seed + 10 + i, vessel) for i, a in enumerate(ANGLES)]
+    return straight, circles
+
+
+def test_every_ratio_is_found_one_after_the_other():
+    found = siramdasu.sequential(*scenarios(), settle=9.0)
+    for name in RATIOS:
+        rel = 0.05 if name == "i33" else 0.02  # exponentials stand in for surge and sway
+        assert getattr(found.vessel, name) == pytest.approx(getattr(TRUE, name), rel=rel), name
+    for name in ("m22", "d22", "d33"):
+        x, y = found.verification[name]
+        assert x.size == 3  # 8, and 16 to either side
+        np.testing.assert_allclose(getattr(found, name)(x), y, rtol=0.02)
+    assert found.surge.time_constant == pytest.approx(5.23 / 4.03, rel=0.01)
+
+
+def test_an_error_early_in_the_sequence_goes_on_to_what_follows():
+    straight, circles = scenarios(0.01)
+    right = siramdasu.sequential(straight, circles).vessel
+    bent = [
+        dft.Log(time=g.time, inputs=g.inputs, units=g.units,
+                measured={**g.measured, "surge": 1.1 * g.measured["surge"]})
+        for g in straight
+    ]  # fmt: skip
+    wrong = siramdasu.sequential(bent, circles).vessel
+    assert wrong.d11 / right.d11 == pytest.approx(1 / 1.1, rel=0.01)
+    assert wrong.i33 / right.i33 > 1.2  # a tenth has become a quarter, behind five lines
+
+
+def test_the_sensitivity_to_the_speeds_is_that_of_the_paper():
+    found = siramdasu.sensitivity(*scenarios(0.02))
+    assert found.speeds == (SPEEDS, SPEEDS[:2], (SPEEDS[0], SPEEDS[2]), SPEEDS[1:])
+    assert 0.0 < found.spread <= 0.4
+    assert len(found.paths) == 4
+
+
+def test_the_figure_has_a_panel_for_each_value():
+    figure = siramdasu.sequential(*scenarios(0.01)).plot()
+    titles = " ".join(axes.get_title(loc="left") + axes.get_title() for axes in figure.axes)
+    for name in ("exponent", "m11", "m22", "d22", "d33", "i33"):
+        assert f"{name} = " in titles
+
+
+def test_the_simultaneous_fit_agrees_where_nothing_disturbs():
+    straight, circles = scenarios(0.01, seed=3)
+    fit = dft.fit(TRUE, [*straight, *circles])
+    for name in RATIOS:
+        assert fit.parameters[name].value == pytest.approx(getattr(TRUE, name), rel=0.03), name
+
+
+def test_what_cannot_be_meant_is_refused():
+    straight, circles = scenarios()
+    with pytest.raises(InputError, match="2 or more different points"):
+        siramdasu.sequential(straight[:1], circles)
+    with pytest.raises(InputError, match="two or more circles"):
+        siramdasu.sequential(straight, straight)
+    with pytest.raises(InputError, match="no stretch over which"):
+        siramdasu.sequential(straight, circles, settle=60.0)
+    astern = [recorded(-n, 0.0, 15.0) for n in SPEEDS]
+    with pytest.raises(InputError, match="runs ahead"):
+        siramdasu.sequential(astern, circles)
+    mirrored = [
+        dft.Log(time=g.time, inputs=g.inputs, units=g.units,
+                measured={**g.measured, "sway": -g.measured["sway"]})
+        for g in circles
+    ]  # fmt: skip
+    with pytest.raises(InputError, match="has no meaning"):
+        siramdasu.sequential(straight, mirrored)
+
+
+def test_wind_moves_the_sequence():
+    gusty = TRUE + effects.Wind(along=0.02, across=0.03, turning=0.0, direction=0.6, speed=3.0)
+    calm = siramdasu.sequential(*scenarios()).vessel
+    blown = siramdasu.sequential(*scenarios(vessel=gusty)).vessel
+    assert abs(blown.d22 / calm.d22 - 1.0) > 0.02
