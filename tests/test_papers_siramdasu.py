@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import diffthrust as dft
-from diffthrust import InputError, effects
+from diffthrust import InputError, effects, papers
 from diffthrust.papers import siramdasu
 
 TRUE = dft.Vessel()
@@ -104,3 +104,62 @@ def test_wind_moves_the_sequence():
     calm = siramdasu.sequential(*scenarios()).vessel
     blown = siramdasu.sequential(*scenarios(vessel=gusty)).vessel
     assert abs(blown.d22 / calm.d22 - 1.0) > 0.02
+
+
+# -- open-loop verification ------------------------------------------------------------------------
+
+
+def gust(log, start, stop, turn):
+    """The same run with a gust that turns the vessel for a while."""
+    blown = np.where((log.time >= start) & (log.time <= stop), turn, 0.0)
+    measured = {**log.measured, "yaw_rate": log.measured["yaw_rate"] + blown}
+    return dft.Log(time=log.time, inputs=log.inputs, units=log.units, measured=measured)
+
+
+def test_portions_with_a_gust_are_left_out():
+    straight, circle = recorded(98.0, 0.0, 40.0, 0.003), recorded(98.0, 24.0, 40.0, 0.003)
+    (whole,) = papers.undisturbed(straight)
+    assert whole.duration == pytest.approx(40.0)
+    first, last = papers.undisturbed(gust(straight, 15.0, 20.0, 0.2))
+    assert first.time[-1] == pytest.approx(15.0, abs=0.6)
+    assert last.time[0] == pytest.approx(20.0, abs=0.6)
+    before, arc, behind = papers.undisturbed(gust(circle, 25.0, 28.0, 0.3), least=4.0)
+    assert before.time[-1] == pytest.approx(5.0, abs=0.2)  # then the propeller turned
+    assert (arc.time[0], arc.time[-1]) == pytest.approx((5.0, 25.0), abs=0.6)
+    assert behind.time[0] == pytest.approx(28.0, abs=0.6)
+    errors = dft.compare(TRUE, [before, arc, behind]).errors
+    assert errors.channels["yaw_rate"].rmse < 0.01
+    with pytest.raises(InputError, match="no portion of 5 s"):
+        papers.undisturbed(gust(straight, 0.0, 40.0, 0.2))
+
+
+# -- tables against speed --------------------------------------------------------------------------
+
+
+def test_a_table_is_the_vessel_at_its_speeds_and_a_line_between():
+    slow, fast = TRUE.replace(d11=3.0, m11=5.0), TRUE
+    table = papers.TabulatedVessel([0.4, 0.8], [slow, fast])
+    even = papers.TabulatedVessel([0.4, 0.8], [TRUE, TRUE])
+    log = recorded(98.0, 16.0, 20.0)
+    for name, series in dft.simulate(TRUE, log).items():
+        np.testing.assert_allclose(dft.simulate(even, log)[name], series, atol=1e-12)
+    settled = dft.simulate(table, recorded(60.0, 0.0, 40.0))["surge"][-1]
+    drag = np.interp(settled, [0.4, 0.8], [3.0, 4.03])
+    assert settled == pytest.approx(60.0**0.27 / drag, rel=1e-6)
+    wind = effects.Wind(along=0.02, across=0.0, turning=0.0, direction=0.0, speed=3.0)
+    ahead = recorded(98.0, 0.0, 20.0)
+    assert dft.simulate(table + wind, ahead)["surge"][-1] < dft.simulate(table, ahead)["surge"][-1]
+
+
+@pytest.mark.parametrize(
+    ("speeds", "vessels", "words"),
+    [
+        ([0.8, 0.4], [TRUE, TRUE], "increasing speeds"),
+        ([0.4], [TRUE], "two or more"),
+        ([0.4, 0.8], [TRUE, dft.Vessel("twin")], "the same drive"),
+        ([0.4, 0.8], [TRUE + effects.Wind(), TRUE], "without effects"),
+    ],
+)
+def test_a_table_that_cannot_be_meant_is_refused(speeds, vessels, words):
+    with pytest.raises(InputError, match=words):
+        papers.TabulatedVessel(speeds, vessels)

@@ -8,3 +8,5 @@ from diffthrust.papers._line import Line as Line
 from diffthrust.papers._line import fit_line as fit_line
 from diffthrust.papers._steady import Steady as Steady
 from diffthrust.papers._steady import steady_portions as steady_portions
+from diffthrust.papers._tabulated import TabulatedVessel as TabulatedVessel
+from diffthrust.papers._undisturbed import undisturbed as undisturbed

@@ -143,7 +143,11 @@ def sequential(
         )
     yaw = _yaw_transient(circles, ends, widest, values, exponent, lever_arm)
     vessel = Vessel(
-        **values, i33=yaw.time_constant * d33.slope, exponent=exponent, lever_arm=lever_arm
+        "propeller",
+        **values,
+        i33=yaw.time_constant * d33.slope,
+        exponent=exponent,
+        lever_arm=lever_arm,
     )
     return Sequential(vessel, line, surge, m22, d22, d33, yaw, points)
 

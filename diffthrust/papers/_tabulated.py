@@ -1,0 +1,105 @@
+"""A vessel whose ratios are a table against speed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from diffthrust._errors import InputError
+from diffthrust._model import Model
+from diffthrust._signals import Ports, Signals
+from diffthrust.models import Vessel
+
+
+class TabulatedVessel(Model):
+    """A vessel that reads its parameters from a table at its present speed.
+
+    Between two speeds of the table the parameters are straight lines, beyond its ends they are
+    constant. Ports, inputs, states and outputs are those of `Vessel`, so the same effects fit.
+    The model has no parameters of its own: fit a `Vessel` near each speed, and tabulate.
+
+    Args:
+        speeds: surge speeds at which the vessels were identified [m/s], increasing, ``(n,)``.
+        vessels: the vessel at each, with the same drive; without effects.
+
+    Raises:
+        InputError: lengths that differ, speeds that do not increase, vessels of another form.
+
+    Source: Siramdasu & Fahimi 2013, section 3 (parameters hold near one speed, "and must be
+    tabulated versus the vessel's speed").
+
+    Example:
+        >>> boat = dft.papers.TabulatedVessel([0.4, 0.75], [slow_fit.model, fast_fit.model])
+    """
+
+    name = "tabulated_vessel"
+    options = ("speeds", "table", "vessel")
+    optional_inputs = Vessel.optional_inputs
+    states = Vessel.states
+    outputs = Vessel.outputs
+    angles = Vessel.angles
+    time_scales = Vessel.time_scales
+    horizon = Vessel.horizon
+
+    speeds: tuple[float, ...]
+    table: tuple[tuple[str, tuple[float, ...]], ...]
+    vessel: _Form
+
+    def __init__(self, speeds: Sequence[float], vessels: Sequence[Vessel]) -> None:
+        at = np.asarray(speeds, float).ravel()
+        if len(vessels) != at.size or at.size < 2 or not np.all(np.diff(at) > 0):
+            raise InputError(
+                f"TabulatedVessel: expected two or more increasing speeds and a vessel for each, "
+                f"found {at.tolist()} and {len(vessels)} vessels.",
+                "Sort them by speed.",
+            )
+        forms = {v.structure if isinstance(v, Vessel) else None for v in vessels}
+        if len(forms) != 1 or None in forms or vessels[0].effects:
+            raise InputError(
+                "TabulatedVessel: expected vessels with the same drive and without effects, found "
+                f"{', '.join(str(v) for v in vessels)}.",
+                "Add effects to the tabulated vessel itself.",
+            )
+        first = vessels[0]
+        self._set(
+            speeds=tuple(float(x) for x in at),
+            table=tuple(
+                (name, tuple(float(v.parameters[name].value) for v in vessels))
+                for name in first.parameters
+            ),
+            vessel=_Form(first),
+            inputs=first.inputs,
+            ports=first.ports,
+        )
+        super().__init__()
+
+    def equations(self, s: Signals, port: Ports) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+        """Those of `Vessel`, with the parameters at the present surge."""
+        values = {name: _along(s.surge, self.speeds, column) for name, column in self.table}
+        return self.vessel.model.bind(values).equations(s, port)
+
+
+class _Form:
+    """A vessel of which only the form counts."""
+
+    def __init__(self, model: Vessel) -> None:
+        self.model = model
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Form) and self.model.structure == other.model.structure
+
+    def __hash__(self) -> int:
+        return hash(self.model.structure)
+
+
+def _along(x: Any, knots: tuple[float, ...], values: tuple[float, ...]) -> Any:
+    """Straight between knots, constant beyond; elementwise, which a look-up would not be."""
+    slopes = np.concatenate([[0.0], np.diff(values) / np.diff(knots), [0.0]])
+    bent = [
+        change * jnp.maximum(x - knot, 0.0)
+        for change, knot in zip(np.diff(slopes), knots, strict=True)
+    ]
+    return values[0] + sum(bent)
