@@ -21,6 +21,7 @@ if "xla_backend_extra_options" not in _os.environ.get("XLA_FLAGS", ""):
     ).strip()
 
 from diffthrust import control as control  # noqa: E402
+from diffthrust import datasets as datasets  # noqa: E402
 from diffthrust import effects as effects  # noqa: E402
 from diffthrust import models as models  # noqa: E402
 from diffthrust import papers as papers  # noqa: E402

@@ -1,4 +1,4 @@
-"""The command line: fit, compare, diagnose, sample, map, check, demo, effects."""
+"""The command line: fit, compare, diagnose, sample, map, check, demo, effects, datasets."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from diffthrust._cli_datasets import datasets
 from diffthrust._cli_map import map_command
 from diffthrust._cli_options import JsonPath, ReportPath, SpecPath
 from diffthrust._cli_options import show as _show
@@ -134,6 +135,7 @@ def diagnose(
 
 
 app.command()(sample)
+app.command()(datasets)
 app.command("map")(map_command)
 
 

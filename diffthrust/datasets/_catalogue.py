@@ -1,0 +1,50 @@
+"""All data sets by name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from diffthrust._channels import listing, nearest
+from diffthrust._errors import InputError
+from diffthrust.datasets._blueboat import BLUEBOAT
+from diffthrust.datasets._emps import EMPS
+from diffthrust.datasets._esso_osaka import ESSO_OSAKA
+from diffthrust.datasets._fetch import located
+from diffthrust.datasets._ngs_thruster import NGS_THRUSTER
+from diffthrust.datasets._record import DataSet
+from diffthrust.datasets._t200 import T200
+
+
+def list() -> tuple[DataSet, ...]:
+    """Every data set, with its licence, citation, files and known defects.
+
+    Example:
+        >>> [about.name for about in list()]
+        ['ngs_thruster', 'blueboat', 'esso_osaka', 't200', 'emps']
+    """
+    return NGS_THRUSTER, BLUEBOAT, ESSO_OSAKA, T200, EMPS
+
+
+def fetch(name: str) -> Path:
+    """Put every file of a data set on this machine, and compare its checksum.
+
+    Args:
+        name: the name of a data set.
+
+    Returns:
+        The folder where its files lie.
+
+    Raises:
+        InputError: there is no such set, or a file is missing, cannot be downloaded or has changed.
+
+    Example:
+        >>> folder = dft.datasets.fetch("emps")  # doctest: +SKIP
+    """
+    known = {about.name: about for about in list()}
+    if name not in known:
+        near = nearest(str(name), known)
+        raise InputError(
+            f"expected the name of a data set, found {name!r}{'; ' + near if near else ''}.",
+            f"Choose one of {listing(known)}.",
+        )
+    return next(iter(located(known[name]).values())).parent

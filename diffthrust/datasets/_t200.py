@@ -1,0 +1,124 @@
+"""T200: the static map of a thruster that many small vehicles have."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from diffthrust._channels import listing
+from diffthrust._errors import InputError
+from diffthrust._log import Log
+from diffthrust.datasets._fetch import located
+from diffthrust.datasets._record import DataFile, DataSet, Runs, runs, wanted
+
+_FILE = "T200-Public-Performance-Data-10-20V-September-2019.xlsx"
+_SHEETS = {f"{volts}V": f"{volts} V" for volts in (10, 12, 14, 16, 18, 20)}
+_COLUMNS = {  # as in the sheets, whose headers begin with a blank in some
+    "pulse_width": ("PWM (µs)", "us"),
+    "supply_voltage": ("Voltage (V)", "V"),
+    "speed": ("RPM", "rpm"),
+    "current": ("Current (A)", "A"),
+    "power": ("Power (W)", "W"),
+    "thrust": ("Force (Kg f)", "kgf"),
+}
+_INPUTS = ("pulse_width", "supply_voltage")
+
+T200 = DataSet(
+    name="t200",
+    title="the static map of the T200 thruster at six supply voltages (201 points each)",
+    licence="none in the file; published by the maker as public performance data",
+    citation="Blue Robotics, T200 public performance data 10-20 V, September 2019",
+    homepage="https://bluerobotics.com",
+    files=(DataFile(_FILE),),
+    defects=(
+        "A static map: nothing in it tells a time constant.",
+        "The speed has no sign.",
+        "No uncertainty is given.",
+        "At 12 V a column 'Force (N)' takes 1 kgf as 10 N; it is not read.",
+    ),
+    local_only=(
+        "read from a local folder only: the maker's page has the file, but no lasting address"
+    ),
+)
+
+
+def t200(names: str | Sequence[str] | None = None) -> Runs:
+    """The static map of the T200 thruster at 10, 12, 14, 16, 18 and 20 V.
+
+    Each log is a table and not a record: its samples are points of the map, from full astern to
+    full ahead in steps of 4 us, counted 0, 1, 2, ... in place of seconds. Inputs ``pulse_width``
+    [us, 1500 is stop] and ``supply_voltage`` [V]; measured ``speed`` [rad/s, no sign], ``current``
+    [A], ``power`` [W] and ``thrust`` [N]. There is no usual split.
+
+    Known defects: nothing in it tells a time constant; the speed has no sign; no uncertainty is
+    given; around 1500 us lies a dead zone of 52 us at 20 V to 80 us at 10 V; the sheet of 12 V
+    has a column 'Force (N)' that takes 1 kgf as 10 N (it is not read).
+
+    Source: Blue Robotics, public performance data; the file names no licence. It is read from the
+    folder that ``DIFFTHRUST_DATA`` names, by pandas with openpyxl: ``pip install
+    'diffthrust[xlsx]'``.
+
+    Args:
+        names: logs to read, such as ``"16V"``; all six where not given.
+
+    Raises:
+        InputError: ``DIFFTHRUST_DATA`` is not set, the file is missing there or has other sheets
+            or columns, openpyxl is not installed, or a name is unknown.
+
+    Example:
+        >>> log = dft.datasets.t200("16V")["16V"]
+        >>> thrust = log.measured["thrust"]
+    """
+    chosen = wanted(T200, tuple(_SHEETS), names)
+    path = located(T200)[_FILE]
+    sheets = _sheets(path)
+    return runs(T200, {name: _log(sheets, _SHEETS[name], name) for name in chosen}, (), ())
+
+
+def _sheets(path: Path) -> dict[str, Any]:
+    import pandas as pd
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # openpyxl leaves out the drawings, and says so
+            return pd.read_excel(path, sheet_name=None, engine="openpyxl")
+    except ImportError:
+        raise InputError(
+            f"{path.name}: reading a spreadsheet needs openpyxl, which is not installed.",
+            "pip install 'diffthrust[xlsx]'",
+        ) from None
+    except Exception as error:  # a damaged file raises whatever the reader came across
+        reason = " ".join(str(error).split())[:160] or type(error).__name__
+        raise InputError(
+            f"{path}: expected a spreadsheet, found something that cannot be read ({reason}).",
+            "Get the file again from the maker's page.",
+        ) from None
+
+
+def _log(sheets: dict[str, Any], title: str, name: str) -> Log:
+    if title not in sheets:
+        raise InputError(
+            f"{_FILE}: expected a sheet {title!r}, found {listing(map(str, sheets))}.",
+            "Get the file of September 2019.",
+        )
+    sheet = sheets[title].rename(columns=lambda word: str(word).strip())
+    for column, _ in _COLUMNS.values():
+        if column not in sheet:
+            raise InputError(
+                f"{_FILE}, sheet {title!r}: expected a column {column!r}, found "
+                f"{listing(map(str, sheet.columns))}.",
+                "Get the file of September 2019.",
+            )
+    return Log(
+        time=np.arange(len(sheet), dtype=float),
+        inputs={key: sheet[_COLUMNS[key][0]] for key in _INPUTS},
+        measured={key: sheet[_COLUMNS[key][0]] for key in _COLUMNS if key not in _INPUTS},
+        units={key: unit for key, (_, unit) in _COLUMNS.items()},
+        unsigned=("speed",),
+        name=f"t200 {title}",
+        notes=["a static table: its samples are counted, not timed."],
+    )
