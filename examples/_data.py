@@ -2,24 +2,26 @@
 
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
+import diffthrust as dft
 
-def data_folder(name: str) -> Path:
-    """The folder of one data set, or the end of the script where it is absent.
 
-    It is looked for in the folder that the environment variable DIFFTHRUST_DATA names, and without
-    one in ``shared/data`` beside the repository.
+def runs_of(load: Callable[..., dft.datasets.Runs], *names: str) -> dft.datasets.Runs:
+    """The logs of a public data set, or the end of the script where they cannot be had.
+
+    They come from the folder that the environment variable DIFFTHRUST_DATA names, without one from
+    ``shared/data`` beside the repository, and without that from their public repository.
     """
-    named = os.environ.get("DIFFTHRUST_DATA")
-    root = Path(named) if named else Path(__file__).resolve().parents[2] / "shared" / "data"
-    if not (root / name).is_dir():
-        print(
-            f"The measured logs '{name}' are not here ({root / name}): "
-            "set DIFFTHRUST_DATA to the folder that holds them."
-        )
-        raise SystemExit(0)
-    return root / name
+    beside = Path(__file__).resolve().parents[2] / "shared" / "data"
+    if beside.is_dir():
+        os.environ.setdefault("DIFFTHRUST_DATA", str(beside))
+    try:
+        return load(names or None)
+    except dft.InputError as error:
+        print(f"The measured logs are not here: {error.problem} {error.mend}")
+        raise SystemExit(0) from None
 
 
 def output_folder() -> Path:

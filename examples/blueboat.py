@@ -1,8 +1,8 @@
 """The basic vessel against a real one: a BlueBoat with two thrusters, driven by hand on a lake.
 
 The vessel is fitted to runs 216 to 226 and tried on runs 228, 230 and 232, which it has not seen.
-The files are read as they are: the clock is in milliseconds, the forces come from a static map of
-the thrusters, and the speeds of one run end before its clock does. The basic model fails here, and
+The files are read as they are: the forces come from a static map of the thrusters, and the speeds
+of one run end before its clock does. The basic model fails here, and
 the comparison shows it: out come the errors by channel, how far the modelled motion follows the
 measured one, that one channel does not mean what its header says, and a figure of the unseen runs.
 Data: J. Kristiansen, BlueBoatSystemIdentification.
@@ -10,31 +10,13 @@ Data: J. Kristiansen, BlueBoatSystemIdentification.
     python examples/blueboat.py [FOLDER FOR THE FIGURE]
 """
 
-from pathlib import Path
-
 import numpy as np
-from _data import data_folder, output_folder
+from _data import output_folder, runs_of
 
 import diffthrust as dft
-from diffthrust import Column
 
-
-def read(path: Path) -> dft.Log:
-    return dft.read_log(
-        path,
-        time=Column("original_timestamp", unit="ms"),
-        inputs={name: Column(name, unit="N") for name in ("left_force", "right_force")},
-        measured={
-            "surge": Column("surge", unit="m/s"),
-            "sway": Column("sway", unit="m/s"),
-            "yaw_rate": Column("yaw_rate", unit="rad/s"),
-        },
-    )
-
-
-files = sorted(data_folder("blueboat").glob("run_*.csv"))
-train = [read(path) for path in files if path.stem <= "run_226"]
-unseen = [read(path) for path in files if path.stem > "run_226"]
+runs = runs_of(dft.datasets.blueboat)
+train, unseen = runs.train, runs.unseen
 
 # what is known beforehand: the authors give mass (to which water only adds) and yaw inertia, and no
 # boat of this size stops turning in less than about a tenth of a second

@@ -2,8 +2,7 @@
 
 The vessel is fitted to zigzag and turning runs and tried on others that it has not seen; every run
 is cut at 150 s, and errors are those of one simulation over the whole run from its first state.
-Their positive rudder angle pushes the stern to port, ours to starboard, so the column is read with
-``scale=-1``. The diagnosis then tries what the basic vessel may lack; a wind was measured, and the
+The diagnosis then tries what the basic vessel may lack; a wind was measured, and the
 logs give it as an input. Out come where the model fails, what it lacks, the error on the unseen
 runs stage by stage, and the report as a page. The tanker moves slowly and its log is smooth: means
 over half a second tell as much as all samples. Takes some minutes. Data: Miyauchi et al. 2022, doi
@@ -12,42 +11,12 @@ over half a second tell as much as all samples. Takes some minutes. Data: Miyauc
     python examples/esso_osaka.py [FOLDER FOR REPORT AND FIGURE]
 """
 
-from pathlib import Path
-
-from _data import data_folder, output_folder
+from _data import output_folder, runs_of
 
 import diffthrust as dft
-from diffthrust import Column
 
-
-def read(path: Path) -> dft.Log:
-    return dft.read_log(
-        path,
-        time=Column("t [s]", unit="s"),
-        inputs={
-            "propeller_speed": Column("n_prop [rps]", unit="rps"),
-            "rudder_angle": Column("delta_rudder [rad]", unit="rad", scale=-1),
-            "wind_speed": Column("wind_velo_true [m/s]", unit="m/s"),
-            "wind_direction": Column("wind_dir_true [rad]", unit="rad"),
-            "heading": Column("psi_hat [rad]", unit="rad"),
-        },
-        measured={
-            "surge": Column("u_velo [m/s]", unit="m/s"),
-            "sway": Column("vm_velo [m/s]", unit="m/s"),
-            "yaw_rate": Column("r_angvelo [rad/s]", unit="rad/s"),
-        },
-        stop=150.0,
-    ).averaged(5)
-
-
-files = sorted(data_folder("esso_osaka").glob("*.csv"))
-zigzag = [path for path in files if path.name.startswith("zigzag")]
-cut, september, october = (
-    [path for path in files if path.name.startswith(word)]
-    for word in ("turn_cut", "turn_14-Sep", "turn_14-Oct")
-)
-train = [read(path) for path in [*zigzag[:5], *cut, *september[:2]]]
-unseen = [read(path) for path in [*zigzag[5:], *october[:4]]]
+runs = runs_of(dft.datasets.esso_osaka, "zigzag*", "turn*")
+train, unseen = ([log.averaged(5) for log in logs] for logs in (runs.train, runs.unseen))
 
 # the lever arm (half the length) is fixed: it cannot be told from the yaw inertia and damping
 fit = dft.fit(dft.Vessel(lever_arm=1.5), train, holdout=unseen)

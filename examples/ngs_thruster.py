@@ -10,28 +10,12 @@ thesis, University of Maryland, 2019. Takes a few minutes.
     python examples/ngs_thruster.py [FOLDER FOR REPORT AND FIGURE]
 """
 
-from _data import data_folder, output_folder
+from _data import output_folder, runs_of
 
 import diffthrust as dft
-from diffthrust import Column
 
-
-def read(kind: str) -> list[dft.Log]:
-    return [
-        dft.read_log(
-            path,
-            time="time_s",
-            inputs={"command": Column("command_V", unit="V")},
-            measured={
-                "speed": Column("tach_rad_s", unit="rad/s", unsigned=True),
-                "thrust": Column("thrust_N", unit="N"),
-            },
-        )
-        for path in sorted(data_folder("ngs_thruster").glob(f"CL*{kind}.csv"))
-    ]
-
-
-train, unseen = read("Sine") + read("Ramp"), read("Step")
+runs = runs_of(dft.datasets.ngs_thruster, "CL*")
+train, unseen = runs.train, runs.unseen
 fit = dft.fit(dft.Thruster(), train, holdout=unseen)
 diag = dft.diagnose(fit, train, holdout=unseen, experiment=False)
 print(diag.report())

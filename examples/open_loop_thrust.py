@@ -11,29 +11,24 @@ Maryland, 2019.
 """
 
 import numpy as np
-from _data import data_folder, output_folder
+from _data import output_folder, runs_of
 
 import diffthrust as dft
-from diffthrust import Column
 
 TRAIN = ("plus15V", "plus3V", "minus2V", "minus25V")
 UNSEEN = ("plus2V", "plus25V", "minus15V", "minus3V")
 
 
-def read(name: str) -> dft.Log:
-    log = dft.read_log(
-        data_folder("ngs_thruster") / f"open_loop_{name}.csv",
-        time="time_s",
-        inputs={"speed": Column("tach_rad_s", unit="rad/s", scale=-1 if "minus" in name else 1)},
-        measured={"thrust": Column("thrust_N", unit="N")},
-    ).averaged(8)
+def tared(name: str) -> dft.Log:
+    log = runs[f"open_loop_{name}"].averaged(8)
     speed, thrust = log.inputs["speed"], log.measured["thrust"]
     tare = np.median(thrust[np.abs(speed) < 1.0])
     inputs = {"speed": speed, "command": np.zeros_like(speed)}  # what drove it was not logged
     return dft.Log(log.time, inputs, {"thrust": thrust - tare}, hold="linear", name=name)
 
 
-train, unseen = [read(name) for name in TRAIN], [read(name) for name in UNSEEN]
+runs = runs_of(dft.datasets.ngs_thruster, "open_loop*")
+train, unseen = [tared(name) for name in TRAIN], [tared(name) for name in UNSEEN]
 fit = dft.fit(dft.Thruster(), train, holdout=unseen)
 diag = dft.diagnose(fit, train, holdout=unseen, experiment=False)
 print(diag.report())

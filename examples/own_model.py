@@ -1,9 +1,8 @@
 """A model and an effect of your own: the axis of the EMPS benchmark, with and without dry friction.
 
 EMPS is a carriage driven along a rail by a motor (Janot, Gautier & Brunot 2019, a benchmark of
-nonlinear system identification): ``mass * a = force - viscous * v - offset``, and dry friction. Its
-data give the motor's voltage (35.15 N/V), and position and speed, scaled by 0.125 m. The model is
-fitted to one run and tried on a second one, disturbed by force pulses that the voltage includes.
+nonlinear system identification): ``mass * a = force - viscous * v - offset``, and dry friction. The
+model is fitted to one run and tried on a second one, disturbed by pulses that its force includes.
 
 Out come the errors over the whole of both runs without dry friction and with it, the parameters
 beside the published ones, and a figure of the unseen run. A model and an effect that are written
@@ -13,12 +12,9 @@ here, in a script, work wherever those of the package do: a spec file names them
     python examples/own_model.py [FOLDER FOR THE FIGURE]
 """
 
-from pathlib import Path
-
 import jax.numpy as jnp
 
 import diffthrust as dft
-from diffthrust import Column
 
 
 class Axis(dft.Model):
@@ -53,17 +49,10 @@ class DryFriction(dft.Effect):
         return value + self.level * jnp.tanh(s.velocity / self.width)
 
 
-def read(path: Path) -> dft.Log:
-    force = Column("u_in", unit="N", scale=35.15, hold="linear")
-    seen = {"position": Column("q_meas", "m", scale=0.125)}
-    seen["velocity"] = Column("v_est", "m/s", scale=0.125)
-    return dft.read_log(path, time="time_exp", inputs={"force": force}, measured=seen)
-
-
 if __name__ == "__main__":
-    from _data import data_folder, output_folder
+    from _data import output_folder, runs_of
 
-    train, unseen = (read(data_folder("emps") / f"DATA_EMPS{x}_SC.csv") for x in ("", "_PULSES"))
+    train, unseen = runs_of(dft.datasets.emps).logs.values()
     models = Axis(), Axis() + DryFriction()
     before, after = (dft.fit(model, train, holdout=unseen) for model in models)
     print(after.report())

@@ -10,47 +10,14 @@ where. Data: J. Boehm, MSc thesis, University of Maryland, 2019; Miyauchi et al.
     python examples/uncertainty_measured.py [FOLDER FOR FIGURES]
 """
 
-from pathlib import Path
+from collections.abc import Sequence
 
-from _data import data_folder, output_folder
+from _data import output_folder, runs_of
 
 import diffthrust as dft
-from diffthrust import Column
 
 
-def bench_run(path: Path) -> dft.Log:
-    return dft.read_log(
-        path,
-        time="time_s",
-        inputs={"command": Column("command_V", unit="V")},
-        measured={
-            "speed": Column("tach_rad_s", unit="rad/s", unsigned=True),
-            "thrust": Column("thrust_N", unit="N"),
-        },
-    )
-
-
-def tanker_run(path: Path) -> dft.Log:
-    return dft.read_log(
-        path,
-        time=Column("t [s]", unit="s"),
-        inputs={
-            "propeller_speed": Column("n_prop [rps]", unit="rps"),
-            "rudder_angle": Column("delta_rudder [rad]", unit="rad", scale=-1),
-            "wind_speed": Column("wind_velo_true [m/s]", unit="m/s"),
-            "wind_direction": Column("wind_dir_true [rad]", unit="rad"),
-            "heading": Column("psi_hat [rad]", unit="rad"),
-        },
-        measured={
-            "surge": Column("u_velo [m/s]", unit="m/s"),
-            "sway": Column("vm_velo [m/s]", unit="m/s"),
-            "yaw_rate": Column("r_angvelo [rad/s]", unit="rad/s"),
-        },
-        stop=150.0,
-    ).averaged(5)
-
-
-def told(name: str, fit: dft.Fit, logs: list[dft.Log], unseen: list[dft.Log]) -> None:
+def told(name: str, fit: dft.Fit, logs: Sequence[dft.Log], unseen: Sequence[dft.Log]) -> None:
     print(fit.report())
     print(dft.compare(fit, logs).noise_advice.sentence)
     post = dft.sample(fit, logs, draws=1000, warmup=1000)
@@ -63,9 +30,7 @@ def told(name: str, fit: dft.Fit, logs: list[dft.Log], unseen: list[dft.Log]) ->
     dft.plot_corner(post, fit).savefig(output_folder() / f"{name}_corner.png", dpi=90)
 
 
-files = sorted(data_folder("ngs_thruster").glob("CL*.csv"))
-train = [bench_run(path) for path in files if not path.stem.endswith("Step")]
-unseen = [bench_run(path) for path in files if path.stem.endswith("Step")]
+runs = runs_of(dft.datasets.ngs_thruster, "CL*")
 thruster = dft.Thruster() + "linear_damping" + "command_deadband" + "axial_flow"
 # beside the linear damping nothing is left of the quadratic load, which would run to zero; the
 # search begins where the diagnosis ended
@@ -80,11 +45,13 @@ thruster = thruster.replace(
         "axial_flow.mass": 2.2,
     }
 )
+train, unseen = runs.train, runs.unseen
 fit = dft.fit(thruster, train, holdout=unseen, loss="student_t", initial="measured", starts=16)
 told("ngs", fit, train, unseen)
 
-zigzag = [tanker_run(path) for path in sorted(data_folder("esso_osaka").glob("zigzag*.csv"))]
+runs = runs_of(dft.datasets.esso_osaka, "zigzag*")
+train, unseen = ([log.averaged(5) for log in logs] for logs in (runs.train, runs.unseen))
 vessel = dft.Vessel(lever_arm=1.5) + "wind"
-fit = dft.fit(vessel, zigzag[:5], holdout=zigzag[5:])
-told("esso", fit, zigzag[:5], zigzag[5:])
+fit = dft.fit(vessel, train, holdout=unseen)
+told("esso", fit, train, unseen)
 print(f"Figures: {output_folder()}")
