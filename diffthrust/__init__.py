@@ -46,6 +46,8 @@ from diffthrust._errors import InputError as InputError  # noqa: E402
 from diffthrust._experiment import Experiment as Experiment  # noqa: E402
 from diffthrust._experiment import suggest_experiment as suggest_experiment  # noqa: E402
 from diffthrust._fit import fit as fit  # noqa: E402
+from diffthrust._headroom import Headroom as Headroom  # noqa: E402
+from diffthrust._headroom import headroom as headroom  # noqa: E402
 from diffthrust._intervals import intervals as intervals  # noqa: E402
 from diffthrust._intervals_result import Intervals as Intervals  # noqa: E402
 from diffthrust._limit_cycle import limit_cycles as limit_cycles  # noqa: E402

@@ -1,0 +1,194 @@
+"""Regressions of moderate flexibility from signals to an error: a ladder of them, and their choice.
+
+Signals enter as they are and through first-order filters with time constants from fast to slow, so
+that what the past leaves behind can be seen; curves come from random features, tanh(w x + b) of the
+standardized signals, summed by ridge regression. Rung and ridge are chosen by leaving out one
+record at a time.
+
+Source: Rahimi & Recht 2008, Weighted sums of random kitchen sinks; Hastie, Tibshirani & Friedman
+2009, The Elements of Statistical Learning, sections 3.4 and 7.10.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+RUNGS = ("nothing", "static, linear", "static, curved", "dynamic, linear", "dynamic, curved")
+"""From no correction at all to the most flexible one."""
+_CURVES = 200
+_FILTERS = 5
+_RIDGES = 10.0 ** np.arange(-6.0, 3.0)
+"""Ridge, as a share of the samples."""
+_FAR = 4.0
+"""Standard deviations beyond which a signal counts as this far: no extrapolation."""
+
+
+class Record(NamedTuple):
+    """One record: signals and the error to be explained.
+
+    Args:
+        time: [s], ``(n,)``.
+        signals: by name, ``(n,)`` each.
+        error: ``(n,)``; NaN where nothing was measured.
+    """
+
+    time: np.ndarray
+    signals: Mapping[str, np.ndarray]
+    error: np.ndarray
+
+
+@dataclass(frozen=True)
+class Flexible:
+    """A rung and a ridge, fitted to records.
+
+    Args:
+        rung: one of `RUNGS`.
+        features: what turns a record into regressors.
+        weights: ``(p,)``; empty on the lowest rung.
+    """
+
+    rung: str
+    features: Features
+    weights: np.ndarray
+
+    def __call__(self, record: Record) -> np.ndarray:
+        """The error that the regression expects, ``(n,)``."""
+        if not self.weights.size:
+            return np.zeros(record.time.size)
+        return self.features.of(record, self.rung) @ self.weights
+
+
+@dataclass(frozen=True)
+class Features:
+    """Regressors from the signals of a record, scaled as in the records that they were made for.
+
+    Args:
+        names: signals that are used.
+        lags: time constants of the filters [s].
+        centre: of each signal and filtered signal, ``(d (1 + filters),)``.
+        scale: likewise.
+        seed: of the random features.
+    """
+
+    names: tuple[str, ...]
+    lags: tuple[float, ...]
+    centre: np.ndarray
+    scale: np.ndarray
+    seed: int
+
+    def of(self, record: Record, rung: str) -> np.ndarray:
+        """``(n, p)`` regressors of a rung, with a column of ones in front."""
+        static, curved = rung.startswith("static"), rung.endswith("curved")
+        wide = self._standardized(record)
+        columns = wide[:, : len(self.names)] if static else wide
+        parts = [np.ones((record.time.size, 1)), columns]
+        if curved:
+            slopes, shifts = self._curves[static]
+            parts.append(np.tanh(columns @ slopes + shifts))
+        return np.concatenate(parts, axis=1)
+
+    def _standardized(self, record: Record) -> np.ndarray:
+        wide = (filtered(record, self.names, self.lags) - self.centre) / self.scale
+        return np.clip(wide, -_FAR, _FAR)
+
+    @cached_property
+    def _curves(self) -> dict[bool, tuple[np.ndarray, np.ndarray]]:
+        rng, found = np.random.default_rng(self.seed), {}
+        for static, inputs in ((True, len(self.names)), (False, self.centre.size)):
+            slopes = rng.standard_normal((inputs, _CURVES)) * (1.5 / np.sqrt(inputs))
+            found[static] = slopes, rng.uniform(-1.5, 1.5, _CURVES)
+        return found
+
+
+def filtered(record: Record, names: Sequence[str], lags: Sequence[float]) -> np.ndarray:
+    """Signals, and each through first-order lags that begin settled, ``(n, d (1 + lags))``."""
+    from scipy.signal import lfilter  # takes a while
+
+    columns = np.stack([record.signals[name] for name in names], axis=1)
+    parts, steps = [columns], np.diff(record.time)
+    even = np.ptp(steps) <= 1e-6 * np.median(steps)
+    for lag in lags:
+        kept = np.exp(-steps / lag)
+        if even:
+            a = kept[0]
+            parts.append(lfilter([1.0 - a], [1.0, -a], columns, axis=0, zi=a * columns[:1])[0])
+            continue
+        out = columns.copy()
+        for k in range(steps.size):
+            out[k + 1] += kept[k] * (out[k] - columns[k + 1])
+        parts.append(out)
+    return np.concatenate(parts, axis=1)
+
+
+def features_for(records: Sequence[Record], seed: int) -> Features:
+    """Features scaled to these records; signals that never move are left out."""
+    step = float(np.median(np.concatenate([np.diff(r.time) for r in records])))
+    longest = max(float(r.time[-1] - r.time[0]) for r in records)
+    lags = tuple(np.geomspace(2.0 * step, max(4.0 * step, longest / 10.0), _FILTERS))
+    moving = [
+        name
+        for name in records[0].signals
+        if all(name in r.signals for r in records)
+        and np.ptp(np.concatenate([r.signals[name] for r in records])) > 0
+    ]
+    wide = np.concatenate([filtered(r, moving, lags) for r in records])
+    scale = np.std(wide, axis=0)
+    return Features(
+        tuple(moving), lags, np.mean(wide, axis=0), np.where(scale > 0, scale, 1.0), seed
+    )
+
+
+def chosen(records: Sequence[Record], features: Features) -> Flexible:
+    """The rung and ridge that predict left-out records best, fitted to all of them.
+
+    A higher rung must be better than the last good one by a hundredth of the squared error: a tie
+    goes to the simpler model.
+    """
+    best, rung_found, ridge_found = 1.0, RUNGS[0], 0.0
+    for rung in RUNGS[1:]:
+        blocks = [_sums(features.of(r, rung), r.error) for r in records]
+        losses = [_left_out(blocks, ridge) for ridge in _RIDGES]
+        least = int(np.argmin(losses))
+        if losses[least] < best - 0.01:
+            best, rung_found, ridge_found = losses[least], rung, float(_RIDGES[least])
+    if rung_found == RUNGS[0]:
+        return Flexible(rung_found, features, np.empty(0))
+    blocks = [_sums(features.of(r, rung_found), r.error) for r in records]
+    return Flexible(rung_found, features, _solved(blocks, ridge_found))
+
+
+class _Sums(NamedTuple):
+    """What ridge regression needs of one record."""
+
+    squares: np.ndarray
+    products: np.ndarray
+    total: float
+    samples: int
+
+
+def _sums(matrix: np.ndarray, error: np.ndarray) -> _Sums:
+    seen = np.isfinite(error)
+    x, y = matrix[seen], error[seen]
+    return _Sums(x.T @ x, x.T @ y, float(y @ y), int(seen.sum()))
+
+
+def _solved(blocks: Sequence[_Sums], ridge: float) -> np.ndarray:
+    squares = np.sum([b.squares for b in blocks], axis=0)
+    samples = sum(b.samples for b in blocks)
+    penalty = ridge * samples * np.eye(len(squares))
+    penalty[0, 0] = 1e-12 * samples  # the mean is free
+    return np.linalg.solve(squares + penalty, np.sum([b.products for b in blocks], axis=0))
+
+
+def _left_out(blocks: Sequence[_Sums], ridge: float) -> float:
+    """Squared error on each record by the weights of the others, over that of no correction."""
+    rest = 0.0
+    for k, own in enumerate(blocks):
+        w = _solved([b for i, b in enumerate(blocks) if i != k], ridge)
+        rest += own.total - 2.0 * float(w @ own.products) + float(w @ own.squares @ w)
+    return rest / max(sum(b.total for b in blocks), 1e-300)
