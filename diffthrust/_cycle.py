@@ -8,7 +8,8 @@ one compilation.
 Effects with memory act on a whole series. They are given several periods, in the first half of
 which the amplitude grows from nothing. The last one counts, and it is told how much it differs from
 the one before, and from that after a sudden start: what has settled has forgotten how it began. A
-rate limit that acts all the time hardly forgets at all.
+rate limit that acts all the time hardly forgets at all: then the value is sought from which its
+series repeats (`repeating_start`).
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._model import Model
+from diffthrust._repeating import APART, repeating_start
 from diffthrust._signals import Signals
 from diffthrust._simulate import driven, read_out, starting_point
 
@@ -42,6 +44,7 @@ class Cycle:
         output: the output whose harmonics are taken.
         samples: steps of the period; the input is known twice as densely.
         periods: how many effects with memory are given to settle.
+        sought: the value with which their series begins is sought, and not left to settle.
         harmonics: of the states, where these are found by harmonic balance.
         states: those that are followed; others stay where they begin, for the output does not
             feel them.
@@ -51,6 +54,7 @@ class Cycle:
     output: str
     samples: int
     periods: int = 1
+    sought: bool = False
     harmonics: int = 0
     states: tuple[str, ...] = ()
 
@@ -119,13 +123,23 @@ def driven_period(model: Model, cycle: Cycle, lane: Lane) -> Series:
     whole = lane.amplitude * jnp.sin(turn)
 
     def reaching(swing: Any) -> dict[str, Any]:
-        series = {name: jnp.full(count.shape, value) for name, value in lane.others.items()}
+        size = swing.shape
+        series = {name: jnp.full(size, value) for name, value in lane.others.items()}
         series[cycle.input] = lane.bias + swing
-        series, _ = driven(model, time, series)
-        return {name: jnp.broadcast_to(value, count.shape) for name, value in series.items()}
+        series, _ = driven(model, time[: size[0]], series)
+        return {name: jnp.broadcast_to(value, size) for name, value in series.items()}
 
     if cycle.periods == 1:
         return Series(time, reaching(whole), jnp.asarray(0.0))
+    if cycle.sought:
+        some = whole[: 2 * dense + 1]
+        begin, known = repeating_start(
+            lambda x: reaching(some.at[0].set(x))[cycle.input], lane.amplitude, dense
+        )
+        series = reaching(whole.at[0].set(begin))
+        last = {name: value[-dense - 1 :] for name, value in series.items()}
+        known = known & (_change(series, dense, cycle.periods) <= APART)
+        return Series(time[-dense - 1 :], last, jnp.where(known, 0.0, 1.0))
     growing = jnp.minimum(count.astype(float) / (0.5 * dense * cycle.periods), 1.0)
     series, sudden = reaching(growing * whole), reaching(whole)
     last = {name: value[-dense - 1 :] for name, value in series.items()}
@@ -136,9 +150,8 @@ def driven_period(model: Model, cycle: Cycle, lane: Lane) -> Series:
     return Series(time[-dense - 1 :], last, unsettled)
 
 
-def start_of(model: Model, cycle: Cycle, lane: Lane) -> dict[str, Any]:
+def start_of(model: Model, series: Series) -> dict[str, Any]:
     """The states with which a log would begin at the start of the period."""
-    series = driven_period(model, cycle, lane)
     first = {name: value[0] for name, value in series.inputs.items()}
     found = starting_point(model, Signals({**first, "time": series.time[0]}), {})
     return {name: jnp.asarray(value, float) for name, value in found.items()}

@@ -41,9 +41,18 @@ def notes_of(asked: Request, given: Any, reason: np.ndarray) -> tuple[str, ...]:
 
 
 def _mend(kind: Reason, asked: Request) -> str:
-    if kind is not Reason.FEW_HARMONICS:
-        return ""
-    return (
-        f" {asked.harmonics} harmonics are too few for corners as sharp as there: give "
-        f'harmonics={more_than(asked.harmonics)}, or method="simulation".'
-    )
+    """What to do about a mark, where something can be done."""
+    if kind is Reason.FEW_HARMONICS:
+        return (
+            f" {asked.harmonics} harmonics are too few for corners as sharp as there: give "
+            f'harmonics={more_than(asked.harmonics)}, or method="simulation".'
+        )
+    if kind is Reason.COARSE and asked.method == "harmonic_balance":
+        return ' Give method="simulation", which takes shorter steps.'
+    if kind is Reason.MEMORY:
+        names = joined([e.name for e in asked.model.effects if e.memory])
+        return (
+            f" Amplitude times frequency is far beyond a rate limit there, or a delay lasts many "
+            f"periods: ask for smaller amplitudes or frequencies, or take out {names}."
+        )
+    return ""

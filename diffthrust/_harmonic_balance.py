@@ -76,7 +76,7 @@ def balance(model: Model, cycle: Cycle, lane: Lane, x: Any, sloped: bool) -> Bal
     series = driven_period(model, cycle, lane)
     dense = 2 * cycle.samples
     names = cycle.states
-    others = {n: jnp.full(dense, v) for n, v in start_of(model, cycle, lane).items()}
+    others = {n: jnp.full(dense, v) for n, v in start_of(model, series).items()}
     up, down, turn = (jnp.asarray(m) for m in _matrices(dense, cycle.harmonics))
     u = {n: v[:-1] for n, v in series.inputs.items()} | {"time": series.time[:-1]}
 

@@ -12,13 +12,11 @@ Source: Krack & Gross 2019, Harmonic Balance for Nonlinear Vibration Problems, c
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from diffthrust._cycle import TINY, Cycle, Harmonics, Lane
 from diffthrust._orbit_solvers import HarmonicBalance
-from diffthrust._periodic import Reason, Responses, first_harmonic, over
+from diffthrust._periodic import Reason, Responses, first_harmonic, over, staged
 
 GAIN, PHASE = 1e-3, 0.1
 """Error of the gain (relative) and of the phase [deg] that an answer may have."""
@@ -58,9 +56,9 @@ def left_out(richer: HarmonicBalance, cycle: Cycle, lanes: Lane, found: Response
         return np.where(seen.reason == Reason.SETTLED, change / share, np.inf)
 
     settled = np.flatnonzero(found.reason == Reason.SETTLED)
-    for n, p in sorted(set(zip(found.samples[settled], found.periods[settled], strict=True))):
-        who = settled[(found.samples[settled] == n) & (found.periods[settled] == p)]
-        at = replace(cycle, samples=max(int(n), richer.coarsest), periods=int(p))
+    for n, k in sorted(set(zip(found.samples[settled], found.stage[settled], strict=True))):
+        who = settled[(found.samples[settled] == n) & (found.stage[settled] == k)]
+        at = staged(cycle, max(n, richer.coarsest), k)
         error[who] = judged(who, at)
         doubtful = who[too_few(DOUBTFUL * error[who])]
         if doubtful.size:

@@ -1,7 +1,7 @@
 """Periodic responses of many lanes, each with steps as fine as it needs.
 
 Every lane begins with few steps to the period. They are multiplied until its first harmonic stays
-where it is, and an effect with memory gets more periods until its series repeats. Then the orbit
+where it is, and an effect with memory goes through stages until its series repeats. Then the orbit
 is run through once more on a later clock: what has settled gives the same again. A lane that fails
 one of these checks is marked with the reason, never passed on as an answer.
 """
@@ -31,8 +31,10 @@ REPEATED = 1e-6
 """
 SAME = 1e-4
 """A further period may change the first harmonic and the mean by no more than this."""
-MORE, MOST_PERIODS = 8, 256
-"""An effect with memory that has not settled gets so many times more periods, up to a limit."""
+STAGES = ((4, False), (4, True), (32, False), (256, False), (4, True))
+"""What an effect with memory that has not settled gets, in this order: periods, and whether its
+start is sought. A rate limit settles in the second, a long delay in the third or fourth; in the
+last the steps get finer until a rate limit feels small offsets."""
 LATER = 1e5
 """Clock [s] of the further period: a model that changes with the time of a log shows itself."""
 FAILURES = 3
@@ -64,7 +66,7 @@ _WORDS = {
     Reason.NOT_CLOSED: "no response that repeats was found",
     Reason.UNSTABLE: "the response that repeats is unstable",
     Reason.COARSE: "the first harmonic still moves as the steps get finer",
-    Reason.MEMORY: f"an effect with memory still tells after {MOST_PERIODS} periods how it began",
+    Reason.MEMORY: "an effect with memory does not forget how it began",
     Reason.CLOCK: "the response drifts, or changes with the time of the log",
     Reason.FEW_HARMONICS: "more harmonics would change the first one by more than it may err",
 }
@@ -119,7 +121,7 @@ class Responses:
         distortion: higher harmonics over the first.
         reason: see `Reason`.
         samples: steps to the period.
-        periods: that effects with memory were given.
+        stage: of `STAGES`, in which effects with memory settled.
         x: the orbits, as the solver knows them.
     """
 
@@ -128,7 +130,7 @@ class Responses:
     distortion: np.ndarray
     reason: np.ndarray
     samples: np.ndarray
-    periods: np.ndarray
+    stage: np.ndarray
     x: np.ndarray
 
 
@@ -144,7 +146,7 @@ def respond(
 
     Args:
         solver: how orbits are found.
-        cycle: names; its samples and periods are where the search starts.
+        cycle: names; its samples are where the search starts.
         lanes: amplitudes, frequencies and parameters, ``(L,)`` each.
         samples: steps to the period, where these are not to be chosen.
         guess: where to start from, instead of the model's own initial states.
@@ -152,7 +154,7 @@ def respond(
     size = lanes.amplitude.size
     steps = np.full(size, samples or max(cycle.samples, solver.coarsest))
     last_steps = samples or solver.finest
-    periods = np.full(size, cycle.periods)
+    stage = np.zeros(size, int)
     own = guess is None
     origin = over(solver, cycle, lanes, np.arange(size), solver.begin) if own else guess
     x: np.ndarray = np.array(origin)
@@ -160,9 +162,9 @@ def respond(
     mean, distortion = np.zeros(size), np.zeros(size)
     reason, failed = np.full(size, -1), np.zeros(size, int)
     while (active := np.flatnonzero(reason < 0)).size:
-        for n, p in sorted(set(zip(steps[active], periods[active], strict=True))):
-            who = active[(steps[active] == n) & (periods[active] == p)]
-            at = replace(cycle, samples=int(n), periods=int(p))
+        for n, k in sorted(set(zip(steps[active], stage[active], strict=True))):
+            who = active[(steps[active] == n) & (stage[active] == k)]
+            at = staged(cycle, n, k)
             found = over(solver, at, lanes, who, solver.solve, x)
             h = found.harmonics
             first[who] = first_harmonic(h, lanes.amplitude[who])
@@ -170,36 +172,37 @@ def respond(
             bad = found.reason != Reason.SETTLED
             x[who] = np.where(_like(bad, x), np.asarray(origin)[who], found.x)
             failed[who] += found.reason == Reason.NOT_CLOSED
-            # more periods first, then finer steps
+            # all stages first, then finer steps
             restless = ~bad & ~(h.unsettled <= REPEATED)
-            periods[who] = np.where(restless, MORE * p, p)
-            reason[who[restless & (periods[who] > MOST_PERIODS)]] = Reason.MEMORY
+            later = [i for i in range(k + 1, len(STAGES)) if 2 * n * STAGES[i][0] <= LARGEST]
+            stage[who] = np.where(restless, later[0] if later else k, k)
             floor = 1e-3 * h.swing / lanes.amplitude[who]
             change = np.abs(first[who] - before[who])
             near = change <= FINE * (solver.growth - 1) * np.maximum(np.abs(first[who]), floor)
             near = near | (samples is not None)
             reason[who[~bad & ~restless & near]] = Reason.SETTLED
-            finer = bad | (~restless & ~near)
+            finer = bad | (~restless & ~near) | (restless & (not later))
             before[who] = np.where(bad | restless, np.nan, first[who])
             finer_steps = solver.growth * n
-            last = min(last_steps, LARGEST // (2 * p)) if p > 1 else last_steps
+            last = min(last_steps, LARGEST // (2 * at.periods))
             gone = finer & ((finer_steps > last) | (failed[who] >= FAILURES))
-            reason[who[gone]] = np.where(bad, found.reason, Reason.COARSE)[gone]
+            unclear = np.where(restless, Reason.MEMORY, Reason.COARSE)
+            reason[who[gone]] = np.where(bad, found.reason, unclear)[gone]
             steps[who[finer & ~gone]] = finer_steps
-    _check_again(solver, cycle, lanes, x, first, mean, reason, steps, periods)
-    return Responses(first, mean, distortion, reason, steps, periods, x)
+    _check_again(solver, cycle, lanes, x, first, mean, reason, steps, stage)
+    return Responses(first, mean, distortion, reason, steps, stage, x)
 
 
 def _check_again(
     solver: Solver, cycle: Cycle, lanes: Lane, x: Any, first: Any, mean: Any, reason: Any,
-    steps: Any, periods: Any,
+    steps: Any, stage: Any,
 ) -> None:  # fmt: skip
     """Mark the lanes that a further period, on a later clock, shows not to have settled."""
     later = lanes._replace(clock=np.full_like(lanes.amplitude, LATER))
     settled = np.flatnonzero(reason == Reason.SETTLED)
-    for n, p in sorted(set(zip(steps[settled], periods[settled], strict=True))):
-        who = settled[(steps[settled] == n) & (periods[settled] == p)]
-        at = replace(cycle, samples=int(n), periods=int(p))
+    for n, k in sorted(set(zip(steps[settled], stage[settled], strict=True))):
+        who = settled[(steps[settled] == n) & (stage[settled] == k)]
+        at = staged(cycle, n, k)
         found = over(solver, at, later, who, solver.again, x)
         h = found.harmonics
         amplitude = lanes.amplitude[who]
@@ -211,6 +214,14 @@ def _check_again(
         )
         reason[who] = np.where(found.reason == Reason.SETTLED, reason[who], found.reason)
         reason[who[(found.reason == Reason.SETTLED) & ~same]] = Reason.CLOCK
+
+
+def staged(cycle: Cycle, samples: Any, stage: Any) -> Cycle:
+    """The cycle with so many steps, at a stage of `STAGES`; only effects with memory have any."""
+    if cycle.periods == 1:
+        return replace(cycle, samples=int(samples))
+    periods, sought = STAGES[stage]
+    return replace(cycle, samples=int(samples), periods=periods, sought=sought)
 
 
 def first_harmonic(found: Harmonics, amplitude: np.ndarray) -> np.ndarray:

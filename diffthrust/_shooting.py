@@ -73,7 +73,7 @@ def one_period(model: Model, cycle: Cycle, lane: Lane, start: Any) -> Orbit:
         start: the states that are followed, in their order, ``(n,)``.
     """
     series = driven_period(model, cycle, lane)
-    names, others = cycle.states, start_of(model, cycle, lane)
+    names, others = cycle.states, start_of(model, series)
     inputs = {n: (v[:-1:2], v[1::2], v[2::2]) for n, v in series.inputs.items()}
     inputs["time"] = series.time[:-1:2], series.time[1::2], series.time[2::2]
     steps = jnp.full(cycle.samples, 2.0 * jnp.pi / lane.frequency / cycle.samples)
@@ -119,7 +119,8 @@ def starts(key: Key, cycle: Cycle, count: Any, lanes: Lane) -> Any:
     """Where the states that are followed begin by themselves, of the first ``count`` lanes."""
 
     def one(lane: Lane) -> Any:
-        found = start_of(key.model.bind(lane.values), cycle, lane)
+        model = key.model.bind(lane.values)
+        found = start_of(model, driven_period(model, cycle, lane))
         return jnp.stack([found[n] for n in cycle.states]) if cycle.states else jnp.zeros(0)
 
     return in_blocks(one, count, lanes)

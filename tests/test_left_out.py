@@ -34,7 +34,13 @@ def balanced(
 
 
 @pytest.mark.parametrize(
-    ("model", "enough"), [(DEADBAND, 31), (SATURATED, 31), (RUBBING, 63)], ids=str
+    ("model", "enough"),
+    [
+        (DEADBAND, 31),
+        pytest.param(SATURATED, 31, marks=pytest.mark.slow),
+        pytest.param(RUBBING, 63, marks=pytest.mark.slow),
+    ],
+    ids=str,
 )
 def test_few_harmonics_are_marked_where_they_differ_from_simulation(model, enough):
     """Errors with 3: 1 %, 0.6 %, 8 %; with enough: below 5e-5, 2e-5, 3e-4."""
