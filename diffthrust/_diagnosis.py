@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from diffthrust._compare import Comparison
 from diffthrust._effect import Effect
+from diffthrust._errors import InputError
+from diffthrust._headroom import Headroom, headroom_of
 from diffthrust._metrics import Errors
 from diffthrust._model import Model
 from diffthrust._result import Fit
@@ -193,6 +196,22 @@ class Diagnosis:
         """The fit of the last stage."""
         return self.stages[-1].fit
 
+    @cached_property
+    def headroom(self) -> tuple[Headroom, Headroom] | None:
+        """How much any flexible model could explain, of the model as given and of the last stage.
+
+        Worked out when it is first asked for; ``None`` where the logs are too short for it.
+        """
+        if self.trained is None:
+            return None
+        unseen = self.before is not self.trained[0]
+        pairs = zip(self.trained, (self.before, self.after), strict=True)
+        try:
+            first, last = (headroom_of(a, b if unseen else None) for a, b in pairs)
+        except InputError:
+            return None
+        return first, last
+
     @property
     def summary(self) -> str:
         """The outcome in a few plain sentences."""
@@ -221,7 +240,7 @@ class Diagnosis:
 
     def to_json(self) -> dict[str, Any]:
         """The diagnosis as plain data, in the form that ``diffthrust diagnose --json`` writes."""
-        left = self.remaining
+        left, room = self.remaining, self.headroom
         return {
             "schema": 1,
             "verdict": self.verdict,
@@ -255,4 +274,5 @@ class Diagnosis:
             if left
             else None,
             "untestable": dict(self.untestable),
+            "headroom": {"before": room[0].to_json(), "after": room[1].to_json()} if room else None,
         }

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 from diffthrust._diagnosis_skeleton import HOW, skeleton
 from diffthrust._diagnosis_tables import (
     check_rows,
+    headroom_rows,
+    headroom_words,
     log_rows,
     meaning_rows,
     parameter_rows,
@@ -73,6 +75,8 @@ def page(diag: Diagnosis, *, title: str = "", spec: str = "") -> str:
         summary=summary(diag),
         stages=stage_rows(diag),
         dropped=dropped_words(diag),
+        room=headroom_rows(diag) if diag.headroom else None,
+        findable=headroom_words(diag),
         logs=log_rows(diag),
         failures=failure_words(diag.before),
         still=failure_words(diag.after) if len(diag.stages) > 1 else [],

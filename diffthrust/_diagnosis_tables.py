@@ -29,6 +29,7 @@ from diffthrust._diagnosis_words import (
 )
 from diffthrust._display import number, units, with_error
 from diffthrust._phrases import spelt
+from diffthrust._regimes import percent
 
 if TYPE_CHECKING:
     from diffthrust._diagnosis import Diagnosis, Stage
@@ -64,6 +65,11 @@ def diagnosis_table(diag: Diagnosis) -> RenderableType:
         Text.assemble(("Verdict: ", "bold"), (verdict_words(diag), f"bold {colour}")),
         Text(summary(diag)),
         *_section("Stages", _rich(stage_rows(diag)), dropped_words(diag)),
+        *_section(
+            "How much there is to find",
+            *([_rich(headroom_rows(diag))] if diag.headroom else []),
+            *headroom_words(diag),
+        ),
         *_section("Where the model as given fails", *failure_words(diag.before)),
         *_section("Missing signal", *(missing_words(m, diag.model) for m in diag.missing)),
         *_section("Errors by log", _rich(log_rows(diag))),
@@ -88,6 +94,36 @@ def diagnosis_table(diag: Diagnosis) -> RenderableType:
     if diag.untestable:
         parts += _section("Not testable by these logs", _rich(untestable_rows(diag)))
     return Group(*parts, *(Text(f"Note: {note}") for note in caution_words(diag)))
+
+
+def headroom_rows(diag: Diagnosis) -> Rows:
+    """What a flexible correction explains of the model as given and of the last stage."""
+    rows = [
+        (
+            "as given" if k == 0 else "last stage",
+            spelt(name),
+            f"{c.physics:.3g}",
+            f"{c.corrected:.3g}",
+            percent(max(c.share, 0.0)),
+            f"{percent(max(c.low, 0.0))} to {percent(max(c.high, 0.0))}",
+            c.rung,
+        )
+        for k, room in enumerate((diag.headroom or ())[: len(diag.stages)])
+        for name, c in room.channels.items()
+    ]
+    headings = ("Model", "Channel", "NRMSE", "corrected", "Share", "90 % interval", "Correction")
+    return Rows(headings, (tuple(rows),), numbers=(2, 3, 4, 5))
+
+
+def headroom_words(diag: Diagnosis) -> list[str]:
+    """Whether there is something to find, before the search and after it."""
+    if diag.headroom is None:
+        return []
+    first, last = diag.headroom
+    said = [first.summary]
+    if len(diag.stages) > 1:
+        said.append(f"With the effects that were added: {last.summary}")
+    return said
 
 
 def stage_rows(diag: Diagnosis) -> Rows:

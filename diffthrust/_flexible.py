@@ -2,8 +2,8 @@
 
 Signals enter as they are and through first-order filters with time constants from fast to slow, so
 that what the past leaves behind can be seen; curves come from random features, tanh(w x + b) of the
-standardized signals, summed by ridge regression. Rung and ridge are chosen by leaving out one
-record at a time.
+standardized signals, before the filters and behind them, summed by ridge regression. Rung and ridge
+are chosen by leaving out one record at a time.
 
 Source: Rahimi & Recht 2008, Weighted sums of random kitchen sinks; Hastie, Tibshirani & Friedman
 2009, The Elements of Statistical Learning, sections 3.4 and 7.10.
@@ -20,7 +20,7 @@ import numpy as np
 
 RUNGS = ("nothing", "static, linear", "static, curved", "dynamic, linear", "dynamic, curved")
 """From no correction at all to the most flexible one."""
-_CURVES = 200
+_CURVES = 100
 _FILTERS = 5
 _RIDGES = 10.0 ** np.arange(-6.0, 3.0)
 """Ridge, as a share of the samples."""
@@ -40,6 +40,10 @@ class Record(NamedTuple):
     time: np.ndarray
     signals: Mapping[str, np.ndarray]
     error: np.ndarray
+
+    def columns(self, names: Sequence[str]) -> np.ndarray:
+        """Some signals side by side, ``(n, d)``."""
+        return np.stack([self.signals[name] for name in names], axis=1)
 
 
 @dataclass(frozen=True)
@@ -83,18 +87,16 @@ class Features:
 
     def of(self, record: Record, rung: str) -> np.ndarray:
         """``(n, p)`` regressors of a rung, with a column of ones in front."""
-        static, curved = rung.startswith("static"), rung.endswith("curved")
-        wide = self._standardized(record)
-        columns = wide[:, : len(self.names)] if static else wide
-        parts = [np.ones((record.time.size, 1)), columns]
-        if curved:
-            slopes, shifts = self._curves[static]
-            parts.append(np.tanh(columns @ slopes + shifts))
+        wide = through(record.time, record.columns(self.names), self.lags) - self.centre
+        wide = np.clip(wide / self.scale, -_FAR, _FAR)
+        present = wide[:, : len(self.names)]
+        parts = [np.ones((record.time.size, 1)), present if rung.startswith("static") else wide]
+        if rung.endswith("curved"):
+            parts.append(_bent(present, *self._curves[True]))
+        if rung == "dynamic, curved":
+            parts.append(_bent(wide, *self._curves[False]))
+            parts[-2] = through(record.time, parts[-2], self.lags)
         return np.concatenate(parts, axis=1)
-
-    def _standardized(self, record: Record) -> np.ndarray:
-        wide = (filtered(record, self.names, self.lags) - self.centre) / self.scale
-        return np.clip(wide, -_FAR, _FAR)
 
     @cached_property
     def _curves(self) -> dict[bool, tuple[np.ndarray, np.ndarray]]:
@@ -105,12 +107,11 @@ class Features:
         return found
 
 
-def filtered(record: Record, names: Sequence[str], lags: Sequence[float]) -> np.ndarray:
-    """Signals, and each through first-order lags that begin settled, ``(n, d (1 + lags))``."""
+def through(time: np.ndarray, columns: np.ndarray, lags: Sequence[float]) -> np.ndarray:
+    """Series, and each through first-order lags that begin settled, ``(n, d (1 + lags))``."""
     from scipy.signal import lfilter  # takes a while
 
-    columns = np.stack([record.signals[name] for name in names], axis=1)
-    parts, steps = [columns], np.diff(record.time)
+    parts, steps = [columns], np.diff(time)
     even = np.ptp(steps) <= 1e-6 * np.median(steps)
     for lag in lags:
         kept = np.exp(-steps / lag)
@@ -125,6 +126,10 @@ def filtered(record: Record, names: Sequence[str], lags: Sequence[float]) -> np.
     return np.concatenate(parts, axis=1)
 
 
+def _bent(columns: np.ndarray, slopes: np.ndarray, shifts: np.ndarray) -> np.ndarray:
+    return np.tanh(columns @ slopes + shifts)
+
+
 def features_for(records: Sequence[Record], seed: int) -> Features:
     """Features scaled to these records; signals that never move are left out."""
     step = float(np.median(np.concatenate([np.diff(r.time) for r in records])))
@@ -136,7 +141,7 @@ def features_for(records: Sequence[Record], seed: int) -> Features:
         if all(name in r.signals for r in records)
         and np.ptp(np.concatenate([r.signals[name] for r in records])) > 0
     ]
-    wide = np.concatenate([filtered(r, moving, lags) for r in records])
+    wide = np.concatenate([through(r.time, r.columns(moving), lags) for r in records])
     scale = np.std(wide, axis=0)
     return Features(
         tuple(moving), lags, np.mean(wide, axis=0), np.where(scale > 0, scale, 1.0), seed

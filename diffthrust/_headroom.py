@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from diffthrust._compare import Run, compare
+from diffthrust._compare import Comparison, Run, compare
 from diffthrust._errors import InputError
 from diffthrust._flexible import RUNGS, Flexible, Record, chosen, features_for
 from diffthrust._log import Log
 from diffthrust._model import Model
+from diffthrust._regimes import percent
 
 if TYPE_CHECKING:
     from diffthrust._result import Fit
@@ -88,8 +89,8 @@ class Headroom:
         table = Table("Channel", "Physics (NRMSE)", "With a correction", "Share explained",
                       "90 % interval", "Form")  # fmt: skip
         for name, c in self.channels.items():
-            table.add_row(name, f"{c.physics:.3g}", f"{c.corrected:.3g}", f"{c.share:.0%}",
-                          f"{c.low:.0%} to {c.high:.0%}", c.rung)  # fmt: skip
+            table.add_row(name, f"{c.physics:.3g}", f"{c.corrected:.3g}", _share(c.share),
+                          f"{_share(c.low)} to {_share(c.high)}", c.rung)  # fmt: skip
         return f"{rendered(table)}\n{self.summary}"
 
     def to_json(self) -> dict[str, Any]:
@@ -132,9 +133,12 @@ def headroom(
     Example:
         >>> print(dft.headroom(fit, train, holdout=unseen).summary)
     """
-    runs = compare(fit, logs).runs
-    unseen = None if holdout is None else compare(fit, holdout).runs
-    model = fit if isinstance(fit, Model) else fit.model
+    return headroom_of(compare(fit, logs), compare(fit, holdout) if holdout else None, seed)
+
+
+def headroom_of(learn: Comparison, judge: Comparison | None, seed: int = 0) -> Headroom:
+    """`headroom` from comparisons with the logs to learn from, and with unseen ones."""
+    model, runs, unseen = learn.model, learn.runs, judge.runs if judge else None
     found = {}
     for name in dict.fromkeys(n for run in (unseen or runs) for n in run.channels):
         train = [_record(model, run, name) for run in runs if name in run.channels]
@@ -231,16 +235,24 @@ def _interval(rests: list[tuple[np.ndarray, np.ndarray]], seed: int) -> tuple[fl
     return float(ends[0]), float(ends[1])
 
 
+def _share(value: float) -> str:
+    return percent(max(value, 0.0))
+
+
 def _words(name: str, c: ChannelHeadroom, judged_on: str) -> str:
-    where = f"on {judged_on} logs"
-    if c.high < _WORTH or c.low <= 0:
+    where, interval = f"on {judged_on} logs", f"{_share(c.low)} to {_share(c.high)}"
+    if c.high < _WORTH:
         return (
-            f"Of the error of {name} {where}, no flexible model explains a share that is sure "
-            f"({c.share:.0%}, {c.low:.0%} to {c.high:.0%}): what is left does not repeat, or these "
-            "signals do not tell it."
+            f"Of the squared error of {name} {where}, a flexible model explains {_share(c.share)} "
+            f"({interval}): what is left does not repeat, or these signals do not tell it."
+        )
+    if c.low <= 0:
+        return (
+            f"Of the squared error of {name} {where}, these logs are too few to tell what a "
+            f"flexible model could explain ({_share(c.share)}, {interval})."
         )
     return (
         f"Of the squared error of {name} {where}, a flexible model ({c.rung}) explains "
-        f"{c.share:.0%} ({c.low:.0%} to {c.high:.0%}): the NRMSE could fall from {c.physics:.3g} "
-        f"to about {c.corrected:.3g}."
+        f"{_share(c.share)} ({interval}): the NRMSE could fall from {c.physics:.3g} to about "
+        f"{c.corrected:.3g}, or further by the right physics."
     )

@@ -382,7 +382,8 @@ def test_the_page_is_whole_and_needs_nothing_else(full, tmp_path):
     assert "http" not in text
     assert "url(" not in text
     order = [
-        full.summary, "The stages", "Where the model as given fails", "The missing signal",
+        full.summary, "The stages", "How much there is to find", "Where the model as given fails",
+        "The missing signal",
         "The effects that were tried", "The motor controller ignores small commands.",
         "What these logs cannot tell apart", "Proposed test", "What remains", "class MyEffect",
         "Parameters", "Not testable by these logs", "How far to trust this", "Words",
@@ -390,6 +391,18 @@ def test_the_page_is_whole_and_needs_nothing_else(full, tmp_path):
     places = [found.text.find(word) for word in order]
     assert -1 not in places
     assert places == sorted(places)
+
+
+def test_the_headroom_is_told_before_and_after(full):
+    first, last = full.headroom
+    assert first.worth
+    assert first.channels["thrust"].share > 0.3 > 0.1 > last.channels["thrust"].share
+    text = full.report()
+    assert "How much there is to find" in text
+    data = full.to_json()["headroom"]
+    assert data["before"]["worth"] is True
+    assert replace(full, trained=None).headroom is None
+    assert "How much there is to find" not in page(replace(full, trained=None))
 
 
 def test_the_page_escapes_what_comes_from_outside(full):

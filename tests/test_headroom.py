@@ -5,7 +5,8 @@ import pytest
 
 import diffthrust as dft
 from diffthrust import InputError, effects, papers
-from diffthrust._flexible import RUNGS, Record, chosen, features_for, filtered
+from diffthrust._flexible import RUNGS, Record, chosen, features_for, through
+from diffthrust._headroom import ChannelHeadroom, Headroom
 
 NOISE = {"speed": 0.3, "thrust": 0.15}
 
@@ -46,7 +47,7 @@ def test_what_is_missing_can_be_explained_in_its_form(effect, channel, rung, lea
     assert told.share > least
     assert told.corrected > 0.95 * truth.channels[channel].nrmse  # no one beats the truth
     assert found.worth
-    assert f"error of {channel} on unseen logs" in found.summary
+    assert f"error of {channel} on unseen logs, a flexible model ({rung}) explains" in found.summary
 
 
 def test_nothing_is_promised_where_nothing_is_missing():
@@ -57,7 +58,7 @@ def test_nothing_is_promised_where_nothing_is_missing():
         found = dft.headroom(dft.fit(truth, train), train)
         assert not found.worth
         assert all(abs(c.share) < 0.05 for c in found.channels.values())
-        assert "no flexible model explains" in found.summary
+        assert "what is left does not repeat" in found.summary
 
 
 def test_it_stops_when_the_effect_has_been_added():
@@ -87,6 +88,20 @@ def test_a_vessels_heading_counts_modulo_a_turn_and_its_place_not_at_all():
     assert not {"north", "east", "heading", "propeller_speed"} & set(signals)
 
 
+def test_too_few_logs_are_told_from_nothing_to_find():
+    shares = {"few": (0.02, -0.3, 0.4), "none": (0.01, -0.02, 0.04), "much": (0.6, 0.4, 0.8)}
+    channels = {
+        name: ChannelHeadroom(0.3, 0.2, *share, rung="static, linear", signals=("command",))
+        for name, share in shares.items()
+    }
+    text = Headroom(channels, "unseen", "thruster").summary
+    few, none, much = text.split("Of the squared error of ")[1:]
+    assert "these logs are too few to tell" in few
+    assert "what is left does not repeat" in none
+    assert "explains 60 % (40 % to 80 %): the NRMSE could fall from 0.3 to about 0.2" in much
+    assert not Headroom({"few": channels["few"]}, "unseen", "thruster").worth
+
+
 def test_the_answer_as_text_and_data():
     found, _ = found_for(effects.ThrustSensorOffset(offset=2.0))
     assert "Share explained" in found.report()
@@ -101,12 +116,12 @@ def test_the_answer_as_text_and_data():
 def test_filters_are_the_same_on_even_and_uneven_records():
     time = np.linspace(0.0, 10.0, 401)
     value = np.where(time >= 2.0, 1.0, 0.0)
-    lagged = filtered(Record(time, {"a": value}, value), ["a"], [0.5])[:, 1]
+    lagged = through(time, value[:, None], [0.5])[:, 1]
     expected = np.where(time >= 2.0, 1.0 - np.exp(-(time - 2.0 + 0.025) / 0.5), 0.0)
     np.testing.assert_allclose(lagged, expected, atol=1e-9)
     uneven = time.copy()
     uneven[300] += 1e-4
-    again = filtered(Record(uneven, {"a": value}, value), ["a"], [0.5])[:, 1]
+    again = through(uneven, value[:, None], [0.5])[:, 1]
     np.testing.assert_allclose(again, lagged, atol=1e-4)
 
 
@@ -119,7 +134,11 @@ def test_a_higher_rung_is_taken_only_where_it_helps():
         return [Record(time, {"a": a}, law(a) + 0.01 * rng.standard_normal(a.size))
                 for a in signals]  # fmt: skip
 
-    for law, rung in ((lambda a: 0.0 * a, 0), (lambda a: 0.3 * a, 1), (lambda a: np.abs(a), 2)):
+    for law, rung in (
+        (lambda a: 0.0 * a, 0),
+        (lambda a: 0.3 * a, 1),
+        (lambda a: np.tanh(2.0 * a), 2),
+    ):
         given = records(law)
         assert chosen(given, features_for(given, 0)).rung == RUNGS[rung]
 
