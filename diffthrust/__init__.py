@@ -79,6 +79,7 @@ from diffthrust._read import Column as Column  # noqa: E402
 from diffthrust._read import read_log as read_log  # noqa: E402
 from diffthrust._result import Estimate as Estimate  # noqa: E402
 from diffthrust._result import Fit as Fit  # noqa: E402
+from diffthrust._robot_log import read_robot_log as read_robot_log  # noqa: E402
 from diffthrust._sample import sample as sample  # noqa: E402
 from diffthrust._sandwich import Sandwich as Sandwich  # noqa: E402
 from diffthrust._sandwich import sandwich as sandwich  # noqa: E402

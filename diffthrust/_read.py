@@ -27,7 +27,8 @@ class Column:
     """How a column of a file becomes a channel of a log.
 
     Args:
-        column: name of the column, exactly as in the file; in a MATLAB struct as ``a.b``.
+        column: name of the column, exactly as in the file; in a MATLAB struct as ``a.b``, in a
+            robot's log as ``MESSAGE.FIELD``.
         unit: unit in which the column is written; empty where it is the model's unit.
         unsigned: the sensor reports the absolute value.
         noise: known standard deviation, in the unit of the column.
@@ -92,28 +93,13 @@ def read_log(
         ... )  # doctest: +SKIP
     """
     file = Path(path)
-    columns = {
-        **_described(inputs, file, "inputs"),
-        **_described(measured, file, "measured"),
-    }
-    both = set(inputs or {}) & set(measured or {})
-    if both or "time" in columns:
-        raise InputError(
-            f"{file.name}: the channel {sorted(both)[0] if both else 'time'!r} is named twice, "
-            "expected once among time, inputs and measured.",
-            "give it under one of them.",
-        )
-    if not columns:
-        raise InputError(
-            f"{file.name}: expected the columns to read, found none named.",
-            "name at least one input or measured channel.",
-        )
+    columns = described(file, inputs, measured)
     clock = None if time is None else _described({"time": time}, file, "time")["time"]
     if isinstance(missing_values, str):
         missing_values = (missing_values,)
     missing = frozenset(str(word).strip() for word in missing_values)
     for word, value in (("start", start), ("stop", stop)):
-        if value is not None and not _is_finite(value):
+        if value is not None and not is_finite(value):
             raise InputError(
                 f"{file.name}: expected {word} in seconds, found {value!r}.", "give a number."
             )
@@ -159,8 +145,38 @@ def read_log(
     )
 
 
-def _is_finite(value: Any) -> bool:
+def is_finite(value: Any) -> bool:
+    """Whether a value is a finite number."""
     return isinstance(value, (int, float, np.number)) and math.isfinite(value)
+
+
+def described(
+    file: Path,
+    inputs: Mapping[str, str | Column] | None,
+    measured: Mapping[str, str | Column] | None,
+) -> dict[str, Column]:
+    """Give the column of each channel.
+
+    Raises:
+        InputError: a channel is named twice or ``"time"``, none is named, or one is ill described.
+    """
+    columns = {
+        **_described(inputs, file, "inputs"),
+        **_described(measured, file, "measured"),
+    }
+    both = set(inputs or {}) & set(measured or {})
+    if both or "time" in columns:
+        raise InputError(
+            f"{file.name}: the channel {sorted(both)[0] if both else 'time'!r} is named twice, "
+            "expected once among time, inputs and measured.",
+            "give it under one of them.",
+        )
+    if not columns:
+        raise InputError(
+            f"{file.name}: expected the columns to read, found none named.",
+            "name at least one input or measured channel.",
+        )
+    return columns
 
 
 def _described(
@@ -175,7 +191,7 @@ def _described(
                 f"{place}: expected the name of a column or a Column, found {column!r}.",
                 f"write {what} = {{{key!r}: 'name of the column'}}.",
             )
-        if not _is_finite(column.scale) or column.scale == 0:
+        if not is_finite(column.scale) or column.scale == 0:
             raise InputError(
                 f"{place}: expected a scale other than zero, found {column.scale!r}.",
                 "give the factor by which the numbers are to be multiplied.",
@@ -194,7 +210,8 @@ def _load(file: Path, wanted: list[str], time: str | None, missing: frozenset[st
     if suffix not in _SUFFIXES:
         raise InputError(
             f"{file.name}: expected a file ending in {', '.join(_SUFFIXES)}, found {suffix!r}.",
-            "export the log in one of these forms.",
+            "export the log in one of these forms; bags and ArduPilot logs are read by "
+            "read_robot_log.",
         )
     try:
         if file.stat().st_size == 0:

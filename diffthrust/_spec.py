@@ -15,6 +15,8 @@ from diffthrust._lookup import effect_class, made, model_class
 from diffthrust._model import Model
 from diffthrust._parameters import Normal
 from diffthrust._read import Column, read_log
+from diffthrust._robot_log import is_robot_log, read_robot_log
+from diffthrust._rosbag import is_bag
 from diffthrust._spec_file import (
     NAME,
     ChannelPart,
@@ -73,9 +75,9 @@ class Spec:
         files = [*self.train, *self.holdout]
         alone = sum(other.name == path.name for other in files) == 1
         try:
-            log = read_log(
+            read, more = self._reader(path)
+            log = read(
                 path,
-                time=Column(logs.time.column, unit=logs.time.unit) if logs.time else None,
                 inputs=self.inputs,
                 measured=self.measured,
                 missing_values=[str(word) for word in logs.missing_values],
@@ -83,11 +85,36 @@ class Spec:
                 start=logs.start,
                 stop=logs.stop,
                 name=path.name if alone else f"{path.parent.name}/{path.name}",
+                **more,
             )
             self._check_units(log)
         except InputError as error:
             raise self._placed(error) from None
         return log
+
+    def _reader(self, path: Path) -> tuple[Callable[..., Log], dict[str, Any]]:
+        """What reads a file of that ending, and the keys of ``[logs]`` that only it knows."""
+        logs = self.file.logs
+        robot = is_robot_log(path)
+        others = ("time",) if robot else ("base", "gap", "faster", "stamps")
+        for key in others:
+            if key in logs.model_fields_set:
+                raise InputError(
+                    f"{place(self.text, self.path, ('logs', key))}: {path.name} is "
+                    f"{'a log with stamps of its own' if robot else 'a table'}, for which {key!r} "
+                    "says nothing.",
+                    f"Remove {key}" + (", and choose a time base: base." if robot else "."),
+                )
+        if not robot:
+            clock = Column(logs.time.column, unit=logs.time.unit) if logs.time else None
+            return read_log, {"time": clock}
+        if logs.base is None:
+            raise InputError(
+                f"{place(self.text, self.path, ('logs', 'base'))}: {path.name} has messages of "
+                "different rates, and no time base is chosen.",
+                'Write base = "speed" for the stamps of that channel, or base = 0.05 for a step.',
+            )
+        return read_robot_log, {k: getattr(logs, k) for k in ("base", "gap", "faster", "stamps")}
 
     def _check_units(self, log: Log) -> None:
         """Raise `InputError` for a channel whose unit is not of the model's kind."""
@@ -333,7 +360,8 @@ def _files(patterns: Iterable[str], key: str, text: str, path: Path) -> tuple[Pa
         if has_magic(pattern):
             matches = sorted(glob(pattern, root_dir=path.parent, recursive=True))
         else:
-            matches = [pattern] if (path.parent / pattern).is_file() else []
+            file = path.parent / pattern
+            matches = [pattern] if file.is_file() or is_bag(file) else []
         if not matches:
             near = nearest(pattern, (p.name for p in path.parent.iterdir() if p.is_file()))
             raise InputError(

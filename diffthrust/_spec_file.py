@@ -63,7 +63,7 @@ class TimePart(_Part):
 
 
 class LogsPart(_Part):
-    """``[logs]``: which files, and how they are read."""
+    """``[logs]``: which files, and how they are read; ``base`` and below are of robots' logs."""
 
     train: Annotated[list[str], BeforeValidator(_as_list), Field(min_length=1)]
     holdout: Annotated[list[str], BeforeValidator(_as_list)] = []
@@ -72,6 +72,10 @@ class LogsPart(_Part):
     interpolate_inputs: bool = False
     start: float | None = None
     stop: float | None = None
+    base: str | float | None = None
+    gap: Annotated[float, Field(ge=0)] | None = None
+    faster: Annotated[float, Field(ge=1)] = 2.0
+    stamps: Literal["recorder", "header"] = "recorder"
 
 
 class ChannelPart(_Part):

@@ -1,0 +1,138 @@
+"""Small real logs of robots, written by the libraries that read them."""
+
+import struct
+from pathlib import Path
+
+import numpy as np
+
+START = 1_700_000_000_000_000_000  # ns
+
+
+def write_bag(folder: Path, topics, storage="sqlite3", name="bag"):
+    """Write a ROS 2 bag.
+
+    Args:
+        folder: where the bag's folder goes.
+        topics: by topic, the type of its messages and pairs of stamp [s] and message; a message is
+            a function of the types.
+        storage: ``"sqlite3"`` or ``"mcap"``.
+        name: name of the bag.
+    """
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    plugin = StoragePlugin.MCAP if storage == "mcap" else StoragePlugin.SQLITE3
+    with Writer(folder / name, version=9, storage_plugin=plugin) as writer:
+        for topic, (kind, messages) in topics.items():
+            connection = writer.add_connection(topic, kind, typestore=store)
+            for stamp, message in messages:
+                raw = store.serialize_cdr(message(store.types), kind)
+                writer.write(connection, START + round(stamp * 1e9), raw)
+    return folder / name
+
+
+def number(value):
+    return lambda types: types["std_msgs/msg/Float64"](data=float(value))
+
+
+def numbers(values):
+    def make(types):
+        layout = types["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
+        data = np.array(values, dtype=np.float64)
+        return types["std_msgs/msg/Float64MultiArray"](layout=layout, data=data)
+
+    return make
+
+
+def twist(forward, stamp, yaw_rate=0.0):
+    def make(types):
+        seconds, rest = divmod(START + round(stamp * 1e9), 10**9)
+        time = types["builtin_interfaces/msg/Time"](sec=seconds, nanosec=rest)
+        header = types["std_msgs/msg/Header"](stamp=time, frame_id="base")
+        vector = types["geometry_msgs/msg/Vector3"]
+        body = types["geometry_msgs/msg/Twist"](
+            linear=vector(x=float(forward), y=0.0, z=0.0),
+            angular=vector(x=0.0, y=0.0, z=float(yaw_rate)),
+        )
+        return types["geometry_msgs/msg/TwistStamped"](header=header, twist=body)
+
+    return make
+
+
+# the letters of DataFlash, as its format message explains them
+_CODES = {
+    "Q": "Q",
+    "f": "f",
+    "B": "B",
+    "H": "H",
+    "h": "h",
+    "c": "h",
+    "d": "d",
+    "N": "16s",
+    "n": "4s",
+}
+
+
+def write_dataflash(path: Path, formats, rows, instances=None):
+    """Write a DataFlash log: the formats of its messages first, then the messages.
+
+    Args:
+        path: a file ending in .bin.
+        formats: by message, its letters and its fields.
+        rows: pairs of message and values, in order.
+        instances: by message, the field that tells one sender from another.
+    """
+    numbers = {name: 129 + index for index, name in enumerate(formats)}
+
+    def format_message(number, name, letters, columns):
+        length = 3 + struct.calcsize("<" + "".join(_CODES[c] for c in letters))
+        return struct.pack(
+            "<BBBBB4s16s64s", 0xA3, 0x95, 0x80, number, length,
+            name.encode(), letters.encode(), ",".join(columns).encode(),
+        )  # fmt: skip
+
+    out = struct.pack(
+        "<BBBBB4s16s64s", 0xA3, 0x95, 0x80, 0x80, 89, b"FMT", b"BBnNZ",
+        b"Type,Length,Name,Format,Columns",
+    )  # fmt: skip
+    for name, (letters, columns) in formats.items():
+        out += format_message(numbers[name], name, letters, columns)
+    if instances:
+        out += format_message(120, "FMTU", "QBNN", ["TimeUS", "FmtType", "UnitIds", "MultIds"])
+        for name, which in instances.items():
+            units = "".join("#" if c == which else "-" for c in formats[name][1]).encode()
+            plain = b"-" * len(units)
+            out += struct.pack("<BBBQB16s16s", 0xA3, 0x95, 120, 0, numbers[name], units, plain)
+    for name, values in rows:
+        codes = "<" + "".join(_CODES[c] for c in formats[name][0])
+        packed = [v.encode() if isinstance(v, str) else v for v in values]
+        out += struct.pack("<BBB", 0xA3, 0x95, numbers[name]) + struct.pack(codes, *packed)
+    path.write_bytes(out)
+    return path
+
+
+def write_telemetry(path: Path, messages):
+    """Write a telemetry log: before each frame eight bytes, the microsecond of its reception.
+
+    Args:
+        path: a file ending in .tlog.
+        messages: triples of stamp [s], system, and a message as a function of the dialect.
+    """
+    from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+    out = b""
+    for stamp, system, message in messages:
+        sender = dialect.MAVLink(None, srcSystem=system, srcComponent=1)
+        out += struct.pack(">Q", START // 1000 + round(stamp * 1e6))
+        out += message(dialect).pack(sender)
+    path.write_bytes(out)
+    return path
+
+
+def attitude(yaw, boot=0):
+    return lambda d: d.MAVLink_attitude_message(boot, 0.0, 0.0, yaw, 0.0, 0.0, 0.0)
+
+
+def servos(first):
+    return lambda d: d.MAVLink_servo_output_raw_message(0, 0, first, *[1500] * 7)
