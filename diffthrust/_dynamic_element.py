@@ -18,6 +18,7 @@ from diffthrust._model import Model
 from diffthrust._nonlinearity import Nonlinearity
 from diffthrust._signals import Ports, Relaxing, Signals
 from diffthrust._simulate import equations_of
+from diffthrust.effects import CommandDelay
 
 _STEPS = 256
 """Steps per period while a describing function is mapped."""
@@ -40,6 +41,10 @@ class ModelElement(Nonlinearity):
         input: the input that the loop drives; others the model cannot have.
         output: what goes on to the linear part.
 
+    A `CommandDelay` is taken out and kept as ``delay`` [s]: a loop counts it with the dead time of
+    its linear part, which is the same, for whatever else acts on the command does not care when it
+    comes.
+
     Raises:
         InputError: an input or output that the model does not have, a model without states, or an
             effect that reads earlier samples of the input.
@@ -51,7 +56,7 @@ class ModelElement(Nonlinearity):
     odd = False  # effects may tell forward from reverse
 
     def __init__(self, model: Any, *, input: str = "command", output: str = "thrust") -> None:
-        self.model = checked_model(model)
+        self.model, self.delay = _without_delay(checked_model(model), input)
         self.input, self.output = input, output
         for what, name, known in (
             ("input", input, self.model.inputs),
@@ -79,8 +84,9 @@ class ModelElement(Nonlinearity):
             raise InputError(
                 f"The effect {listing(late)} reads earlier samples of '{input}', which a loop in "
                 "continuous time does not have.",
-                f'Take it out (model - "{late[0]}") and give a delay as the dead time of the '
-                "linear part: (num, den, delay).",
+                f'Take it out (model - "{late[0]}") and let an effect with a state stand for it, '
+                "such as dft.effects.ActuatorLag; or simulate the loop with its samples: "
+                "dft.control.",
             )
 
     @property
@@ -157,6 +163,14 @@ def checked_model(model: Any) -> Model:
             f"Expected a model or a fit, found {model!r}.", "Give dft.Thruster() or a fit."
         )
     return found
+
+
+def _without_delay(model: Model, input: str) -> tuple[Model, float]:
+    """A model without the delays of an input, and the dead time [s] that they amount to."""
+    found = [e for e in model.effects if isinstance(e, CommandDelay) and input in e.ports]
+    for effect in found:
+        model = model - effect.name
+    return model, float(sum(effect.delay for effect in found))
 
 
 def plain_rate(rate: Any) -> Any:

@@ -46,7 +46,8 @@ def limit_cycles(
         linear: G(s) under negative feedback: ``(num, den)``, ``(num, den, delay)`` with the dead
             time [s], or an object of python-control or SciPy.
         nonlinearity: an element such as `Relay`; a function of your own; or a model or fit with
-            its effects, from its command to its thrust (`ModelElement` for others).
+            its effects, from its command to its thrust (`ModelElement` for others). A delay of
+            its command is counted with the dead time of the linear part.
         amplitudes: lowest and highest amplitude at the element's input, in its unit, or a rising
             grid. By default a wide range around the element's own scale; for a model 0.001 to 100.
         frequencies: the same [rad/s]. By default around the corners of G; with a dead time up to
@@ -67,7 +68,8 @@ def limit_cycles(
         >>> found = limit_cycles(([6.0], [1, 3, 2, 0]), Relay(1.0))
         >>> print(found.report())
     """
-    transfer, element = transfer_of(linear), element_of(nonlinearity)
+    element = element_of(nonlinearity)
+    transfer = transfer_of(linear).later(element.delay)
     high = _harmonics(harmonics, element)
     a, w = grid_of(
         transfer,

@@ -168,6 +168,11 @@ class LimitCycles:
                 f"There is no settled answer to a sine in {100 * self.unknown:.2g} % of the range; "
                 "nothing can be found there."
             )
+        if self.element.delay:
+            said.append(
+                f"The delay of the command, {self.element.delay:.4g} s, is counted with G: the "
+                "element's input is the command that arrives."
+            )
         if self.transfer.delay:
             said.append(
                 "A dead time turns G round and round: cycles of higher frequencies than the range "

@@ -25,11 +25,13 @@ class Nonlinearity(ABC):
 
     ``odd`` says that the output of -e is minus that of e, so that there are no even harmonics;
     ``scale`` is the input at which its behaviour changes, ``None`` where there is none; below the
-    amplitude ``least`` it has no output, or none that is known.
+    amplitude ``least`` it has no output, or none that is known; ``delay`` [s] is a dead time before
+    it, which `describing` leaves to the linear part.
     """
 
     odd: bool = True
     least: float = 0.0
+    delay: float = 0.0
 
     @property
     def scale(self) -> float | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -84,6 +84,10 @@ class Transfer:
         b = np.zeros(n)
         b[:1] = 1.0
         return unit * a, unit * b, num[1:] - num[0] * den[1:], float(num[0])
+
+    def later(self, delay: float) -> Transfer:
+        """The same with a further dead time [s]."""
+        return replace(self, delay=self.delay + delay)
 
     def rational(self, order: int = _PADE) -> Transfer:
         """The same without dead time, which becomes an all-pass of this order (Pade)."""

@@ -26,7 +26,13 @@ from diffthrust._nonlinearity import StaticNonlinearity
 from diffthrust._pole_figure import plot_pole_motion
 from diffthrust._thruster_loop import thruster_loop_cycle
 from diffthrust._transfer import transfer_of
-from diffthrust.effects import ActuatorLag, CommandDeadband, CommandDelay, ReverseThrustAsymmetry
+from diffthrust.effects import (
+    ActuatorLag,
+    CommandDeadband,
+    CommandDelay,
+    CommandRateLimit,
+    ReverseThrustAsymmetry,
+)
 
 JASON = {"alpha": 0.037, "beta": 42.0, "ct": 0.022}
 
@@ -264,7 +270,10 @@ def test_ranges_that_cannot_be_meant_are_refused(options, words):
         (lambda: ModelElement(dft.Thruster(), input="inflow"), "no input 'inflow'"),
         (lambda: ModelElement(dft.Thruster(), output="torque"), "no output 'torque'"),
         (lambda: ModelElement(dft.Vessel()), "no input 'command'"),
-        (lambda: ModelElement(dft.Thruster() + CommandDelay()), "reads earlier samples"),
+        (
+            lambda: ModelElement(dft.Thruster() + CommandRateLimit()),
+            "(?s)earlier samples.*dft.control",
+        ),
         (lambda: thruster_loop_cycle(dft.Thruster(), mass=0.0), "mass"),
         (lambda: thruster_loop_cycle(dft.Thruster(), drag=-1.0), "drag"),
         (lambda: thruster_loop_cycle(dft.AxisVehicle()), "alpha, beta and ct"),
@@ -421,6 +430,42 @@ def test_loop_of_a_model_with_effects_agrees_with_its_simulation():
     assert abs(c.refined.offset) > 0.01 * c.refined.amplitude
     for name in ("peak", "amplitude", "frequency", "offset"):
         np.testing.assert_allclose(getattr(c.refined, name), getattr(c.simulated, name), rtol=0.005)
+
+
+def test_a_delay_of_the_command_is_carried_exactly():
+    """Against a loop in plain numpy that keeps the commands of the last moments."""
+    delay, mass, gain, step = 0.15, 340.0, 0.022 * 42.0 / 0.037, 0.15 / 100
+    late = dft.Thruster(**JASON) + CommandDeadband(width=0.1) + CommandDelay(delay=delay)
+    loop = thruster_loop_cycle(late, drag=0.0)
+    c = loop.cycle
+    assert c.verdict == "stable"
+    assert loop.found.transfer.delay == delay
+    assert "delay of the command, 0.15 s, is counted with G" in loop.report()
+
+    def rates(x, u):
+        u = math.copysign(max(abs(u) - 0.1, 0.0), u)
+        thrust = 0.022 * x[2] * abs(x[2])
+        return np.array([x[1], thrust / mass, 42.0 * u - 0.037 * x[2] * abs(x[2])])
+
+    def wanted(x):
+        return -mass / gain * (2 * 0.707 * x[1] + x[0])
+
+    x, course = np.array([0.05, 0.0, 0.0]), [0.0] * 101
+    for k in range(round(150 / step)):
+        course.append(wanted(x))
+        now, then = course[k + 1], course[k + 2]
+        one = rates(x, now)
+        two = rates(x + 0.5 * step * one, 0.5 * (now + then))
+        three = rates(x + 0.5 * step * two, 0.5 * (now + then))
+        four = rates(x + step * three, then)
+        x = x + step / 6 * (one + 2 * two + 2 * three + four)
+    u = np.array(course[101:])
+    late_half = u[u.size // 2 :]
+    rises = np.flatnonzero((late_half[:-1] < 0) & (late_half[1:] >= 0))
+    period = step * (rises[-1] - rises[0]) / (rises.size - 1)
+    for o in (c.refined, c.simulated):
+        np.testing.assert_allclose(o.peak, np.abs(late_half).max(), rtol=2e-3)
+        np.testing.assert_allclose(o.period, period, rtol=2e-3)
 
 
 def test_quick_thrusters_do_not_cycle():
