@@ -7,7 +7,7 @@ from dataclasses import fields
 import numpy as np
 
 from diffthrust._cycle import Cycle, Lane
-from diffthrust._periodic import Reason, Responses, Solver, respond
+from diffthrust._periodic import Reason, Responses, Solver, respond, some
 
 SWEEPS = 12
 """Answers spread by at most so many points of the map."""
@@ -44,7 +44,7 @@ def continued(
         source = beside[again]
         ratio = lanes.amplitude[again] / lanes.amplitude[source]
         guess = found.x[source] * ratio.reshape(-1, *([1] * (found.x.ndim - 1)))
-        more = respond(solver, cycle, _some(lanes, again), samples=samples, guess=guess)
+        more = respond(solver, cycle, some(lanes, again), samples=samples, guess=guess)
         better = more.reason == Reason.SETTLED
         if not better.any():
             break
@@ -66,14 +66,3 @@ def _neighbours(settled: np.ndarray) -> np.ndarray:
             there[tuple(edge)] = False
             found = np.where(there, at, found)
     return found.reshape(-1)
-
-
-def _some(lanes: Lane, who: np.ndarray) -> Lane:
-    return Lane(
-        lanes.amplitude[who],
-        lanes.frequency[who],
-        {name: value[who] for name, value in lanes.values.items()},
-        lanes.bias[who],
-        {name: value[who] for name, value in lanes.others.items()},
-        lanes.clock[who],
-    )

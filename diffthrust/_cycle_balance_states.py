@@ -33,12 +33,11 @@ def balanced_states(
         The cycle and the coefficients of the model's states, complex ``(states, harmonics + 1)``;
         ``None`` where Newton's method does not converge near the guess.
     """
-    path = element.orbit(amplitude, frequency)
-    if not np.isfinite(path).all():
+    own = element.answer(amplitude, frequency, harmonics)
+    if not np.isfinite(own).all():
         return None
     order = np.arange(harmonics + 1)
     # the answer to a sine, moved by a quarter turn: the phase is held to that of a cosine
-    own = np.fft.rfft(path)[:, : harmonics + 1] / path.shape[1] * np.where(order, 2.0, 1.0)
     sine = np.zeros((1, harmonics + 1), complex)
     sine[0, 1] = amplitude
     c = np.concatenate([sine, own * 1j**order])

@@ -4,29 +4,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from functools import partial
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._channels import listing
+from diffthrust._cycle import Cycle, Lane
 from diffthrust._errors import InputError
-from diffthrust._integrate import integrate
 from diffthrust._model import Model
 from diffthrust._nonlinearity import Nonlinearity
+from diffthrust._orbit_solvers import HarmonicBalance, Shooting
+from diffthrust._periodic import Reason, respond, some
+from diffthrust._responses import bare
 from diffthrust._signals import Ports, Relaxing, Signals
 from diffthrust._simulate import equations_of
 from diffthrust.effects import CommandDelay
 
-_STEPS = 256
-"""Steps per period while a describing function is mapped."""
-_SHOTS = 16
-_HELD = 1e-12
-"""Keeps Newton's method where it is if a state does not move at all, as within a dead band."""
-_PORTION = 64
-"""Points of one call: one size, compiled once."""
+_STEPS = (256, 3072)
+"""Steps per period while a describing function is mapped, then those for a model that is too fast
+for them. They are fixed: a search that follows slopes must not see them change."""
 
 
 class ModelElement(Nonlinearity):
@@ -131,11 +128,41 @@ class ModelElement(Nonlinearity):
     def describing(self, amplitude: Any, frequency: Any) -> np.ndarray:
         """The describing function by shooting; NaN where no settled answer was found."""
         a, w = np.broadcast_arrays(np.asarray(amplitude, float), np.asarray(frequency, float))
-        return settled(self, a.reshape(-1), w.reshape(-1))[0].reshape(a.shape)
+        lanes = self._lanes(a.reshape(-1), w.reshape(-1))
+        solver, found = (
+            Shooting(self._driven, len(self.model.all_states)),
+            np.full(a.size, np.nan + 0j),
+        )
+        for steps in _STEPS:
+            left = np.flatnonzero(np.isnan(found))
+            if left.size:
+                answers = respond(solver, self._cycle, some(lanes, left), samples=steps)
+                found[left] = np.where(answers.reason == Reason.SETTLED, answers.first, np.nan)
+        return found.reshape(a.shape)
 
-    def orbit(self, amplitude: float, frequency: float) -> np.ndarray:
-        """States over a settled period, evenly spaced from the sine's rise, ``(states, n)``."""
-        return settled(self, np.array([amplitude]), np.array([frequency]))[1]
+    def answer(self, amplitude: float, frequency: float, harmonics: int) -> np.ndarray:
+        """The states' answer to a sine: coefficients, complex ``(states, harmonics + 1)``.
+
+        The real part of sum c_k exp(j k w t); NaN where none was found.
+        """
+        lanes = self._lanes(np.array([amplitude]), np.array([frequency]))
+        solver = HarmonicBalance(self._driven, len(self.model.all_states), harmonics)
+        found = respond(solver, self._cycle, lanes)
+        x = np.where(found.reason[0] == Reason.SETTLED, found.x[0], np.nan)
+        return np.concatenate([x[:, :1], x[:, 1::2] - 1j * x[:, 2::2]], axis=1)
+
+    @property
+    def _driven(self) -> Model:
+        """The model without the effects of its sensors: what acts is the true output."""
+        return bare(self.model)
+
+    @property
+    def _cycle(self) -> Cycle:
+        return Cycle(self.input, self.output, 1, states=tuple(self.model.all_states))
+
+    def _lanes(self, a: np.ndarray, w: np.ndarray) -> Lane:
+        values = {n: np.full(a.size, p.value) for n, p in self._driven.parameters.items()}
+        return Lane(a, w, values, np.zeros(a.size), {}, np.zeros(a.size))
 
     def quasi_linear(
         self, n: complex, amplitude: float, frequency: float
@@ -176,82 +203,3 @@ def _without_delay(model: Model, input: str) -> tuple[Model, float]:
 def plain_rate(rate: Any) -> Any:
     """The number in a rate that may be `Relaxing`."""
     return rate.rate if isinstance(rate, Relaxing) else rate
-
-
-def settled(
-    element: ModelElement, amplitude: np.ndarray, frequency: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Describing function and orbits.
-
-    Where the steps prove too long for a fast model, the period is cut more finely.
-
-    Args:
-        element: the model.
-        amplitude: of the sine at its input, ``(n,)``.
-        frequency: [rad/s], ``(n,)``.
-
-    Returns:
-        N, complex ``(n,)``, NaN where no settled answer was found; and the states over the period
-        of the last point, ``(states, steps)``.
-    """
-    found = np.full(amplitude.shape, np.nan + 0j)
-    orbit = np.full((len(element.states), 1), np.nan)
-    for steps in (_STEPS, 12 * _STEPS):
-        left = np.flatnonzero(np.isnan(found))
-        for first in range(0, left.size, _PORTION):
-            part = left[first : first + _PORTION]
-            taken = np.resize(part, _PORTION)
-            n, x = _shoot(element, steps, element.values, amplitude[taken], frequency[taken])
-            found[part] = np.asarray(n)[: part.size]
-            if part[-1] == found.size - 1:
-                orbit = np.asarray(x)[part.size - 1]
-    return found, orbit
-
-
-@partial(jax.jit, static_argnums=(0, 1))
-def _shoot(element: ModelElement, steps: int, values: Any, amplitude: Any, frequency: Any) -> Any:
-    return jax.vmap(lambda a, w: _settle(element, steps, values, a, w))(amplitude, frequency)
-
-
-def _settle(element: ModelElement, steps: int, values: Any, a: Any, w: Any) -> tuple[Any, Any]:
-    names = element.states
-    length = jnp.full(steps, 2.0 * math.pi / steps) / w
-    clock = jnp.arange(steps + 1.0) * length[0]
-    instants = {"time": (clock[:-1], clock[1:])}
-
-    def rates(x: Mapping[str, Any], u: Mapping[str, Any]) -> dict[str, Any]:
-        return element.evaluate(values, x, a * jnp.sin(w * u["time"]), u["time"])[0]
-
-    def course(x: Any) -> dict[str, Any]:
-        begin = dict(zip(names, x, strict=True))
-        return integrate(rates, begin, instants, length, {}, uniform=True)
-
-    def after(x: Any) -> tuple[Any, Any]:
-        path = course(x)
-        gap = jnp.stack([path[name][-1] for name in names]) - x
-        return gap, gap
-
-    held = _HELD * jnp.eye(len(names))
-
-    def shot(state: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
-        x, _, count = state
-        slopes, gap = jax.jacfwd(after, has_aux=True)(x)
-        # from rest one period is run through first: there the slopes can mislead
-        step = jnp.where(count == 0, gap, -jnp.linalg.solve(slopes - held, gap))
-        return x + step, jnp.abs(step).max() / (jnp.abs(x).max() + 1e-300), count + 1
-
-    def going(state: tuple[Any, Any, Any]) -> Any:
-        return (state[1] > 1e-10) & (state[2] < _SHOTS)
-
-    x = jnp.zeros(len(names))
-    x, _, _ = jax.lax.while_loop(going, shot, (x, jnp.asarray(math.inf), 0))
-    path = course(x)
-    missed = jnp.stack([path[name][-1] for name in names]) - x
-    swing = jnp.stack([jnp.ptp(path[name]) for name in names]) + jnp.abs(x)
-    fine = jnp.all(jnp.abs(missed) <= 1e-7 * swing + 1e-300)
-    y = element.evaluate(values, path, a * jnp.sin(w * clock), clock)[1][:-1]
-    angle = w * clock[:-1]
-    inphase, quadrature = jnp.mean(y * jnp.sin(angle)), jnp.mean(y * jnp.cos(angle))
-    n = 2.0 / a * inphase, 2.0 / a * quadrature
-    orbit = jnp.stack([path[name][:-1] for name in names])
-    return jax.lax.complex(*(jnp.where(fine, part, jnp.nan) for part in n)), orbit

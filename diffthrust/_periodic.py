@@ -9,7 +9,7 @@ one of these checks is marked with the reason, never passed on as an answer.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from enum import IntEnum
@@ -275,18 +275,20 @@ def _padded(values: np.ndarray, size: int) -> np.ndarray:
     return np.concatenate([values, np.repeat(values[-1:], size - values.shape[0], axis=0)])
 
 
-def _taken(lanes: Lane, part: np.ndarray, size: int) -> Lane:
-    def some(values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        return {name: _padded(value[part], size) for name, value in values.items()}
-
+def some(lanes: Lane, who: np.ndarray) -> Lane:
+    """Some of the lanes."""
     return Lane(
-        _padded(lanes.amplitude[part], size),
-        _padded(lanes.frequency[part], size),
-        some(lanes.values),
-        _padded(lanes.bias[part], size),
-        some(lanes.others),
-        _padded(lanes.clock[part], size),
+        lanes.amplitude[who],
+        lanes.frequency[who],
+        {name: value[who] for name, value in lanes.values.items()},
+        lanes.bias[who],
+        {name: value[who] for name, value in lanes.others.items()},
+        lanes.clock[who],
     )
+
+
+def _taken(lanes: Lane, part: np.ndarray, size: int) -> Lane:
+    return some(lanes, _padded(part, size))
 
 
 @lru_cache(maxsize=1)

@@ -72,12 +72,12 @@ class PropelledAxis(ModelElement):
         with np.errstate(invalid="ignore"):  # where the thruster has no settled answer
             return n / (1j * w * self.mass + self._damping(np.abs(n) * amplitude, w))
 
-    def orbit(self, amplitude: float, frequency: float) -> np.ndarray:
-        """States over a settled period, the velocity by its describing function."""
-        thruster = self.thruster.orbit(amplitude, frequency)
-        n = complex(self.describing(amplitude, frequency))
-        turn = np.exp(2j * math.pi * np.arange(thruster.shape[1]) / thruster.shape[1])
-        return np.vstack([thruster, amplitude * (n * turn).imag])
+    def answer(self, amplitude: float, frequency: float, harmonics: int) -> np.ndarray:
+        """Coefficients of the thruster's states, and of the velocity by its describing function."""
+        thruster = self.thruster.answer(amplitude, frequency, harmonics)
+        velocity = np.zeros((1, harmonics + 1), complex)
+        velocity[0, 1] = -1j * amplitude * complex(self.describing(amplitude, frequency))
+        return np.concatenate([thruster, velocity])
 
     def quasi_linear(
         self, n: complex, amplitude: float, frequency: float
