@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass, field
 from functools import partial
 from io import StringIO
@@ -11,6 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from diffthrust._errors import InputError
+
+# A stamp beyond this many microseconds is no time since the start, nor one since 1970 [us].
+_LATEST = 2**53
 
 
 @dataclass(frozen=True)
@@ -54,31 +57,49 @@ def dataflash(path: Path, names: set[str]) -> Iterator[Recording]:
     """Open a DataFlash log; whatever pymavlink raises where it is damaged passes through."""
     from pymavlink import DFReader
 
-    said = StringIO()
-    with redirect_stdout(said), redirect_stderr(said):  # the library prints what it skips
-        log: Any = DFReader.DFReader_binary(str(path))
-    damages = said.getvalue().splitlines()
+    class Reader(DFReader.DFReader_binary):
+        def init_arrays_fast(self, progress_callback: Any = None) -> None:
+            self.init_arrays(progress_callback)  # the fast one writes past sys.stderr
+
+    damages: list[str] = []
 
     def messages() -> Iterator[Received]:
         while message := log.recv_match(type=names, strict=True):
             named = message.get_fieldnames()
             if "TimeUS" in named:
-                stamp = int(message.TimeUS) * 1_000
+                stamp = int(message.TimeUS)
             elif "TimeMS" in named:
-                stamp = int(message.TimeMS) * 1_000_000
+                stamp = int(message.TimeMS) * 1_000
             else:
                 raise InputError(
                     f"{path.name}: the message {message.get_type()!r} has no time stamp.",
                     "choose a message with a field TimeUS.",
                 )
+            if stamp > _LATEST:
+                damages.append(f"a message {message.get_type()!r} with a time stamp of {stamp} us")
+                continue
             which = message.fmt.instance_field
             instance = "" if which is None else str(getattr(message, which))
             get = partial(getattr, message)
-            yield Received(stamp, message.get_type(), (), instance, named, get)
+            yield Received(stamp * 1_000, message.get_type(), (), instance, named, get)
+        damages.extend(said.getvalue().splitlines())
 
-    with log:
+    said = StringIO()  # the library prints what it skips
+    with ExitStack() as stack:
+        stack.enter_context(redirect_stdout(said))
+        stack.enter_context(redirect_stderr(said))
+        log: Any = object.__new__(Reader)
+        stack.callback(_close, log)  # also where reading fails halfway through the constructor
+        log.__init__(str(path))
         known = {name for name, number in log.name_to_id.items() if log.counts[number]}
         yield Recording(known, messages(), damages)
+
+
+def _close(log: Any) -> None:
+    for name in ("filehandle", "data_map"):
+        if name in vars(log):
+            with suppress(BufferError):  # a reader that failed still looks into the map
+                vars(log)[name].close()
 
 
 @contextmanager
@@ -124,6 +145,9 @@ def _frames(data: bytes, damages: list[str]) -> Iterator[tuple[int, int, int, in
     while at + 8 + 8 <= len(data):
         begin = at + 8
         marker, length = data[begin], data[begin + 1]
+        stamp = int.from_bytes(data[at:begin], "big")
+        if stamp > _LATEST:
+            marker = 0
         if marker == 0xFD and begin + 10 <= len(data):
             end = begin + length + 12 + (13 if data[begin + 2] & 1 else 0)
             number = int.from_bytes(data[begin + 7 : begin + 10], "little")
@@ -139,7 +163,7 @@ def _frames(data: bytes, damages: list[str]) -> Iterator[tuple[int, int, int, in
         if skipped is not None:
             damages.append(f"at byte {skipped}: {at - skipped} bytes are no MAVLink message")
             skipped = None
-        yield int.from_bytes(data[at:begin], "big"), number, begin, end
+        yield stamp, number, begin, end
         at = end
     if at < len(data):
         damages.append(f"at byte {at}: the last message is cut off")

@@ -79,7 +79,7 @@ def read_bag(
                 stamped[connection.topic] = stamp is not None
                 for column, steps in targets[connection.topic]:
                     values[column].append(_number(path.name, column, message, steps))
-                    ticks[column].append(recorded if stamp is None else stamp)
+                    ticks[column].append(int(recorded) if stamp is None else stamp)
     except InputError:
         raise
     except Exception as error:  # a damaged bag raises whatever the reader came across

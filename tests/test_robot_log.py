@@ -1,6 +1,7 @@
 """Logs of robots: read back what was written, on one time base, and say what was done."""
 
 import builtins
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -173,6 +174,15 @@ def test_defects_of_columns_in_a_dataflash_log(dataflash, column, words):
     assert caught.value.mend
 
 
+def test_damage_in_a_dataflash_log_is_told(tmp_path):
+    pytest.importorskip("pymavlink")
+    path = write_dataflash(tmp_path / "a.bin", ESC, dataflash_rows())
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-900] + b"\0\0\0" + whole[-900:])
+    log = read_robot_log(path, base="command", inputs={}, measured={"command": "RCOU.C2"})
+    assert any("the file is damaged in" in note and "bad header" in note for note in log.notes)
+
+
 def test_a_clock_that_was_restarted(tmp_path):
     pytest.importorskip("pymavlink")
     path = write_dataflash(tmp_path / "a.bin", ESC, dataflash_rows(restart=True))
@@ -324,6 +334,33 @@ def test_a_library_that_is_not_installed(tmp_path, monkeypatch, name, library, e
     with pytest.raises(InputError, match=f"needs {library}") as caught:
         read_robot_log(tmp_path / name, base=0.1, measured={"speed": "A.b"})
     assert caught.value.mend == f"pip install 'diffthrust[{extra}]'"
+
+
+def test_no_change_of_a_byte_ends_in_a_traceback(tmp_path, capfd):
+    pytest.importorskip("rosbags")
+    pytest.importorskip("pymavlink")
+    rng = np.random.default_rng(0)
+    topics = {"/x": (ARRAY, [(t, numbers([t])) for t, _ in SPEEDS])}
+    yaws = [(t, 1, attitude(t)) for t, _ in SPEEDS]
+    files = {
+        next(write_bag(tmp_path, topics, "mcap", "m").glob("*.mcap")): "/x.data[0]",
+        next(write_bag(tmp_path, topics, "sqlite3", "s").glob("*.db3")): "/x.data[0]",
+        write_dataflash(tmp_path / "a.bin", ESC, dataflash_rows()[:40]): "RCOU.C1",
+        write_telemetry(tmp_path / "a.tlog", yaws): "ATTITUDE.yaw",
+    }
+    read = 0
+    for path, column in files.items():
+        whole = path.read_bytes()
+        for _ in range(40):
+            content = bytearray(whole)
+            for at in rng.integers(len(whole), size=rng.choice([1, 10])):
+                content[at] = rng.integers(256)
+            path.write_bytes(content[: len(whole) // 2] if rng.random() < 0.2 else content)
+            with suppress(InputError):
+                read_robot_log(path, base=0.1, measured={"x": column}, faster=100.0)
+                read += 1
+    assert 20 < read < 140
+    assert capfd.readouterr().err == ""
 
 
 @pytest.mark.parametrize("content", [b"", b"x" * 1000, b"\xa3\x95\x80" * 50])
