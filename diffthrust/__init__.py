@@ -20,6 +20,7 @@ if "xla_backend_extra_options" not in _os.environ.get("XLA_FLAGS", ""):
         + _os.environ.get("XLA_FLAGS", "")
     ).strip()
 
+from diffthrust import blackbox as blackbox  # noqa: E402
 from diffthrust import control as control  # noqa: E402
 from diffthrust import datasets as datasets  # noqa: E402
 from diffthrust import effects as effects  # noqa: E402

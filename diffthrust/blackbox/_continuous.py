@@ -1,0 +1,82 @@
+"""From sampled to continuous time."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+
+from diffthrust._errors import InputError
+from diffthrust.blackbox._system import System
+
+Method = Literal["zero", "linear", "tustin"]
+_CLOSE = 1e-6
+
+
+def continued(system: System, step: float, method: str) -> tuple[np.ndarray, ...]:
+    """The continuous system that becomes the sampled one.
+
+    Args:
+        system: sampled.
+        step: [s].
+        method: how the input runs between samples, ``"zero"`` (it keeps its last value) or
+            ``"linear"``, for which the step is undone exactly; or ``"tustin"``, the bilinear
+            transformation, which takes any system without a pole at -1.
+
+    Returns:
+        A ``(n, n)``, B ``(n, m)``, C ``(p, n)``, D ``(p, m)``.
+
+    Raises:
+        InputError: no continuous system of this order has such poles (on the negative real axis,
+            or at zero), or another method.
+    """
+    a, b, c, d = system.a, system.b, system.c, system.d
+    n = len(a)
+    if method == "tustin":
+        inverse = np.linalg.inv(a + np.eye(n))
+        root = 2.0 / np.sqrt(step)
+        return (2.0 / step * (a - np.eye(n)) @ inverse, root * inverse @ b, root * c @ inverse,
+                d - c @ inverse @ b)  # fmt: skip
+    if method not in ("zero", "linear"):
+        raise InputError(
+            f"method: expected 'zero', 'linear' or 'tustin', found {method!r}.", "Correct it."
+        )
+    grown = _logarithm(a) / step
+    by_value, by_slope = _steps(grown, step)
+    if method == "zero":
+        return grown, np.linalg.solve(by_value, b), c, d
+    # with z = x - by_slope B u the line between two samples is a step of u alone
+    b = np.linalg.solve(by_value - by_slope + a @ by_slope, b)
+    return grown, b, c, d - c @ by_slope @ b
+
+
+def _steps(a: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """What B u adds within a step: u held, and u rising from 0 to 1; ``(n, n)`` each."""
+    from scipy.linalg import expm
+
+    n = len(a)
+    block = np.zeros((3 * n, 3 * n))
+    block[:n, :n] = a * step
+    block[:n, n : 2 * n] = np.eye(n) * step
+    block[n : 2 * n, 2 * n :] = np.eye(n)
+    grown = expm(block)
+    return grown[:n, n : 2 * n], grown[:n, 2 * n :]
+
+
+def _logarithm(a: np.ndarray) -> np.ndarray:
+    from scipy.linalg import expm, logm
+
+    poles = np.linalg.eigvals(a)
+    real = np.abs(poles.imag) < 1e-12 * np.abs(poles)
+    lost = poles[(np.abs(poles) < 1e-9) | (real & (poles.real <= 0))]
+    if not lost.size:
+        whole: Any = logm(a)
+        found = np.real(whole)
+        if np.allclose(expm(found), a, rtol=_CLOSE, atol=_CLOSE):
+            return found
+    told = ", ".join(f"{pole.real:.3g}" for pole in lost) or "what rounding cannot tell from those"
+    raise InputError(
+        f"The sampled model has poles at {told}; no continuous system of its order, sampled, has "
+        "poles at zero or on the negative real axis.",
+        "Choose a lower order, no more coefficients in B than in A, or method='tustin'.",
+    )

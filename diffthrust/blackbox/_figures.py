@@ -1,0 +1,46 @@
+"""A black-box model held against a log, as a figure."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from diffthrust._log import Log
+from diffthrust._plots import BLUE, GREY, VERMILLION, literal, styled, thinned
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from diffthrust.blackbox._model import BlackBox
+
+
+def model_figure(model: BlackBox, log: Log) -> Figure:
+    """Measured, simulated and predicted outputs; below, what is left of each."""
+    from matplotlib.figure import Figure
+
+    outputs = model.channels.outputs
+    figure = Figure(figsize=(8.5, 4.6 * len(outputs)), layout="constrained")
+    panels = figure.subplots(
+        2 * len(outputs), 1, sharex=True, height_ratios=[3, 1.5] * len(outputs)
+    )
+    simulated, predicted = model.simulate(log), model.predict(log)
+    errors = model.errors(log).channels
+    for i, name in enumerate(outputs):
+        top, below = panels[2 * i], panels[2 * i + 1]
+        unit = model.channels.units[name]
+        words = f"{name} [{unit}]" if unit else name
+        measured = log.values(name, unit)
+        top.plot(*thinned(log.time, measured), color=GREY, linewidth=2.4, label="measured")
+        top.plot(*thinned(log.time, simulated[name]), color=VERMILLION, linewidth=1.2,
+                 label="simulated freely")  # fmt: skip
+        top.plot(*thinned(log.time, predicted[name]), color=BLUE, linewidth=0.9, linestyle="--",
+                 label="predicted one step ahead")  # fmt: skip
+        told = f", fit {errors[name].fit_percent:.1f} %" if name in errors else ""
+        title = f"{literal(log.name)}: {model}{told} in free simulation"
+        styled(top, title, "", words)
+        top.legend(fontsize=8, frameon=False, ncols=3)
+        below.axhline(0.0, color="0.4", linewidth=0.8)
+        below.plot(*thinned(log.time, measured - simulated[name]), color=VERMILLION, linewidth=0.9)
+        below.plot(*thinned(log.time, measured - predicted[name]), color=BLUE, linewidth=0.9)
+        last = name == outputs[-1]
+        styled(below, "", "time [s]" if last else "", f"residual [{unit}]" if unit else "residual")
+    return figure

@@ -1,0 +1,78 @@
+"""How black-box models are judged: an information criterion and the memory of residuals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from diffthrust.blackbox._records import Record
+from diffthrust.blackbox._system import System
+
+_LAGS = 25
+LEVEL = 0.001
+"""White residuals are taken for correlated ones in this share of all cases."""
+
+
+def samples_of(records: Sequence[Record]) -> int:
+    """Outputs that were measured."""
+    return int(sum(np.isfinite(record.y).sum() for record in records))
+
+
+def one_step_errors(system: System, records: Sequence[Record]) -> list[np.ndarray]:
+    """Measured minus predicted by record, ``(n, p)``; NaN where a sample is missing."""
+    return [record.y - system.predict(record.u, record.y) for record in records]
+
+
+def bic_of(system: System, records: Sequence[Record], size: int) -> tuple[float, np.ndarray]:
+    """The Bayesian information criterion of the one-step errors, and their standard deviations.
+
+    Source: Schwarz 1978, with the Gaussian likelihood of errors that have no memory. All kinds of
+    models are judged on the same samples, each started as suits it best; the starting states of
+    each record count as parameters.
+    """
+    found = np.concatenate(one_step_errors(system, records))
+    if np.isinf(found).any():
+        return np.inf, np.full(found.shape[1], np.inf)
+    found = found[np.isfinite(found).all(axis=1)]
+    spread = found.T @ found / len(found)
+    floor = 1e-26 * np.mean(np.concatenate([r.y[r.seen] for r in records]) ** 2)
+    _, logarithm = np.linalg.slogdet(spread + floor * np.eye(len(spread)))
+    free = size + len(records) * system.order
+    # by all that was measured: a model of a longer delay tells nothing of the first samples
+    samples = sum(int(record.seen.sum()) for record in records)
+    left = max(1.0, samples - free / len(spread))
+    return (
+        float(samples * logarithm + free * np.log(samples)),
+        np.sqrt(np.diag(spread) * samples / left),
+    )
+
+
+def memory_of(residuals: Sequence[np.ndarray], used: int) -> tuple[float, float]:
+    """The correlation at one step, and its probability if residuals were white.
+
+    Source: Ljung & Box 1978, pooled over stretches, with ``used`` coefficients taken off.
+    """
+    from scipy.stats import chi2  # takes a while
+
+    pooled = np.concatenate(residuals)
+    power = float(pooled @ pooled)
+    if pooled.size < 4 * _LAGS or not power > 0:
+        return np.nan, np.nan
+    lags = np.arange(1, _LAGS + 1)
+    rho = [sum(float(e[k:] @ e[:-k]) for e in residuals if e.size > k) / power for k in lags]
+    statistic = pooled.size * (pooled.size + 2) * np.sum(np.square(rho) / (pooled.size - lags))
+    return rho[0], float(chi2.sf(statistic, max(1, _LAGS - used)))
+
+
+def memory_note(memory: tuple[float, float], allowed_for: bool) -> tuple[str, ...]:
+    """A sentence where residuals are not white."""
+    if not memory[1] < LEVEL:
+        return ()
+    means = "standard errors hold for white ones only."
+    if allowed_for:
+        means = "standard errors allow for that if the noise knows nothing of the input."
+    return (
+        f"The residuals last from sample to sample (correlation {memory[0]:.2f} at one step, "
+        f"Ljung-Box p < {LEVEL}): {means}",
+    )

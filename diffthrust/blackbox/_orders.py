@@ -1,0 +1,67 @@
+"""Orders of black-box models as users write them."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Sequence
+from typing import Any
+
+from diffthrust._errors import InputError
+from diffthrust.blackbox._prediction_error import Shape
+from diffthrust.blackbox._records import Channels
+
+_LEAST = {"na": 0, "nb": 1, "nc": 0, "nf": 0, "delay": 0, "order": 1}
+
+
+def shape_of(what: str, orders: Any, names: Sequence[str], channels: Channels) -> Shape:
+    """The coefficients that orders ask for.
+
+    Args:
+        what: the model, for messages.
+        orders: a number for each of ``names``; of nb and delay a tuple by input is taken, too.
+        names: such as ``("na", "nb", "delay")``.
+        channels: their inputs.
+
+    Raises:
+        InputError: another number of orders, or one that is not a whole number or too small.
+    """
+    if not isinstance(orders, Sequence) or len(orders) != len(names):
+        raise InputError(
+            f"{what}, orders: expected ({', '.join(names)}), found {orders!r}.",
+            f"Write orders=({', '.join('1' if n in ('delay', 'nc') else '2' for n in names)}).",
+        )
+    given: dict[str, Any] = dict(zip(names, orders, strict=True))
+    count = len(channels.inputs)
+    by_input = {}
+    for name in ("nb", "delay"):
+        value = given.pop(name)
+        several = isinstance(value, Sequence) and not isinstance(value, str)
+        values = list(value) if several else [value] * count
+        if len(values) != count:
+            raise InputError(
+                f"{what}, orders: expected {name} once or for each of {count} inputs, found "
+                f"{value!r}.",
+                "Correct it.",
+            )
+        by_input[name] = [whole(what, name, v) for v in values]
+    numbers = {name: whole(what, name, value) for name, value in given.items()}
+    nb, delay = by_input["nb"], by_input["delay"]
+    if channels.offset:
+        nb, delay = [*nb, 1], [*delay, 0]
+    tied = "nf" in numbers
+    na = numbers["nf"] if tied else numbers["na"]
+    return Shape(na, tuple(nb), numbers.get("nc", 0), tuple(delay), tied)
+
+
+def whole(what: str, name: str, value: Any) -> int:
+    """A whole number that is not below the least one of that name."""
+    try:
+        number = operator.index(value)
+    except TypeError:
+        number = -1
+    if isinstance(value, bool) or number < _LEAST[name]:
+        raise InputError(
+            f"{what}, {name}: expected a whole number, {_LEAST[name]} or more, found {value!r}.",
+            "Correct it.",
+        )
+    return number

@@ -1,0 +1,229 @@
+"""ARX, ARMAX and output-error models."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from diffthrust._errors import InputError
+from diffthrust._log import Log
+from diffthrust._result import Estimate
+from diffthrust._status import Status
+from diffthrust.blackbox._judgement import bic_of, memory_note, samples_of
+from diffthrust.blackbox._model import BlackBox, Kind
+from diffthrust.blackbox._orders import shape_of
+from diffthrust.blackbox._prediction_error import Shape, equations, stretches
+from diffthrust.blackbox._records import Channels, Record, channels_of
+from diffthrust.blackbox._search import Found, judged, search, size_of
+from diffthrust.blackbox._starts import armax_starts, least_squares, output_error_starts
+from diffthrust.blackbox._system import observer_form
+
+
+def arx(
+    logs: Log | Sequence[Log],
+    *,
+    input: str | Sequence[str],
+    output: str,
+    orders: Any = (2, 2, 1),
+    offset: bool = False,
+) -> BlackBox:
+    """A(q) y = B(q) u + e, by linear least squares.
+
+    Noise that is added to the output is not of this form: it biases A and B, and `output_error`
+    has no such bias. No equation reaches from one log into another, or across a missing output.
+
+    Args:
+        logs: one or several, evenly sampled with the same step; missing outputs as NaN.
+        input: name of the input, or several.
+        output: name of the measured channel.
+        orders: ``(na, nb, delay)``: coefficients of A and of B, and the samples after which the
+            input is first felt (1: at the next sample). nb and delay may be tuples by input.
+        offset: estimate a constant beside the inputs, for levels that are not zero at rest.
+
+    Raises:
+        InputError: channels that are absent, uneven samples, orders that cannot be meant, or too
+            few samples.
+
+    Source: Ljung 1999, System Identification, 2nd edition, section 4.2.
+
+    Example:
+        >>> model = dft.blackbox.arx(log, input="command", output="speed", orders=(2, 2, 1))
+        >>> print(model.report(), model.transfer())
+    """
+    channels, records, shape = _asked(
+        "arx", logs, input, output, orders, ("na", "nb", "delay"), offset
+    )
+    theta = least_squares(records, shape)
+    parts = stretches(records, shape, theta)
+    return polynomial_model(
+        "arx", channels, records, shape, judged(parts, theta, shape, size_of(records))
+    )
+
+
+def armax(
+    logs: Log | Sequence[Log],
+    *,
+    input: str | Sequence[str],
+    output: str,
+    orders: Any = (2, 2, 2, 1),
+    offset: bool = False,
+) -> BlackBox:
+    """A(q) y = B(q) u + C(q) e, by the least one-step prediction error.
+
+    Arguments and errors as in `arx`, with ``orders = (na, nb, nc, delay)``.
+
+    Source: Ljung 1999, sections 4.2, 7.2 and 10.2 to 10.3; two starts, see
+    `diffthrust.blackbox._starts`.
+
+    Example:
+        >>> model = dft.blackbox.armax(log, input="command", output="speed", orders=(2, 2, 2, 1))
+    """
+    channels, records, shape = _asked(
+        "armax", logs, input, output, orders, ("na", "nb", "nc", "delay"), offset
+    )
+    return searched("armax", channels, records, shape, armax_starts(records, shape))
+
+
+def output_error(
+    logs: Log | Sequence[Log],
+    *,
+    input: str | Sequence[str],
+    output: str,
+    orders: Any = (2, 2, 1),
+    offset: bool = False,
+) -> BlackBox:
+    """Output = B(q) / F(q) u + e, by the least error of free simulation.
+
+    Right under any noise that is added to the output and does not know the input; the standard
+    errors allow for noise that lasts. An unstable system cannot be simulated far: use `armax` for
+    one. Several inputs share F.
+
+    Arguments and errors as in `arx`, with ``orders = (nb, nf, delay)``.
+
+    Source: Ljung 1999, sections 4.2 and 10.2 to 10.3; Steiglitz & McBride 1965 for the start.
+
+    Example:
+        >>> model = dft.blackbox.output_error(log, input="command", output="speed")
+    """
+    channels, records, shape = _asked(
+        "output_error", logs, input, output, orders, ("nb", "nf", "delay"), offset
+    )
+    return searched("output_error", channels, records, shape, output_error_starts(records, shape))
+
+
+def _asked(
+    what: str,
+    logs: Log | Sequence[Log],
+    input: str | Sequence[str],
+    output: str,
+    orders: Any,
+    names: Sequence[str],
+    offset: bool,
+) -> tuple[Channels, list[Record], Shape]:
+    channels, records = channels_of(logs, input, output, offset)
+    if len(channels.outputs) > 1:
+        raise InputError(
+            f"{what}: expected one output, found {len(channels.outputs)}.",
+            "Make one model for each output, or use dft.blackbox.state_space.",
+        )
+    shape = shape_of(what, orders, names, channels)
+    if not what == "output_error" and not shape.size:
+        raise InputError(f"{what}, orders: nothing to estimate.", "Raise the orders.")
+    check_enough(what, records, shape)
+    return channels, records, shape
+
+
+def check_enough(what: str, records: Sequence[Record], shape: Shape) -> None:
+    """Refuse records with too few samples for their coefficients."""
+    usable = sum(t.size for record in records for t, _, _ in equations(record, shape))
+    if usable <= 2 * shape.size:
+        raise InputError(
+            f"{what}: {usable} equations without a missing sample for {shape.size} coefficients; "
+            "expected more than twice as many.",
+            "Give longer logs, or lower the orders or the delay.",
+        )
+
+
+def searched(
+    kind: Kind,
+    channels: Channels,
+    records: Sequence[Record],
+    shape: Shape,
+    starts: Sequence[np.ndarray],
+) -> BlackBox:
+    """The model of the best point that a search finds."""
+    try:
+        found = search(records, shape, starts)
+    except FloatingPointError:
+        raise InputError(
+            f"{kind}: no start gives a simulation that stays finite over the logs' length.",
+            "Use dft.blackbox.armax, whose predictions lean on the measured output, or shorter "
+            "logs.",
+        ) from None
+    return polynomial_model(kind, channels, records, shape, found)
+
+
+def polynomial_model(
+    kind: Kind, channels: Channels, records: Sequence[Record], shape: Shape, found: Found
+) -> BlackBox:
+    """The result with its names, units, systems and notes."""
+    a, b, c = shape.split(found.theta)
+    inputs = len(channels.inputs)
+    nb, delay = shape.nb[:inputs], shape.delays[:inputs]
+    by_input = {"nb": nb[0] if inputs == 1 else nb, "delay": delay[0] if inputs == 1 else delay}
+    orders: Mapping[str, Any] = {
+        "arx": {"na": shape.na, "nb": by_input["nb"]},
+        "armax": {"na": shape.na, "nb": by_input["nb"], "nc": shape.nc},
+        "output_error": {"nb": by_input["nb"], "nf": shape.na},
+        "state_space": {"order": shape.na},
+    }[kind] | {"delay": by_input["delay"]}
+    polynomials = {"f" if kind == "output_error" else "a": a}
+    polynomials |= {f"b_{name}" if inputs > 1 else "b": row
+                    for name, row in zip(channels.inputs, b, strict=False)}  # fmt: skip
+    polynomials |= {"c": c} if shape.nc else {}
+    system, plain = observer_form(a, b, shape.delays, c), observer_form(a, b, shape.delays, [1.0])
+    bic, deviation = bic_of(system, records, shape.size)
+    status = Status.CONVERGED if found.stationary else Status.NOT_CONVERGED
+    if found.rank < shape.size:
+        status = Status.NOT_IDENTIFIABLE
+    notes = memory_note(found.memory, shape.tied)
+    if status is Status.NOT_IDENTIFIABLE:
+        told = f"These logs tell {found.rank} of {shape.size} coefficients apart: the orders are "
+        notes = (*notes, told + "too high, the input too plain, or there is no noise for C.")
+    return BlackBox(
+        kind=kind,
+        orders=orders,
+        channels=channels,
+        parameters=_named(shape, found, channels),
+        covariance=found.covariance,
+        noise={channels.outputs[0]: float(deviation[0])},
+        polynomials=polynomials,
+        system=system,
+        plain=plain,
+        status=status,
+        bic=bic,
+        samples=samples_of(records),
+        notes=notes,
+    )
+
+
+def _named(shape: Shape, found: Found, channels: Channels) -> dict[str, Estimate]:
+    units = channels.units
+    out = units[channels.outputs[0]]
+    letter = "f" if shape.tied else "a"
+    names = [(f"{letter}{i}", "") for i in range(1, shape.na + 1)]
+    for name, count, delay in zip(channels.inputs, shape.nb, shape.delays, strict=False):
+        of = f"_{name}" if len(channels.inputs) > 1 else ""
+        unit = "" if units[name] == out else f"{out or '1'}/{units[name]}" if units[name] else out
+        names += [(f"b{i}{of}", unit) for i in range(delay, delay + count)]
+    names += [("offset", out)] if channels.offset else []
+    names += [(f"c{i}", "") for i in range(1, shape.nc + 1)]
+    spread = None if found.covariance is None else np.sqrt(np.diag(found.covariance))
+    return {
+        name: Estimate(
+            float(value), None if spread is None else float(spread[i]), unit, False, False
+        )
+        for i, ((name, unit), value) in enumerate(zip(names, found.theta, strict=True))
+    }

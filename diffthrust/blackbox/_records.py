@@ -1,0 +1,149 @@
+"""What a black-box model takes from logs: evenly sampled inputs and outputs as matrices."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from diffthrust._channels import listing
+from diffthrust._errors import InputError
+from diffthrust._log import Log
+
+_EVEN = 1e-3
+"""Steps may differ from each other by this share of their median."""
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """One log.
+
+    Args:
+        u: inputs, ``(n, m)``; the last column is 1 where an offset is estimated.
+        y: outputs, ``(n, p)``; NaN where a sample is missing.
+        log: where they are from.
+    """
+
+    u: np.ndarray = field(repr=False)
+    y: np.ndarray = field(repr=False)
+    log: Log = field(repr=False)
+
+    @property
+    def seen(self) -> np.ndarray:
+        """Whether all outputs of a sample were measured, ``(n,)``."""
+        return np.asarray(np.isfinite(self.y).all(axis=1))
+
+    @property
+    def segments(self) -> list[tuple[int, int]]:
+        """First sample and end of each stretch without a missing output."""
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], self.seen.astype(int), [0]])))
+        return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+
+
+@dataclass(frozen=True)
+class Channels:
+    """Which channels of logs are meant, in which units, and how they are sampled.
+
+    Args:
+        inputs: their names.
+        outputs: their names.
+        units: by channel; those of the first log, empty where it names none.
+        step: time between samples [s].
+        hold: how inputs run between samples: ``"zero"`` or ``"linear"``.
+        offset: a constant is estimated beside the inputs.
+    """
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    units: dict[str, str] = field(repr=False)
+    step: float
+    hold: str
+    offset: bool
+
+    def record(self, log: Log) -> Record:
+        """The channels of a log.
+
+        Raises:
+            InputError: a channel that is absent or has another kind of unit, uneven samples, or
+                another step than that of these channels.
+        """
+        step = step_of(log)
+        if abs(step - self.step) > _EVEN * self.step:
+            raise InputError(
+                f"{log.name}: expected a sample every {self.step:g} s, as in the logs that the "
+                f"model is of, found one every {step:g} s.",
+                "Sample all logs alike: log.averaged(n), or a resampled file.",
+            )
+        for name in self.inputs:
+            if name not in log.inputs:
+                raise InputError(
+                    f"{log.name}: expected the input {name!r}, found {listing(log.inputs)}.",
+                    "Name an input of the log: input=...",
+                )
+        for name in self.outputs:
+            if name not in log.measured:
+                raise InputError(
+                    f"{log.name}: expected the measured channel {name!r}, found "
+                    f"{listing(log.measured)}.",
+                    "Name a measured channel of the log: output=...",
+                )
+            if name in log.unsigned:
+                raise InputError(
+                    f"{log.name}: the sensor of {name!r} gives no sign; a linear model needs one.",
+                    "Use dft.fit, which takes care of it, or a log that moves in one direction "
+                    "and does not name the channel as unsigned.",
+                )
+        u = [log.values(name, self.units[name]) for name in self.inputs]
+        u += [np.ones(len(log))] if self.offset else []
+        y = [log.values(name, self.units[name]) for name in self.outputs]
+        return Record(np.stack(u, axis=1), np.stack(y, axis=1), log)
+
+
+def step_of(log: Log) -> float:
+    """The step of an evenly sampled log [s].
+
+    Raises:
+        InputError: uneven samples, or fewer than three.
+    """
+    steps = np.diff(log.time)
+    if len(log) < 3 or np.ptp(steps) > _EVEN * np.median(steps):
+        found = f"{len(log)} samples"
+        if len(log) > 1:
+            found += f" with steps of {steps.min():g} to {steps.max():g} s"
+        raise InputError(
+            f"{log.name}: expected three or more evenly spaced samples, found {found}.",
+            "Give missing samples as NaN at their own time, or resample the log; dft.fit takes "
+            "any time stamps.",
+        )
+    return float(np.mean(steps))
+
+
+def channels_of(
+    logs: Log | Sequence[Log],
+    input: str | Sequence[str],
+    output: str | Sequence[str],
+    offset: bool = False,
+) -> tuple[Channels, list[Record]]:
+    """The channels of logs that are meant for one model.
+
+    Raises:
+        InputError: no log, no name, one name twice, or what `Channels.record` refuses.
+    """
+    logs = [logs] if isinstance(logs, Log) else list(logs)
+    inputs = (input,) if isinstance(input, str) else tuple(input)
+    outputs = (output,) if isinstance(output, str) else tuple(output)
+    if not logs:
+        raise InputError("No log was given.", "Give one log or a list of them.")
+    for what, names in (("input", inputs), ("output", outputs)):
+        if not names or len(set(names)) < len(names):
+            raise InputError(
+                f"{what}: expected one or more different channels, found {listing(names)}.",
+                f"Write {what}='command', or a list of names.",
+            )
+    first = logs[0]
+    units = {name: first.units.get(name, "") for name in (*inputs, *outputs)}
+    holds = {log.hold[name] for log in logs for name in inputs if name in log.inputs}
+    hold = "linear" if holds == {"linear"} else "zero"
+    channels = Channels(inputs, outputs, units, step_of(first), hold, offset)
+    return channels, [channels.record(log) for log in logs]

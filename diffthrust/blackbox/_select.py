@@ -1,0 +1,213 @@
+"""Which kind of black-box model, of which order."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from diffthrust._channels import listing
+from diffthrust._display import _table, number, rendered
+from diffthrust._errors import InputError
+from diffthrust._log import Log
+from diffthrust.blackbox._model import BlackBox, Kind
+from diffthrust.blackbox._orders import whole
+from diffthrust.blackbox._polynomial import armax, arx, output_error
+from diffthrust.blackbox._subspace import state_space
+
+_POLYNOMIAL: tuple[Kind, ...] = ("arx", "armax", "output_error")
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One row of a selection.
+
+    Args:
+        kind: of the model.
+        order: of A (or F), B and C alike, or the number of states.
+        delay: in samples.
+        model: ``None`` where it could not be had; ``remark`` says why.
+        prediction: NRMSE of one-step prediction of the training logs.
+        simulation: NRMSE of free simulation of the training logs.
+        unseen: NRMSE of free simulation of the unseen logs; NaN without them.
+        remark: empty, or what to mind.
+    """
+
+    kind: Kind
+    order: int
+    delay: int
+    model: BlackBox | None = field(repr=False)
+    prediction: float = np.nan
+    simulation: float = np.nan
+    unseen: float = np.nan
+    remark: str = ""
+
+    @property
+    def bic(self) -> float:
+        """Of the one-step errors; infinite where there is no model."""
+        return self.model.bic if self.model else np.inf
+
+
+@dataclass(frozen=True)
+class Selection:
+    """All that was tried.
+
+    Args:
+        candidates: in the order in which they were tried.
+        by: "bic" or "unseen".
+    """
+
+    candidates: tuple[Candidate, ...]
+    by: str
+
+    @property
+    def chosen(self) -> Candidate:
+        """The one of the least criterion."""
+        return min(self.candidates, key=self._score)
+
+    @property
+    def best(self) -> BlackBox:
+        """Its model."""
+        model = self.chosen.model
+        assert model is not None  # `select` refuses a selection without any
+        return model
+
+    def report(self) -> str:
+        """The table; a star marks the one chosen."""
+        headings = ("", "Kind", "Order", "Delay", "BIC", "One step", "Simulated", "Unseen", "")
+        table = _table(*headings, numbers=range(2, 8))
+        chosen = self.chosen
+        for row in self.candidates:
+            table.add_row(
+                "*" if row is chosen else "",
+                row.kind.replace("_", " "),
+                str(row.order),
+                str(row.delay),
+                f"{row.bic:.1f}" if row.model else "-",
+                number(row.prediction, 3),
+                number(row.simulation, 3),
+                number(row.unseen, 3),
+                row.remark,
+            )
+        told = "BIC" if self.by == "bic" else "the NRMSE of unseen logs"
+        return rendered(table) + f"Chosen by {told}; the other errors are NRMSE, too.\n"
+
+    def _score(self, row: Candidate) -> float:
+        value = row.bic if self.by == "bic" else row.unseen
+        return np.inf if np.isnan(value) else value
+
+
+def select(
+    logs: Log | Sequence[Log],
+    *,
+    input: str | Sequence[str],
+    output: str | Sequence[str],
+    kinds: Iterable[Kind] | None = None,
+    orders: Iterable[int] = (1, 2, 3, 4),
+    delays: Iterable[int] = (1,),
+    by: Literal["bic", "unseen"] = "bic",
+    holdout: Log | Sequence[Log] = (),
+    offset: bool = False,
+) -> Selection:
+    """Try kinds, orders and delays, and choose by an information criterion or by unseen logs.
+
+    BIC judges one-step predictions, in which ARMAX and ARX lean on the measured output; unseen
+    logs are simulated freely. Where the two disagree, ask which one the model is for.
+
+    Args:
+        logs: to estimate from, as for `arx`.
+        input: one or several.
+        output: one, or several for state spaces.
+        kinds: which are tried; ARX, ARMAX and output error where not given, or state space with
+            several outputs. (With one output a state space is an ARMAX of equal orders.)
+        orders: of A (or F), B and C alike.
+        delays: in samples.
+        by: "bic" or "unseen".
+        holdout: unseen logs, needed for ``by="unseen"``.
+        offset: estimate a constant beside the inputs.
+
+    Raises:
+        InputError: what the models refuse of all candidates, unknown words, or no unseen logs.
+
+    Source: Schwarz 1978 for BIC.
+
+    Example:
+        >>> chosen = dft.blackbox.select(train, input="command", output="speed",
+        ...                              by="unseen", holdout=test)
+        >>> print(chosen.report(), chosen.best.transfer())
+    """
+    unseen = [holdout] if isinstance(holdout, Log) else list(holdout)
+    if by not in ("bic", "unseen"):
+        raise InputError(f"by: expected 'bic' or 'unseen', found {by!r}.", "Correct it.")
+    if by == "unseen" and not unseen:
+        raise InputError("by='unseen': no unseen logs were given.", "Give holdout=[...].")
+    several = not isinstance(output, str) and len(output) > 1
+    chosen: tuple[Kind, ...] = ("state_space",) if several else _POLYNOMIAL
+    known = (*_POLYNOMIAL, "state_space")
+    chosen = chosen if kinds is None else tuple(kinds)
+    strange = [kind for kind in chosen if kind not in known]
+    if strange or not chosen:
+        raise InputError(
+            f"kinds: expected some of {listing(known)}, found {listing(chosen)}.", "Correct it."
+        )
+    asked = {
+        "orders": [whole("select", "order", n) for n in orders],
+        "delays": [whole("select", "delay", d) for d in delays],
+    }
+    for what, values in asked.items():
+        if not values:
+            raise InputError(f"{what}: none was given.", f"Write {what}=(1, 2).")
+    common: dict[str, Any] = {"input": input, "output": output, "offset": offset}
+    rows = []
+    problem: InputError | None = None
+    for kind in chosen:
+        for delay in asked["delays"]:
+            for order in asked["orders"]:
+                try:
+                    model = _made(kind, logs, order, delay, common)
+                except InputError as error:
+                    problem = problem or error
+                    rows.append(Candidate(kind, order, delay, None, remark=error.problem))
+                    continue
+                rows.append(_judged(kind, order, delay, model, logs, unseen))
+    if problem is not None and not any(row.model for row in rows):
+        raise problem
+    return Selection(tuple(rows), by)
+
+
+def _made(
+    kind: Kind, logs: Log | Sequence[Log], order: int, delay: int, common: dict[str, Any]
+) -> BlackBox:
+    n = order
+    if kind == "arx":
+        return arx(logs, orders=(n, n, delay), **common)
+    if kind == "armax":
+        return armax(logs, orders=(n, n, n, delay), **common)
+    if kind == "output_error":
+        return output_error(logs, orders=(n, n, delay), **common)
+    return state_space(logs, order=n, delay=delay, **common)
+
+
+def _judged(
+    kind: Kind,
+    order: int,
+    delay: int,
+    model: BlackBox,
+    logs: Log | Sequence[Log],
+    unseen: list[Log],
+) -> Candidate:
+    remark = "" if model.stable else "not stable"
+    if not model.status.ok:
+        remark = ", ".join(filter(None, [remark, model.status.value]))
+    return Candidate(
+        kind,
+        order,
+        delay,
+        model,
+        model.errors(logs, "prediction").nrmse,
+        model.errors(logs).nrmse,
+        model.errors(unseen).nrmse if unseen else np.nan,
+        remark,
+    )

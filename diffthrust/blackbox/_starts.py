@@ -1,0 +1,99 @@
+"""Where the searches for black-box models begin: linear least squares, once or repeated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from diffthrust.blackbox._prediction_error import Shape, equations
+from diffthrust.blackbox._records import Record
+from diffthrust.blackbox._system import passed
+
+_ROUNDS = 10
+
+
+def reflected(polynomial: np.ndarray, limit: float = 0.999) -> np.ndarray:
+    """The polynomial in q^-1 with its roots inside the unit circle."""
+    roots = np.roots(polynomial)
+    size = np.abs(roots)
+    inside = np.where(size > 1.0, roots / np.maximum(size, 1e-300) ** 2, roots)
+    inside = inside * np.minimum(1.0, limit / np.maximum(np.abs(inside), 1e-300))
+    return np.atleast_1d(np.real(np.poly(inside))) if roots.size else polynomial
+
+
+def least_squares(records: Sequence[Record], shape: Shape) -> np.ndarray:
+    """A and B of the smallest equation errors: the closed form of ARX."""
+    found = [part for record in records for part in equations(record, shape)]
+    rows = np.concatenate([part[1] for part in found])
+    scale = np.linalg.norm(rows, axis=0)
+    scale[scale == 0] = 1.0
+    y = np.concatenate([part[2] for part in found])
+    return np.linalg.lstsq(rows / scale, y, rcond=None)[0] / scale
+
+
+def plain(shape: Shape) -> Shape:
+    """The same without C."""
+    return Shape(shape.na, shape.nb, 0, shape.delays)
+
+
+def armax_starts(records: Sequence[Record], shape: Shape) -> list[np.ndarray]:
+    """ARX with C = 1, and the residuals of a long ARX as if the noise had been measured.
+
+    Source of the second: Hannan & Rissanen 1982, Biometrika 69.
+    """
+    starts = [np.concatenate([least_squares(records, plain(shape)), np.zeros(shape.nc)])]
+    samples = sum(int(record.seen.sum()) for record in records)
+    depth = min(max(10, 3 * shape.reach), samples // (5 * (1 + len(shape.nb))))
+    long = Shape(depth, tuple(n if n == 1 else max(n, depth) for n in shape.nb), 0, shape.delays)
+    if depth <= shape.nc or not any(equations(record, long) for record in records):
+        return starts
+    theta = least_squares(records, long)
+    rows, target = [], []
+    for record in records:
+        noise = np.full(len(record.u), np.nan)
+        for t, past, y in equations(record, long):
+            noise[t] = y - past @ theta
+        for t, past, y in equations(record, plain(shape)):
+            earlier = t[:, None] - np.arange(1, shape.nc + 1)
+            lagged = np.where(earlier >= 0, noise[earlier], np.nan)
+            known = np.isfinite(lagged).all(axis=1)
+            rows.append(np.concatenate([past, lagged], axis=1)[known])
+            target.append(y[known])
+    matrix, y = np.concatenate(rows), np.concatenate(target)
+    if len(y) > matrix.shape[1]:
+        theta = np.linalg.lstsq(matrix, y, rcond=None)[0]
+        _, _, c = shape.split(theta)
+        starts.append(shape.with_c(theta, reflected(c)))
+    return starts
+
+
+def output_error_starts(records: Sequence[Record], shape: Shape) -> list[np.ndarray]:
+    """ARX, and ARX on records that pass 1 / A of the last round (Steiglitz & McBride 1965).
+
+    Unstable ones are reflected into the unit circle.
+    """
+    free = plain(shape)
+
+    def inside(theta: np.ndarray) -> np.ndarray:
+        a = reflected(np.concatenate([[1.0], theta[: shape.na]]))
+        return np.concatenate([a[1:], theta[shape.na :]])
+
+    raw = least_squares(records, free)
+    theta = inside(raw)
+    starts = [theta] if np.allclose(theta, raw) else [theta, raw]
+    whole = [_filled(record) for record in records]
+    for _ in range(_ROUNDS):
+        a, _, _ = free.split(theta)
+        whitened = [Record(passed(a, r.u), passed(a, r.y), r.log) for r in whole]
+        theta = inside(least_squares(whitened, free))
+    return [theta, *starts]
+
+
+def _filled(record: Record) -> Record:
+    """The record with straight lines across its gaps."""
+    seen, y = record.seen, record.y
+    if seen.all():
+        return record
+    t = np.arange(len(y))
+    return Record(record.u, np.interp(t, t[seen], y[seen, 0])[:, None], record.log)

@@ -1,0 +1,239 @@
+"""State-space models by subspace identification."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from diffthrust._errors import InputError
+from diffthrust._log import Log
+from diffthrust._status import Status
+from diffthrust.blackbox._judgement import bic_of, samples_of
+from diffthrust.blackbox._model import BlackBox
+from diffthrust.blackbox._orders import whole
+from diffthrust.blackbox._polynomial import check_enough, searched
+from diffthrust.blackbox._prediction_error import Shape
+from diffthrust.blackbox._records import Record, channels_of
+from diffthrust.blackbox._starts import armax_starts, reflected
+from diffthrust.blackbox._system import System
+
+_LONGEST = 30
+
+
+def state_space(
+    logs: Log | Sequence[Log],
+    *,
+    input: str | Sequence[str],
+    output: str | Sequence[str],
+    order: int = 2,
+    delay: int = 1,
+    offset: bool = False,
+    refine: bool = True,
+    horizon: int | None = None,
+) -> BlackBox:
+    """x(t + 1) = A x + B u + K e, y = C x + D u + e, without a search.
+
+    A long ARX model gives what the past tells of the next ``horizon`` samples; the directions in
+    which that varies most are the states, and the matrices follow by least squares. So it takes
+    logs in closed loop and of unstable systems, which N4SID and MOESP, whose projections take
+    inputs to know nothing of the noise, do not. With one output the prediction error is then
+    lowered by a search, in the coefficients of A, B and C that such a system has (`armax` of
+    orders ``(order, order, order, delay)``), which have standard errors; several outputs stay as
+    the subspace gives them.
+
+    Args:
+        logs: one or several, evenly sampled with the same step; missing outputs as NaN.
+        input: name of the input, or several.
+        output: name of the measured channel, or several.
+        order: number of states.
+        delay: samples after which inputs are first felt; 0 for a direct way, D.
+        offset: estimate a constant beside the inputs.
+        refine: lower the prediction error of a single output by a search.
+        horizon: of the long ARX model [samples]; that of the least Akaike criterion where not
+            given.
+
+    Raises:
+        InputError: channels that are absent, uneven samples, numbers that cannot be meant, or too
+            few samples without a gap between them.
+
+    Source: Jansson 2003 (SSARX); Chiuso 2007, Automatica 43 (PBSID); van der Veen et al. 2013,
+    IET Control Theory & Applications 7.
+
+    Example:
+        >>> model = dft.blackbox.state_space(log, input="command", output="speed", order=2)
+        >>> model.singular_values
+    """
+    channels, records = channels_of(logs, input, output)
+    order, delay = whole("state_space", "order", order), whole("state_space", "delay", delay)
+    direct, lag = delay == 0, max(delay - 1, 0)
+    m, p = len(channels.inputs), len(channels.outputs)
+    level = np.zeros(m + p)
+    if offset:
+        joined = np.concatenate([np.concatenate([r.u, r.y], axis=1)[r.seen] for r in records])
+        level = joined.mean(axis=0)
+    series = [_late(record, lag, level) for record in records]
+    if horizon is None:
+        horizon = _horizon(series, m, order, direct)
+    elif whole("state_space", "order", horizon) <= order:
+        raise InputError(
+            f"state_space, horizon: expected more than the order {order}, found {horizon}.",
+            "Raise it, or leave it out.",
+        )
+    a, b, c, d, k, values = _identified(series, m, order, horizon, direct)
+    if offset:
+        channels, records = channels_of(logs, input, output, offset=True)
+        away = -level[:m]
+        b = np.concatenate([b, (b @ away)[:, None]], axis=1)
+        d = np.concatenate([d, (d @ away + level[m:])[:, None]], axis=1)
+    system = System(a, b, c, d, k, (lag,) * m + (0,) * offset)
+    size = order * (m + 2 * p) + direct * m * p + offset * p
+    bic, deviation = bic_of(system, records, size)
+    found = BlackBox(
+        kind="state_space",
+        orders={"order": order, "delay": delay},
+        channels=channels,
+        parameters={},
+        covariance=None,
+        noise={name: float(deviation[i]) for i, name in enumerate(channels.outputs)},
+        polynomials={},
+        system=system,
+        plain=System(a, b, c, d, np.zeros_like(k), system.lags),
+        status=Status.CONVERGED,
+        bic=bic,
+        samples=samples_of(records),
+        singular_values=values,
+        notes=(f"The long ARX model has {horizon} lags.",),
+    )
+    return _refined(found, records, order, delay) if refine and p == 1 else found
+
+
+def _late(record: Record, lag: int, level: np.ndarray) -> np.ndarray:
+    """Inputs as late as the delay makes them, beside outputs, ``(n, m + p)``; NaN in gaps."""
+    u = record.u if not lag else np.concatenate(
+        [np.full((lag, record.u.shape[1]), np.nan), record.u]
+    )[: len(record.u)]  # fmt: skip
+    return np.concatenate([u, record.y], axis=1) - level
+
+
+def _windows(series: Sequence[np.ndarray], length: int) -> np.ndarray:
+    """All stretches of so many samples without a gap, ``(count, length, m + p)``."""
+    found = [np.zeros((0, length, series[0].shape[1]))]
+    for z in series:
+        if len(z) >= length:
+            view = np.lib.stride_tricks.sliding_window_view(z, length, axis=0)
+            view = np.moveaxis(view, -1, 1)
+            found.append(view[np.isfinite(view).all(axis=(1, 2))])
+    return np.concatenate(found)
+
+
+def _horizon(series: Sequence[np.ndarray], m: int, order: int, direct: bool) -> int:
+    """The number of lags of least Akaike criterion, on the same samples for all."""
+    width = series[0].shape[1]
+    least = max(2 * order, order + 1, 5)
+    samples = sum(int(np.isfinite(z).all(axis=1).sum()) for z in series)
+    most = max(least, min(max(_LONGEST, 3 * order), samples // (8 * width)))
+    while most > least and len(_windows(series, most + 1)) < 4 * most * width:
+        most -= 1
+    windows = _windows(series, most + 1)
+    _check(windows, least, width)
+    past = windows[:, :-1][:, ::-1].reshape(len(windows), -1)  # the latest lag first
+    now = windows[:, -1]
+    y, extra = now[:, m:], now[:, :m] if direct else np.zeros((len(now), 0))
+    best = (np.inf, least)
+    floor = 1e-20 * float(np.mean(y**2)) * np.eye(y.shape[1])
+    for lags in range(least, most + 1):
+        rows = np.concatenate([extra, past[:, : lags * width]], axis=1)
+        wrong = y - rows @ np.linalg.lstsq(rows, y, rcond=None)[0]
+        _, logarithm = np.linalg.slogdet(wrong.T @ wrong / len(y) + floor)
+        best = min(best, (len(y) * logarithm + 2 * rows.shape[1] * y.shape[1], lags))
+    return best[1]
+
+
+def _check(windows: np.ndarray, lags: int, width: int) -> None:
+    if len(windows) < 2 * lags * width:
+        raise InputError(
+            f"state_space: {len(windows)} stretches of {lags + 1} samples without a gap; expected "
+            f"{2 * lags * width} or more.",
+            "Give longer logs, a lower order, or a shorter horizon.",
+        )
+
+
+def _identified(
+    series: Sequence[np.ndarray], m: int, order: int, horizon: int, direct: bool
+) -> tuple[np.ndarray, ...]:
+    """A, B, C, D, K and the singular values."""
+    windows = _windows(series, horizon + 1)
+    width = windows.shape[2]
+    p = width - m
+    _check(windows, horizon, width)
+    if order > horizon * p:
+        raise InputError(
+            f"state_space, order: at most {horizon * p} states can be told by a horizon of "
+            f"{horizon} samples, found {order}.",
+            "Raise the horizon or lower the order.",
+        )
+    before = windows[:, :-1].reshape(len(windows), -1)
+    after = windows[:, 1:].reshape(len(windows), -1)
+    u, y = windows[:, -1, :m], windows[:, -1, m:]
+    extra = u if direct else u[:, :0]
+    rows = np.concatenate([before, extra], axis=1)
+    markov = np.linalg.lstsq(rows, y, rcond=None)[0][: horizon * width]
+    told = np.zeros((horizon * p, horizon * width))
+    for i in range(horizon):  # what a past sample tells of the i-th sample from now
+        told[i * p : (i + 1) * p, i * width :] = markov[: (horizon - i) * width].T
+    _, r = np.linalg.qr(before)
+    left, values, _ = np.linalg.svd(told @ r.T, full_matrices=False)
+    states = (left[:, :order].T @ told).T
+    x, following = before @ states, after @ states
+    scale = np.sqrt(np.mean(x**2, axis=0))
+    scale[scale == 0] = 1.0
+    x, following = x / scale, following / scale
+    seen = np.concatenate([x, extra], axis=1)
+    cd = np.linalg.lstsq(seen, y, rcond=None)[0]
+    e = y - seen @ cd
+    known = np.concatenate([x, u, e], axis=1)
+    size = np.sqrt(np.mean(known**2, axis=0))
+    small = size <= 1e-9 * np.sqrt(np.mean(y**2))  # errors that are rounding move nothing
+    known = np.where(small, 0.0, known)
+    abk = np.linalg.lstsq(known, following, rcond=1e-12)[0]
+    a, b, k = abk[:order].T, abk[order : order + m].T, abk[order + m :].T
+    d = cd[order:].T if direct else np.zeros((p, m))
+    return a, b, cd[:order].T, d, k, values
+
+
+def _refined(found: BlackBox, records: Sequence[Record], order: int, delay: int) -> BlackBox:
+    """The same system after a search for the least prediction error."""
+    s, inputs = found.system, found.system.b.shape[1]
+    a = np.real(np.poly(s.a))
+    direct = delay == 0
+    rows = []
+    for j in range(inputs):
+        num = np.real(np.poly(s.a - s.b[:, [j]] @ s.c)) - a + s.d[0, j] * a
+        is_offset = j == len(found.channels.inputs)
+        rows.append([num.sum()] if is_offset else num if direct else num[1:])
+    delays = tuple(0 if len(row) == 1 and j == len(found.channels.inputs) else delay
+                   for j, row in enumerate(rows))  # fmt: skip
+    shape = Shape(order, tuple(len(row) for row in rows), order, delays)
+    try:
+        check_enough("state_space", records, shape)
+        c = reflected(np.real(np.poly(s.a - s.k @ s.c)))
+        start = np.concatenate([a[1:], *rows, c[1:]])
+        refined = searched(
+            "state_space",
+            found.channels,
+            records,
+            shape,
+            [start, *armax_starts(records, shape)],
+        )
+    except InputError:
+        return found
+    if not np.isfinite(refined.bic):
+        return found
+    return replace(
+        refined,
+        orders=found.orders,
+        singular_values=found.singular_values,
+        notes=(*found.notes, *refined.notes),
+    )

@@ -1,0 +1,194 @@
+"""A sampled linear system with its predictor, in states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+_BLOCK = 64
+"""Samples that are computed at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """x(t + 1) = A x + B u + K e,  y = C x + D u + e,  with inputs that come late.
+
+    Args:
+        a: ``(n, n)``.
+        b: ``(n, m)``.
+        c: ``(p, n)``.
+        d: ``(p, m)``.
+        k: gain of the predictor, ``(n, p)``.
+        lags: by how many samples each input is late beyond what the states delay it, ``(m,)``.
+    """
+
+    a: np.ndarray
+    b: np.ndarray
+    c: np.ndarray
+    d: np.ndarray
+    k: np.ndarray = field(repr=False)
+    lags: tuple[int, ...] = ()
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+        return self.a.shape[0]
+
+    @property
+    def unknown(self) -> int:
+        """Samples at a log's start that inputs from before it have a part in."""
+        return max(self.lags, default=0)
+
+    def late(self, u: np.ndarray) -> np.ndarray:
+        """The inputs as the states meet them, zero from before the log, ``(n, m)``."""
+        if not self.unknown:
+            return u
+        out = np.zeros_like(u)
+        for j, lag in enumerate(self.lags):
+            out[lag:, j] = u[: len(u) - lag, j]
+        return out
+
+    def simulate(self, u: np.ndarray, y: np.ndarray | None = None) -> np.ndarray:
+        """Outputs under inputs alone.
+
+        Args:
+            u: inputs, ``(n, m)``.
+            y: outputs by which the starting states are chosen (least squares over all of them),
+                ``(n, p)``; without them the system, and its inputs, start at rest.
+
+        Returns:
+            Outputs, ``(n, p)``; infinite where an unstable system has left all bounds; NaN, unless
+            it starts at rest, in the first samples, while inputs from before the log arrive.
+        """
+        skip = 0 if y is None else min(self.unknown, len(u) - 1)
+        y = None if y is None else y[skip:]
+        found = _run(self.a, self.b, self.c, self.d, self.late(u)[skip:], y)
+        return np.concatenate([np.full((skip, len(self.c)), np.nan), found])
+
+    def predict(self, u: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Each sample from all before it, ``(n, p)``.
+
+        A missing output moves nothing: the states go on without it. The starting states are
+        chosen by least squares over the whole record; NaN as in `simulate`.
+        """
+        skip = min(self.unknown, len(u) - 1)
+        found = self._predict(self.late(u)[skip:], y[skip:])
+        return np.concatenate([np.full((skip, len(self.c)), np.nan), found])
+
+    def _predict(self, u: np.ndarray, y: np.ndarray) -> np.ndarray:
+        if np.isfinite(y).all():
+            f = self.a - self.k @ self.c
+            g = np.concatenate([self.b - self.k @ self.d, self.k], axis=1)
+            d = np.concatenate([self.d, np.zeros((y.shape[1],) * 2)], axis=1)
+            return _run(f, g, self.c, d, np.concatenate([u, y], axis=1), y)
+        return self._predict_with_gaps(u, y)
+
+    def _predict_with_gaps(self, u: np.ndarray, y: np.ndarray) -> np.ndarray:
+        n, p = self.order, y.shape[1]
+        seen = np.isfinite(y)
+        passed, driven = u @ self.d.T, u @ self.b.T
+        x = np.concatenate([np.zeros((n, 1)), np.eye(n)], axis=1)  # driven, and by starting state
+        out = np.empty((len(u), p, 1 + n))
+        with np.errstate(over="ignore", invalid="ignore"):
+            for t in range(len(u)):
+                expected = self.c @ x
+                expected[:, 0] += passed[t]
+                out[t] = expected
+                missed = -expected
+                missed[:, 0] += np.where(seen[t], y[t], 0.0)
+                missed[~seen[t]] = 0.0
+                x = self.a @ x + self.k @ missed
+                x[:, 0] += driven[t]
+        return _started(out[:, :, 0], out[:, :, 1:], y)
+
+
+def _run(
+    a: np.ndarray,
+    b: np.ndarray,
+    c: np.ndarray,
+    d: np.ndarray,
+    u: np.ndarray,
+    y: np.ndarray | None,
+) -> np.ndarray:
+    """Outputs in blocks: those of the states at a block's start, and those of its inputs."""
+    n, m, p = a.shape[0], b.shape[1], c.shape[0]
+    length = min(_BLOCK, len(u))
+    with np.errstate(over="ignore", invalid="ignore"):
+        powers = [np.eye(n)]
+        for _ in range(length):
+            powers.append(a @ powers[-1])
+        free = np.stack([c @ power for power in powers[:length]])  # (length, p, n)
+        pulse = [d, *(c @ power @ b for power in powers[: length - 1])]
+        i, j = np.indices((length, length))
+        pulses = np.concatenate([np.stack(pulse), np.zeros((length, p, m))])
+        forced = np.swapaxes(pulses[i - j], 1, 2).reshape(length * p, length * m)
+        grown = np.concatenate([power @ b for power in powers[:length][::-1]], axis=1)
+        blocks = -(-len(u) // length)
+        padded = np.zeros((blocks * length, m))
+        padded[: len(u)] = u
+        rows = padded.reshape(blocks, length * m)
+        columns = 1 if y is None else 1 + n
+        x = np.zeros((n, columns))
+        x[:, 1:] = np.eye(n)[:, : columns - 1]
+        out = np.empty((blocks, length, p, columns))
+        for i, row in enumerate(rows):
+            out[i] = free @ x
+            out[i, :, :, 0] += (forced @ row).reshape(length, p)
+            x = powers[length] @ x
+            x[:, 0] += grown @ row
+    found = out.reshape(-1, p, columns)[: len(u)]
+    if y is None:
+        return np.where(np.isfinite(found[:, :, 0]), found[:, :, 0], np.inf)
+    return _started(found[:, :, 0], found[:, :, 1:], y)
+
+
+def _started(driven: np.ndarray, by_state: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """The outputs from the starting states that suit the measured ones best."""
+    seen = np.isfinite(y)
+    target, matrix = (y - driven)[seen], by_state[seen]
+    if not (np.isfinite(matrix).all() and np.isfinite(target).all() and seen.any()):
+        return np.full_like(driven, np.inf)
+    scale = np.linalg.norm(matrix, axis=0)
+    scale[scale == 0] = 1.0
+    start, *_ = np.linalg.lstsq(matrix / scale, target, rcond=1e-10)
+    return driven + by_state @ (start / scale)
+
+
+def passed(by: Any, x: np.ndarray) -> np.ndarray:
+    """What comes out of 1 / by(q) for x, at rest before, along the first axis."""
+    from scipy.signal import lfilter  # takes a while
+
+    return np.asarray(lfilter([1.0], by, x, axis=0))
+
+
+def observer_form(a: Any, b: list[np.ndarray], delays: tuple[int, ...], c: Any = (1.0,)) -> System:
+    """The system A(q) y = sum of q^-delay B(q) u + C(q) e in states.
+
+    Args:
+        a: coefficients of 1, q^-1, ..., the first one 1.
+        b: coefficients by input, of q^-delay, q^-(delay + 1), ...
+        delays: in samples, by input.
+        c: as ``a``.
+    """
+    lags = tuple(max(delay - 1, 0) for delay in delays)
+    b = [np.concatenate([np.zeros(delay - lag), row])
+         for row, delay, lag in zip(b, delays, lags, strict=True)]  # fmt: skip
+    n = max(len(a), len(c), *(len(row) for row in b), 2) - 1
+
+    def padded(values: Any) -> np.ndarray:
+        return np.concatenate([values, np.zeros(n + 1 - len(values))])
+
+    a, c = padded(a), padded(c)
+    rows = np.stack([padded(row) for row in b], axis=1)
+    matrix = np.eye(n, k=1)
+    matrix[:, 0] = -a[1:]
+    return System(
+        matrix,
+        rows[1:] - a[1:, None] * rows[0],
+        np.eye(1, n),
+        rows[:1],
+        (c - a)[1:, None],
+        lags,
+    )

@@ -1,0 +1,43 @@
+"""Black-box models as text."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from diffthrust._display import parameter_table, rendered
+
+if TYPE_CHECKING:
+    from diffthrust.blackbox._model import BlackBox
+
+
+def model_table(model: BlackBox) -> str:
+    """Kind, orders, parameters, poles and notes."""
+    channels = model.channels
+    noise = ", ".join(f"{name} {value:.4g} {channels.units[name]}".rstrip()
+                      for name, value in model.noise.items())  # fmt: skip
+    parts: list[RenderableType] = [
+        Text(f"{model}, from {', '.join(channels.inputs)} to {', '.join(channels.outputs)}, "
+             f"a sample every {model.step:g} s", style="bold"),
+        Text(f"Status: {model.status.value}"),
+    ]  # fmt: skip
+    if model.parameters:
+        parts += [Text(), parameter_table(model.parameters)]
+    parts += [
+        Text(),
+        Text(f"Poles: {', '.join(complex_word(pole) for pole in model.poles)} "
+             f"({'stable' if model.stable else 'not stable'})"),
+        Text(f"One-step error: {noise}; {model.samples} samples; BIC {model.bic:.1f}"),
+        *(Text(f"Note: {note}") for note in model.notes),
+    ]  # fmt: skip
+    return rendered(Group(*parts))
+
+
+def complex_word(value: complex) -> str:
+    """A number of the complex plane with four digits."""
+    if abs(np.imag(value)) < 1e-9 * max(1.0, abs(value)):
+        return f"{np.real(value):.4g}"
+    return f"{np.real(value):.4g} {'+' if np.imag(value) > 0 else '-'} {abs(np.imag(value)):.4g}i"
