@@ -194,7 +194,7 @@ def starting_point(model: Model, first: Signals, given: Mapping[str, Any]) -> di
     s = first.also({**{n: 0.0 for n in model.all_states if n not in first}, **states})
     port = Ports(model.effects, s, starting=True)
     equations_of(model, s, port)
-    return {**states, **port.initial}
+    return {**states, **{name: given.get(name, x) for name, x in port.initial.items()}}
 
 
 def _per_step(series: Any, hold: str, substeps: int) -> tuple[Any, ...]:
@@ -264,7 +264,7 @@ def simulate(
         from diffthrust._step_check import choose_substeps
 
         substeps = choose_substeps(model, log, initial=initial)
-    start = {**measured_start(model, log), **_checked_initial(model, initial)}
+    start = {**measured_start(model, log), **checked_initial(model, initial)}
     log, original = bridged(log)
     inputs = inputs_of(model, log)
     outputs, states = _compiled(
@@ -278,7 +278,12 @@ def simulate(
     return {name: np.asarray(value)[original] for name, value in {**states, **outputs}.items()}
 
 
-def _checked_initial(model: Model, initial: Any) -> dict[str, float]:
+def checked_initial(model: Model, initial: Any) -> dict[str, float]:
+    """Initial states by name, as numbers.
+
+    Raises:
+        InputError: something else, or a state that the model does not have.
+    """
     if initial is None:
         return {}
     if not isinstance(initial, Mapping):

@@ -518,3 +518,25 @@ def test_a_supply_is_given_to_the_thruster_and_the_log():
     again = jason_junior(**given).replace(thruster=weak).simulate(Step(0.1), 4.0)
     np.testing.assert_allclose(run["position"], again["position"], atol=1e-12)
     assert np.all(run.log.inputs["supply_voltage"] == 12.0)
+
+
+def test_a_record_with_a_lag_simulated_anew_is_the_run():
+    lagged = THRUSTER + effects.ActuatorLag(time_constant=0.05)
+    loop = Loop(thruster=lagged, vehicle=VEHICLE, controller=control.PD(frequency=1.0))
+    run = loop.simulate(Step(0.0), 20.0, initial={"position": 0.3})
+    again = dft.simulate(lagged, run.log, substeps=4)
+    np.testing.assert_allclose(again["speed"], run["speed"], atol=1e-3)
+    fit = dft.fit(lagged, run.log)
+    assert fit.parameters["actuator_lag.time_constant"].value == pytest.approx(0.05, rel=1e-3)
+
+
+def test_a_state_of_an_effect_begins_where_it_is_told():
+    lagged = THRUSTER + effects.ActuatorLag(time_constant=0.5)
+    time = np.arange(0.0, 2.0, 0.05)
+    log = dft.Log(time=time, inputs={"command": np.ones(time.size)}, units={"command": "V"})
+    settled = dft.simulate(lagged, log)["actuator_lag.response"]
+    told = dft.simulate(lagged, log, initial={"actuator_lag.response": 0.0})[
+        "actuator_lag.response"
+    ]
+    np.testing.assert_allclose(settled, settled[0], rtol=1e-12)
+    np.testing.assert_allclose(told, settled[0] * (1.0 - np.exp(-time / 0.5)), atol=1e-6)

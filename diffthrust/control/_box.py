@@ -13,6 +13,8 @@ _STEPS = 40
 _LENGTHS = 0.5 ** np.arange(12.0)
 """Of the Newton step."""
 _ROUNDING = 1e-12
+_RIDGE = 1e-13
+"""Share of the squares that keeps the matrix regular, below their rounding."""
 
 
 def least_squares_within(
@@ -24,7 +26,8 @@ def least_squares_within(
     Newton step for themselves, bent back into the box, at the length that lowers the sum most.
 
     Args:
-        jacobian: ``(m, n)``, of full column rank.
+        jacobian: ``(m, n)``; of two columns that cannot be told apart, neither has a value of its
+            own.
         residual: ``(m,)``.
         low: ``(n,)``.
         high: ``(n,)``, above ``low``.
@@ -37,6 +40,9 @@ def least_squares_within(
     constraints, section 2.
     """
     hessian, slope_at_zero = jacobian.T @ jacobian, jacobian.T @ residual
+    largest = jnp.max(jnp.diag(hessian)) + jnp.finfo(float).tiny
+    ridge = jnp.maximum(_RIDGE * jnp.diag(hessian), _RIDGE**2 * largest)
+    hessian = hessian + jnp.diag(ridge)
     scale = jnp.sqrt(jnp.diag(hessian))
     size = jnp.linalg.norm(residual)
 

@@ -17,7 +17,7 @@ from diffthrust._parameters import Parameter
 from diffthrust.control._block import Controller
 from diffthrust.control._compensators import Compensator, NoCompensator
 from diffthrust.control._faults import Fault, Numbers, check_faults
-from diffthrust.control._loop_check import check_blocks, check_numbers, mapping
+from diffthrust.control._loop_check import check_blocks, check_numbers, mapping, seeded
 from diffthrust.control._march import Parts, Timing, compiled
 from diffthrust.control._plant import Plant
 from diffthrust.control._reference import Reference, number
@@ -85,7 +85,7 @@ class Loop:
 
     @property
     def _plant(self) -> Plant:
-        given = mapping("given", self.given, '{"supply_voltage": 24.0}')
+        given = mapping("Loop, given", self.given, '{"supply_voltage": 24.0}')
         numbers = {
             name: number(f"Loop, given '{name}'", value, lambda x: True, "a number")
             for name, value in given.items()
@@ -182,8 +182,6 @@ class Loop:
                 f"reference: expected Sinusoid, Step or Trajectory, found {reference!r}.",
                 "Write dft.control.Step(1.0).",
             )
-        if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
-            raise InputError(f"seed: expected a whole number, 0 or more, found {seed!r}.", "")
         samples = self._samples()
         step = 1.0 / (self.rate * samples)
         if substeps is None:
@@ -193,7 +191,7 @@ class Loop:
                 f"substeps: expected a whole number, 1 or more, found {substeps!r}.", "Correct it."
             )
         time = step * np.arange(max(1, round(duration * self.rate)) * samples + 1)
-        rng = np.random.default_rng(seed)
+        rng = seeded(seed)
         noise = {
             f"noise.{name}": jnp.asarray(self.noise[name] * rng.standard_normal(time.size))
             for name in self._plant.channels
@@ -203,13 +201,10 @@ class Loop:
                      strict=True)  # fmt: skip
         rows = {"time": jnp.asarray(time), **{n: jnp.asarray(row) for n, row in wanted}, **noise}
         start = {}
-        for name, value in (initial or {}).items():
-            if name not in self._plant.states:
-                raise InputError(
-                    f"initial: the loop has no state '{name}'; it has "
-                    f"{listing(self._plant.states)}.",
-                    "Correct the name.",
-                )
+        states = self._plant.states
+        for name, value in mapping(
+            "initial", initial or {}, '{"speed": 0.0}', states, "state"
+        ).items():
             state = number(f"initial, state '{name}'", value, lambda x: True, "a finite number")
             start[name] = jnp.asarray(state)
         parts = self._parts(substeps)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
+
+import numpy as np
 
 from diffthrust._channels import listing, nearest
 from diffthrust._errors import InputError
@@ -18,30 +20,55 @@ def check_numbers(plant: Plant, rate: Any, delay: Any, noise: Any) -> None:
     plant.check()
     number("Loop, rate", rate, lambda x: x > 0, "samples in a second, above zero")
     number("Loop, delay", delay, lambda x: x >= 0, "seconds, zero or more")
-    channels = plant.channels
-    for name, level in mapping("noise", noise, '{"speed": 0.3}').items():
-        if name not in channels:
-            near = nearest(name, channels)
-            raise InputError(
-                f"Loop, noise: there is no channel '{name}'{f' ({near})' if near else ''}; "
-                f"there are {listing(channels)}.",
-                "Correct the name.",
-            )
-        number(f"Loop, noise of '{name}'", level, lambda x: x >= 0, "zero or more")
+    check_noise("Loop", noise, plant.channels)
 
 
-def mapping(what: str, given: Any, example: str) -> Mapping[str, Any]:
-    """What was given by the names of channels.
+def check_noise(who: str, noise: Any, channels: Collection[str]) -> None:
+    """Raise `InputError` for standard deviations that cannot be meant."""
+    example = f'{{"{next(iter(channels))}": 0.3}}'
+    for name, level in mapping(f"{who}, noise", noise, example, channels).items():
+        number(f"{who}, noise of '{name}'", level, lambda x: x >= 0, "zero or more")
+
+
+def mapping(
+    what: str,
+    given: Any,
+    example: str,
+    known: Collection[str] | None = None,
+    kind: str = "channel",
+) -> Mapping[str, Any]:
+    """What was given by the names of channels, or of another kind.
 
     Raises:
-        InputError: something else than a dictionary.
+        InputError: something else than a dictionary, or a name that is not among those ``known``.
     """
     if not isinstance(given, Mapping):
         raise InputError(
-            f"Loop, {what}: expected a dictionary by the names of channels, found {given!r}.",
-            f"Write {what}={example}.",
+            f"{what}: expected a dictionary by the names of {kind}s, found {given!r}.",
+            f"Write {example}.",
         )
+    for name in given:
+        if known is not None and name not in known:
+            near = nearest(str(name), known)
+            raise InputError(
+                f"{what}: there is no {kind} '{name}'{f' ({near})' if near else ''}; there are "
+                f"{listing(known)}.",
+                "Correct the name.",
+            )
     return given
+
+
+def seeded(seed: Any) -> np.random.Generator:
+    """The generator of the measurement noise.
+
+    Raises:
+        InputError: a seed that is no whole number from 0.
+    """
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise InputError(
+            f"seed: expected a whole number, 0 or more, found {seed!r}.", "Write seed=0."
+        )
+    return np.random.default_rng(seed)
 
 
 def check_blocks(plant: Plant, controller: Any, compensator: Any) -> None:

@@ -102,6 +102,7 @@ def march(
         return sound.bind({n: values[n] * f for n, f in factors.items()}) if factors else sound
 
     first = {name: jnp.asarray(value, float) for name, value in sound.start(start).items()}
+    settling = [name for name in first if "." in name]
 
     def decays(instant: Any) -> dict[str, Any]:
         rates, _, _ = plant_at(instant).equations(first, jnp.zeros(()), instant)
@@ -139,6 +140,9 @@ def march(
         motor, path = parts.path(plant.thruster.effects, inputs, before["path"], x["first"], step)
         sent = {"line": line, "command": command, "taken": taken, "motor_command": motor}
         sent = _when(x["mark"], timing.substeps, {**sent, "path": path}, before)
+        if settling:  # a record of the loop, simulated anew, begins settled at its first command
+            settled = plant.start(start, sent["motor_command"])
+            state = {**state, **{n: jnp.where(x["first"], settled[n], state[n]) for n in settling}}
         row = {
             **state,
             "command": sent["command"],

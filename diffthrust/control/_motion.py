@@ -47,8 +47,7 @@ def check_vessel(model: Any, who: str) -> None:
 def begin(model: Model, inputs: Mapping[str, Any], given: Mapping[str, Any]) -> State:
     """All states at rest, or as given, and those of the effects as they follow; traceable."""
     first = {**arriving(model, jnp.zeros(()), inputs), "time": jnp.zeros(())}
-    found = {**starting_point(model, Signals(first), given)}
-    found |= {name: value for name, value in given.items() if name in found}
+    found = starting_point(model, Signals(first), given)
     return {name: jnp.asarray(value, float) for name, value in found.items()}
 
 

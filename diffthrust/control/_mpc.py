@@ -11,15 +11,17 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from diffthrust._channels import listing
+from diffthrust._channels import listing, nearest
 from diffthrust._errors import InputError
 from diffthrust._model import Model
 from diffthrust._simulate import Key
 from diffthrust.control._motion import AT_SEA, begin, check_vessel
-from diffthrust.control._mpc_step import Frame, Numbers, Plan, solved
+from diffthrust.control._mpc_step import Frame, Plan, Setting, solved
 from diffthrust.control._path import Wanted
 from diffthrust.control._reference import number
 
+_AHEAD = 5.0
+"""Seconds to look ahead where no horizon is given."""
 _LONGEST = 0.1
 """Seconds: the longest step with which the controller integrates its model."""
 
@@ -28,22 +30,27 @@ _LONGEST = 0.1
 class MPC:
     """A vessel's inputs over a horizon such that the model follows the path, anew at each sample.
 
-    The sum of squares of the errors of position over ``position``, and of the changes of the
-    inputs from sample to sample over ``moves``, is minimized by Gauss-Newton steps with the limits
-    kept exactly, beginning with the last plan one sample on. The first inputs of the plan are
-    applied.
+    The sum of squares of the errors of position over ``position``, and of the inputs' rates of
+    change over ``rates``, is minimized by Gauss-Newton steps between the limits, beginning with the
+    last plan one sample on or with inputs held throughout, whichever is better. The first inputs of
+    the plan are applied.
 
     With ``disturbance`` the accelerations that the model does not explain (wind, current) are
     estimated from its errors of one sample; without it a steady disturbance leaves a steady error,
-    as in the paper.
+    as in the paper. The estimate needs the speeds to be measured.
+
+    The method sees no further than its horizon: from a heading a quarter turn off the path or more,
+    turning may not pay within 5 s, and the vessel stays where it is. Give a longer horizon there.
 
     Args:
-        model: what the controller believes: a `Vessel` with the fitted effects.
-        limits: lowest and highest value of each input, in the model's units.
-        moves: change of each input from one sample to the next that weighs as much as an error of
-            ``position``; a fifth of the range where not given.
+        model: what the controller believes: a `Vessel` with the fitted effects. Its wind, if it has
+            one, is the constant one of its parameters.
+        limits: lowest and highest value of each input, in the model's units (angles in rad).
+        rates: rate of change of each input that weighs as much as an error of ``position``, in its
+            unit per second; its whole range in a second where not given.
         rate: samples in a second [Hz].
-        horizon: samples to look ahead.
+        horizon: samples to look ahead; those of 5 s where not given. Much less than the time in
+            which the vessel answers, a few seconds, steers badly.
         position: error of position that weighs one [m].
         disturbance: time constant [s] of the estimated accelerations, or ``None``.
         iterations: Gauss-Newton steps at most, for each sample.
@@ -69,9 +76,9 @@ class MPC:
 
     model: Model
     limits: Mapping[str, tuple[float, float]]
-    moves: Mapping[str, float] = field(default_factory=dict)
+    rates: Mapping[str, float] = field(default_factory=dict)
     rate: float = 5.0
-    horizon: int = 25
+    horizon: int | None = None
     position: float = 0.3
     disturbance: float | None = None
     iterations: int = 10
@@ -82,33 +89,22 @@ class MPC:
             number(f"MPC, {name}", getattr(self, name), lambda x: x > 0, "a number above zero")
         if self.disturbance is not None:
             number("MPC, disturbance", self.disturbance, lambda x: x > 0, "seconds, above zero")
+        if self.horizon is None:
+            object.__setattr__(self, "horizon", max(1, round(_AHEAD * self.rate)))
         for name in ("horizon", "iterations"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-                raise InputError(
-                    f"MPC, {name}: expected a whole number, 1 or more, found {value!r}.",
-                    "Correct it.",
-                )
-        names = tuple(self.model.inputs)
-        for what, given in (("limits", self.limits), ("moves", self.moves)):
-            wrong = [n for n in given if n not in names] if isinstance(given, Mapping) else [given]
-            if wrong:
-                raise InputError(
-                    f"MPC, {what}: the model has no input {listing(wrong)}; it has "
-                    f"{listing(names)}.",
-                    f'Write {what}={{"{names[0]}": ...}}.',
-                )
-        for name in names:
-            _check_limits(name, self.limits.get(name))
-        moves = {n: 0.2 * (self.limits[n][1] - self.limits[n][0]) for n in names}
-        for name, value in self.moves.items():
-            number(f"MPC, moves of '{name}'", value, lambda x: x > 0, "a number above zero")
-        object.__setattr__(self, "moves", {**moves, **self.moves})
+            object.__setattr__(self, name, _whole(f"MPC, {name}", getattr(self, name)))
+        units = self.model.inputs
+        _check_names("limits", self.limits, tuple(units), "(LOWEST, HIGHEST)")
+        _check_names("rates", self.rates, tuple(units), "0.5")
+        limits = {name: _limits(name, self.limits.get(name), unit) for name, unit in units.items()}
+        object.__setattr__(self, "limits", limits)
+        for name, value in self.rates.items():
+            number(f"MPC, rates of '{name}'", value, lambda x: x > 0, "a number above zero")
 
     @property
     def ahead(self) -> np.ndarray:
         """How far ahead of the present sample the path is to be told [s], ``(horizon,)``."""
-        return np.arange(1, self.horizon + 1) / self.rate
+        return np.arange(1, self._samples + 1) / self.rate
 
     def start(self, measured: Mapping[str, Any], inputs: Mapping[str, float] | None = None) -> Plan:
         """What is remembered before the first sample.
@@ -121,15 +117,18 @@ class MPC:
         Raises:
             InputError: a measurement that is missing or not finite.
         """
-        now = {n: 0.5 * (low + high) for n, (low, high) in self.limits.items()} | {**(inputs or {})}
-        state = begin(self.model, now, self._measured(measured))
+        now = {n: 0.5 * (low + high) for n, (low, high) in self.limits.items()}
+        if inputs is not None:
+            _check_names("inputs", inputs, tuple(now), "0.1")
+            now |= {n: number(f"MPC, input '{n}'", v, _any, "a number") for n, v in inputs.items()}
+        state = begin(self.model, now, self._seen(measured, whole=True))
         low, high = self._range
         share = jnp.stack([jnp.asarray(now[n], float) for n in self.model.inputs])
-        planned = jnp.clip(jnp.tile((share - low) / (high - low), (self.horizon, 1)), 0.0, 1.0)
+        planned = jnp.clip(jnp.tile((share - low) / (high - low), (self._samples, 1)), 0.0, 1.0)
         zero = jnp.zeros(())
         push = {"north": zero, "east": zero, "yaw": zero}
         held = {name: jnp.asarray(now[name], float) for name in self.model.inputs}
-        return Plan(held, planned, state, push, zero, jnp.asarray(0), jnp.asarray(False))
+        return Plan(held, planned, state, push, zero, jnp.asarray(0), jnp.asarray(False), zero)
 
     def step(self, plan: Plan, measured: Mapping[str, Any], wanted: Wanted) -> Plan:
         """One sample: what to apply now, and the plan behind it.
@@ -142,15 +141,32 @@ class MPC:
         Raises:
             InputError: a path of another length, or with numbers that are not finite.
         """
-        place = np.stack([np.asarray(wanted.north, float), np.asarray(wanted.east, float)], -1)
-        if place.shape != (self.horizon, 2) or not np.all(np.isfinite(place)):
+        place = self._place(wanted)
+        if not isinstance(plan, Plan):
             raise InputError(
-                f"MPC: expected the path at {self.horizon} instants ahead, finite, found an array "
-                f"{place.shape}.",
+                f"MPC, step: expected the plan of the last sample, found {plan!r}.",
+                "Begin with plan = mpc.start(measured).",
+            )
+        return solved(self._frame, self._setting, plan, self._seen(measured), jnp.asarray(place))
+
+    @property
+    def _samples(self) -> int:
+        return self.horizon or 1  # `__post_init__` has made it a number
+
+    def _place(self, wanted: Any) -> np.ndarray:
+        """The places to be at over the horizon, ``(horizon, 2)``."""
+        try:
+            place = np.stack([np.asarray(wanted.north, float), np.asarray(wanted.east, float)], -1)
+        except (AttributeError, TypeError, ValueError):
+            place = np.empty((0, 2))
+        if place.shape != (self._samples, 2) or not np.all(np.isfinite(place)):
+            known = "with missing numbers" if place.shape == (self._samples, 2) else place.shape
+            raise InputError(
+                f"MPC: expected the path at {self._samples} instants ahead, finite, found "
+                f"{known if isinstance(known, str) else f'an array {known}'}.",
                 "Give path.at(now + mpc.ahead).",
             )
-        seen = {n: jnp.asarray(measured.get(n, math.nan), float) for n in AT_SEA}
-        return solved(self._frame, self._numbers, plan, seen, jnp.asarray(place))
+        return place
 
     @cached_property
     def _range(self) -> tuple[Any, Any]:
@@ -163,10 +179,11 @@ class MPC:
         return Frame(Key(self.model), substeps, self.disturbance is not None)
 
     @cached_property
-    def _numbers(self) -> Numbers:
+    def _setting(self) -> Setting:
         low, high = self._range
-        moves = jnp.asarray([self.moves[name] for name in self.model.inputs], float)
-        return Numbers(
+        rates = [self.rates.get(n, b - a) for n, (a, b) in self.limits.items()]
+        moves = jnp.asarray(rates, float) / self.rate
+        return Setting(
             {name: jnp.asarray(p.value, float) for name, p in self.model.parameters.items()},
             low,
             high,
@@ -177,19 +194,75 @@ class MPC:
             jnp.asarray(self.iterations),
         )
 
-    def _measured(self, measured: Mapping[str, Any]) -> dict[str, Any]:
+    def _seen(self, measured: Any, whole: bool = False) -> dict[str, Any]:
+        """Measured states; NaN for what is missing unless all six have to be there."""
+        names = tuple(self.model.all_states)
+        _check_names("measured", measured, names, "0.0")
+        found = {}
         for name in AT_SEA:
-            number(f"MPC, measured '{name}'", measured.get(name), lambda x: True, "a number")
-        return {n: jnp.asarray(v, float) for n, v in measured.items() if n in self.model.all_states}
+            value = measured.get(name, math.nan)
+            if whole:
+                number(f"MPC, measured '{name}'", value, _any, "a number")
+            found[name] = jnp.asarray(_number(f"MPC, measured '{name}'", value), float)
+        if whole:
+            more = {n: v for n, v in measured.items() if n not in AT_SEA}
+            found |= {n: jnp.asarray(number(f"MPC, measured '{n}'", v, _any, "a number"), float)
+                      for n, v in more.items()}  # fmt: skip
+        return found
 
 
-def _check_limits(name: str, pair: Any) -> None:
+def _any(value: float) -> bool:
+    return True
+
+
+def _number(where: str, value: Any) -> float:
+    """A number, which may be missing (NaN)."""
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise InputError(
+            f"{where}: expected a number, found {value!r}.", "Give NaN for what was not measured."
+        ) from None
+
+
+def _whole(where: str, value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+        raise InputError(
+            f"{where}: expected a whole number, 1 or more, found {value!r}.", "Correct it."
+        )
+    return int(value)
+
+
+def _check_names(what: str, given: Any, names: tuple[str, ...], example: str) -> None:
+    if not isinstance(given, Mapping):
+        raise InputError(
+            f"MPC, {what}: expected a dictionary by name, found {given!r}.",
+            f'Write {{"{names[0]}": {example}, ...}}.',
+        )
+    for name in given:
+        if name not in names:
+            near = nearest(str(name), names)
+            raise InputError(
+                f"MPC, {what}: the model has no '{name}'{f' ({near})' if near else ''}; it has "
+                f"{listing(names)}.",
+                "Correct the name.",
+            )
+
+
+def _limits(name: str, pair: Any, unit: str) -> tuple[float, float]:
     try:
         low, high = (float(value) for value in pair)
     except (TypeError, ValueError):
         low, high = math.nan, math.nan
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
         raise InputError(
-            f"MPC, limits: expected a lowest and a highest value of '{name}', found {pair!r}.",
+            f"MPC, limits: expected a lowest and a highest value of '{name}' [{unit}], found "
+            f"{pair!r}.",
             f'Write limits={{"{name}": (LOWEST, HIGHEST)}}.',
         )
+    if unit == "rad" and max(-low, high) > 2.0 * math.pi:
+        raise InputError(
+            f"MPC, limits: expected '{name}' in rad, found {low:g} to {high:g}, more than a turn.",
+            "Convert it: math.radians(24).",
+        )
+    return low, high

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
+from itertools import product
 from typing import Any, NamedTuple
 
 import jax
@@ -15,11 +16,17 @@ from diffthrust.control._box import least_squares_within
 from diffthrust.control._motion import AT_SEA, PLACE, SPEEDS, one_sample
 
 _LENGTHS = np.array([1.0, 0.5, 0.25, 0.1])
-_MARGIN = 1e-3
-"""Of the range between the limits: slopes are taken this far inside, where a force law that stops
-at a limit (a propeller at rest) still has one."""
+"""Of the Gauss-Newton step."""
+_EVEN = (0.02, 0.45, 0.98)
+"""Shares of the range at which a plan is held throughout, where that is a better beginning than the
+last plan: on the wrong side of a hill no step leads to the right one, and a propeller at rest, in
+the middle of a range, has no slope at all."""
+_MARGIN = 1e-4
+"""Of the range between the limits: slopes are taken this far inside, where the force law of a
+propeller that stops at a limit still has one."""
 _SETTLED = 1e-3
-"""Of the range: a plan that an iteration changes by less is taken as the best."""
+"""A plan is a minimum where the cosine between the residuals and the slope of each input that is
+free to move is below this, or the next step, as a share of the ranges."""
 
 
 class Plan(NamedTuple):
@@ -34,8 +41,9 @@ class Plan(NamedTuple):
             [rad/s^2]; zero unless they are estimated.
         cost: the sum of squares that was minimized.
         iterations: Gauss-Newton steps that were taken.
-        settled: whether the last of them changed the inputs by less than a thousandth of their
-            ranges.
+        settled: whether the plan that the last of them began from was a minimum, if not the lowest
+            one: no input that is free to move lowers the cost.
+        unseen: samples since the speeds were measured, for the estimate of ``push``.
     """
 
     inputs: dict[str, Any]
@@ -45,6 +53,7 @@ class Plan(NamedTuple):
     cost: Any
     iterations: Any
     settled: Any
+    unseen: Any
 
 
 class Frame(NamedTuple):
@@ -55,7 +64,7 @@ class Frame(NamedTuple):
     estimating: bool
 
 
-class Numbers(NamedTuple):
+class Setting(NamedTuple):
     """What a controller can be given anew without another compilation."""
 
     values: dict[str, Any]
@@ -68,19 +77,21 @@ class Numbers(NamedTuple):
     iterations: Any
 
 
-def solve(frame: Frame, given: Numbers, plan: Plan, seen: Mapping[str, Any], place: Any) -> Plan:
+def solve(frame: Frame, given: Setting, plan: Plan, seen: Mapping[str, Any], place: Any) -> Plan:
     """`MPC.step`, traceable: ``place`` is ``(horizon, 2)``, NaN in ``seen`` stands for not seen."""
     model = frame.key.model.bind(given.values)
     period, names = given.period, tuple(model.inputs)
     missed = {n: jnp.where(jnp.isnan(seen[n]), 0.0, seen[n] - plan.state[n]) for n in SPEEDS}
-    push = _estimate(plan, missed, period, given.lag) if frame.estimating else plan.push
+    blind = jnp.isnan(seen["surge"]) | jnp.isnan(seen["sway"]) | jnp.isnan(seen["yaw_rate"])
+    since = period * (1.0 + plan.unseen)  # what is missed now has grown for so long
+    push = _estimate(plan, missed, since, given.lag) if frame.estimating else plan.push
     state = {**plan.state}
     state |= {n: jnp.where(jnp.isnan(seen[n]), plan.state[n], seen[n]) for n in AT_SEA}
     before = jnp.stack([plan.inputs[name] for name in names])
     before = (before - given.low) / (given.high - given.low)
 
     def inputs_of(shares: Any) -> dict[str, Any]:
-        row = given.low + shares * (given.high - given.low)
+        row = jnp.clip(given.low + shares * (given.high - given.low), given.low, given.high)
         return {name: row[i] for i, name in enumerate(names)}
 
     def after(state: Any, shares: Any) -> Any:
@@ -103,36 +114,55 @@ def solve(frame: Frame, given: Numbers, plan: Plan, seen: Mapping[str, Any], pla
         total = jnp.sum(residual(flat) ** 2)
         return jnp.where(jnp.isfinite(total), total, jnp.inf)
 
-    def improve(carry: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
-        flat, count, _ = carry
+    def improve(carry: tuple[Any, ...]) -> tuple[Any, ...]:
+        flat, count, damping, _ = carry
         jacobian = jax.jacfwd(residual)(jnp.clip(flat, _MARGIN, 1.0 - _MARGIN))
+        now, rest = cost(flat), residual(flat)
+        sizes = jnp.linalg.norm(jacobian, axis=0)
         step, _ = least_squares_within(
-            jacobian, residual(flat), -flat, 1.0 - flat, jnp.zeros_like(flat)
+            jnp.concatenate([jacobian, jnp.sqrt(damping) * jnp.diag(sizes)]),
+            jnp.concatenate([rest, jnp.zeros_like(flat)]),
+            -flat,
+            1.0 - flat,
+            jnp.zeros_like(flat),
         )
         tried = jax.vmap(lambda length: flat + length * step)(_LENGTHS)
         costs = jax.vmap(cost)(tried)
         best = jnp.argmin(costs)
-        better = costs[best] < cost(flat)
-        new = jnp.where(better, tried[best], flat)
-        return new, count + 1, jnp.max(jnp.abs(new - flat)) < _SETTLED
+        better = costs[best] < now
+        slope = rest @ jacobian
+        held = ((flat <= 0) & (slope >= 0)) | ((flat >= 1) & (slope <= 0))
+        steep = jnp.abs(slope) / (sizes * jnp.linalg.norm(rest) + jnp.finfo(float).tiny)
+        level = jnp.max(jnp.where(held, 0.0, steep)) < _SETTLED
+        short = (jnp.max(jnp.abs(step)) < _SETTLED) & (damping < 1.0)
+        # at a kink of the force law no slope is level, and yet no step helps, however small
+        corner = (now - costs[best] <= _SETTLED**2 * now) & (damping >= 1.0)
+        settled = jnp.isfinite(now) & (level | short | corner)
+        damping = jnp.where(better, 0.1 * damping, jnp.maximum(10.0 * damping, 1e-3))
+        return jnp.where(better, tried[best], flat), count + 1, damping, settled
 
-    def unsettled(carry: tuple[Any, Any, Any]) -> Any:
-        return ~carry[2] & (carry[1] < given.iterations)
+    def unfinished(carry: tuple[Any, ...]) -> Any:
+        return ~carry[3] & (carry[1] < given.iterations)
 
-    guess = jnp.concatenate([plan.planned[1:], plan.planned[-1:]]).ravel()
-    flat, count, settled = jax.lax.while_loop(
-        unsettled, improve, (guess, jnp.asarray(0), jnp.asarray(False))
+    warm = jnp.concatenate([plan.planned[1:], plan.planned[-1:]]).ravel()
+    even = [jnp.tile(jnp.asarray(row), plan.planned.shape[0]) for row in
+            product(_EVEN, repeat=len(names))]  # fmt: skip
+    guesses = jnp.stack([warm, *even])
+    best = guesses[jnp.argmin(jax.vmap(cost)(guesses))]
+    flat, count, _, settled = jax.lax.while_loop(
+        unfinished, improve, (best, jnp.asarray(0), jnp.zeros(()), jnp.asarray(False))
     )
     planned = jnp.clip(flat, 0.0, 1.0).reshape(plan.planned.shape)
     expected = after(state, planned[0])
-    return Plan(inputs_of(planned[0]), planned, expected, push, cost(flat), count, settled)
+    unseen = jnp.where(blind, plan.unseen + 1.0, 0.0)
+    return Plan(inputs_of(planned[0]), planned, expected, push, cost(flat), count, settled, unseen)
 
 
-def _estimate(plan: Plan, missed: Mapping[str, Any], period: Any, lag: Any) -> dict[str, Any]:
+def _estimate(plan: Plan, missed: Mapping[str, Any], since: Any, lag: Any) -> dict[str, Any]:
     """The unexplained accelerations, moved towards what the last sample missed."""
     heading = plan.state["heading"]
     cos, sin = jnp.cos(heading), jnp.sin(heading)
-    gain = -jnp.expm1(-period / lag) / period
+    gain = -jnp.expm1(-since / lag) / since
     found = {
         "north": missed["surge"] * cos - missed["sway"] * sin,
         "east": missed["surge"] * sin + missed["sway"] * cos,

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from diffthrust._errors import InputError
 from diffthrust.control._reference import number
 
 _FINE = 2048
@@ -115,6 +116,36 @@ class HarmonicPath(Path):
         x = waves * self.wavelength + np.interp(rest, arc, along)
         aside = self.amplitude * np.sin(wave * x)
         return _turned(self, x, aside, np.arctan(self.amplitude * wave * np.cos(wave * x)))
+
+
+def told(path: Path, time: np.ndarray) -> Wanted:
+    """Where a path says to be, checked.
+
+    Raises:
+        InputError: no `Wanted`, another length than that of ``time``, or numbers that are not
+            finite.
+    """
+    kind, found = type(path).__name__, path.at(time)
+    if not isinstance(found, Wanted):
+        raise InputError(
+            f"{kind}.at: expected a Wanted(north, east, course), found {type(found).__name__}.",
+            "Write return dft.control.Wanted(north, east, course).",
+        )
+    rows = [np.asarray(row, float) for row in found]
+    for name, row in zip(Wanted._fields, rows, strict=True):
+        if row.shape != time.shape:
+            raise InputError(
+                f"{kind}.at, {name}: expected {time.size} numbers, one for each instant, found an "
+                f"array {row.shape}.",
+                "Work elementwise on the time that is given: 0.0 * time, not 0.0.",
+            )
+        if not np.all(np.isfinite(row)):
+            bad = float(time[np.argmin(np.isfinite(row))])
+            raise InputError(
+                f"{kind}.at, {name}: not finite at {bad:g} s.",
+                "Let the path be defined for all times.",
+            )
+    return Wanted(*rows)
 
 
 def _check(path: Path, positive: tuple[str, ...], finite: tuple[str, ...]) -> None:

@@ -110,17 +110,20 @@ class Plant:
         vehicle = part(self.vehicle, "vehicle.") if self.vehicle else None
         return Plant(part(self.thruster, "thruster."), vehicle, self.given)
 
-    def start(self, given: Mapping[str, Any]) -> dict[str, Any]:
-        """All states at the start: those given, others as the models have them at rest."""
+    def start(self, given: Mapping[str, Any], command: Any = 0.0) -> dict[str, Any]:
+        """All states at the start: those given, others as the models have them at rest.
+
+        Effects with states of their own begin settled at ``command``, as in `simulate`.
+        """
         zero = jnp.zeros(())
-        first = {"command": zero, "time": zero, **self.given}
+        first = {"command": jnp.asarray(command, float), "time": zero, **self.given}
         if "inflow" in self._own:
             first["inflow"] = given.get("velocity", zero)
         states = starting_point(self.thruster, Signals(first), given)
         if self.vehicle:
             side = Signals({"thrust": zero, "time": zero})
             states |= starting_point(self.vehicle, side, given)
-        return {**states, **{name: value for name, value in given.items() if name in states}}
+        return states
 
     def equations(
         self, state: Mapping[str, Any], command: Any, time: Any

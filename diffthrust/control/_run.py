@@ -9,17 +9,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from diffthrust._channels import listing, nearest
 from diffthrust._errors import InputError
 from diffthrust._log import Log
+from diffthrust.control._record import Record, bounded
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from diffthrust.control._loop import Loop
-
-LARGEST = 1e9
-"""A signal beyond this, in SI units, has run away."""
 
 
 class Tracking(NamedTuple):
@@ -37,7 +34,7 @@ class Tracking(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class LoopRun:
+class LoopRun(Record):
     """A closed loop's run.
 
     Args:
@@ -60,16 +57,6 @@ class LoopRun:
     signals: Mapping[str, np.ndarray]
     units: Mapping[str, str]
     diverged: float | None
-
-    def __getitem__(self, name: str) -> np.ndarray:
-        if name not in self.signals:
-            near = nearest(name, self.signals)
-            raise InputError(
-                f"The run has no signal '{name}'{f' ({near})' if near else ''}; it has "
-                f"{listing(self.signals)}.",
-                "Correct the name.",
-            )
-        return self.signals[name]
 
     @cached_property
     def log(self) -> Log:
@@ -138,15 +125,7 @@ class LoopRun:
         Raises:
             InputError: no sample lies between them.
         """
-        start = float(self.time[-1]) / 3.0 if start is None else start
-        stop = float(self.time[-1]) if stop is None else stop
-        within = (self.time >= start - 1e-9) & (self.time <= stop + 1e-9)
-        if not within.any():
-            raise InputError(
-                f"tracking: expected samples from {start:g} to {stop:g} s, found none; the run "
-                f"lasts {self.time[-1]:g} s.",
-                "Choose start and stop inside the run.",
-            )
+        within = self.within("tracking", start, stop)
         error, size = self["error"][within], float(np.std(self["reference"][within]))
         rms = float(np.sqrt(np.mean(error**2)))
         relative = rms / size if size > 1e-12 * (1.0 + rms) else float("nan")
@@ -175,22 +154,11 @@ def run_of(loop: Loop, rows: Mapping[str, np.ndarray], found: Mapping[str, Any])
         del signals["wanted_thrust"]
     with np.errstate(invalid="ignore"):
         signals = {"reference": rows["wanted"], "error": rows["wanted"] - signals[of], **signals}
-    fine = np.all(
-        [np.isfinite(v) & (np.abs(np.nan_to_num(v)) < LARGEST) for v in signals.values()], axis=0
+    time, signals, diverged = bounded(
+        rows["time"],
+        signals,
+        "Look at the units of the gains, the rate of the controller and substeps.",
     )
-    time, diverged = rows["time"], None
-    if not fine.all():
-        end = int(np.argmin(fine))
-        diverged = float(time[end])
-        if end < 2:
-            raise InputError(
-                f"The loop ran away at {diverged:g} s, at its first samples.",
-                "Look at the units of the gains, the rate of the controller and substeps.",
-            )
-        time = time[:end]
-        signals = {name: value[:end] for name, value in signals.items()}
-    for array in (time, *signals.values()):
-        array.flags.writeable = False
     return LoopRun(loop, time, signals, _units(loop, signals), diverged)
 
 

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from diffthrust._channels import listing, nearest
-from diffthrust._errors import InputError
 from diffthrust._log import Log
 from diffthrust.control._path import Path
+from diffthrust.control._record import Record, bounded
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -55,7 +54,7 @@ class SolveTime(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class TrackRun:
+class TrackRun(Record):
     """A vessel's run along a path.
 
     Args:
@@ -68,7 +67,7 @@ class TrackRun:
             ``push.north``, ``push.east`` and ``push.yaw`` (accelerations estimated by the
             controller), ``cost``, ``iterations``, ``settled`` and ``solve_time`` [s].
         diverged: the time [s] of the first sample at which a signal was no longer finite, or
-            ``None``.
+            larger than any that can be meant; ``None`` where the run stayed bounded.
 
     Example:
         >>> run.across(start=20.0).mean, run.solve_time.median
@@ -79,16 +78,6 @@ class TrackRun:
     time: np.ndarray
     signals: Mapping[str, np.ndarray]
     diverged: float | None
-
-    def __getitem__(self, name: str) -> np.ndarray:
-        if name not in self.signals:
-            near = nearest(name, self.signals)
-            raise InputError(
-                f"The run has no signal '{name}'{f' ({near})' if near else ''}; it has "
-                f"{listing(self.signals)}.",
-                "Correct the name.",
-            )
-        return self.signals[name]
 
     def along(self, start: float | None = None, stop: float | None = None) -> PathError:
         """Errors along the path, positive ahead of the wanted place.
@@ -107,15 +96,7 @@ class TrackRun:
         return self._error("across", start, stop)
 
     def _error(self, name: str, start: float | None, stop: float | None) -> PathError:
-        start = float(self.time[-1]) / 3.0 if start is None else start
-        stop = float(self.time[-1]) if stop is None else stop
-        error = self[name][(self.time >= start - 1e-9) & (self.time <= stop + 1e-9)]
-        if not error.size:
-            raise InputError(
-                f"{name}: expected samples from {start:g} to {stop:g} s, found none; the run lasts "
-                f"{self.time[-1]:g} s.",
-                "Choose start and stop inside the run.",
-            )
+        error = self[name][self.within(name, start, stop)]
         root = float(np.sqrt(np.mean(error**2)))
         return PathError(root, float(np.mean(error)), float(np.max(np.abs(error))))
 
@@ -136,6 +117,9 @@ class TrackRun:
         inputs = {name: self[name] for name in (*vessel.inputs, *self.loop.given)}
         measured = {name: self[f"measured.{name}"] for name in vessel.outputs}
         units = {**vessel.inputs, **vessel.optional_inputs, **vessel.outputs}
+        notes = ["Simulated in a closed loop with MPC."]
+        if self.diverged is not None:
+            notes.append(f"The loop ran away at {self.diverged:.3g} s.")
         return Log(
             time=self.time,
             inputs=inputs,
@@ -143,7 +127,7 @@ class TrackRun:
             units={name: units[name] for name in (*inputs, *measured)},
             hold="zero",
             name="tracking",
-            notes=("Simulated in a closed loop with MPC.",),
+            notes=tuple(notes),
         )
 
     def plot(self) -> Figure:
@@ -158,13 +142,13 @@ class TrackRun:
 
 
 def track_run_of(
-    loop: VesselLoop,
-    path: Path,
-    time: np.ndarray,
-    samples: int,
-    signals: Mapping[str, np.ndarray],
+    loop: VesselLoop, path: Path, time: np.ndarray, signals: Mapping[str, np.ndarray]
 ) -> TrackRun:
-    """The run with its errors; it ran away where ``time`` has fewer than ``samples``."""
+    """The run with its errors, cut where it ran away.
+
+    Raises:
+        InputError: it ran away before a second sample.
+    """
     wanted = path.at(time)
     north, east = signals["north"] - wanted.north, signals["east"] - wanted.east
     cos, sin = np.cos(wanted.course), np.sin(wanted.course)
@@ -175,7 +159,9 @@ def track_run_of(
         "along": north * cos + east * sin,
         "across": east * cos - north * sin,
     }
-    for array in (time, *found.values()):
-        array.flags.writeable = False
-    ended = len(time) < samples
-    return TrackRun(loop, path, time, found, float(time[-1]) if ended else None)
+    cost = found.pop("cost")  # of a start far away it is large, and nothing has run away
+    time, found, diverged = bounded(
+        time, found, "Look at the units of the initial states and inputs, and at the path."
+    )
+    found["cost"] = cost[: time.size]
+    return TrackRun(loop, path, time, found, diverged)

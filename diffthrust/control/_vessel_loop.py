@@ -13,13 +13,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from diffthrust._channels import listing, nearest
+from diffthrust._channels import listing
 from diffthrust._errors import InputError
 from diffthrust._model import Model
-from diffthrust._simulate import Key, _checked_initial
+from diffthrust._simulate import Key, checked_initial
+from diffthrust.control._loop_check import check_noise, mapping, seeded
 from diffthrust.control._motion import State, begin, check_vessel, one_sample, readings
 from diffthrust.control._mpc import MPC
-from diffthrust.control._path import Path
+from diffthrust.control._path import Path, told
+from diffthrust.control._record import LARGEST
 from diffthrust.control._reference import Reference, number
 from diffthrust.control._track_run import TrackRun, track_run_of
 
@@ -31,7 +33,8 @@ _STEP = 0.05
 class VesselLoop:
     """A vessel that follows a path under a predictive controller.
 
-    The vessel may carry effects that the controller's model does not: that is the disturbance.
+    The vessel may carry effects that the controller's model does not: that is the disturbance. What
+    is ``given`` to the vessel, a measured wind, say, the controller does not see.
 
     Args:
         vessel: what moves: a `Vessel` with its effects.
@@ -69,22 +72,23 @@ class VesselLoop:
                 f"controller's model {listing(self.controller.model.inputs)}.",
                 "Give both the same drive.",
             )
-        for what, given, known in (
-            ("noise", self.noise, self.vessel.outputs),
-            ("given", self.given, self.vessel.optional_inputs),
-        ):
-            for name, value in given.items():
-                if name not in known:
-                    near = nearest(name, known)
-                    raise InputError(
-                        f"VesselLoop, {what}: there is no '{name}'{f' ({near})' if near else ''}; "
-                        f"there are {listing(known)}.",
-                        "Correct the name.",
-                    )
-                if what == "noise" or not isinstance(value, Reference):
-                    right = (lambda x: x >= 0) if what == "noise" else (lambda x: True)
-                    expected = "zero or more" if what == "noise" else "a number or a Reference"
-                    number(f"VesselLoop, {what} of '{name}'", value, right, expected)
+        check_noise("VesselLoop", self.noise, self.vessel.outputs)
+        known, example = self.vessel.optional_inputs, '{"wind_speed": 3.0, "wind_direction": 0.0}'
+        given = mapping("VesselLoop, given", self.given, example, known)
+        for name, value in given.items():
+            if not isinstance(value, Reference):
+                number(
+                    f"VesselLoop, given '{name}'",
+                    value,
+                    lambda x: True,
+                    "a number or a Sinusoid, Step or Trajectory",
+                )
+        if len({"wind_speed", "wind_direction"} & set(given)) == 1:
+            raise InputError(
+                "VesselLoop, given: expected wind_speed and wind_direction, found "
+                f"{listing(given)}.",
+                f"Write given={example}.",
+            )
 
     def simulate(
         self,
@@ -96,8 +100,8 @@ class VesselLoop:
     ) -> TrackRun:
         """Run the loop.
 
-        The controller is called sample by sample, as on board, and each call is timed. The inputs
-        before the first sample are in the middle of their limits.
+        The controller is called sample by sample, as on board, and each call is timed. Effects with
+        states of their own (lags) begin settled at the first inputs, as in `simulate`.
 
         Args:
             path: where to be, and when.
@@ -118,11 +122,11 @@ class VesselLoop:
                 f"path: expected a path, found {path!r}.",
                 "Write dft.control.StraightPath(0.8).",
             )
-        mpc, rate = self.controller, self.controller.rate
+        mpc, rate, rng = self.controller, self.controller.rate, seeded(seed)
         time = np.arange(max(1, round(duration * rate)) + 1) / rate
+        told(path, time)
         rows = self._given(time)
-        state = self._beginning(path, initial, rows)
-        rng = np.random.default_rng(seed)
+        state, start = self._beginning(path, initial, rows)
         noise = {
             name: self.noise.get(name, 0.0) * rng.standard_normal(time.size)
             for name in self.vessel.outputs
@@ -133,17 +137,21 @@ class VesselLoop:
         plan, records = None, []
         for k, now in enumerate(time):
             given = {name: row[k] for name, row in rows.items()}
-            told = _readings(ship[0], values, state, {**inputs, **given}, now)
-            measured = {name: float(told[name]) + noise[name][k] for name in noise}
-            if not all(map(math.isfinite, measured.values())):
+            outputs = _readings(ship[0], values, state, {**inputs, **given}, now)
+            measured = {name: float(outputs[name]) + noise[name][k] for name in noise}
+            if records and not all(abs(value) < LARGEST for value in measured.values()):
+                records.append(dict.fromkeys(records[0], math.nan))
                 break
+            ahead = told(path, now + mpc.ahead)
             plan = mpc.start(measured, inputs) if plan is None else plan
             begun = perf_counter()
-            plan = jax.block_until_ready(mpc.step(plan, measured, path.at(now + mpc.ahead)))
+            plan = jax.block_until_ready(mpc.step(plan, measured, ahead))
             solving = perf_counter() - begun
             inputs = {name: float(value) for name, value in plan.inputs.items()}
+            if not records:  # a log, simulated anew, begins settled at its first inputs
+                state = begin(self.vessel, {**inputs, **given}, start)
             records.append({
-                **{name: float(value) for name, value in {**state, **told}.items()},
+                **{name: float(value) for name, value in {**state, **outputs}.items()},
                 **{f"measured.{name}": value for name, value in measured.items()},
                 **inputs,
                 **given,
@@ -155,7 +163,7 @@ class VesselLoop:
             })  # fmt: skip
             state = _moved(*ship, values, state, {**inputs, **given}, now, 1.0 / rate)
         signals = {name: np.array([row[name] for row in records]) for name in records[0]}
-        return track_run_of(self, path, time[: len(records)], time.size, signals)
+        return track_run_of(self, path, time[: len(records)], signals)
 
     def _given(self, time: np.ndarray) -> dict[str, np.ndarray]:
         return {
@@ -164,14 +172,17 @@ class VesselLoop:
             for name, value in self.given.items()
         }  # fmt: skip
 
-    def _beginning(self, path: Path, initial: Any, rows: Mapping[str, np.ndarray]) -> State:
-        start = path.at(np.zeros(1))
+    def _beginning(
+        self, path: Path, initial: Any, rows: Mapping[str, np.ndarray]
+    ) -> tuple[State, dict[str, Any]]:
+        """All states at the start, and those of them that were given."""
+        start = told(path, np.zeros(1))
         own = {"north": start.north[0], "east": start.east[0], "heading": start.course[0]}
         limits = self.controller.limits
         middle = {name: 0.5 * (low + high) for name, (low, high) in limits.items()}
         first = {name: row[0] for name, row in rows.items()}
-        given = {**own, **_checked_initial(self.vessel, initial)}
-        return begin(self.vessel, {**middle, **first}, given)
+        given = {**own, **checked_initial(self.vessel, initial)}
+        return begin(self.vessel, {**middle, **first}, given), given
 
 
 @partial(jax.jit, static_argnums=(0, 1))
