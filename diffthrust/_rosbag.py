@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -90,7 +90,13 @@ def read_bag(
             "leave stamps at 'recorder'.",
         )
     origin = min((stamps[0] for stamps in ticks.values() if stamps), default=0)
-    return {c: series_of(path.name, c, ticks[c], values[c], origin, missing) for c in wanted}
+    found = {c: series_of(path.name, c, ticks[c], values[c], origin, missing) for c in wanted}
+    for topic, columns in targets.items() if header else ():
+        if not stamped[topic]:
+            note = "no header, so the recorder's stamps are taken"
+            for column, _ in columns:
+                found[column] = replace(found[column], notes=(*found[column].notes, note))
+    return found
 
 
 def _steps(file: str, column: str, field: str) -> Steps:

@@ -5,6 +5,8 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from diffthrust import Column, InputError, Log, Thruster, read_log, read_robot_log, simulate
 from diffthrust._resample import resample
@@ -84,6 +86,7 @@ def test_stamps_of_headers(bag):
     # the message that says v = 3 t was sent 0.02 s before it was recorded; zero is the first stamp
     np.testing.assert_allclose(late.measured["surge"], 3 * (late.time), atol=1e-6)
     assert late.time[0] == pytest.approx(0.02)
+    assert "no header, so the recorder's stamps are taken" in late.notes[1]
     with pytest.raises(InputError, match="expected a header with a time stamp"):
         read(bag, base=0.5, measured={"speed": "/rpm.data[0]"}, inputs={}, stamps="header")
 
@@ -267,6 +270,30 @@ def test_nothing_is_interpolated_across_long_gaps():
     np.testing.assert_allclose(full.values["x"], 2 * full.time, atol=1e-12)
 
 
+@given(
+    steps=st.lists(st.floats(0.001, 1.0), min_size=2, max_size=40),
+    step=st.floats(0.01, 0.5),
+    gap=st.floats(0.0, 1.0),
+)
+@settings(max_examples=100, deadline=None)
+def test_a_straight_line_stays_one_up_to_the_gap(steps, step, gap):
+    time = np.cumsum(steps)
+    try:
+        out = even({"x": one(time, 3 * time - 1)}, step, gap=gap, faster=1e9)
+    except InputError:
+        return
+    np.testing.assert_allclose(np.diff(out.time), step)
+    assert out.time[0] == time[0]
+    assert out.time[-1] <= time[-1] + 1e-8
+    known = np.isfinite(out.values["x"])
+    np.testing.assert_allclose(out.values["x"][known], 3 * out.time[known] - 1, atol=1e-6)
+    after = np.clip(np.searchsorted(time, out.time - 1e-9), 1, time.size - 1)
+    width = time[after] - time[after - 1]
+    exact = np.min(np.abs(out.time[:, None] - time[None, :]), axis=1) <= 1e-9
+    assert known[(width < gap - 1e-8) | exact].all()
+    assert not known[(width > gap + 1e-8) & ~exact].any()
+
+
 def test_a_base_that_is_too_fast_is_refused_unless_asked_for():
     series = {"x": one(np.arange(10.0), np.arange(10.0))}
     with pytest.raises(InputError) as caught:
@@ -377,7 +404,7 @@ def test_arguments_that_cannot_be_used(tmp_path):
     (tmp_path / "a.bin").write_bytes(b"x")
     (tmp_path / "empty.bin").write_bytes(b"")
     (tmp_path / "a.csv").write_text("t,u\n0,1\n")
-    for given, words in [
+    for more, words in [
         ({"path": tmp_path / "b.bin"}, "expected a log, found none"),
         ({"path": tmp_path / "a.csv"}, "read by read_log"),
         ({"path": tmp_path / "empty.bin"}, "found an empty file"),
@@ -390,7 +417,7 @@ def test_arguments_that_cannot_be_used(tmp_path):
         ({"measured": {}}, "none named"),
         ({"stop": "1"}, "expected stop"),
     ]:
-        arguments = {"path": tmp_path / "a.bin", "base": 0.1, "measured": {"x": "A.b"}, **given}
+        arguments = {"path": tmp_path / "a.bin", "base": 0.1, "measured": {"x": "A.b"}, **more}
         with pytest.raises(InputError, match=words):
             read_robot_log(**arguments)
     with pytest.raises(InputError, match="read_robot_log"):
