@@ -190,7 +190,9 @@ def _number(what: str, given: Any) -> float:
     except (TypeError, ValueError):
         found = float("nan")
     if not np.isfinite(found):
-        raise InputError(f"{WHERE}: {what}: expected a finite number, found {given!r}.", "Mend it.")
+        raise InputError(
+            f"{WHERE}: {what}: expected a finite number, found {given!r}.", f"Write {what}=0.0."
+        )
     return found
 
 

@@ -415,7 +415,7 @@ def test_a_loop_that_cannot_be_meant_is_refused():
     ("at", "words"),
     [
         (lambda t: (t, t, t), "expected a Wanted"),
-        (lambda t: control.Wanted(t, t, 0.0), "course: expected"),
+        (lambda t: control.Wanted(t, t, np.zeros(())), "course: expected"),
         (lambda t: control.Wanted(t, t * np.where(t > 3.0, np.nan, 1.0), 0.0 * t),
          "east: not finite at 3.2 s"),
     ],

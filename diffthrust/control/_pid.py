@@ -57,7 +57,7 @@ class PID(Controller):
         for what, given in (("of", of), ("gives", gives)):
             if given not in _CHOICES[what]:
                 raise InputError(
-                    f"PID: expected {what} one of {', '.join(_CHOICES[what])}, found {given!r}.",
+                    f"PID, {what}: expected {' or '.join(_CHOICES[what])}, found {given!r}.",
                     "Correct it.",
                 )
         self._set(of=of, gives=gives, reads=(of,))

@@ -126,9 +126,10 @@ class Trajectory:
         wanted = series.ndim == 1 and (time is None or series.shape == time.shape)
         if not wanted or not np.all(np.isfinite(series)):
             length = "" if time is None else f" {time.size}"
+            missing = f"{int(np.sum(~np.isfinite(series)))} of them not finite" if wanted else ""
             raise InputError(
                 f"Trajectory, {name}: expected{length} finite numbers in one row, found "
-                f"{np.shape(series)}.",
+                f"{missing or f'an array {np.shape(series)}'}.",
                 "Give one number for each instant.",
             )
         return series

@@ -30,10 +30,17 @@ class Effort:
     Args:
         price: what one volt counts for, in the unit of the error per volt.
         start: seconds at the start that do not count.
+
+    Raises:
+        InputError: a number below zero, or none.
     """
 
     price: float = 0.0
     start: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("price", "start"):
+            number(f"Effort, {name}", getattr(self, name), lambda x: x >= 0, "zero or more")
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Effort) and (self.price, self.start) == (other.price, other.start)
@@ -70,10 +77,22 @@ class Tuning:
     converged: bool
     message: str
 
+    @property
+    def at_bounds(self) -> tuple[str, ...]:
+        """Gains that would go on, had they no bounds."""
+        known = self.loop.parameters
+        return tuple(
+            name
+            for name, (_, after) in self.gains.items()
+            if any(math.isclose(after, end, rel_tol=1e-3) for end in known[name].limits)
+        )
+
     def report(self) -> str:
         """The gains and the cost, before and after, as text."""
         rows = [("gain", "before", "after")]
-        rows += [(name, f"{a:.5g}", f"{b:.5g}") for name, (a, b) in self.gains.items()]
+        for name, (a, b) in self.gains.items():
+            end = " (at its bound)" if name in self.at_bounds else ""
+            rows.append((name, f"{a:.5g}", f"{b:.5g}{end}"))
         rows.append(("cost", f"{self.cost[0]:.5g}", f"{self.cost[1]:.5g}"))
         wide = [max(len(row[i]) for row in rows) for i in range(3)]
         lines = [f"{a:<{wide[0]}}  {b:>{wide[1]}}  {c:>{wide[2]}}" for a, b, c in rows]
@@ -125,14 +144,21 @@ def tune(
     from scipy.optimize import least_squares  # late: slow to import
 
     known = loop.parameters
-    names = (gains,) if isinstance(gains, str) else tuple(gains)
+    names = (gains,) if isinstance(gains, str) else gains
     _check(names, known)
+    names = tuple(names)
     number("most", most, lambda n: n >= 1, "a whole number above zero")
     parts, values, given, faults, rows, start = loop.prepared(
         reference, duration, seed, initial, substeps
     )
     described = tuple(known[name] for name in names)
     cost = Effort() if cost is None else cost
+    if not callable(cost) or (isinstance(cost, Effort) and cost.start >= duration):
+        raise InputError(
+            "tune, cost: expected residuals from the signals of a run of "
+            f"{duration:g} s, found {cost!r}.",
+            "Write dft.control.Effort(price=0.1, start=2.0), or a function of the signals.",
+        )
     begin = np.array([float(p.to_coordinate(p.value)) for p in described])
     ends = np.array([p.coordinate_limits() for p in described])
     # a start on a bound is moved inside: the method needs room
@@ -216,7 +242,12 @@ def _slope(p: Parameter, coordinate: float) -> float:
     return float(p.from_coordinate(coordinate)) if p.transform == "log" else p.scale
 
 
-def _check(names: Sequence[str], known: Mapping[str, Parameter]) -> None:
+def _check(names: Any, known: Mapping[str, Parameter]) -> None:
+    if not isinstance(names, Sequence):
+        raise InputError(
+            f"tune, gains: expected names, found {names!r}.",
+            f'Write gains=["{next(iter(known))}"].',
+        )
     if not names:
         raise InputError("tune: expected at least one gain, found none.", "Name one.")
     for name in names:
