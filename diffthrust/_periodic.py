@@ -27,14 +27,16 @@ the second to the fourth and is far smaller."""
 LARGEST = 2**20
 """Instants of a series with all its periods, at most: what the memory holds."""
 REPEATED = 1e-6
-"""An effect with memory has settled where its series changes no more over a period, of its swing.
-"""
+"""An effect with memory has settled where its series changes less over a period, of its swing."""
 SAME = 1e-4
 """A further period may change the first harmonic and the mean by no more than this."""
 STAGES = ((4, False), (4, True), (32, False), (256, False), (4, True))
 """What an effect with memory that has not settled gets, in this order: periods, and whether its
 start is sought. A rate limit settles in the second, a long delay in the third or fourth; in the
 last the steps get finer until a rate limit feels small offsets."""
+LONGEST = max(periods for periods, _ in STAGES)
+STILL = 1e-6
+"""An output that swings less, of its mean, does not move."""
 LATER = 1e5
 """Clock [s] of the further period: a model that changes with the time of a log shows itself."""
 FAILURES = 3
@@ -158,8 +160,8 @@ def respond(
     own = guess is None
     origin = over(solver, cycle, lanes, np.arange(size), solver.begin) if own else guess
     x: np.ndarray = np.array(origin)
-    first, before = np.zeros(size, complex), np.full(size, np.nan, complex)
-    mean, distortion = np.zeros(size), np.zeros(size)
+    mean, distortion, first = np.zeros(size), np.zeros(size), np.zeros(size, complex)
+    before = np.full(size, np.nan, complex)
     reason, failed = np.full(size, -1), np.zeros(size, int)
     while (active := np.flatnonzero(reason < 0)).size:
         for n, k in sorted(set(zip(steps[active], stage[active], strict=True))):
@@ -173,13 +175,15 @@ def respond(
             x[who] = np.where(_like(bad, x), np.asarray(origin)[who], found.x)
             failed[who] += found.reason == Reason.NOT_CLOSED
             # all stages first, then finer steps
-            restless = ~bad & ~(h.unsettled <= REPEATED)
+            # an output that does not move may still wait for the end of a delay
+            still = (at.periods > 1) & (h.swing <= STILL * np.abs(h.mean))
+            restless = ~bad & (~(h.unsettled <= REPEATED) | still & (at.periods < LONGEST))
             later = [i for i in range(k + 1, len(STAGES)) if 2 * n * STAGES[i][0] <= LARGEST]
             stage[who] = np.where(restless, later[0] if later else k, k)
             floor = 1e-3 * h.swing / lanes.amplitude[who]
             change = np.abs(first[who] - before[who])
             near = change <= FINE * (solver.growth - 1) * np.maximum(np.abs(first[who]), floor)
-            near = near | (samples is not None)
+            near = near | still | (samples is not None)
             reason[who[~bad & ~restless & near]] = Reason.SETTLED
             finer = bad | (~restless & ~near) | (restless & (not later))
             before[who] = np.where(bad | restless, np.nan, first[who])
@@ -246,7 +250,7 @@ def over(
 
     def one(part: np.ndarray) -> Any:
         given = () if x is None else (_padded(x[part], solver.capacity),)
-        return act(cycle, part.size, _taken(lanes, part, solver.capacity), *given)
+        return act(cycle, part.size, some(lanes, _padded(part, solver.capacity)), *given)
 
     done = [one(portions[0])] if len(portions) == 1 else [*pool().map(one, portions)]
     order = np.argsort(np.concatenate(portions), kind="stable")
@@ -285,10 +289,6 @@ def some(lanes: Lane, who: np.ndarray) -> Lane:
         {name: value[who] for name, value in lanes.others.items()},
         lanes.clock[who],
     )
-
-
-def _taken(lanes: Lane, part: np.ndarray, size: int) -> Lane:
-    return some(lanes, _padded(part, size))
 
 
 @lru_cache(maxsize=1)

@@ -1,4 +1,4 @@
-"""Describing functions deep in a rate limit, against a simulation in plain numpy."""
+"""Describing functions of effects with memory: deep in a rate limit, and late by many periods."""
 
 from __future__ import annotations
 
@@ -60,7 +60,11 @@ def reference(a: float, w: float) -> complex:
 
 
 @pytest.mark.parametrize(
-    ("method", "amplitudes"), [("simulation", (0.5, 2.0, 10.0)), ("harmonic_balance", (0.5, 2.0))]
+    ("method", "amplitudes"),
+    [
+        ("simulation", (0.5, 2.0, 10.0)),
+        pytest.param("harmonic_balance", (0.5, 2.0), marks=pytest.mark.slow),
+    ],
 )
 def test_a_command_faster_than_its_limit_is_the_triangle_of_a_plain_simulation(method, amplitudes):
     """Amplitude times frequency from half the rate to twenty times it, or four by balance.
@@ -75,6 +79,13 @@ def test_a_command_faster_than_its_limit_is_the_triangle_of_a_plain_simulation(m
     assert found.settled.all()
     assert np.abs(np.abs(ratio) - 1).max() < 5e-5
     assert np.abs(np.angle(ratio, deg=True)).max() < 0.05
+
+
+def test_a_delay_of_many_periods_is_not_taken_for_silence():
+    late = dft.Thruster() + effects.CommandDelay(delay=1.0)
+    plain = describing_function(dft.Thruster(), [2.0], [60.0])
+    found = describing_function(late, [2.0], [60.0])
+    np.testing.assert_allclose(found.complex, plain.complex * np.exp(-60j), rtol=1e-3)
 
 
 def test_a_command_a_thousand_times_faster_is_marked_with_its_mend():
