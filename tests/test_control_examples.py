@@ -62,3 +62,17 @@ def test_path_tracking(tmp_path):
             figure(tmp_path, f"path_tracking_{path}_{'water_' * (disturbance == 'current')}"
                              f"{disturbance}.png")  # fmt: skip
     assert "of a period of 200 ms" in text
+
+
+def test_papers_yoerger(tmp_path):
+    text = run("papers_yoerger", tmp_path)
+    rows = [[cell.strip() for cell in line.split("│")[1:-1]]
+            for line in text.splitlines() if line.startswith("│")]  # fmt: skip
+    printed = {row[0]: float(row[2]) for row in rows if len(row) == 4}
+    assert printed["beta/alpha, static"] == pytest.approx(42 / 0.037, rel=0.01)
+    assert printed["alpha, dynamic (1/rad)"] == pytest.approx(0.037, rel=0.03)
+    noisy = {row[1]: [float(x) for x in row[2:]] for row in rows if row[0] == "3.0"}
+    assert abs(noisy["fit"][0]) < 0.3 * abs(noisy["least squares"][0])
+    assert noisy["fit"][1] < 0.5 * noisy["least squares"][1]
+    figure(tmp_path, "yoerger_figures_8_9.png")
+    figure(tmp_path, "yoerger_figure_10.png")
