@@ -1,7 +1,8 @@
 """Samples that came at different rates, on one time base; what was done is said.
 
 Inputs that are held keep their last value. What is measured runs straight between two messages,
-across gaps up to a limit; beyond it, it is missing.
+across gaps up to a limit; beyond it, it is missing. On a base of all messages nothing is made up:
+inputs change when they changed, and what is measured stands at its own stamps alone.
 """
 
 from __future__ import annotations
@@ -15,6 +16,9 @@ from diffthrust._channels import listing, nearest
 from diffthrust._errors import InputError
 from diffthrust._series import Series
 
+MESSAGES = "messages"
+
+_SAME = 1e-9  # two stamps no further apart are one [s]
 _MOST = 10_000_000  # samples; a step in the wrong unit asks for more
 
 
@@ -49,7 +53,7 @@ def resample(
         series: the samples of each channel.
         held: for each channel, whether it keeps its last value.
         inputs: which of the channels are inputs: no sample is made where one is not known.
-        base: the channel whose stamps are taken, or a step [s].
+        base: the channel whose stamps are taken, ``"messages"`` for those of all, or a step [s].
         gap: the largest gap to interpolate across [s]; where None, three periods of each channel.
         faster: how many times faster than an interpolated channel the base may be.
 
@@ -57,21 +61,29 @@ def resample(
         InputError: the base is no channel and no step, is too fast for a channel, or the channels
             have no time in common.
     """
-    step, stamps = _base(file, series, base)
+    every = base == MESSAGES
+    step, stamps = _every_stamp(series, held) if every else _base(file, series, base)
     for name, one in series.items():
         if not held[name]:
-            _check_rate(name, one, step, faster)
+            _check_rate(name, one, step, np.inf if every else faster)
     time, notes = _span(file, series, held, inputs, base, step, stamps)
     out = {}
     for name, one in series.items():
         role = "input" if name in inputs else "measured"
         head = f"{role} {name!r}: {_rate(one)}"
         if held[name]:
-            out[name] = one.values[np.searchsorted(one.time, time, side="right") - 1]
-            late = f", so a change appears up to {step:.3g} s late" if name != base else ""
+            out[name] = one.values[np.searchsorted(one.time, time + _SAME, side="right") - 1]
+            on_time = every or name == base
+            late = (
+                f", so a change appears up to {step:.3g} s late (with 'messages' as base on time)"
+            )
+            late = "" if on_time else late
             after = time[-1] - one.time[-1]
             end = f"; held for {after:.3g} s after its last message" if after > step else ""
             done = f"held between messages{late}{end}"
+        elif every and name not in inputs:
+            out[name], _ = _linear(one, time, -1.0)
+            done = f"{int(np.isfinite(out[name]).sum())} samples, each at its own stamp"
         else:
             limit = 3 * one.period if gap is None else gap
             out[name], between = _linear(one, time, limit)
@@ -84,6 +96,23 @@ def resample(
     return Resampled(time, out, notes)
 
 
+def _every_stamp(
+    series: Mapping[str, Series], held: Mapping[str, bool]
+) -> tuple[float, np.ndarray]:
+    """Their median distance [s], and all stamps; of held inputs those alone where they change."""
+    stamps = []
+    for name, one in series.items():
+        kept = (
+            np.append(True, np.diff(one.values) != 0)
+            if held[name]
+            else np.full(one.time.size, True)
+        )
+        stamps.append(one.time[kept])
+    merged = np.sort(np.concatenate(stamps))
+    merged = merged[np.append(True, np.diff(merged) > _SAME)]
+    return float(np.median(np.diff(merged))) if merged.size > 1 else 0.0, merged
+
+
 def _base(
     file: str, series: Mapping[str, Series], base: str | float
 ) -> tuple[float, np.ndarray | None]:
@@ -94,7 +123,8 @@ def _base(
             raise InputError(
                 f"{file}: expected a channel as time base, one of {listing(series)}, found "
                 f"{base!r}{'; ' + near if near else ''}.",
-                "name the channel whose stamps are to be taken, or give a step in seconds.",
+                "name the channel whose stamps are to be taken, write 'messages' for those of all, "
+                "or give a step in seconds.",
             )
         if series[base].time.size < 2:
             raise InputError(
@@ -152,9 +182,11 @@ def _span(
         time = first + step * np.arange(count)
         note = f"time base: a step of {step:.6g} s, {count} samples."
     else:
-        keep = (stamps >= first - 1e-9) & (stamps <= last + 1e-9)
+        keep = (stamps >= first - _SAME) & (stamps <= last + _SAME)
         time = stamps[keep]
-        note = f"time base: the stamps of {base!r}, {1 / step:.4g} Hz, {time.size} samples"
+        whose = "all messages" if base == MESSAGES else repr(base)
+        rate = f"{1 / step:.4g} Hz, " if step > 0 else ""
+        note = f"time base: the stamps of {whose}, {rate}{time.size} samples"
         cut = stamps.size - time.size
         note += f"; {cut} were cut, where an input is not known." if cut else "."
     if time.size == 0:
@@ -179,9 +211,9 @@ def _linear(one: Series, time: np.ndarray, limit: float) -> tuple[np.ndarray, in
     """The values straight between two messages, and how many lie between."""
     after = np.clip(np.searchsorted(one.time, time), 1, one.time.size - 1)
     # A stamp of the base that is one of the channel's, up to rounding, is no interpolation.
-    exact = np.minimum(np.abs(one.time[after] - time), np.abs(one.time[after - 1] - time)) <= 1e-9
+    exact = np.minimum(np.abs(one.time[after] - time), np.abs(one.time[after - 1] - time)) <= _SAME
     width = one.time[after] - one.time[after - 1]
-    inside = (time >= one.time[0] - 1e-9) & (time <= one.time[-1] + 1e-9)
+    inside = (time >= one.time[0] - _SAME) & (time <= one.time[-1] + _SAME)
     known = inside & (exact | (width <= limit * (1 + 1e-9)))
     values = np.where(known, np.interp(time, one.time, one.values), np.nan)
     return values, int((known & ~exact).sum())

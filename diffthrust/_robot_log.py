@@ -43,16 +43,20 @@ def read_robot_log(
 ) -> Log:
     """Read a log from a ROS 2 bag, an MCAP file, or an ArduPilot DataFlash or telemetry log.
 
-    Messages come at different rates, so one time base is chosen, by you. An input keeps its last
-    value (``hold="zero"``), which delays its changes by up to a step of the base; what is measured,
-    and an input with ``hold="linear"``, runs straight between two messages, and is missing across
-    longer gaps. Angles in rad or deg run on across their jumps. ``log.notes`` tells the rate, the
-    largest gap and the jitter of each channel, and the share of its samples that is interpolated.
+    Messages come at different rates, so one time base is chosen, by you. On ``"messages"`` nothing
+    is made up: the log has the stamps of all messages, inputs change when they changed, and what is
+    measured has samples at its own stamps and is missing in between. On the stamps of one channel
+    or on a step, which give shorter logs, an input keeps its last value (``hold="zero"``), so its
+    changes come late by up to a step, and a fit is biased where that is not short against the
+    motion; what is measured, and an input with ``hold="linear"``, runs straight between two
+    messages, and is missing across longer gaps. Angles in rad or deg run on across their jumps.
+    ``log.notes`` tells the rate, the largest gap and the jitter of each channel, how late inputs
+    come, and the share of samples that is interpolated.
 
     Args:
         path: the folder of a bag, or a file ending in .mcap, .db3 (both need ``pip install
             'diffthrust[ros]'``), .bin or .tlog (``'diffthrust[ardupilot]'``).
-        base: the channel whose stamps are taken, or a step [s].
+        base: ``"messages"``, the channel whose stamps are taken, or a step [s].
         inputs: message and field of each input, by channel name: ``"/cmd.data"``,
             ``"/rpm.data[0]"``, ``"RCOU.C1"``, ``"ESC[0].RPM"``, ``"1/ATTITUDE.yaw"`` (of system 1).
         measured: message and field of each measured channel.

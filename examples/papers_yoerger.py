@@ -62,7 +62,7 @@ def main() -> None:
     console.print(table)
 
     table = Table("noise (rad/s)", "", "alpha: bias (%)", "spread (%)", "beta: bias (%)",
-                  "spread (%)", title=f"Dynamic test and fit on {REPEATS} records of 40 s each")  # fmt: skip
+                  "spread (%)", title=f"{REPEATS} records of 40 s each")  # fmt: skip
     for noise in (0.2, 1.0, 3.0):
         rows = {"least squares": [], "fit": []}
         for seed in range(REPEATS):

@@ -63,7 +63,8 @@ def test_a_bag_is_read_back(bag):
     base, command, surge = log.notes
     assert "the stamps of 'surge', 10 Hz, 11 samples" in base
     assert "largest gap 0.39 s" in command
-    assert "a change appears up to 0.1 s late; held for 0.3 s after its last message" in command
+    assert "a change appears up to 0.1 s late" in command
+    assert "held for 0.3 s after its last message" in command
     assert "jitter 0 ms; 0% of the samples are interpolated" in surge
 
 
@@ -310,6 +311,28 @@ def test_a_faster_channel_is_read_between_and_it_is_said():
     assert "what is above half the base's rate folds" in out.notes[1]
 
 
+def test_on_all_messages_nothing_is_made_up():
+    series = {
+        "u": one([0.0, 0.1, 0.25, 0.3], [1, 1, 2, 3]),  # what comes again unchanged is no change
+        "w": one([0.05, 0.35], [0.5, 3.5]),
+        "x": one([0.02, 0.12, 0.25, 0.32, 0.42], [1, 2, 3, 4, 5]),
+    }
+    out = even(series, "messages", held=["u"], inputs=["w"])
+    np.testing.assert_allclose(out.time, [0.05, 0.12, 0.25, 0.3, 0.32, 0.35])
+    np.testing.assert_array_equal(out.values["u"], [1, 1, 2, 3, 3, 3])
+    np.testing.assert_allclose(out.values["w"], 10 * out.time)
+    np.testing.assert_array_equal(out.values["x"], [np.nan, 2, 3, np.nan, 4, np.nan])
+    assert "the stamps of all messages" in out.notes[0]
+    assert "3 samples, each at its own stamp" in out.notes[3]
+    assert "late" not in out.notes[1]
+
+
+def test_a_step_loses_no_change_to_rounding():
+    commands = one(np.arange(1000) / 10, np.arange(1000))
+    out = even({"u": commands, "x": one([0.0, 99.9], [0, 1])}, 0.1, held=["u"], gap=100, faster=1e4)
+    np.testing.assert_array_equal(out.values["u"], np.arange(1000))
+
+
 def test_inputs_are_known_at_every_sample():
     series = {
         "u": one([0.3], [7.0]),
@@ -462,18 +485,21 @@ def test_a_spec_file_reads_a_bag(spec):
     assert len(load_spec(spec).train_logs()) == 1
 
 
-def test_a_fit_on_a_bag_finds_what_made_it(spec):
+def test_a_fit_on_all_messages_is_not_biased_by_late_inputs(spec):
+    """On the stamps of the speed the same fit is wrong by 6 and 3 %, twenty standard errors."""
     true = Thruster().replace(alpha=0.03, beta=50.0)
-    time = np.arange(0.0, 6.0, 0.02)
-    command = np.repeat(np.random.default_rng(1).uniform(-5, 5, 12), 25)
+    time = np.arange(0.0, 6.0, 0.001)
+    command = np.repeat(np.random.default_rng(1).uniform(-5, 5, 12), 500)
     speed = simulate(true, Log(time, {"command": command}, {"speed": 0 * time}))["speed"]
-    steps = [(time[k], number(command[k])) for k in range(0, time.size, 5)]
-    turns = [(t, numbers([v])) for t, v in zip(time, speed, strict=True)]
+    steps = [(time[k], number(command[k])) for k in range(0, time.size, 100)]
+    turns = [(time[k], numbers([speed[k]])) for k in range(19, time.size, 20)]
     write_bag(spec.parent, {"/cmd": (FLOAT, steps), "/rpm": (ARRAY, turns)}, name="made")
-    spec.write_text(SPEC.format(bag="made").replace("stop = 2.0\n", "") + "[fit]\nstarts = 1\n")
+    text = SPEC.format(bag="made").replace("stop = 2.0\n", "")
+    text = text.replace('base = "speed"', 'base = "messages"')
+    spec.write_text(text + "[fit]\nstarts = 1\n")
     fit = load_spec(spec).fit()
-    assert fit.parameters["alpha"].value == pytest.approx(0.03, rel=1e-3)
-    assert fit.parameters["beta"].value == pytest.approx(50.0, rel=1e-3)
+    assert fit.parameters["alpha"].value == pytest.approx(0.03, rel=2e-3)
+    assert fit.parameters["beta"].value == pytest.approx(50.0, rel=2e-3)
 
 
 @pytest.mark.parametrize(
