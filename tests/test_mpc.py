@@ -186,6 +186,7 @@ def test_one_compilation_serves_a_run_and_other_gains():
     assert compilations() == before + 1
 
 
+@pytest.mark.slow
 def test_a_run_is_a_log_that_can_be_fitted():
     noise = {"surge": 0.01, "sway": 0.01, "yaw_rate": 0.01, "north": 0.03, "east": 0.03,
              "heading": 0.01}  # fmt: skip
@@ -201,11 +202,13 @@ def test_a_run_is_a_log_that_can_be_fitted():
         assert abs(found.value - truth) < 4 * found.std_error, name
 
 
+@pytest.mark.slow
 def test_a_controller_that_knows_the_wind_is_better():
     knowing = tracked(WINDY, model=WINDY)
     assert abs(knowing.across(40.0).mean) < 0.01 < abs(tracked(WINDY).across(40.0).mean)
 
 
+@pytest.mark.slow
 def test_lags_within_the_vessel_are_kept_from_sample_to_sample():
     lagged = CALM + effects.RudderLag(time_constant=0.3)
     run = tracked(lagged, model=lagged)
@@ -213,6 +216,7 @@ def test_lags_within_the_vessel_are_kept_from_sample_to_sample():
     assert np.ptp(run["rudder_lag.response"]) > 0.01
 
 
+@pytest.mark.slow
 def test_two_thrusters():
     twin = dft.Vessel("twin").replace(lever_arm=0.3)
     limits = {"left_force": (-4.0, 4.0), "right_force": (-4.0, 4.0)}
@@ -260,6 +264,7 @@ def test_a_propeller_that_may_reverse_leaves_the_middle_where_it_has_no_slope():
     assert run.across(30.0).largest < 1e-2
 
 
+@pytest.mark.slow
 def test_a_vessel_that_heads_away_turns_round_if_the_horizon_reaches_so_far():
     path, start = StraightPath(0.8), {"heading": 2.5, "surge": 0.0}
     run = tracked(path=path, initial=start, horizon=50, duration=50.0)
@@ -300,6 +305,7 @@ def test_columns_that_cannot_be_told_apart_do_no_harm(rank):
         assert found <= truth * (1 + 1e-6)
 
 
+@pytest.mark.slow
 def test_the_rate_of_the_controller_hardly_matters():
     slow, fast = tracked(WINDY, duration=25.0), tracked(WINDY, duration=25.0, rate=15.0)
     assert fast.across(20.0).mean == pytest.approx(slow.across(20.0).mean, rel=0.15)

@@ -72,6 +72,7 @@ def test_the_figure_has_a_panel_for_each_value():
         assert f"{name} = " in titles
 
 
+@pytest.mark.slow
 def test_the_simultaneous_fit_agrees_where_nothing_disturbs():
     straight, circles = scenarios(0.01, seed=3)
     fit = dft.fit(TRUE, [*straight, *circles])
