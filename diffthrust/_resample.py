@@ -73,11 +73,10 @@ def resample(
         head = f"{role} {name!r}: {_rate(one)}"
         if held[name]:
             out[name] = one.values[np.searchsorted(one.time, time + _SAME, side="right") - 1]
-            on_time = every or name == base
             late = (
-                f", so a change appears up to {step:.3g} s late (with 'messages' as base on time)"
+                f", so a change appears up to {step:.3g} s late (on the base 'messages', on time)"
             )
-            late = "" if on_time else late
+            late = "" if every or name == base else late
             after = time[-1] - one.time[-1]
             end = f"; held for {after:.3g} s after its last message" if after > step else ""
             done = f"held between messages{late}{end}"
@@ -102,12 +101,8 @@ def _every_stamp(
     """Their median distance [s], and all stamps; of held inputs those alone where they change."""
     stamps = []
     for name, one in series.items():
-        kept = (
-            np.append(True, np.diff(one.values) != 0)
-            if held[name]
-            else np.full(one.time.size, True)
-        )
-        stamps.append(one.time[kept])
+        changed = np.append(True, np.diff(one.values) != 0)
+        stamps.append(one.time[changed] if held[name] else one.time)
     merged = np.sort(np.concatenate(stamps))
     merged = merged[np.append(True, np.diff(merged) > _SAME)]
     return float(np.median(np.diff(merged))) if merged.size > 1 else 0.0, merged

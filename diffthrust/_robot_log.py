@@ -81,7 +81,7 @@ def read_robot_log(
     Example:
         >>> log = read_robot_log(
         ...     "00000042.bin",
-        ...     base="speed",
+        ...     base="messages",
         ...     inputs={"command": Column("RCOU.C1", unit="us")},
         ...     measured={"speed": Column("ESC[0].RPM", unit="rpm", unsigned=True)},
         ... )  # doctest: +SKIP

@@ -112,7 +112,8 @@ class Spec:
             raise InputError(
                 f"{place(self.text, self.path, ('logs', 'base'))}: {path.name} has messages of "
                 "different rates, and no time base is chosen.",
-                'Write base = "speed" for the stamps of that channel, or base = 0.05 for a step.',
+                'Write base = "messages" for all stamps, base = "speed" for those of that channel, '
+                "or base = 0.05 for a step.",
             )
         return read_robot_log, {k: getattr(logs, k) for k in ("base", "gap", "faster", "stamps")}
 
