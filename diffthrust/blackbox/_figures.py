@@ -24,6 +24,7 @@ def model_figure(model: BlackBox, log: Log) -> Figure:
     )
     simulated, predicted = model.simulate(log), model.predict(log)
     errors = model.errors(log).channels
+    predicting = model.kind != "output_error"  # which predicts what it simulates
     for i, name in enumerate(outputs):
         top, below = panels[2 * i], panels[2 * i + 1]
         unit = model.channels.units[name]
@@ -32,15 +33,17 @@ def model_figure(model: BlackBox, log: Log) -> Figure:
         top.plot(*thinned(log.time, measured), color=GREY, linewidth=2.4, label="measured")
         top.plot(*thinned(log.time, simulated[name]), color=VERMILLION, linewidth=1.2,
                  label="simulated freely")  # fmt: skip
-        top.plot(*thinned(log.time, predicted[name]), color=BLUE, linewidth=0.9, linestyle="--",
-                 label="predicted one step ahead")  # fmt: skip
+        if predicting:
+            top.plot(*thinned(log.time, predicted[name]), color=BLUE, linewidth=0.9,
+                     linestyle="--", label="predicted one step ahead")  # fmt: skip
         told = f", fit {errors[name].fit_percent:.1f} %" if name in errors else ""
         title = f"{literal(log.name)}: {model}{told} in free simulation"
         styled(top, title, "", words)
         top.legend(fontsize=8, frameon=False, ncols=3)
         below.axhline(0.0, color="0.4", linewidth=0.8)
         below.plot(*thinned(log.time, measured - simulated[name]), color=VERMILLION, linewidth=0.9)
-        below.plot(*thinned(log.time, measured - predicted[name]), color=BLUE, linewidth=0.9)
+        if predicting:
+            below.plot(*thinned(log.time, measured - predicted[name]), color=BLUE, linewidth=0.9)
         last = name == outputs[-1]
         styled(below, "", "time [s]" if last else "", f"residual [{unit}]" if unit else "residual")
     return figure

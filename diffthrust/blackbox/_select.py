@@ -64,8 +64,9 @@ class Selection:
 
     @property
     def chosen(self) -> Candidate:
-        """The one of the least criterion."""
-        return min(self.candidates, key=self._score)
+        """The one of the least criterion, of those whose search ended well if there are any."""
+        sound = [row for row in self.candidates if row.model and row.model.status.ok]
+        return min(sound or self.candidates, key=self._score)
 
     @property
     def best(self) -> BlackBox:

@@ -1,0 +1,42 @@
+"""What a paper prints, beside what follows here."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from diffthrust._display import _table, number, rendered
+
+
+@dataclass(frozen=True)
+class Printed:
+    """One figure of a paper.
+
+    Args:
+        what: it is.
+        paper: as printed.
+        ours: what follows from the paper's own data or equations here.
+        unit: of both.
+        remark: how they hang together.
+    """
+
+    what: str
+    paper: float
+    ours: float
+    unit: str
+    remark: str = ""
+
+    @property
+    def ratio(self) -> float:
+        """Ours over the paper's."""
+        return self.ours / self.paper if self.paper else math.nan
+
+
+def printed_table(rows: Iterable[Printed], width: int = 130) -> str:
+    """Figure, paper, ours, ratio and remark as text."""
+    table = _table("Figure", "Paper", "Ours", "Unit", "Ratio", "Remark", numbers=(1, 2, 4))
+    for row in rows:
+        table.add_row(row.what, f"{row.paper:g}", number(row.ours), row.unit,
+                      number(row.ratio, 3), row.remark)  # fmt: skip
+    return rendered(table, width)

@@ -1,0 +1,185 @@
+"""Aras et al. 2013: a DC-motor thruster, its steady map, a depth sensor and a printed G(s).
+
+The methods of the paper that can be followed from what it prints. What it calls system
+identification (ARX, ARMAX of orders 2, 2, 2, 1, state space of order 2) is `diffthrust.blackbox`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from diffthrust._errors import InputError
+from diffthrust._plots import BLUE, VERMILLION, styled
+from diffthrust.control import PID, Loop
+from diffthrust.models import DCMotorThruster
+from diffthrust.papers._aras_printed import printed_figures as printed_figures
+from diffthrust.papers._depth_sensor import Calibration as Calibration
+from diffthrust.papers._depth_sensor import Datasheet as Datasheet
+from diffthrust.papers._depth_sensor import calibrate as calibrate
+from diffthrust.papers._printed_transfer import depth_loop as depth_loop
+from diffthrust.papers._printed_transfer import gain_limit as gain_limit
+from diffthrust.papers._printed_transfer import plant as plant
+from diffthrust.papers._printed_transfer import plot_responses as plot_responses
+from diffthrust.papers._printed_transfer import step_response as step_response
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SUPPLY = 13.0
+"""Voltage of the open-loop record [V]."""
+WATER = 1024.0
+"""Density of the water [kg/m^3]."""
+
+
+def thruster(*, load: float = 1e-6, thrust: float = 1e-4) -> DCMotorThruster:
+    """The DC-motor thruster with the parameters of table 1, with all printed digits.
+
+    The paper does not print the torque and the thrust coefficient of the propeller (its KT, KT0
+    and "modified motor constant" Km), so both are arguments; KT0 is zero, as in its equation 5.
+    `load_from` gives the torque coefficient that a known speed stands for.
+
+    Args:
+        load: torque of the propeller over speed squared [N m s^2/rad^2], not printed.
+        thrust: thrust over speed squared, KT [N s^2/rad^2], not printed.
+
+    Example:
+        >>> dft.papers.aras.thruster().parameters["resistance"].value
+        2.560403088365053
+    """
+    return DCMotorThruster(
+        inductance=0.004690891710127,
+        back_emf=0.018259462399963,
+        resistance=2.560403088365053,
+        coulomb=0.000331085454438,
+        inertia=0.000072019412423,
+        viscous=0.000091357863014,
+        torque_constant=0.018259462399963,  # table 1: equal to the back-emf constant
+        load=load,
+        thrust_quadratic=thrust,
+    )
+
+
+def speed_loop(motor: DCMotorThruster | None = None, *, limit: float = SUPPLY) -> Loop:
+    """The speed loop of section 3.1: PI control with kp = 5 and ki = 15, the voltage limited.
+
+    Args:
+        motor: `thruster()` where not given.
+        limit: largest voltage [V]; the supply's, as the paper prints none.
+
+    Example:
+        >>> from diffthrust.control import Step
+        >>> run = dft.papers.aras.speed_loop().simulate(Step(180.0), 5.0)
+    """
+    controller = PID(kp=5.0, ki=15.0, limit=limit, unwinding=5.0 / 15.0)
+    return Loop(thruster=motor or thruster(), controller=controller, rate=200.0)
+
+
+@dataclass(frozen=True)
+class SteadyMap:
+    """Terminal voltages of steady thrusts.
+
+    Args:
+        thrust: [N], ``(n,)``.
+        speed: of the propeller [rad/s].
+        printed: by equation 7 of the paper, V = R T / Km + Ke sqrt(T / KT) [V].
+        own: of the model's steady state, with its friction [V].
+    """
+
+    thrust: np.ndarray
+    speed: np.ndarray
+    printed: np.ndarray
+    own: np.ndarray
+
+    @property
+    def friction(self) -> np.ndarray:
+        """What friction adds, which equation 7 leaves out [V]."""
+        return self.own - self.printed
+
+    def plot(self) -> Figure:
+        """Voltage against thrust, by equation 7 and of the model."""
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(6.0, 4.0), layout="constrained")
+        axes = figure.subplots()
+        axes.plot(self.thrust, self.printed, color=VERMILLION, linestyle="--",
+                  label="equation 7: R T / Km + Ke √(T / KT)")  # fmt: skip
+        axes.plot(
+            self.thrust, self.own, color=BLUE, label="steady state of the model, with friction"
+        )
+        styled(axes, "Steady map of the thruster", "thrust [N]", "voltage [V]")
+        axes.legend(fontsize=8, frameon=False)
+        return figure
+
+
+def steady_map(motor: DCMotorThruster, thrust: Any) -> SteadyMap:
+    """The voltage that a steady thrust takes: by equation 7 of the paper, and of the model.
+
+    The paper sets the motor's torque in proportion to the thrust (equation 4, T = Km I): its Km is
+    torque_constant thrust_quadratic / load, and friction has no part in it. So the two are the
+    same for a model without viscous and dry friction.
+
+    Args:
+        motor: with its propeller's coefficients.
+        thrust: [N], of any sign, ``(n,)``.
+
+    Raises:
+        InputError: a motor with effects, or thrusts that are not numbers.
+
+    Source: Aras et al. 2013, equations 2 to 7.
+
+    Example:
+        >>> found = dft.papers.aras.steady_map(dft.papers.aras.thruster(), [1.0, 5.0, 10.0])
+        >>> found.printed, found.friction
+    """
+    thrust = np.atleast_1d(np.asarray(thrust, float))
+    if not np.isfinite(thrust).all():
+        raise InputError("steady_map, thrust: expected finite numbers.", "Leave the others out.")
+    v = _values(motor, "steady_map")
+    size = np.abs(thrust)
+    modified = v["torque_constant"] * v["thrust_quadratic"] / v["load"]  # Km [N/A]
+    printed = v["resistance"] * size / modified + v["back_emf"] * np.sqrt(
+        size / v["thrust_quadratic"]
+    )
+    half = 0.5 * v["thrust_linear"] / v["thrust_quadratic"]
+    speed = np.sqrt(half**2 + size / v["thrust_quadratic"]) - half
+    torque = v["load"] * speed**2 + v["viscous"] * speed + v["coulomb"] * np.tanh(speed / 0.1)
+    own = v["resistance"] * torque / v["torque_constant"] + v["back_emf"] * speed
+    sign = np.sign(thrust)
+    return SteadyMap(thrust, sign * speed, sign * printed, sign * own)
+
+
+def load_from(speed: float, voltage: float = SUPPLY) -> float:
+    """The propeller's torque coefficient with which the motor of table 1 turns so fast.
+
+    Args:
+        speed: steady [rad/s], above zero.
+        voltage: at the terminals [V].
+
+    Returns:
+        Torque over speed squared [N m s^2/rad^2].
+
+    Raises:
+        InputError: a speed that the motor does not reach at this voltage without any load.
+    """
+    v = _values(thruster(), "load_from")
+    current = (voltage - v["back_emf"] * speed) / v["resistance"]
+    left = v["torque_constant"] * current - v["viscous"] * speed - v["coulomb"]
+    if not (speed > 0 and left > 0):
+        raise InputError(
+            f"load_from: expected a speed between zero and that of the motor without load, found "
+            f"{speed:g} rad/s at {voltage:g} V.",
+            "Check the units; the encoder's speed is printed as 280.4 rad/s.",
+        )
+    return float(left / speed**2)
+
+
+def _values(motor: DCMotorThruster, what: str) -> dict[str, float]:
+    if not isinstance(motor, DCMotorThruster) or motor.effects:
+        raise InputError(
+            f"{what}: expected a DCMotorThruster without effects, found {motor}.",
+            "Take the effects off: model - 'name'; with effects, simulate a held voltage.",
+        )
+    return {name: float(p.value) for name, p in motor.parameters.items()}
