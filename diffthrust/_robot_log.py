@@ -58,7 +58,9 @@ def read_robot_log(
             'diffthrust[ros]'``), .bin or .tlog (``'diffthrust[ardupilot]'``).
         base: ``"messages"``, the channel whose stamps are taken, or a step [s].
         inputs: message and field of each input, by channel name: ``"/cmd.data"``,
-            ``"/rpm.data[0]"``, ``"RCOU.C1"``, ``"ESC[0].RPM"``, ``"1/ATTITUDE.yaw"`` (of system 1).
+            ``"/rpm.data[0]"``, ``"RCOU.C1"``, ``"ESC[0].RPM"``, ``"1/ATTITUDE.yaw"`` (of system 1),
+            ``"/odom.pose.pose.orientation.heading"`` (rad, clockwise from north where x is east
+            and y is north, as ROS has it).
         measured: message and field of each measured channel.
         gap: the largest gap to interpolate across [s]; three periods of each channel if None.
         faster: how many times faster than an interpolated channel the base may be. More is

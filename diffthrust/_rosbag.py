@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import fields, is_dataclass, replace
@@ -43,7 +44,8 @@ def read_bag(
 
     Args:
         path: the folder of a bag, or a file ending in .mcap or .db3.
-        wanted: columns such as ``"/odom.twist.twist.linear.x"`` or ``"/rpm.data[0]"``.
+        wanted: columns such as ``"/odom.twist.twist.linear.x"`` or ``"/rpm.data[0]"``; of an
+            orientation (x, y, z, w) also ``.yaw`` and ``.heading`` [rad].
         header: take the stamp of the message's header where it has one, not the recorder's.
         missing: numbers that mean missing.
 
@@ -131,6 +133,8 @@ def _number(file: str, column: str, message: Any, steps: Steps) -> float:
                     "choose one that every message has.",
                 )
             value = value[step]
+        elif step in ("yaw", "heading") and all(axis in known for axis in "xyzw"):
+            value = _angle(value, str(step))
         else:
             raise no_field(file, column, _written(steps), _leaves(message))
     if isinstance(value, bool | int | float | np.number | np.bool_):
@@ -142,6 +146,19 @@ def _number(file: str, column: str, message: Any, steps: Steps) -> float:
     else:
         found, mend = f"{type(value).__name__} {str(value)[:40]!r}", "choose a field of numbers."
     raise InputError(f"{column_place(file, column)}: expected a number, found {found}.", mend)
+
+
+def _angle(quaternion: Any, word: str) -> float:
+    """The yaw of an orientation [rad], or the heading, as ROS counts them (REP 103).
+
+    There x is east and y is north, and yaw runs from east to north; a heading runs from north to
+    east. An orientation of zeros is one that was never set, hence missing.
+    """
+    w, x, y, z = (float(getattr(quaternion, axis)) for axis in "wxyz")
+    if w == x == y == z == 0.0:
+        return math.nan
+    yaw = math.atan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z)
+    return yaw if word == "yaw" else math.pi / 2 - yaw
 
 
 def _leaves(value: Any, prefix: str = "", depth: int = 5) -> Iterator[str]:

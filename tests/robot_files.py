@@ -60,6 +60,17 @@ def twist(forward, stamp, yaw_rate=0.0):
     return make
 
 
+def orientation(yaw, length=1.0):
+    """An orientation that is turned by yaw [rad] about the vertical axis, nothing else."""
+
+    def make(types):
+        half = yaw / 2
+        z, w = length * float(np.sin(half)), length * float(np.cos(half))
+        return types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=z, w=w)
+
+    return make
+
+
 # the letters of DataFlash, as its format message explains them
 _CODES = {
     "Q": "Q",

@@ -16,6 +16,7 @@ from tests.robot_files import (
     attitude,
     number,
     numbers,
+    orientation,
     servos,
     twist,
     write_bag,
@@ -90,6 +91,22 @@ def test_stamps_of_headers(bag):
     assert "no header, so the recorder's stamps are taken" in late.notes[1]
     with pytest.raises(InputError, match="expected a header with a time stamp"):
         read(bag, base=0.5, measured={"speed": "/rpm.data[0]"}, inputs={}, stamps="header")
+
+
+def test_the_heading_of_an_orientation(tmp_path):
+    """To the north there is a yaw of a quarter turn; turning to starboard lowers it."""
+    pytest.importorskip("rosbags")
+    time = np.arange(0.0, 10.0, 0.5)
+    turns = [(t, orientation(np.pi / 2 - t, 0.0 if t == 2.0 else 1.0)) for t in time]
+    path = write_bag(tmp_path, {"/q": ("geometry_msgs/msg/Quaternion", turns)})
+    log = read(path, base="messages", inputs={}, measured={"heading": "/q.heading", "y": "/q.yaw"})
+    seen = time[time != 2.0]
+    np.testing.assert_allclose(log.time, seen, atol=1e-9)
+    np.testing.assert_allclose(log.measured["heading"], seen, atol=1e-9)
+    np.testing.assert_allclose(np.sin(log.measured["y"]), np.cos(seen), atol=1e-9)
+    assert any("1 of 20 messages held no number" in note for note in log.notes)
+    with pytest.raises(InputError, match="expected a field 'roll', found 'x', 'y', 'z', 'w'"):
+        read(path, base="messages", inputs={}, measured={"heading": "/q.roll"})
 
 
 @pytest.mark.parametrize(
