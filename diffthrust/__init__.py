@@ -26,6 +26,7 @@ from diffthrust import datasets as datasets  # noqa: E402
 from diffthrust import effects as effects  # noqa: E402
 from diffthrust import models as models  # noqa: E402
 from diffthrust import papers as papers  # noqa: E402
+from diffthrust import plans as plans  # noqa: E402
 from diffthrust._classical_elements import Backlash as Backlash  # noqa: E402
 from diffthrust._classical_elements import DeadZone as DeadZone  # noqa: E402
 from diffthrust._classical_elements import Relay as Relay  # noqa: E402

@@ -1,0 +1,10 @@
+"""Test plans for the papers' methods: files that a rig can run, and a check of what came back."""
+
+from diffthrust.plans._plan import Finding as Finding
+from diffthrust.plans._plan import Level as Level
+from diffthrust.plans._plan import Plan as Plan
+from diffthrust.plans._plan import PlanCheck as PlanCheck
+from diffthrust.plans._settling import settling_time as settling_time
+from diffthrust.plans._thruster import dynamic_test as dynamic_test
+from diffthrust.plans._thruster import static_test as static_test
+from diffthrust.plans._vessel import sequential as sequential

@@ -1,0 +1,247 @@
+"""A test plan: inputs over time for each run, as files, and a check of what came back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from diffthrust._channels import listing
+from diffthrust._errors import InputError
+from diffthrust._files import write_whole
+from diffthrust._log import Log
+
+_NEAR = 0.02
+"""A level is met by a held stretch within this share of the range of the plan."""
+
+
+class Level(NamedTuple):
+    """A stretch of a run over which the inputs are to be held.
+
+    Args:
+        run: its name.
+        start: when it begins [s].
+        stop: when it ends [s].
+        inputs: what they are to be, in the model's units.
+    """
+
+    run: str
+    start: float
+    stop: float
+    inputs: dict[str, float]
+
+
+class Finding(NamedTuple):
+    """What a check says of one level, or of one input of a moving run.
+
+    Args:
+        run: its name.
+        what: the level, or the input.
+        found: in words.
+        good: whether it is as planned.
+    """
+
+    run: str
+    what: str
+    found: str
+    good: bool
+
+
+@dataclass(frozen=True)
+class PlanCheck:
+    """A plan held against what was recorded.
+
+    Args:
+        findings: by run and level, in the order of the plan.
+    """
+
+    findings: tuple[Finding, ...]
+
+    @property
+    def good(self) -> bool:
+        """Whether everything was run as planned."""
+        return all(finding.good for finding in self.findings)
+
+    @property
+    def missing(self) -> tuple[Finding, ...]:
+        """What is still to be run."""
+        return tuple(finding for finding in self.findings if not finding.good)
+
+    def report(self) -> str:
+        """The findings as a table, as text."""
+        from rich.table import Table
+
+        from diffthrust._display import rendered
+
+        table = Table("Run", "Planned", "Found", "")
+        for finding in self.findings:
+            table.add_row(finding.run, finding.what, finding.found, "ok" if finding.good else "!")
+        done = sum(finding.good for finding in self.findings)
+        return f"{rendered(table)}\n{done} of {len(self.findings)} as planned."
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Runs to make: one series of inputs each.
+
+    Args:
+        name: of the test.
+        source: the paper and its section.
+        runs: name to a log with inputs and no measurements.
+        settle: how long the slowest answer takes to come to rest, by the model [s].
+        measure: the channels that the method needs.
+        note: what to mind.
+
+    Example:
+        >>> plan = dft.plans.static_test(dft.Thruster(), limits=(0, 5))
+        >>> plan.save("plans")
+        >>> print(plan.check(dft.read_log("staircase.csv")).report())
+    """
+
+    name: str
+    source: str
+    runs: Mapping[str, Log]
+    settle: float
+    measure: tuple[str, ...]
+    note: str = field(default="", repr=False)
+
+    @property
+    def duration(self) -> float:
+        """Of all runs together [s]."""
+        return sum(run.duration for run in self.runs.values())
+
+    @property
+    def levels(self) -> tuple[Level, ...]:
+        """The stretches over which inputs are held for longer than the answer takes to settle."""
+        return tuple(
+            level for name, run in self.runs.items() for level in _levels(name, run, self.settle)
+        )
+
+    def save(self, folder: str | Path) -> list[Path]:
+        """Write one CSV for each run: time [s] and inputs, with their units in the header.
+
+        Each file is written whole or not at all.
+
+        Returns:
+            The files.
+
+        Raises:
+            InputError: the folder cannot be made or written to.
+        """
+        target = Path(folder)
+        try:
+            target.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(
+                f"{target}: the folder cannot be made ({error.strerror or error}).",
+                "Name another one.",
+            ) from None
+        written = []
+        for name, run in self.runs.items():
+            header = ["time [s]", *(f"{n} [{run.units.get(n, '')}]" for n in run.inputs)]
+            rows = np.column_stack([run.time, *run.inputs.values()])
+            lines = [",".join(header), *(",".join(f"{x:.10g}" for x in row) for row in rows)]
+            path = target / f"{name}.csv"
+            write_whole(path, ("\n".join(lines) + "\n").encode())
+            written.append(path)
+        return written
+
+    def check(self, logs: Log | Sequence[Log]) -> PlanCheck:
+        """Hold the plan against recorded logs, one or several, in any order and cut as they are.
+
+        A level counts as run where its inputs were held for at least ``settle`` seconds, and the
+        channels that the method needs were measured meanwhile. A run without levels counts where a
+        log moves each input over nine tenths of its planned range.
+
+        Raises:
+            InputError: a log without an input of the plan.
+        """
+        logs = [logs] if isinstance(logs, Log) else list(logs)
+        for log in logs:
+            absent = [n for run in self.runs.values() for n in run.inputs if n not in log.inputs]
+            if absent:
+                raise InputError(
+                    f"{log.name}: expected the input {listing(dict.fromkeys(absent))} of the plan "
+                    f"'{self.name}', found {listing(log.inputs)}.",
+                    "Map a column to it.",
+                )
+        return PlanCheck(tuple(self._findings(logs)))
+
+    def _findings(self, logs: Sequence[Log]) -> Iterator[Finding]:
+        for name, run in self.runs.items():
+            levels = _levels(name, run, self.settle)
+            for level in levels:
+                yield self._level(level, logs)
+            if not levels:
+                for channel, values in run.inputs.items():
+                    yield _moved(name, channel, values, run.units.get(channel, ""), logs)
+
+    def _level(self, level: Level, logs: Sequence[Log]) -> Finding:
+        units = next(iter(self.runs.values())).units
+        words = ", ".join(
+            f"{n} = {x:.4g} {units.get(n, '')}".rstrip() for n, x in level.inputs.items()
+        )
+        longest, seen = 0.0, ()
+        spans = {n: max(np.ptp(np.concatenate([r.inputs[n] for r in self.runs.values()])), 1e-12)
+                 for n in level.inputs}  # fmt: skip
+        for log in logs:
+            held = np.all(
+                [np.abs(log.values(n, units.get(n, "")) - x) <= _NEAR * spans[n]
+                 for n, x in level.inputs.items()], axis=0
+            )  # fmt: skip
+            for first, last in _stretches(held):
+                lasted = float(log.time[last] - log.time[first])
+                if lasted > longest:
+                    longest = lasted
+                    part = slice(first, last + 1)
+                    seen = tuple(n for n in self.measure if n in log.measured
+                                 and np.isfinite(log.measured[n][part]).any())  # fmt: skip
+        absent = [n for n in self.measure if n not in seen]
+        if longest == 0.0:
+            return Finding(level.run, words, "not run", False)
+        if longest < self.settle:
+            short = f"held for {longest:.3g} s; it takes {self.settle:.3g} s to settle"
+            return Finding(level.run, words, short, False)
+        if absent:
+            return Finding(level.run, words, f"{listing(absent)} not measured", False)
+        return Finding(level.run, words, f"held for {longest:.3g} s", True)
+
+
+def _levels(name: str, run: Log, settle: float) -> list[Level]:
+    moved = np.any([np.diff(values) != 0 for values in run.inputs.values()], axis=0)
+    edges = [0, *(np.flatnonzero(moved) + 1), len(run) - 1]
+    return [
+        Level(
+            name,
+            float(run.time[a]),
+            float(run.time[b]),
+            {n: float(v[a]) for n, v in run.inputs.items()},
+        )
+        for a, b in pairwise(edges)
+        if run.time[b] - run.time[a] >= settle
+    ]
+
+
+def _moved(name: str, channel: str, wanted: np.ndarray, unit: str, logs: Sequence[Log]) -> Finding:
+    low, high = float(wanted.min()), float(wanted.max())
+    words = f"{channel} from {low:.3g} to {high:.3g} {unit}".rstrip()
+    reached = [
+        (float(v.min()), float(v.max())) for v in (log.values(channel, unit) for log in logs)
+    ]
+    span = [min(b, high) - max(a, low) for a, b in reached]
+    if not span or max(span) <= 0:
+        return Finding(name, words, "not run", False)
+    a, b = reached[int(np.argmax(span))]
+    return Finding(
+        name, words, f"from {a:.3g} to {b:.3g} {unit}".rstrip(), max(span) >= 0.9 * (high - low)
+    )
+
+
+def _stretches(held: np.ndarray) -> Iterator[tuple[int, int]]:
+    """First and last index of each run of true values."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], held.astype(int), [0]])))
+    yield from ((int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True))
