@@ -53,6 +53,9 @@ def read_robot_log(
     ``log.notes`` tells the rate, the largest gap and the jitter of each channel, how late inputs
     come, and the share of samples that is interpolated.
 
+    The library rosbags turns the message definitions in a bag into code: read bags of those whom
+    you trust.
+
     Args:
         path: the folder of a bag, or a file ending in .mcap, .db3 (both need ``pip install
             'diffthrust[ros]'``), .bin or .tlog (``'diffthrust[ardupilot]'``).
