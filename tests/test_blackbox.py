@@ -32,6 +32,10 @@ def made(kind="output_error", n=400, seed=0, noise=0.5, a=A, b=B, c=C, **more):
     return log_of(u, lfilter(b, a, u) + lfilter(*coloured, e), **more)
 
 
+def log_matrix(log):
+    return np.stack(list(log.measured.values()), axis=1)
+
+
 def values(model):
     return np.array([e.value for e in model.parameters.values()])
 
@@ -184,6 +188,9 @@ def test_two_inputs_and_two_outputs():
     expected, found = true(z), model.to_control("states")(z)
     assert np.max(np.abs(found - expected)) < 0.05 * np.max(np.abs(expected))
     assert model.errors(log).nrmse < 0.06
+    small = log_of(u * [1.0, 1e3], log_matrix(log) * [1e-4, 1.0])  # other units
+    again = bb.state_space(small, input=["u1", "u2"], output=["y1", "y2"], order=3)
+    np.testing.assert_allclose(np.sort_complex(again.poles), np.sort_complex(model.poles))
     miso = bb.arx(log, input=["u1", "u2"], output="y1", orders=(3, (3, 2), (1, 2)))
     assert list(miso.parameters)[3:] == ["b1_u1", "b2_u1", "b3_u1", "b2_u2", "b3_u2"]
     with pytest.raises(InputError, match=r"input: expected one of 'u1', 'u2'"):
@@ -240,6 +247,26 @@ def test_too_many_coefficients_are_told():
     assert model.parameters["a1"].std_error is None
     assert "6 of 8 coefficients" in " ".join(model.notes)
     assert "not determined by these logs" in model.report()
+
+
+def test_logs_shorter_than_a_delay_do_no_harm():
+    logs = [made(b=[0] * 6 + B, noise=0.1), made(n=4)]
+    for model in (
+        bb.output_error(logs, **UY, orders=(2, 2, 7)),
+        bb.armax(logs, **UY, orders=(2, 2, 2, 7)),
+        bb.state_space(logs, **UY, delay=7, refine=False),
+    ):
+        np.testing.assert_allclose(np.sort(model.poles), np.sort(np.roots(A)), atol=0.02)
+        assert model.errors(logs).channels["y"].samples == 394
+
+
+def test_a_pole_at_the_limit_is_not_forced_inside():
+    log = made("output_error", 300, noise=0.1, a=[1.0, -1.0], b=[0.0, 1.0])  # an integrator
+    model = bb.output_error(log, **UY, orders=(1, 1, 1))
+    assert model.status is Status.CONVERGED
+    assert values(model)[0] == pytest.approx(-1.0, abs=4 * spreads(model)[0])
+    many = bb.output_error(made(noise=0.1), **UY, orders=(4, 4, 1))
+    assert many.errors(made(seed=5, noise=0.1)).nrmse < 0.05
 
 
 # -- continuous time -------------------------------------------------------------------------------

@@ -28,11 +28,16 @@ def continued(system: System, step: float, method: str) -> tuple[np.ndarray, ...
 
     Raises:
         InputError: no continuous system of this order has such poles (on the negative real axis,
-            or at zero), or another method.
+            or at zero; -1 for "tustin"), or another method.
     """
     a, b, c, d = system.a, system.b, system.c, system.d
     n = len(a)
     if method == "tustin":
+        if np.min(np.abs(np.linalg.eigvals(a) + 1.0)) < 1e-9:
+            raise InputError(
+                "The sampled model has a pole at -1, which the bilinear transformation has not.",
+                "Choose another order.",
+            )
         inverse = np.linalg.inv(a + np.eye(n))
         root = 2.0 / np.sqrt(step)
         return (2.0 / step * (a - np.eye(n)) @ inverse, root * inverse @ b, root * c @ inverse,

@@ -103,6 +103,7 @@ def _predicted(
             continue
         e = passed(c, wrong)
         basis = _pulses(c, y.size, shape.nc)
+        _check_finite(e, basis)
         e = e - basis @ np.linalg.lstsq(basis, e, rcond=None)[0]
         by_ab = -passed(c, rows)
         past = passed(c, e)
@@ -131,6 +132,7 @@ def _simulated(
     basis = _pulses(a, t.size, shape.na)
     free = basis.shape[1]
     start = np.zeros(free)
+    _check_finite(driven, basis)
     if free:
         start = np.linalg.lstsq(basis[seen], y - driven[seen], rcond=1e-12)[0]
     w = driven + basis @ start
@@ -138,6 +140,12 @@ def _simulated(
     by_a = [_later(past, i) for i in range(1, shape.na + 1)]
     gradient = np.concatenate([*(x[:, None] for x in by_a), -rows], axis=1)[seen]
     return [(y - w[seen], _freed(gradient, basis[seen]), free)]
+
+
+def _check_finite(*series: np.ndarray) -> None:
+    """Stop before LAPACK is given what an unstable filter has made."""
+    if not all(np.isfinite(x).all() for x in series):
+        raise FloatingPointError
 
 
 def _later(x: np.ndarray, samples: int) -> np.ndarray:

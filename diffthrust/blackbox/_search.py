@@ -67,7 +67,10 @@ def search(records: Sequence[Record], shape: Shape, starts: Sequence[np.ndarray]
             with np.errstate(over="ignore", invalid="ignore"):
                 try:
                     found = stretches(records, shape, theta)
-                except (np.linalg.LinAlgError, ValueError):  # an unstable filter left all bounds
+                except (
+                    np.linalg.LinAlgError,
+                    FloatingPointError,
+                ):  # an unstable filter left all bounds
                     found = [(np.full(1, np.inf), np.zeros((1, shape.size)), 0)]
             kept[:] = [(theta.copy(), found)]
         return kept[0][1]
@@ -115,7 +118,9 @@ def search(records: Sequence[Record], shape: Shape, starts: Sequence[np.ndarray]
                  for s in (theta, *starts)]  # fmt: skip
         cost, other = min((end_of(start, True) for start in again), key=lambda end: end[0])
         if count * np.log(max(cost, 1e-300) / max(best, 1e-300)) < _WORTH:
-            theta = other
+            stable = judged(parts(other), other, shape, scale, len(starts), agreeing)
+            if stable.stationary:  # not merely held at the limit of stability
+                return stable
     return judged(parts(theta), theta, shape, scale, len(starts), agreeing)
 
 

@@ -74,6 +74,10 @@ def state_space(
         joined = np.concatenate([np.concatenate([r.u, r.y], axis=1)[r.seen] for r in records])
         level = joined.mean(axis=0)
     series = [_late(record, lag, level) for record in records]
+    joined = np.concatenate(series)
+    size = np.sqrt(np.mean(joined[np.isfinite(joined).all(axis=1)] ** 2, axis=0))  # any units
+    size[~(size > 0)] = 1.0
+    series = [z / size for z in series]
     if horizon is None:
         horizon = _horizon(series, m, order, direct)
     elif whole("state_space", "order", horizon) <= order:
@@ -82,14 +86,16 @@ def state_space(
             "Raise it, or leave it out.",
         )
     a, b, c, d, k, values = _identified(series, m, order, horizon, direct)
+    b, k = b / size[:m], k / size[m:]
+    c, d = c * size[m:, None], d * size[m:, None] / size[:m]
     if offset:
         channels, records = channels_of(logs, input, output, offset=True)
         away = -level[:m]
         b = np.concatenate([b, (b @ away)[:, None]], axis=1)
         d = np.concatenate([d, (d @ away + level[m:])[:, None]], axis=1)
     system = System(a, b, c, d, k, (lag,) * m + (0,) * offset)
-    size = order * (m + 2 * p) + direct * m * p + offset * p
-    bic, deviation = bic_of(system, records, size)
+    free = order * (m + 2 * p) + direct * m * p + offset * p
+    bic, deviation = bic_of(system, records, free)
     found = BlackBox(
         kind="state_space",
         orders={"order": order, "delay": delay},

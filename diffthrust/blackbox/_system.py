@@ -47,7 +47,7 @@ class System:
             return u
         out = np.zeros_like(u)
         for j, lag in enumerate(self.lags):
-            out[lag:, j] = u[: len(u) - lag, j]
+            out[lag:, j] = u[: max(len(u) - lag, 0), j]
         return out
 
     def simulate(self, u: np.ndarray, y: np.ndarray | None = None) -> np.ndarray:
@@ -62,7 +62,7 @@ class System:
             Outputs, ``(n, p)``; infinite where an unstable system has left all bounds; NaN, unless
             it starts at rest, in the first samples, while inputs from before the log arrive.
         """
-        skip = 0 if y is None else min(self.unknown, len(u) - 1)
+        skip = 0 if y is None else min(self.unknown, len(u))
         y = None if y is None else y[skip:]
         found = _run(self.a, self.b, self.c, self.d, self.late(u)[skip:], y)
         return np.concatenate([np.full((skip, len(self.c)), np.nan), found])
@@ -73,7 +73,7 @@ class System:
         A missing output moves nothing: the states go on without it. The starting states are
         chosen by least squares over the whole record; NaN as in `simulate`.
         """
-        skip = min(self.unknown, len(u) - 1)
+        skip = min(self.unknown, len(u))
         found = self._predict(self.late(u)[skip:], y[skip:])
         return np.concatenate([np.full((skip, len(self.c)), np.nan), found])
 
@@ -114,6 +114,8 @@ def _run(
 ) -> np.ndarray:
     """Outputs in blocks: those of the states at a block's start, and those of its inputs."""
     n, m, p = a.shape[0], b.shape[1], c.shape[0]
+    if not len(u):
+        return np.zeros((0, p))
     length = min(_BLOCK, len(u))
     with np.errstate(over="ignore", invalid="ignore"):
         powers = [np.eye(n)]

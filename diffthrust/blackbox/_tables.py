@@ -37,7 +37,7 @@ def model_table(model: BlackBox) -> str:
 
 
 def complex_word(value: complex) -> str:
-    """A number of the complex plane with four digits."""
+    """A number of the complex plane with five digits: many poles lie close to 1."""
     if abs(np.imag(value)) < 1e-9 * max(1.0, abs(value)):
-        return f"{np.real(value):.4g}"
-    return f"{np.real(value):.4g} {'+' if np.imag(value) > 0 else '-'} {abs(np.imag(value)):.4g}i"
+        return f"{np.real(value):.5g}"
+    return f"{np.real(value):.5g} {'+' if np.imag(value) > 0 else '-'} {abs(np.imag(value)):.5g}i"
