@@ -61,7 +61,7 @@ class LimitCycle:
         return "undecided" if word is None else "stable" if word else "unstable"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class LimitCycles:
     """All limit cycles found in a range.
 
@@ -98,6 +98,9 @@ class LimitCycles:
 
     def __getitem__(self, index: int) -> LimitCycle:
         return self.cycles[index]
+
+    def __repr__(self) -> str:
+        return f"LimitCycles: {self.sentence}"
 
     @property
     def unit(self) -> str:
