@@ -111,9 +111,10 @@ sample(fit, log, draws=150, warmup=50, seed=1, file={path!r})
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "moments",
-    [(40,), pytest.param((1, 40, 120), marks=pytest.mark.slow)],
+    [(40,), (1, 40, 120)],
     ids=["once", "three times"],
 )
 def test_a_run_killed_at_any_moment_ends_with_the_file_of_one_that_was_not(tmp_path, moments):

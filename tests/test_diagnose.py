@@ -184,6 +184,7 @@ class Rooted(dft.Effect):
         return value - jnp.sqrt(self.size)
 
 
+@pytest.mark.slow
 def test_an_effect_that_stops_the_trials_is_named():
     with pytest.raises(dft.InputError, match="effect 'rooted' cannot be tried"):
         dft.diagnose(dft.Thruster(), logs(1), candidates=["coulomb_friction", Rooted()])

@@ -389,6 +389,7 @@ def test_spikes_do_not_move_the_states_under_student_t():
 # A state that is not measured.
 
 
+@pytest.mark.slow
 def test_a_driving_state_that_is_not_measured_follows_the_gusts():
     rng = np.random.default_rng(11)
     time = 0.2 * np.arange(1001)

@@ -99,6 +99,7 @@ def test_what_a_model_lacks_shows_in_its_coverage(fit):
     assert "more than asked" in quiet.sentence
 
 
+@pytest.mark.slow
 def test_random_forces_of_an_innovations_fit_are_in_its_band():
     """A thruster in turbulent inflow: accelerations with a memory of 1 s act on the shaft."""
 

@@ -62,6 +62,7 @@ def test_known_least_squares_case_has_whites_covariance():
     assert told.inflation["offset"] < 0.7  # small where the line is pinned down
 
 
+@pytest.mark.slow
 def test_logs_are_independent_of_each_other():
     """The same log twice halves the variance: nothing is carried from one to the other."""
     log = made_log(seed=5, count=1600, correlation=0.8)
