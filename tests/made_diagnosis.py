@@ -65,7 +65,6 @@ def diagnosis() -> Diagnosis:
         dropped=("coulomb_friction",),
         before=dft.compare(fits[0], unseen),
         after=dft.compare(fits[2], unseen),
-        trained=(dft.compare(fits[0], train), dft.compare(fits[2], train)),
         missing=(
             Missing(
                 port="drive",

@@ -164,6 +164,7 @@ def test_white_noise_costs_next_to_nothing():
         assert ratio == pytest.approx(1.0, abs=0.15)
 
 
+@pytest.mark.slow
 def test_it_goes_with_spikes_and_with_segments_and_is_arranged_again():
     rng = np.random.default_rng(6)
     log = thruster_log(rng)

@@ -89,6 +89,7 @@ def test_gradients_are_those_of_the_residuals(tied):
         assert slope[i] == pytest.approx(numeric, rel=1e-5, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_standard_errors_cover_the_truth_in_95_of_100_cases():
     """200 repeats each; with right errors a parameter fails here once in 10 000 cases."""
     truth = {

@@ -79,7 +79,8 @@ def test_it_prints_and_writes(spec, handed, tmp_path):
     data = json.loads(out.read_text())
     assert data == json.loads(json.dumps(made.diagnosis().to_json()))
     assert list(data) == [
-        "schema", "verdict", "added", "groups", "stages", "ranking", "remaining", "untestable",
+        "schema", "verdict", "added", "groups", "stages", "ranking", "remaining",
+        "untestable", "headroom",
     ]  # fmt: skip
     text = page.read_text()
     assert "<title>Diagnosis: run</title>" in text

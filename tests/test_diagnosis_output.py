@@ -382,8 +382,7 @@ def test_the_page_is_whole_and_needs_nothing_else(full, tmp_path):
     assert "http" not in text
     assert "url(" not in text
     order = [
-        full.summary, "The stages", "How much there is to find", "Where the model as given fails",
-        "The missing signal",
+        full.summary, "The stages", "Where the model as given fails", "The missing signal",
         "The effects that were tried", "The motor controller ignores small commands.",
         "What these logs cannot tell apart", "Proposed test", "What remains", "class MyEffect",
         "Parameters", "Not testable by these logs", "How far to trust this", "Words",
@@ -394,15 +393,19 @@ def test_the_page_is_whole_and_needs_nothing_else(full, tmp_path):
 
 
 def test_the_headroom_is_told_before_and_after(full):
-    first, last = full.headroom
+    train, _ = made.logs()
+    assert full.headroom is None  # put together by hand, without the training logs
+    assert "How much there is to find" not in page(full)
+    trained = tuple(dft.compare(full.stages[i].fit, train) for i in (0, -1))
+    whole = replace(full, trained=trained)
+    first, last = whole.headroom
     assert first.worth
     assert first.channels["thrust"].share > 0.3 > 0.1 > last.channels["thrust"].share
-    text = full.report()
-    assert "How much there is to find" in text
-    data = full.to_json()["headroom"]
-    assert data["before"]["worth"] is True
-    assert replace(full, trained=None).headroom is None
-    assert "How much there is to find" not in page(replace(full, trained=None))
+    assert "How much there is to find" in whole.report()
+    text = page(whole)
+    assert text.index("The stages") < text.index("How much there is to find")
+    assert first.summary in _Page(text).text
+    assert whole.to_json()["headroom"]["before"]["worth"] is True
 
 
 def test_the_page_escapes_what_comes_from_outside(full):

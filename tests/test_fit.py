@@ -47,6 +47,7 @@ def test_noise_free_data_give_the_truth_to_the_integrators_accuracy():
     assert fit.train.nrmse < 1e-5
 
 
+@pytest.mark.slow
 def test_standard_errors_cover_the_truth():
     """100 repetitions, three parameters: 95 % intervals must cover 90 to 99 % of 300.
 

@@ -87,6 +87,7 @@ def test_an_unsigned_sensor_on_a_log_that_begins_in_reverse():
     assert all(abs(fit.parameters[n].value / true - 1) < 0.03 for n, true in TRUE.items())
 
 
+@pytest.mark.slow
 def test_standard_errors_of_a_short_table_allow_for_the_parameters_used_up():
     """Five points, two parameters, 300 repetitions.
 

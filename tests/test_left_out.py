@@ -70,6 +70,7 @@ def test_the_consistent_formula_is_harmonic_balance_with_one_harmonic():
         assert np.any(reason == Reason.FEW_HARMONICS)
 
 
+@pytest.mark.slow
 def test_smooth_models_are_not_marked():
     for model in (dft.Thruster(), dft.Thruster() + effects.LinearDamping(rate=1.0)):
         found = describing_function(model, A, W, method="harmonic_balance")

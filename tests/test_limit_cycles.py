@@ -420,6 +420,7 @@ def test_thruster_loop_is_that_of_scipy():
     np.testing.assert_allclose(c.simulated.period, period, rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_loop_of_a_model_with_effects_agrees_with_its_simulation():
     effects = [
         CommandDeadband(width=0.1),

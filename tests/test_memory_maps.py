@@ -81,6 +81,7 @@ def test_a_command_faster_than_its_limit_is_the_triangle_of_a_plain_simulation(m
     assert np.abs(np.angle(ratio, deg=True)).max() < 0.05
 
 
+@pytest.mark.slow
 def test_a_delay_of_many_periods_is_not_taken_for_silence():
     late = dft.Thruster() + effects.CommandDelay(delay=1.0)
     plain = describing_function(dft.Thruster(), [2.0], [60.0])

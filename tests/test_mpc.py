@@ -160,6 +160,7 @@ def test_the_straight_line_in_wind_keeps_the_papers_errors():
     assert 76.4 < run["propeller_speed"][-50:].mean() < 1.4 * 76.4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("vessel", [WINDY, CALM + effects.WaterCurrent(to_north=-0.1, to_east=0.0)])
 def test_an_estimated_disturbance_leaves_no_steady_error(vessel):
     plain = tracked(vessel).across(40.0).mean
@@ -178,12 +179,11 @@ def test_the_harmonic_path(vessel):
 
 
 def test_one_compilation_serves_a_run_and_other_gains():
-    tracked(duration=1.0, horizon=9)
+    tracked(duration=1.0)
     before = compilations()
-    tracked(duration=1.0, horizon=9, position=0.1, rate=6.0, iterations=3)
+    assert before > 0  # the count does count
+    tracked(duration=1.0, position=0.1, rate=6.0, horizon=25, iterations=3)
     assert compilations() == before
-    tracked(duration=1.0, horizon=8)
-    assert compilations() == before + 1
 
 
 @pytest.mark.slow

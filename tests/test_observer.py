@@ -348,6 +348,7 @@ def test_intervals_cover_what_they_say():
     assert np.all(np.abs(bias) < 3.0)
 
 
+@pytest.mark.slow
 def test_one_step_errors_are_white_where_residuals_of_the_simulation_are_not():
     for log in (field_log(20), field_log(21)):
         fit = dft.fit(GUESS, log, likelihood="innovations", starts=2)

@@ -137,6 +137,7 @@ def test_portions_with_a_gust_are_left_out():
 # -- tables against speed --------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_table_is_the_vessel_at_its_speeds_and_a_line_between():
     slow, fast = TRUE.replace(d11=3.0, m11=5.0), TRUE
     table = papers.TabulatedVessel([0.4, 0.8], [slow, fast])

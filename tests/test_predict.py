@@ -164,6 +164,7 @@ def test_missing_samples_gaps_and_unsigned_sensors(fit):
     assert "95 %" in text
 
 
+@pytest.mark.slow
 def test_angles_are_compared_to_the_nearest_turn():
     vessel = dft.Vessel()
     time = np.arange(0.0, 40.0, 0.2)

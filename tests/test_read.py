@@ -379,6 +379,7 @@ def test_mat_of_version_7_3_is_sent_back(tmp_path):
         assert "-v7" in caught.value.mend
 
 
+@pytest.mark.slow
 def test_a_million_rows_are_read_in_seconds(tmp_path):
     rng = np.random.default_rng(0)
     frame = pd.DataFrame({"t": np.arange(10**6) / 100, "u": rng.normal(size=10**6)})

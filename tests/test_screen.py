@@ -119,6 +119,7 @@ def test_an_effect_at_its_null_is_idle(trials):
     assert made.idle(replace(there, values=made.absent("coulomb_friction", there.values)))
 
 
+@pytest.mark.slow
 def test_an_instant_is_found_wherever_it_lies():
     rng = np.random.default_rng(5)
     command = inputs.low_passed_random(TIME, 2.0, rng)
@@ -140,6 +141,7 @@ def test_the_edge_of_a_limit_is_found_from_inside():
     assert 1.137 > edge > 1.137 * (1 - 2e-4)
 
 
+@pytest.mark.slow
 def test_a_limit_that_cuts_only_the_highest_commands_is_found():
     rng = np.random.default_rng(8)
     command = inputs.low_passed_random(TIME, 2.0, rng)

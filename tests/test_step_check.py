@@ -13,8 +13,13 @@ from diffthrust._step_check import sensor_noise
 FITS = Path(__file__).parents[1] / "fits"
 
 
-@pytest.mark.parametrize(("model", "read"), [(dft.Thruster(), thruster_logs),
-                                             (dft.Vessel(), vessel_logs)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("model", "read"),
+    [
+        (dft.Thruster(), thruster_logs),
+        pytest.param(dft.Vessel(), vessel_logs, marks=pytest.mark.slow),
+    ],
+)
 def test_on_the_shipped_logs_the_error_is_below_a_hundredth_of_the_noise(model, read, capsys):
     fit = dft.fit(model, read())
     with capsys.disabled():

@@ -21,7 +21,6 @@ from hidden.visibility import visibility
 NOT_CATALOGUED = {"speed_sensor_lag", "speed_sensor_delay"}
 #: Of one shape, so that they share compiled code.
 QUICK = (
-    ("field-none", 1),
     ("field-clear/command_deadband", 1),
     ("outside/thrust_hollow", 2),
 )
