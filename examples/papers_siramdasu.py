@@ -51,7 +51,7 @@ def day(rng: np.random.Generator) -> tuple[list[dft.Log], list[dft.Log]]:
 
 
 def main() -> None:
-    folder, console = output_folder(), Console(width=100)
+    folder, console = output_folder(), Console(width=120)
     days = int(sys.argv[2]) if len(sys.argv) > 2 else 50
     zigzag = run(98.0, np.radians(20.0) * np.sign(np.sin(0.5 * STEP * np.arange(400))),
                  np.random.default_rng(0), gusty=False)  # fmt: skip
