@@ -114,6 +114,7 @@ def slow_ramp(test):
 # -- what is separated -----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_lag_is_told_from_a_delay_far_better_than_by_a_slow_ramp(fits):
     test = dft.suggest_experiment(fits, limits=LIMITS, duration=20.0, step=0.05)
     ramp = slow_ramp(test)

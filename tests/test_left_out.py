@@ -33,12 +33,13 @@ def balanced(
     return found.first.reshape(6, 6), found.reason.reshape(6, 6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("model", "enough"),
     [
         (DEADBAND, 31),
-        pytest.param(SATURATED, 31, marks=pytest.mark.slow),
-        pytest.param(RUBBING, 63, marks=pytest.mark.slow),
+        (SATURATED, 31),
+        (RUBBING, 63),
     ],
     ids=str,
 )

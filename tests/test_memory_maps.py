@@ -59,11 +59,12 @@ def reference(a: float, w: float) -> complex:
     return complex(2 * np.mean(thrust * (np.sin(turn) + 1j * np.cos(turn))) / a)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "amplitudes"),
     [
         ("simulation", (0.5, 2.0, 10.0)),
-        pytest.param("harmonic_balance", (0.5, 2.0), marks=pytest.mark.slow),
+        ("harmonic_balance", (0.5, 2.0)),
     ],
 )
 def test_a_command_faster_than_its_limit_is_the_triangle_of_a_plain_simulation(method, amplitudes):

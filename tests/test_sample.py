@@ -247,7 +247,7 @@ def test_without_blackjax_the_command_to_install_it_is_told(monkeypatch):
         sample(*line(), method="nuts")
 
 
-@pytest.mark.parametrize("method", ["emcee", "nuts"])
+@pytest.mark.parametrize("method", ["emcee", pytest.param("nuts", marks=pytest.mark.slow)])
 def test_a_parameter_at_its_bound_is_sampled_within_it(method):
     log = thruster_log()
     model = dft.Thruster(ct=0.019).replace(ct={"bounds": (0.0, 0.0199)})
@@ -260,6 +260,7 @@ def test_a_parameter_at_its_bound_is_sampled_within_it(method):
     assert post.attrs["status"] == "converged", post.attrs["message"]
 
 
+@pytest.mark.slow
 def test_noise_that_lasts_is_sampled_with_its_memory():
     log = thruster_log(count=600)
     fit = dft.fit(

@@ -87,6 +87,7 @@ def trials():
     return made, made.base(made.values_of(fit.model))
 
 
+@pytest.mark.slow
 def test_effects_scored_together_are_scored_as_alone(trials):
     made, base = trials
     levels = made.levels(base)
@@ -168,6 +169,7 @@ def test_all_trials_share_one_compilation(trials):
     assert _solve._cache_size() == before + 1  # from the first guess to the last limit of errors
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("what", "reach"), [("spikes of the sensor", 1.0), ("jolts", WIDE)])
 def test_large_errors_are_limited_only_where_they_are_spikes(what, reach):
     rng = np.random.default_rng(4)
