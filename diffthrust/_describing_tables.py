@@ -84,7 +84,7 @@ def band_table(found: DescribingBand) -> RenderableType:
         numbers=range(8),
     )
     for i in _picked(found.amplitudes.size)[:: 2 if found.amplitudes.size > 4 else 1]:
-        for j in _picked(found.frequencies.size)[::2]:
+        for j in _picked(found.frequencies.size)[:: 2 if found.frequencies.size > 4 else 1]:
             gain = interval_text(*(float(v) for v in found.gain[:, i, j]))
             phase = interval_text(*(float(v) for v in found.phase[:, i, j]))
             place = f"{found.amplitudes[i]:.4g}", f"{found.frequencies[j]:.4g}"

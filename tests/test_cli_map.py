@@ -50,6 +50,10 @@ def test_draws_give_intervals(tmp_path):
     result = run(JASON, *options, "--draws", 50, "--json", out, "--figure", picture)
     assert "50 draws from the covariance" in result.stdout
     assert "95 % from" in result.stdout
+    rows = [
+        line.split()[:2] for line in result.stdout.splitlines() if line.strip()[:2] in ("1 ", "2 ")
+    ]
+    assert rows == [["1", "0.1"], ["1", "1"], ["2", "0.1"], ["2", "1"]]  # few points: all of them
     data = json.loads(out.read_text())
     assert data["fit"]["status"] == "converged"
     low, middle, high = (np.array(data["gain"][part]) for part in ("low", "median", "high"))

@@ -131,3 +131,9 @@ def _edges(series: list[np.ndarray], allowed: list[float]) -> list[int]:
         if any(abs(u[k] - u[begin]) > a for u, a in zip(series, allowed, strict=True)):
             edges.append(k)
     return [*edges, samples]
+
+
+def stretches(good: np.ndarray) -> list[tuple[int, int]]:
+    """First and last index of each run of true values."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(int), [0]])))
+    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -8,7 +8,7 @@ import numpy as np
 
 from diffthrust._errors import InputError
 from diffthrust._log import Log
-from diffthrust.papers._steady import steady_portions
+from diffthrust.papers._steady import steady_portions, stretches
 
 _STRAIGHT = 0.01
 """Radians: a propeller this far from amidships is meant to push straight ahead."""
@@ -70,7 +70,7 @@ def undisturbed(
                 good |= ~arc
         found += [
             _cut(log, log.time[first], log.time[last])
-            for first, last in _runs(good)
+            for first, last in stretches(good)
             if log.time[last] - log.time[first] >= least
         ]
     if not found:
@@ -94,9 +94,3 @@ def _smooth(time: np.ndarray, values: np.ndarray, length: float) -> np.ndarray:
     first = np.searchsorted(time, time - 0.5 * length - 1e-9)
     end = np.searchsorted(time, time + 0.5 * length + 1e-9)
     return (total[end] - total[first]) / np.maximum(count[end] - count[first], 1)
-
-
-def _runs(good: np.ndarray) -> list[tuple[int, int]]:
-    """First and last index of each run of true values."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(int), [0]])))
-    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -14,6 +14,7 @@ from diffthrust._channels import listing
 from diffthrust._errors import InputError
 from diffthrust._files import write_whole
 from diffthrust._log import Log
+from diffthrust.papers._steady import stretches
 
 _NEAR = 0.02
 """A level is met by a held stretch within this share of the range of the plan."""
@@ -193,7 +194,7 @@ class Plan:
                 [np.abs(log.values(n, units.get(n, "")) - x) <= _NEAR * spans[n]
                  for n, x in level.inputs.items()], axis=0
             )  # fmt: skip
-            for first, last in _stretches(held):
+            for first, last in stretches(held):
                 lasted = float(log.time[last] - log.time[first])
                 if lasted > longest:
                     longest = lasted
@@ -239,9 +240,3 @@ def _moved(name: str, channel: str, wanted: np.ndarray, unit: str, logs: Sequenc
     return Finding(
         name, words, f"from {a:.3g} to {b:.3g} {unit}".rstrip(), max(span) >= 0.9 * (high - low)
     )
-
-
-def _stretches(held: np.ndarray) -> Iterator[tuple[int, int]]:
-    """First and last index of each run of true values."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], held.astype(int), [0]])))
-    yield from ((int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True))
