@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from diffthrust._cli_check import check_command
 from diffthrust._cli_datasets import datasets
 from diffthrust._cli_map import map_command
 from diffthrust._cli_options import JsonPath, ReportPath, SpecPath
@@ -14,7 +15,7 @@ from diffthrust._cli_options import show as _show
 from diffthrust._cli_options import written as _written
 from diffthrust._cli_sample import sample
 from diffthrust._errors import InputError
-from diffthrust._session import CHECK_FAILED, DONE, session
+from diffthrust._session import DONE, session
 
 if TYPE_CHECKING:
     from diffthrust._compare import Comparison
@@ -137,29 +138,7 @@ def diagnose(
 app.command()(sample)
 app.command()(datasets)
 app.command("map")(map_command)
-
-
-@app.command()
-def check(
-    directory: Annotated[Path, typer.Argument(metavar="DIR", help="The folder of the fits.")],
-    update: Annotated[
-        bool, typer.Option("--update", help="Write what was found as what is expected.")
-    ] = False,
-    json: JsonPath = None,
-) -> None:
-    """Run every DIR/NAME/fit.toml again; exit status 1 where one has moved."""
-    with session() as progress:
-        from diffthrust._check import check as run_check
-
-        checked = run_check(directory, update, progress)
-        if json:
-            _write_json(json, checked.to_json())
-    from diffthrust._display import check_table
-
-    _show(check_table(checked))
-    _written(json)
-    if not checked.ok:
-        raise typer.Exit(CHECK_FAILED)
+app.command("check")(check_command)
 
 
 @app.command()
@@ -247,16 +226,9 @@ def _names(text: str | None) -> list[str] | None:
 def _comparisons(
     loaded: Spec, found: Fit | None, train: Any, holdout: Any
 ) -> dict[str, Comparison]:
-    from diffthrust._compare import compare as hold
+    from diffthrust._report import comparisons_of
 
-    if found is None:
-        out = {"training logs": hold(loaded.model, train)}
-    else:
-        usable = found.status.value != "simulation_failed"
-        out = {"training logs": hold(found, train, initial=found.initial if usable else None)}
-    if holdout:
-        out["unseen logs"] = hold(found or loaded.model, holdout)
-    return out
+    return comparisons_of(found or loaded.model, train, holdout)
 
 
 def _write_json(path: Path, data: dict[str, Any]) -> None:

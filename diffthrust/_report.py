@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from diffthrust._compare import Comparison
+    from diffthrust._log import Log
+    from diffthrust._model import Model
     from diffthrust._result import Fit
 
 STYLE = """\
@@ -83,6 +85,22 @@ model and 0 for one no better than the mean.</p>
 <pre>{{ spec }}</pre>
 </html>
 """
+
+
+def comparisons_of(
+    found: Fit | Model, train: Sequence[Log], unseen: Sequence[Log]
+) -> dict[str, Comparison]:
+    """A fit, or a model as it stands, held against its training and unseen logs, by heading."""
+    from diffthrust._compare import compare
+    from diffthrust._result import Fit
+
+    # where no simulation succeeded, there are no estimated initial states to begin at
+    known = isinstance(found, Fit) and found.status.value != "simulation_failed"
+    initial = found.initial if known else None
+    out = {"training logs": compare(found, train, initial=initial)}
+    if unseen:
+        out["unseen logs"] = compare(found, unseen)
+    return out
 
 
 def write_report(
