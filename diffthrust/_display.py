@@ -17,7 +17,6 @@ from diffthrust._metrics import Errors
 from diffthrust._model import Model
 
 if TYPE_CHECKING:
-    from diffthrust._check import Checked
     from diffthrust._compare import Comparison
     from diffthrust._result import Estimate, Fit
 
@@ -133,39 +132,6 @@ def findings(comparison: Comparison) -> list[tuple[str, list[str]]]:
     return [(name, sentences) for name, sentences in found if sentences]
 
 
-def check_table(checked: Checked) -> RenderableType:
-    """What moved, line by line, and a summary for each fit that did not."""
-    table = _table("Fit", "Quantity", "Expected", "Found", "Tolerance", "", numbers=(2, 3, 4))
-    mends: list[RenderableType] = []
-    for fit in checked.fits:
-        rows = [row for row in checked.rows if row.fit == fit]
-        for row in rows:
-            wordy = isinstance(row.found, str) and " " in row.found
-            table.add_row(
-                escape(fit),
-                escape(row.quantity),
-                _cell(row.expected),
-                "see below" if wordy else _cell(row.found),
-                "" if row.tolerance is None else f"{row.tolerance:.2g}",
-                Text("ok", "green") if row.ok else Text("FAILED", "bold red"),
-            )
-            if wordy:
-                mends.append(Text(f"{fit}: {row.found}"))
-            if row.mend:
-                mends.append(Text(f"{fit}, {row.quantity}. Mend: {row.mend}"))
-        table.add_section()
-    failed = [fit for fit in checked.fits if any(r.fit == fit and not r.ok for r in checked.rows)]
-    total = len(checked.fits)
-    fits = f"{total} fit{'s' if total > 1 else ''}"
-    if failed:
-        summary = Text(f"{len(failed)} of {fits} failed: {', '.join(failed)}.", "bold red")
-    elif checked.updated:
-        summary = Text(f"{fits} run; written anew: {', '.join(checked.updated)}.", "bold green")
-    else:
-        summary = Text(f"{fits} checked, none moved.", "bold green")
-    return Group(table, *mends, summary)
-
-
 def effects_table(effects: Iterable[type[Effect]], models: Mapping[str, Model]) -> RenderableType:
     """The catalogue: what each effect does, where, with which parameters, for which models."""
     parts: list[RenderableType] = []
@@ -231,12 +197,6 @@ def with_error(value: float, error: float | None) -> tuple[str, str]:
     if value:
         digits = max(2, 2 + math.floor(math.log10(abs(value))) - math.floor(math.log10(error)))
     return f"{value:.{min(digits, 12) - 1}e}", f"{error:.1e}"
-
-
-def _cell(value: float | str | None) -> str:
-    if isinstance(value, str):
-        return escape(value)
-    return "-" if value is None else number(value, 6)
 
 
 def _table(*headings: str, numbers: Iterable[int] = ()) -> Table:

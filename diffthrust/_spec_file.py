@@ -130,9 +130,10 @@ class FitPart(_Part):
 
 
 class ExpectedNumber(_Part):
-    """A value and how far it may move."""
+    """A value, its standard error, and how far it may move."""
 
     value: float
+    std_error: Annotated[float, Field(ge=0)] | None = None
     tolerance: Annotated[float, Field(ge=0)] | None = None
 
 

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 import diffthrust as dft
-from diffthrust._check import Checked
 from diffthrust._display import (
-    check_table,
     comparison_table,
     effects_table,
     fit_table,
@@ -16,7 +14,6 @@ from diffthrust._display import (
     rendered,
     with_error,
 )
-from diffthrust._expected import Row
 from diffthrust.effects import EFFECTS
 from diffthrust.models import MODELS
 
@@ -57,17 +54,6 @@ def test_the_table_of_a_comparison(fit, line):
     text = rendered(comparison_table(dft.compare(fit, [line, line.slice(0, 9)])))
     assert text.count("table ") == 2
     assert "all runs" in text
-
-
-def test_the_table_of_a_check():
-    good = Row("one", "alpha", 1.0, 1.0, 0.1, True)
-    bad = Row("two [x]", "beta", 1.0, 2.0, 0.1, False)
-    broken = Row("three", "cannot be run", None, "line 3 is bad", None, False, "Mend it.")
-    assert "1 fit checked, none moved." in rendered(check_table(Checked((good,))))
-    text = rendered(check_table(Checked((good, bad, broken))))
-    assert "2 of 3 fits failed: two [x], three." in text
-    assert "line 3 is bad" in text
-    assert "Mend it." in text
 
 
 def test_the_catalogue_of_effects():
