@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._ar1 import gaps, linked, parameters
@@ -97,15 +96,17 @@ def build(
     )
     priors = {n: named[n].prior for n in free if named[n].prior is not None}
     arrays = {
-        "batches": [{k: _device(v) for k, v in batch.items()} for batch in batches],
-        "values": {name: jnp.asarray(p.value) for name, p in named.items()},
-        "scales": jnp.asarray([named[n].scale for n in free]),
-        "noise": jnp.asarray([1.0 if s is None else s for s in noise]),
-        "floor": jnp.asarray([(1e-8 * s) ** 2 for s in spread]),
-        "counts": jnp.asarray(counts, float),
-        "clip": jnp.asarray(np.full(len(channels), np.inf)),
-        "reach": jnp.asarray(np.ones(())),
-        "prior": {n: (jnp.asarray(p.mean), jnp.asarray(p.std)) for n, p in priors.items() if p},
+        "batches": batches,
+        "values": {name: np.asarray(p.value, float) for name, p in named.items()},
+        "scales": np.array([named[n].scale for n in free], float),
+        "noise": np.array([1.0 if s is None else s for s in noise]),
+        "floor": np.array([(1e-8 * s) ** 2 for s in spread]),
+        "counts": np.asarray(counts, float),
+        "clip": np.full(len(channels), np.inf),
+        "reach": np.ones(()),
+        "prior": {
+            n: (np.asarray(p.mean, float), np.asarray(p.std, float)) for n, p in priors.items() if p
+        },
     }
     problem = Problem(model, tuple(logs), layout, arrays, tuple(order), nuisance=nuisance)
     return _linked(problem) if lasting else problem
@@ -141,7 +142,7 @@ def restarts(problem: Problem, horizon: float | None, *, hold: bool = False) -> 
                     chosen[later[0]] = True
             for s in series.values():
                 s[row, ~chosen] = np.nan
-        anew = {"restart_" + name: jnp.asarray(s) for name, s in series.items()}
+        anew = {"restart_" + name: s for name, s in series.items()}
         batches.append({**batch, **anew})
     arrays = {**problem.arrays, "batches": batches}
     problem = replace(problem, arrays=arrays, held=hold)
@@ -157,8 +158,8 @@ def _linked(problem: Problem) -> Problem:
         for name in grid.restarted:
             anew |= np.isfinite(np.asarray(batch["restart_" + name]))
         links = linked(time, np.asarray(batch["measured"]), anew, step)
-        batches.append({**batch, **_device(links)})
-    told = {"batches": batches, "gaps": _device(gaps(batches))}
+        batches.append({**batch, **links})
+    told = {"batches": batches, "gaps": gaps(batches)}
     return replace(problem, arrays={**problem.arrays, **told})
 
 
@@ -166,12 +167,6 @@ def _multiples(time: np.ndarray, horizon: float | None) -> np.ndarray:
     if horizon is None:
         return np.array([])
     return np.arange(time[0] + horizon, time[-1], horizon)
-
-
-def _device(array: np.ndarray | dict[str, np.ndarray]) -> Any:
-    if isinstance(array, dict):
-        return {k: jnp.asarray(v) for k, v in array.items()}
-    return jnp.asarray(array)
 
 
 def trusted(model: Model) -> tuple[str, ...]:

@@ -216,6 +216,8 @@ def _without_silent(
     for z in points:
         information = solve(problem, z, budget=1).quadratic.information
         seen += np.nan_to_num(np.diagonal(information), nan=1.0, posinf=1.0)
+        if np.all(seen[: len(problem.own)] > 0):
+            return problem, ()
     silent = tuple(
         name for i, name in enumerate(problem.own) if seen[i] == 0 and _idle(problem, points, i)
     )

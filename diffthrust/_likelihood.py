@@ -35,7 +35,8 @@ class Quadratic(NamedTuple):
         energy: weighted sum of squared residuals, which sets the scale of the gradient.
         sigma: noise standard deviation of each channel, known or estimated, ``(C,)``.
         scores: the gradient by blocks of time, ``(n, blocks)``, without priors: its scatter tells
-            how sure the gradient is, however the residuals are correlated within a block.
+            how sure the gradient is, however the residuals are correlated within a block. Only of
+            layouts with a width, which are made to be tested: for others there are no blocks.
     """
 
     cost: Any
@@ -223,7 +224,8 @@ def _assemble(
         gradient += slope[:, :n].sum(0)
         information += gram[:, :n, :n].sum(0)
         energy += jnp.sum(flat**2)
-        scores.append(_by_blocks((jacobian * root[:, None]) * (rest * root)[:, None])[:, :n])
+        if layout.width is not None:
+            scores.append(_by_blocks((jacobian * root[:, None]) * (rest * root)[:, None])[:, :n])
         local.append(slope[:, n:].reshape(-1))
         cross.append(gram[:, :n, n:].transpose(1, 0, 2).reshape(n, -1))
         own.append(gram[:, n:, n:])
@@ -246,7 +248,8 @@ def _assemble(
         whole = jnp.block([[information, side], [side.T, diagonal.reshape(count * m, count * m)]])
         gradient = jnp.concatenate([gradient, *local])
     fine = jnp.isfinite(cost) & jnp.all(jnp.isfinite(gradient)) & jnp.all(jnp.isfinite(whole))
-    blocks = jnp.concatenate([part.transpose(1, 0, 2).reshape(n, -1) for part in scores], axis=1)
+    parts = [part.transpose(1, 0, 2).reshape(n, -1) for part in scores]
+    blocks = jnp.concatenate([jnp.zeros((n, 0)), *parts], axis=1)
     return Quadratic(jnp.where(fine, cost, jnp.inf), gradient, whole, energy, sigma, blocks)
 
 
