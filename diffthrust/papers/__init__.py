@@ -9,6 +9,7 @@ from diffthrust.papers._line import Line as Line
 from diffthrust.papers._line import fit_line as fit_line
 from diffthrust.papers._printed import Printed as Printed
 from diffthrust.papers._printed import printed_table as printed_table
+from diffthrust.papers._printed_all import printed_figures as printed_figures
 from diffthrust.papers._steady import Steady as Steady
 from diffthrust.papers._steady import steady_portions as steady_portions
 from diffthrust.papers._tabulated import TabulatedVessel as TabulatedVessel

@@ -97,6 +97,8 @@ def _transfer() -> list[Printed]:
         *rows,
         Printed("set point reached, gain 1", 1.0, float(np.real(loop(0.0))), "",
                 f"stable with eq. 12 (poles {poles} 1/s), but at rest half of the way is left"),
+        Printed("command at rest, set point 13 V", 13.1, 13.0 * (1.0 - float(np.real(loop(0.0)))),
+                "V", "by eq. 12 and gain 1; 13 V less the sensor's 3 V would be 10 V"),
     ]  # fmt: skip
 
 

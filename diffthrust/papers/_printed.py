@@ -19,6 +19,7 @@ class Printed:
         ours: what follows from the paper's own data or equations here.
         unit: of both.
         remark: how they hang together.
+        source: the paper, where a table is of several.
     """
 
     what: str
@@ -26,6 +27,7 @@ class Printed:
     ours: float
     unit: str
     remark: str = ""
+    source: str = ""
 
     @property
     def ratio(self) -> float:
@@ -34,9 +36,17 @@ class Printed:
 
 
 def printed_table(rows: Iterable[Printed], width: int = 130) -> str:
-    """Figure, paper, ours, ratio and remark as text."""
-    table = _table("Figure", "Paper", "Ours", "Unit", "Ratio", "Remark", numbers=(1, 2, 4))
+    """Figure, paper, ours, ratio and remark as text; where rows name it, their source first."""
+    rows = list(rows)
+    headings = ("Figure", "Paper", "Ours", "Unit", "Ratio", "Remark")
+    first = ("Source",) if any(row.source for row in rows) else ()
+    numbers = tuple(i + len(first) for i in (1, 2, 4))
+    table = _table(*first, *headings, numbers=numbers)
+    source = rows[0].source if rows else ""
     for row in rows:
-        table.add_row(row.what, f"{row.paper:g}", number(row.ours), row.unit,
-                      number(row.ratio, 3), row.remark)  # fmt: skip
+        if row.source != source:
+            table.add_section()
+            source = row.source
+        table.add_row(*(row.source for _ in first), row.what, f"{row.paper:g}", number(row.ours),
+                      row.unit, number(row.ratio, 3), row.remark)  # fmt: skip
     return rendered(table, width)

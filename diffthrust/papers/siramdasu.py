@@ -19,6 +19,7 @@ from diffthrust._errors import InputError
 from diffthrust._log import Log
 from diffthrust.models import Vessel
 from diffthrust.papers._line import Line, fit_line
+from diffthrust.papers._siramdasu_printed import printed_figures as printed_figures
 from diffthrust.papers._steady import Steady, steady_portions
 
 if TYPE_CHECKING:

@@ -20,6 +20,7 @@ from diffthrust._simulate import simulate
 from diffthrust.models import Thruster
 from diffthrust.papers._line import Line, fit_line
 from diffthrust.papers._steady import Steady, steady_portions
+from diffthrust.papers._yoerger_printed import printed_figures as printed_figures
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -1,0 +1,30 @@
+"""The printed figures of all three papers, in one table."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from diffthrust.papers import aras, siramdasu, yoerger
+from diffthrust.papers._depth_sensor import Calibration
+from diffthrust.papers._printed import Printed
+
+
+def printed_figures(calibration: Calibration | None = None) -> list[Printed]:
+    """Every printed figure of the three papers that can be checked, with the paper's name.
+
+    Ours is worked out when this is called, in some seconds: by the papers' methods on simulated
+    records, by closed forms, and by simulation.
+
+    Args:
+        calibration: of table 4 of Aras et al. (`aras.calibrate`); without it the rows that need it
+            are left out.
+
+    Example:
+        >>> print(dft.papers.printed_table(dft.papers.printed_figures(), width=160))
+    """
+    papers = {
+        "Yoerger 1990": yoerger.printed_figures(),
+        "Siramdasu 2013": siramdasu.printed_figures(),
+        "Aras 2013": aras.printed_figures(calibration),
+    }
+    return [replace(row, source=name) for name, rows in papers.items() for row in rows]

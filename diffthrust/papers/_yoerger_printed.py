@@ -1,0 +1,166 @@
+"""The figures that Yoerger, Cooke & Slotine 1990 print, beside what follows from their own."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from diffthrust._describing import describing_function
+from diffthrust._log import Log
+from diffthrust._physical import torque_driven
+from diffthrust._simulate import simulate
+from diffthrust._thruster_loop import PAPER, thruster_loop_cycle
+from diffthrust.control import PoleCancellation
+from diffthrust.models import Thruster
+from diffthrust.papers._commands import lowpass_noise, staircase
+from diffthrust.papers._printed import Printed
+
+_STATIC_CT, _DYNAMIC_CT = 0.022, 0.019
+_PITCH, _AREA, _DENSITY = 0.101, 0.0527, 1000.0
+_FULL = 10.0
+"""Largest command [V], section II A."""
+_HORSEPOWER = 745.7
+_UNITS = {"command": "V", "speed": "rad/s", "thrust": "N"}
+
+
+def printed_figures() -> list[Printed]:
+    """Every printed figure of the paper that can be checked.
+
+    Figures 15 to 21 have no numbers that the scan lets one read; ``examples/compensators.py`` runs
+    what they show. The vehicles of figures 1 and 2 are not described.
+
+    Example:
+        >>> print(dft.papers.printed_table(dft.papers.yoerger.printed_figures()))
+    """
+    dynamic = Thruster(alpha=0.037, beta=42.0, ct=_DYNAMIC_CT)
+    jason = dynamic.replace(ct=_STATIC_CT)
+    return [*_tests(dynamic), *_sizes(jason, dynamic), *_lags(jason), *_cycle(jason, dynamic)]
+
+
+def _tests(dynamic: Thruster) -> list[Printed]:
+    from diffthrust.papers.yoerger import dynamic_test, static_test  # it offers these figures
+
+    levels = _record(dynamic, *staircase([2.0, 4.0, 6.0, 8.0, _FULL], 6.0, 0.02))
+    static = static_test(levels, settle=5.0)
+    moving = dynamic_test(_record(dynamic, *lowpass_noise(40.0, 0.02, peak=4.0, seed=1)))
+    assert moving.ct is not None
+    again = "the dynamic test of a simulated record made with the paper's values"
+    return [
+        Printed("figure 8, static test: ct", _STATIC_CT, static.ct.value, "N s²",
+                "the static test of a thruster with the values of the dynamic test: the paper's "
+                "two tests of one thruster differ"),
+        Printed("figure 9, static test: beta/alpha", 1.0e3, static.ratio.value, "1/(V s²)",
+                "likewise; the paper calls this a match"),
+        Printed("dynamic test: beta/alpha", 1.1e3, moving.beta.value / moving.alpha.value,
+                "1/(V s²)", "42 / 0.037 is 1135: rounded in print"),
+        Printed("dynamic test: alpha", 0.037, moving.alpha.value, "1/rad", again),
+        Printed("dynamic test: beta", 42.0, moving.beta.value, "1/(V s²)", again),
+        Printed("dynamic test: ct", _DYNAMIC_CT, moving.ct.value, "N s²", again),
+    ]  # fmt: skip
+
+
+def _sizes(jason: Thruster, dynamic: Thruster) -> list[Printed]:
+    eta = 0.22
+    implied = jason.replace(ct=_DENSITY * _AREA * (eta * _PITCH) ** 2)
+    by_static, by_dynamic, by_eta = (_physical(model) for model in (jason, dynamic, implied))
+
+    def power(physical: dict[str, float]) -> float:
+        top = math.sqrt(jason.beta / jason.alpha * _FULL)
+        return physical["torque_constant"] * _FULL * top / _HORSEPOWER
+
+    return [
+        Printed("efficiency", eta, by_static["efficiency"], "", "by the static ct, 0.022"),
+        Printed("efficiency", eta, by_dynamic["efficiency"], "", "by the dynamic ct, 0.019"),
+        Printed("figure 8, static test: ct", _STATIC_CT, implied.ct, "N s²",
+                "what an efficiency of 0.22 stands for"),
+        Printed("involved volume V", 0.016, by_eta["volume"], "m³", "with an efficiency of 0.22"),
+        Printed("involved volume V", 0.016, by_static["volume"], "m³",
+                "with the efficiency of the static ct: V and ct do not go with one efficiency"),
+        Printed("motor of 1/3 hp", 1.0 / 3.0, power(by_static), "hp",
+                "power at 10 V with the efficiency of the static ct; with an efficiency of 0.22 it "
+                f"is {power(by_eta):.2f} hp"),
+        Printed("figure 6, smallest step", 0.25, by_static["torque_constant"], "N m",
+                "1 V as a torque: figure 6 is read at 1 V, and its smallest step is of 1/4 N m"),
+    ]  # fmt: skip
+
+
+def _lags(jason: Thruster) -> list[Printed]:
+    best = _first_order(jason)
+    cancel = PoleCancellation()
+    follows = PoleCancellation.of(jason)
+    volt = math.sqrt(follows.thrust_per_volt)  # root of the steady thrust at 1 V
+    commands = np.linspace(0.5, _FULL, 40)
+    pace = describing_function(jason, commands, 0.2, method="paper").break_frequency[:, 0]
+    below = follows.thrust_per_volt * float(np.interp(2.0, pace, commands))
+    return [
+        Printed("time constant at 1 V", 0.75, best["thrust"], "s",
+                "the first-order lag nearest to the thrust's step from rest over the 5.5 s of "
+                "figure 6"),
+        Printed("time constant at 1 V", 0.75, best["speed"], "s", "the same of the speed"),
+        Printed("time constant at 1 V", 0.75, 1.0 / (cancel.rate * volt), "s",
+                "by the paper's 0.49 √u, u in newtons"),
+        Printed("time constant at 1 V", 0.75, 1.0 / cancel.rate, "s",
+                "by the paper's 0.49 √u, u in volts: neither unit gives its 0.75 s"),
+        Printed("pole cancellation: 0.49", cancel.rate, follows.rate, "1/(s √N)",
+                "2 alpha / √ct, the inverse of the model, with u in newtons"),
+        Printed("pole cancellation: 0.49", cancel.rate, follows.rate * volt, "1/(s √V)",
+                "the same with u in volts: 0.49 goes with newtons"),
+        Printed("lead network: zero", 2.43, follows.rate * volt, "1/s",
+                "2 √(alpha beta), the lag of small changes about 1 V: 0.40 s, and not 0.75 s, "
+                "whose zero would be 1.33"),
+        Printed("figure 12: largest break frequency", 2.0, float(pace[-1]), "rad/s",
+                "by the printed formula at the full 10 V and 0.2 rad/s; \"less than 2 for all "
+                f"magnitudes\" holds up to {below:.0f} N"),
+    ]  # fmt: skip
+
+
+def _cycle(jason: Thruster, dynamic: Thruster) -> list[Printed]:
+    drag, free = thruster_loop_cycle(jason), thruster_loop_cycle(jason, drag=0.0)
+    other = thruster_loop_cycle(dynamic, drag=0.0, verify=False)
+    predicted, simulated = PAPER["predicted"], PAPER["simulated"]
+    rows = [
+        Printed("limit cycle predicted, command", predicted, free.printed, "N",
+                f"by the printed formula (6) with ct = 0.022; with 0.019 {other.printed:.1f} N"),
+        Printed("limit cycle predicted, command", predicted, free.consistent, "N",
+                "by the formula with the fundamental of the thrust taken consistently"),
+        Printed("limit cycle predicted, command", predicted, free.newton * free.cycle.amplitude,
+                "N", "by the describing function of the simulated thruster, for a pure inertia"),
+    ]  # fmt: skip
+    for loop, name in ((drag, "with drag"), (free, "without drag")):
+        seen = loop.cycle.simulated
+        assert seen is not None
+        fundamental = loop.newton * seen.amplitude
+        rows += [
+            Printed("limit cycle simulated, command", simulated, loop.newton * seen.peak, "N",
+                    f"peak {name}; its fundamental is {fundamental:.2f} N"),
+            Printed("limit cycle simulated, frequency", 1.0, seen.frequency, "rad/s",
+                    f"{name}; \"almost exactly\" in print"),
+        ]  # fmt: skip
+    return rows
+
+
+def _physical(model: Thruster) -> dict[str, float]:
+    values = {name: float(p.value) for name, p in model.parameters.items()}
+    found = torque_driven(values, _PITCH, _AREA, _DENSITY)
+    return {name: float(value) for name, value in found.items()}
+
+
+def _first_order(model: Thruster) -> dict[str, float]:
+    """Time constants of the lags nearest to the step of 1 V from rest [s]."""
+    from scipy.optimize import least_squares
+
+    time = np.arange(0.0, 5.5, 0.01)
+    step = _record(model, time, np.ones(time.size)).measured
+    end = math.sqrt(model.beta / model.alpha)
+    rest = {"speed": end, "thrust": model.ct * end**2}
+
+    def away(lag: np.ndarray, name: str) -> np.ndarray:
+        return 1.0 - np.exp(-time / lag) - step[name] / rest[name]
+
+    return {name: float(least_squares(away, [0.5], args=(name,)).x[0]) for name in rest}
+
+
+def _record(model: Thruster, time: np.ndarray, command: np.ndarray) -> Log:
+    found = simulate(model, Log(time, {"command": command}, units={"command": "V"}))
+    return Log(time, {"command": command}, {n: found[n] for n in ("speed", "thrust")}, _UNITS)

@@ -1,0 +1,64 @@
+"""What three papers print, beside what follows from their own numbers: one table.
+
+For each printed figure that can be checked: paper, figure, printed value, ours, ratio and remark.
+Ours is worked out on the spot by the papers' methods on simulated records, by closed forms and by
+simulation. A ratio near 1 says that the figure follows from the paper's other numbers; the figures
+that do not are listed once more below, as far as each departs by more than 5 %. They are
+
+- Yoerger et al. 1990: the two tests of one thruster differ (ct by 14 %, beta/alpha by 13 %); an
+  efficiency of 0.22 goes with neither ct; the time constant of 0.75 s at 1 V goes neither with the
+  model nor with the paper's own 0.49 sqrt(u); break frequencies "below 2" end at 90 N; the limit
+  cycle's 15.7 N is not what the printed formula gives;
+- Siramdasu & Fahimi 2013: lambda = 1.56 s is not I33 / d33; 0.75 m/s is below the speed of every
+  straight run; signs of equations (3), (8), (14) and (16);
+- Aras et al. 2013: depths of 6.082 m and 70 m, the bucket, the encoder's speed, and a proportional
+  loop that is said to reach its set point.
+
+Rows that need table 4 of Aras et al. are there where the environment variable DIFFTHRUST_DATA
+names the folder of ``aras_2013_table4_depth_sensor.csv``.
+
+    python examples/papers_printed.py
+"""
+
+import os
+from pathlib import Path
+
+import diffthrust as dft
+from diffthrust import Column, papers
+
+NAME = "aras_2013_table4_depth_sensor.csv"
+BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data"
+
+
+def table_4() -> papers.aras.Calibration | None:
+    path = Path(os.environ.get("DIFFTHRUST_DATA", BESIDE)) / NAME
+    if not path.is_file():
+        return None
+    columns = {f"reading{i}": Column(f"reading{i}_V", unit="V") for i in (1, 2, 3)}
+    log = dft.read_log(path, time=None, inputs={"depth": Column("depth_m", unit="m")},
+                       measured=columns)  # fmt: skip
+    readings = {name: log.values(name, "V") for name in columns}
+    return papers.aras.calibrate(log.values("depth", "m"), readings)
+
+
+def main() -> None:
+    calibration = table_4()
+    rows = papers.printed_figures(calibration)
+    print(papers.printed_table(rows, width=170))
+    if calibration is None:
+        print(f"Without the rows of table 4 of Aras et al.: {NAME} is not in DIFFTHRUST_DATA.")
+
+    for source in dict.fromkeys(row.source for row in rows):
+        mine = [row for row in rows if row.source == source]
+        away: dict[str, list[str]] = {}
+        for row in mine:
+            if not abs(row.ratio - 1.0) <= 0.05:
+                away.setdefault(row.what, []).append(f"{row.ratio:.3g}")
+        print(f"{source}: {len(mine)} rows, {sum(map(len, away.values()))} of them depart by more "
+              "than 5 %:")  # fmt: skip
+        for what, ratios in away.items():
+            print(f"  {what}: ours is {' or '.join(ratios)} of the printed value")
+
+
+if __name__ == "__main__":
+    main()
