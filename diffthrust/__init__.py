@@ -12,15 +12,18 @@ import jax as _jax
 
 _jax.config.update("jax_enable_x64", True)
 # XLA compiles a loop on the CPU as one kernel only while its body is small; models with effects
-# are above its limit and run up to ten times slower. The flag is read when JAX first computes. It
-# goes in front of the user's: XLA ignores all that follows a word without leading dashes.
+# are above its limit and run up to ten times slower. Its newer emitters take up to twice as long
+# to compile as the older ones, for kernels that run no faster. The flag is read when JAX first
+# computes; options in it that XLA does not know are ignored. It goes in front of the user's: XLA
+# ignores all that follows a word without leading dashes.
 if "xla_backend_extra_options" not in _os.environ.get("XLA_FLAGS", ""):
     _os.environ["XLA_FLAGS"] = (
-        "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=1000000000 "
-        + _os.environ.get("XLA_FLAGS", "")
+        "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=1000000000,"
+        "xla_cpu_disable_new_fusion_emitters " + _os.environ.get("XLA_FLAGS", "")
     ).strip()
 
 from diffthrust import blackbox as blackbox  # noqa: E402
+from diffthrust import campaigns as campaigns  # noqa: E402
 from diffthrust import control as control  # noqa: E402
 from diffthrust import datasets as datasets  # noqa: E402
 from diffthrust import effects as effects  # noqa: E402
@@ -96,6 +99,8 @@ from diffthrust._step_check import choose_substeps as choose_substeps  # noqa: E
 from diffthrust._step_check import step_error as step_error  # noqa: E402
 from diffthrust._thruster_loop import ThrusterLoop as ThrusterLoop  # noqa: E402
 from diffthrust._thruster_loop import thruster_loop_cycle as thruster_loop_cycle  # noqa: E402
+from diffthrust.campaigns import Campaign as Campaign  # noqa: E402
+from diffthrust.campaigns import campaign as campaign  # noqa: E402
 from diffthrust.models import AxisVehicle as AxisVehicle  # noqa: E402
 from diffthrust.models import DCMotorThruster as DCMotorThruster  # noqa: E402
 from diffthrust.models import LinearSensor as LinearSensor  # noqa: E402

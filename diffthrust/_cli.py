@@ -1,4 +1,4 @@
-"""The command line: fit, compare, diagnose, sample, map, check, demo, effects, datasets."""
+"""The command line: fit, compare, diagnose, sample, campaign, map, check, demo and lists."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from diffthrust._cli_campaign import campaign
 from diffthrust._cli_check import check_command
 from diffthrust._cli_datasets import datasets
 from diffthrust._cli_map import map_command
-from diffthrust._cli_options import JsonPath, ReportPath, SpecPath
+from diffthrust._cli_options import JsonPath, ReportPath, SpecPath, names_in
 from diffthrust._cli_options import show as _show
 from diffthrust._cli_options import written as _written
 from diffthrust._cli_sample import sample
@@ -121,7 +122,7 @@ def diagnose(
     """Find what a model lacks: where it fails, which effect is missing, what cannot be told."""
     with session() as progress:
         loaded = _load(spec)
-        found = loaded.diagnose(progress, candidates=_names(candidates))
+        found = loaded.diagnose(progress, candidates=names_in(candidates))
         if json:
             _write_json(json, found.to_json())
         if report:
@@ -136,6 +137,7 @@ def diagnose(
 
 
 app.command()(sample)
+app.command()(campaign)
 app.command()(datasets)
 app.command("map")(map_command)
 app.command("check")(check_command)
@@ -208,19 +210,6 @@ def _load(path: Path) -> Spec:
     from diffthrust._spec import load_spec
 
     return load_spec(path)
-
-
-def _names(text: str | None) -> list[str] | None:
-    """The names in ``a,b,c``."""
-    if text is None:
-        return None
-    names = [name.strip() for name in text.split(",") if name.strip()]
-    if not names:
-        raise InputError(
-            "--candidates: expected names of effects, found none.",
-            "Name them with commas between, or leave --candidates out to try all.",
-        )
-    return names
 
 
 def _comparisons(

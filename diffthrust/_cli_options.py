@@ -52,6 +52,19 @@ ReportPath = Annotated[
 ]
 
 
+def names_in(text: str | None) -> list[str] | None:
+    """The names in ``a,b,c``."""
+    if text is None:
+        return None
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    if not names:
+        raise InputError(
+            "--candidates: expected names of effects, found none.",
+            "Name them with commas between, or leave --candidates out to try all.",
+        )
+    return names
+
+
 def show(thing: Any) -> None:
     """Print text or a table."""
     from rich.console import Console

@@ -29,8 +29,8 @@ def session() -> Iterator[Callable[[str, float], None] | None]:
     except InputError as error:
         typer.echo(f"Error: {error}", err=True)
         raise typer.Exit(BAD_INPUT) from None
-    except KeyboardInterrupt:
-        typer.echo("Stopped.", err=True)
+    except KeyboardInterrupt as stopped:
+        typer.echo(f"Stopped. {stopped}".strip(), err=True)
         raise typer.Exit(STOPPED) from None
     except (typer.Exit, typer.Abort):
         raise

@@ -1,0 +1,130 @@
+"""Where tasks run: processes of this machine, a Dask cluster, or any executor."""
+
+from __future__ import annotations
+
+import os
+import queue
+from collections.abc import Iterator, Sequence
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from typing import Any
+
+from diffthrust._errors import InputError
+from diffthrust.campaigns._helper import Helper, own_helper, perform
+from diffthrust.campaigns._job import Job
+from diffthrust.campaigns._store import Row
+from diffthrust.campaigns._task import failed
+
+_CONNECT = 5.0
+"""Seconds in which the scheduler of a cluster must answer."""
+
+
+@contextmanager
+def opened(executor: Executor | str | None, jobs: int) -> Iterator[Executor]:
+    """The executor of a campaign, ended afterwards unless it was the caller's.
+
+    Args:
+        executor: one to use as it is, the address of a Dask scheduler, or ``None`` for processes of
+            this machine.
+        jobs: how many processes.
+
+    Raises:
+        InputError: the cluster does not answer, or Dask is not installed.
+    """
+    if executor is None:
+        with _processes(jobs) as own:
+            yield own
+    elif isinstance(executor, str):
+        with _cluster(executor) as own:
+            yield own
+    else:
+        yield executor
+
+
+@contextmanager
+def _processes(jobs: int) -> Iterator[Executor]:
+    """Threads that each have a process of their own, so that a death takes one task alone."""
+    helpers: list[Helper] = []
+    with ThreadPoolExecutor(jobs, initializer=lambda: helpers.append(own_helper())) as threads:
+        try:
+            yield threads
+        finally:  # at once: whoever leaves before the end wants no more results
+            threads.shutdown(wait=False, cancel_futures=True)
+            for helper in helpers:
+                helper.stop()
+    for helper in helpers:
+        helper.close()
+
+
+@contextmanager
+def _cluster(address: str) -> Iterator[Executor]:
+    try:
+        from distributed import Client
+    except ImportError:
+        raise InputError(
+            f"executor: {address!r} is the address of a Dask cluster, and Dask is not installed.",
+            "Install it with pip install 'diffthrust[dask]', here and on the workers.",
+        ) from None
+    try:
+        client = Client(address, timeout=_CONNECT, set_as_default=False)
+    except (OSError, ValueError) as error:  # TimeoutError is an OSError
+        raise InputError(
+            f"executor: no Dask scheduler answers at {address!r} ({error}).",
+            "Start one (dask scheduler) and its workers (dask worker ADDRESS), or correct the "
+            "address, such as tcp://10.0.0.5:8786.",
+        ) from None
+    with client:
+        yield client.get_executor(pure=False)
+
+
+def worker_count() -> int:
+    """Processors that this process may use."""
+    allowed = getattr(os, "sched_getaffinity", None)
+    return len(allowed(0)) if allowed else os.cpu_count() or 1
+
+
+def outcomes(executor: Executor, jobs: Sequence[Job], tick: float) -> Iterator[Row | None]:
+    """The rows of some tasks as they come, and ``None`` when none has come for ``tick`` seconds.
+
+    A task whose worker is gone is a row as well: nothing that an executor raises ends a campaign.
+    Tasks that have not begun are cancelled when the iteration is left.
+    """
+    done: queue.SimpleQueue[Future[Row]] = queue.SimpleQueue()
+    waiting: dict[Future[Row], Job] = {}
+    try:
+        for job in jobs:
+            try:
+                future = executor.submit(perform, job)
+            except Exception as error:  # of an executor that is broken or closed
+                yield _lost(job, error)
+                continue
+            if future.done():  # as with executors that do the work in place
+                yield _row(future, job)
+            else:
+                waiting[future] = job
+                future.add_done_callback(done.put)
+        while waiting:
+            try:
+                future = done.get(timeout=tick)
+            except queue.Empty:
+                yield None
+                continue
+            yield _row(future, waiting.pop(future))
+    finally:
+        for future in waiting:
+            future.cancel()
+
+
+def _row(future: Future[Row], job: Job) -> Row:
+    try:
+        return future.result()
+    except (Exception, CancelledError) as error:
+        return _lost(job, error)
+
+
+def _lost(job: Job, error: BaseException) -> Row:
+    broken = isinstance(error, BrokenExecutor | CancelledError)
+    what = "The executor lost its workers" if broken else "Its worker was lost"
+    told: Any = f": {error}" if str(error) else ""
+    problem = f"{what} ({type(error).__name__}{told})."
+    return failed(job, "lost", problem, "Run the campaign again: it goes on with the rest.", 0.0)

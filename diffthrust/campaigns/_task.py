@@ -1,0 +1,138 @@
+"""What a worker does with one spec: the work, its row, its folder."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from diffthrust._errors import InputError
+from diffthrust._files import plain
+from diffthrust._result import Fit
+from diffthrust._spec import Spec, load_spec
+from diffthrust.campaigns._job import SAMPLING, Job, fingerprint
+from diffthrust.campaigns._store import Row, store
+
+
+@dataclass(frozen=True)
+class _Done:
+    """A result: as plain data, as columns of the table, and as a page."""
+
+    data: Mapping[str, Any]
+    columns: Row
+    numbers: Row
+    page: Callable[[Path], None]
+
+
+def run(job: Job) -> Row:
+    """Do the work on one spec, here and now, and write its folder.
+
+    Nothing is raised: what goes wrong is the row's ``error``, with the ``mend``.
+    """
+    begun, mark = time.perf_counter(), None
+    try:
+        spec = load_spec(job.spec)
+        mark = fingerprint(spec, job)
+        done = _TASKS[job.task](spec, job)
+        seconds = time.perf_counter() - begun
+        row = plain(
+            {**head(job, "ok"), **done.columns, "seconds": seconds, "numbers": done.numbers}
+        )
+        store(job, row, mark, done.data, done.page if job.report else None)
+        return row
+    except InputError as error:
+        problem, mend = error.problem, error.mend
+    except OSError as error:
+        problem, mend = str(error), "Look at the disk, and run the campaign again."
+    except Exception as error:
+        problem = f"A defect of diffthrust, not of your input: {type(error).__name__}: {error}"
+        mend = (
+            f"Please report what this prints: DIFFTHRUST_DEBUG=1 diffthrust {job.task} {job.spec}"
+        )
+    return failed(job, "failed", problem, mend, time.perf_counter() - begun, mark)
+
+
+def head(job: Job, status: str) -> Row:
+    """The columns that every row has."""
+    folder = Path(job.folder).name
+    return {"name": job.name, "spec": job.spec, "folder": folder, "status": status}
+
+
+def failed(
+    job: Job, status: str, problem: str, mend: str, seconds: float, mark: str | None = None
+) -> Row:
+    """The row of a spec without a result, also in its folder if that can be written."""
+    row = {**head(job, status), "error": problem, "mend": mend, "seconds": seconds}
+    with suppress(InputError):  # the table tells it in any case
+        store(job, row, mark)
+    return row
+
+
+def _fitted(fit: Fit) -> Row:
+    """The columns of a fit."""
+    return {
+        "model": fit.model.name,
+        "effects": ", ".join(effect.name for effect in fit.model.effects),
+        "fit_status": fit.status.value,
+        "train_nrmse": fit.train.nrmse,
+        "holdout_nrmse": fit.holdout.nrmse if fit.holdout else None,
+        "notes": "\n".join(fit.notes),
+    }
+
+
+def _estimates(fit: Fit) -> Row:
+    return {name: (e.value, e.std_error) for name, e in fit.parameters.items()}
+
+
+def _fit(spec: Spec, job: Job) -> _Done:
+    train, unseen = spec.train_logs(), spec.holdout_logs()
+    fit = spec.fit(train=train, holdout=unseen)
+
+    def page(path: Path) -> None:
+        from diffthrust._report import comparisons_of, write_report
+
+        held = comparisons_of(fit, train, unseen)
+        write_report(path, title=job.name, spec=spec.text, comparisons=held, fit=fit)
+
+    return _Done(fit.to_json(), _fitted(fit), _estimates(fit), page)
+
+
+def _diagnose(spec: Spec, job: Job) -> _Done:
+    found = spec.diagnose(candidates=job.options.get("candidates"))
+
+    def page(path: Path) -> None:
+        from diffthrust._diagnosis_report import write_report
+
+        write_report(found, path, title=f"Diagnosis: {job.name}", spec=spec.text)
+
+    told = {"verdict": found.verdict, "added": ", ".join(found.added)}
+    return _Done(found.to_json(), {**_fitted(found.fit), **told}, _estimates(found.fit), page)
+
+
+def _sample(spec: Spec, job: Job) -> _Done:
+    from diffthrust._sample import sample
+    from diffthrust._sampled import sampled
+
+    train, unseen = spec.train_logs(), spec.holdout_logs()
+    fit = spec.fit(train=train, holdout=unseen)
+    options: dict[str, Any] = {**SAMPLING, **job.options}
+    found = sampled(sample(fit, train, **options), fit, train, unseen, seed=options["seed"])
+
+    def page(path: Path) -> None:
+        from diffthrust._sample_report import write_report
+
+        write_report(found, path, title=f"Posterior: {job.name}", spec=spec.text)
+
+    numbers = {name: (s.median, s.sd) for name, s in found.parameters.items()}
+    verdict = {"verdict": found.told.status.value}
+    return _Done(found.to_json(), {**_fitted(fit), **verdict}, numbers, page)
+
+
+_TASKS: Mapping[str, Callable[[Spec, Job], _Done]] = {
+    "fit": _fit,
+    "diagnose": _diagnose,
+    "sample": _sample,
+}
