@@ -26,6 +26,10 @@ _COLUMNS = {  # as in the sheets, whose headers begin with a blank in some
     "thrust": ("Force (Kg f)", "kgf"),
 }
 _INPUTS = ("pulse_width", "supply_voltage")
+_STOP, _FULL = 1500e-6, 400e-6
+"""Pulse width at rest, and from there to full drive [s]."""
+_NOMINAL = 16.0
+"""Command at full drive [V]."""
 
 T200 = DataSet(
     name="t200",
@@ -46,13 +50,20 @@ T200 = DataSet(
 )
 
 
-def t200(names: str | Sequence[str] | None = None) -> Runs:
+def t200(names: str | Sequence[str] | None = None, *, held: float | None = None) -> Runs:
     """The static map of the T200 thruster at 10, 12, 14, 16, 18 and 20 V.
 
     Each log is a table and not a record: its samples are points of the map, from full astern to
     full ahead in steps of 4 us, counted 0, 1, 2, ... in place of seconds. Inputs ``pulse_width``
     [us, 1500 is stop] and ``supply_voltage`` [V]; measured ``speed`` [rad/s, no sign], ``current``
     [A], ``power`` [W] and ``thrust`` [N]. There is no usual split.
+
+    With ``held`` each log is a record that `Thruster` takes: a staircase that begins settled at
+    full astern, holds every point for that long and measures it at its end, so that a model that
+    settles faster goes through the map. Its inputs are ``command`` [V], the drive's share of the
+    pulse width (-1 to 1 for 1100 to 1900 us) times 16 V, and ``supply_voltage``; ``speed`` has the
+    sign of the command, ``current`` and ``power`` are left out. How fast the thruster settles such
+    records do not tell: hold ``alpha`` fixed.
 
     Known defects: nothing in it tells a time constant; the speed has no sign; no uncertainty is
     given; around 1500 us lies a dead zone of 52 us at 20 V to 80 us at 10 V; the sheet of 12 V
@@ -64,19 +75,46 @@ def t200(names: str | Sequence[str] | None = None) -> Runs:
 
     Args:
         names: logs to read, such as ``"16V"``; all six where not given.
+        held: how long each point is held [s]; the table as it is where not given.
 
     Raises:
         InputError: ``DIFFTHRUST_DATA`` is not set, the file is missing there or has other sheets
-            or columns, openpyxl is not installed, or a name is unknown.
+            or columns, openpyxl is not installed, a name is unknown, or ``held`` is not positive.
 
     Example:
         >>> log = dft.datasets.t200("16V")["16V"]
         >>> thrust = log.measured["thrust"]
     """
+    if held is not None and not (np.isfinite(held) and held > 0):
+        raise InputError(
+            f"t200, held: expected seconds, more than zero, found {held!r}.",
+            "Give 0.25, or leave it out for the table.",
+        )
     chosen = wanted(T200, tuple(_SHEETS), names)
     path = located(T200)[_FILE]
     sheets = _sheets(path)
-    return runs(T200, {name: _log(sheets, _SHEETS[name], name) for name in chosen}, (), ())
+    logs = {name: _log(sheets, _SHEETS[name], name) for name in chosen}
+    if held is not None:
+        logs = {name: _staircase(log, held) for name, log in logs.items()}
+    return runs(T200, logs, (), ())
+
+
+def _staircase(table: Log, held: float) -> Log:
+    """Every point of a table for a while; what it measures stands at its end."""
+    drive = (table.inputs["pulse_width"] - _STOP) / _FULL
+    inputs = {"command": _NOMINAL * drive, "supply_voltage": table.inputs["supply_voltage"]}
+    measured = {
+        "speed": np.sign(np.round(drive, 9)) * table.measured["speed"],
+        "thrust": table.measured["thrust"],
+    }
+    return Log(
+        time=held * np.arange(len(table) + 1),
+        inputs={name: np.append(values, values[-1]) for name, values in inputs.items()},
+        measured={name: np.append(values[0], values) for name, values in measured.items()},
+        units={"command": "V", "supply_voltage": "V", "speed": "rad/s", "thrust": "N"},
+        name=table.name,
+        notes=[f"a static table: each of its points is held for {held:g} s."],
+    )
 
 
 def _sheets(path: Path) -> dict[str, Any]:

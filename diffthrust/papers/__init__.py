@@ -7,6 +7,8 @@ from diffthrust.papers._commands import lowpass_noise as lowpass_noise
 from diffthrust.papers._commands import staircase as staircase
 from diffthrust.papers._line import Line as Line
 from diffthrust.papers._line import fit_line as fit_line
+from diffthrust.papers._manoeuvres import Manoeuvres as Manoeuvres
+from diffthrust.papers._manoeuvres import manoeuvres as manoeuvres
 from diffthrust.papers._printed import Printed as Printed
 from diffthrust.papers._printed import printed_table as printed_table
 from diffthrust.papers._printed_all import printed_figures as printed_figures

@@ -1,0 +1,101 @@
+"""Records of free sailing, sorted into the portions that an identification step by step needs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from diffthrust._arguments import listed
+from diffthrust._errors import InputError
+from diffthrust._log import Log
+from diffthrust.papers._steady import stretches
+from diffthrust.papers._undisturbed import _cut, _smooth
+
+
+@dataclass(frozen=True)
+class Manoeuvres:
+    """Portions of records, each a log of its own.
+
+    Args:
+        steady: straight on, at a speed that hardly changes.
+        accelerating: straight on, while the speed changes.
+        turning: all else that lasts.
+    """
+
+    steady: tuple[Log, ...] = field(repr=False)
+    accelerating: tuple[Log, ...] = field(repr=False)
+    turning: tuple[Log, ...] = field(repr=False)
+
+    @property
+    def summary(self) -> str:
+        """How many portions there are, and how long they are together."""
+        parts = (f"{len(logs)} {name} ({sum(log.duration for log in logs):.0f} s)"
+                 for name, logs in vars(self).items())  # fmt: skip
+        return ", ".join(parts)
+
+
+def manoeuvres(
+    logs: Log | Sequence[Log],
+    *,
+    least: float = 5.0,
+    smoothing: float = 1.0,
+    straight: float = 0.1,
+    steady: float = 0.1,
+) -> Manoeuvres:
+    """Sort records of free sailing into steady, accelerating and turning portions.
+
+    The planned runs of Siramdasu & Fahimi (2013, section 3) hold the propeller and its angle;
+    records of free sailing do not, so portions are told by what the vessel does, not by its
+    inputs. It runs straight where its yaw rate is small against the largest one in all records,
+    and steadily where its surge would need long to change.
+
+    Args:
+        logs: records with ``surge`` and ``yaw_rate``.
+        least: the shortest portion [s].
+        smoothing: length of the running mean over both [s].
+        straight: yaw rate of a straight line, as a share of the largest.
+        steady: change of the surge over ``least`` seconds that counts as none, as a share of the
+            largest surge.
+
+    Returns:
+        The portions in the order of the records; each kind may be empty.
+
+    Raises:
+        InputError: a channel that is missing, or a length that is not positive.
+
+    Example:
+        >>> found = dft.papers.manoeuvres(logs, least=10.0)
+        >>> print(found.summary)
+    """
+    for name, value in (("least", least), ("smoothing", smoothing)):
+        if not (np.isfinite(value) and value > 0):
+            raise InputError(
+                f"manoeuvres, {name}: expected seconds, more than zero, found {value!r}.",
+                "Correct it.",
+            )
+    logs = listed(logs)
+    surge, yaw = (
+        [_smooth(log.time, log.values(name, unit), smoothing) for log in logs]
+        for name, unit in (("surge", "m/s"), ("yaw_rate", "rad/s"))
+    )
+    fastest = max(float(np.max(np.abs(u))) for u in surge)
+    ahead = straight * max(float(np.max(np.abs(r))) for r in yaw)
+    found: dict[str, list[Log]] = {"steady": [], "accelerating": [], "turning": []}
+    for log, u, r in zip(logs, surge, yaw, strict=True):
+        line = np.abs(r) <= ahead
+        change = least * _smooth(log.time, np.gradient(u, log.time), least)
+        even = np.abs(change) <= steady * fastest
+        kinds = {
+            "steady": line & even & (np.abs(u) > steady * fastest),  # a rest tells nothing
+            "accelerating": line & ~even,
+            "turning": ~line,
+        }
+        for kind, where in kinds.items():
+            found[kind] += [
+                _cut(log, log.time[first], log.time[last])
+                for first, last in stretches(where)
+                if log.time[last] - log.time[first] >= least
+            ]
+    return Manoeuvres(**{kind: tuple(portions) for kind, portions in found.items()})
