@@ -152,9 +152,7 @@ class _Worker(threading.Thread):
             process.kill()
 
     def _answer(self, task: Task) -> Run:
-        process = self._process = self._process or _process()
-        if self._stopped:
-            process.kill()
+        process = self._process or self._begin()
         assert process.stdin is not None
         assert process.stdout is not None
         try:
@@ -172,6 +170,18 @@ class _Worker(threading.Thread):
             f"the process that ran it died ({_cause(self._end())}).",
             f"Run diffthrust fit {task.file} alone; if memory was short, take fewer --jobs.",
         )
+
+    def _begin(self) -> subprocess.Popen[str]:
+        process = self._process = _process()
+        if self._stopped:  # while it was being started
+            process.kill()
+        assert process.stdout is not None
+        if not process.stdout.readline() and not self._stopped:
+            raise InputError(
+                f"A process for the fits cannot be started ({_cause(self._end())}).",
+                "See what it printed above; --jobs 1 does without.",
+            )
+        return process
 
     def _end(self) -> int:
         """Let the process end, which it does when there is nothing more to read."""
@@ -193,6 +203,7 @@ def _process() -> subprocess.Popen[str]:
         stdout=subprocess.PIPE,
         text=True,
         env={**os.environ, **_ONE_THREAD, **cache, "XLA_FLAGS": flags},
+        start_new_session=True,  # Ctrl-C is for the check, which ends its workers
     )
     assert process.stdin is not None
     print(json.dumps(sys.path), file=process.stdin, flush=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import signal
 import sys
 from pathlib import Path
 
@@ -15,12 +14,13 @@ from diffthrust._check_run import run_again
 def serve() -> None:
     """Answer each line of standard input, ``[fit, file, update]`` as JSON, by one line of output.
 
-    What a fit or a user's script prints goes to standard error, so that answers stay answers.
+    A line before all answers says that it is ready. What a fit or a user's script
+    prints goes to standard error, so that answers stay answers.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever started it says when to stop
     enable_compilation_cache()
     with os.fdopen(os.dup(1), "w") as answers:
         os.dup2(2, 1)
+        print("ready", file=answers, flush=True)
         for line in sys.stdin:
             fit, file, update = json.loads(line)
             run = run_again(fit, Path(file), update)

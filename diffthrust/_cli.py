@@ -11,6 +11,7 @@ from diffthrust._cli_campaign import campaign
 from diffthrust._cli_check import check_command
 from diffthrust._cli_datasets import datasets
 from diffthrust._cli_map import map_command
+from diffthrust._cli_new import new_command
 from diffthrust._cli_options import JsonPath, ReportPath, SpecPath, names_in
 from diffthrust._cli_options import show as _show
 from diffthrust._cli_options import written as _written
@@ -141,6 +142,7 @@ app.command()(campaign)
 app.command()(datasets)
 app.command("map")(map_command)
 app.command("check")(check_command)
+app.command("new")(new_command)
 
 
 @app.command()
