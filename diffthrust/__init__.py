@@ -14,7 +14,7 @@ _jax.config.update("jax_enable_x64", True)
 # XLA compiles a loop on the CPU as one kernel only while its body is small; models with effects
 # are above its limit and run up to ten times slower. Its newer emitters take up to twice as long
 # to compile as the older ones, for kernels that run no faster. The flag is read when JAX first
-# computes; options in it that XLA does not know are ignored. It goes in front of the user's: XLA
+# computes, and an option that XLA no longer knows is ignored. It goes in front of the user's: XLA
 # ignores all that follows a word without leading dashes.
 if "xla_backend_extra_options" not in _os.environ.get("XLA_FLAGS", ""):
     _os.environ["XLA_FLAGS"] = (
