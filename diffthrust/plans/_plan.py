@@ -15,6 +15,7 @@ from diffthrust._errors import InputError
 from diffthrust._files import write_whole
 from diffthrust._log import Log
 from diffthrust.papers._steady import stretches
+from diffthrust.plans._excited import excited
 
 _NEAR = 0.02
 """A level is met by a held stretch within this share of the range of the plan."""
@@ -96,6 +97,7 @@ class Plan:
         settle: how long the slowest answer takes to come to rest, by the model [s].
         measure: the channels that the method needs.
         note: what to mind.
+        band: lowest and highest frequency that runs without levels are to excite [Hz].
 
     Example:
         >>> plan = dft.plans.static_test(dft.Thruster(), limits=(0, 5))
@@ -109,6 +111,7 @@ class Plan:
     settle: float
     measure: tuple[str, ...]
     note: str = field(default="", repr=False)
+    band: tuple[float, float] | None = None
 
     @property
     def duration(self) -> float:
@@ -155,8 +158,9 @@ class Plan:
         """Hold the plan against recorded logs, one or several, in any order and cut as they are.
 
         A level counts as run where its inputs were held for at least ``settle`` seconds, and the
-        channels that the method needs were measured meanwhile. A run without levels counts where a
-        log moves each input over nine tenths of its planned range.
+        channels that the method needs were measured meanwhile; a level that is planned twice has to
+        be held twice, or for so much longer. A run without levels counts where a log moves each
+        input over nine tenths of its planned range, and excites the plan's band.
 
         Raises:
             InputError: a log without an input of the plan.
@@ -173,22 +177,27 @@ class Plan:
         return PlanCheck(tuple(self._findings(logs)))
 
     def _findings(self, logs: Sequence[Log]) -> Iterator[Finding]:
+        left: dict[tuple[tuple[str, float], ...], list[_Held]] = {}
         for name, run in self.runs.items():
             levels = _levels(name, run, self.settle)
             for level in levels:
-                yield self._level(level, logs)
+                key = tuple(sorted(level.inputs.items()))
+                if key not in left:
+                    left[key] = self._held(level, logs)
+                yield self._level(level, left[key].pop(0) if left[key] else None)
             if not levels:
                 for channel, values in run.inputs.items():
-                    yield _moved(name, channel, values, run.units.get(channel, ""), logs)
+                    unit = run.units.get(channel, "")
+                    yield _moved(name, channel, values, unit, logs)
+                    if self.band:
+                        yield _excites(name, channel, unit, run, logs, self.band)
 
-    def _level(self, level: Level, logs: Sequence[Log]) -> Finding:
+    def _held(self, level: Level, logs: Sequence[Log]) -> list[_Held]:
+        """Where the inputs of a level were held, the longest first; one as long as two is two."""
         units = next(iter(self.runs.values())).units
-        words = ", ".join(
-            f"{n} = {x:.4g} {units.get(n, '')}".rstrip() for n, x in level.inputs.items()
-        )
-        longest, seen = 0.0, ()
         spans = {n: max(np.ptp(np.concatenate([r.inputs[n] for r in self.runs.values()])), 1e-12)
                  for n in level.inputs}  # fmt: skip
+        found = []
         for log in logs:
             held = np.all(
                 [np.abs(log.values(n, units.get(n, "")) - x) <= _NEAR * spans[n]
@@ -196,20 +205,33 @@ class Plan:
             )  # fmt: skip
             for first, last in stretches(held):
                 lasted = float(log.time[last] - log.time[first])
-                if lasted > longest:
-                    longest = lasted
-                    part = slice(first, last + 1)
-                    seen = tuple(n for n in self.measure if n in log.measured
-                                 and np.isfinite(log.measured[n][part]).any())  # fmt: skip
-        absent = [n for n in self.measure if n not in seen]
-        if longest == 0.0:
+                part = slice(first, last + 1)
+                absent = tuple(n for n in self.measure if n not in log.measured
+                               or not np.isfinite(log.measured[n][part]).any())  # fmt: skip
+                times = max(1, int(lasted / (level.stop - level.start) + 0.05))
+                found += times * [_Held(lasted / times, absent)]
+        return sorted(found, key=lambda held: -held.lasted)
+
+    def _level(self, level: Level, held: _Held | None) -> Finding:
+        units = next(iter(self.runs.values())).units
+        words = ", ".join(
+            f"{n} = {x:.4g} {units.get(n, '')}".rstrip() for n, x in level.inputs.items()
+        )
+        if held is None or held.lasted == 0.0:
             return Finding(level.run, words, "not run", False)
-        if longest < self.settle:
-            short = f"held for {longest:.3g} s; it takes {self.settle:.3g} s to settle"
+        if held.lasted < self.settle:
+            short = f"held for {held.lasted:.3g} s; it takes {self.settle:.3g} s to settle"
             return Finding(level.run, words, short, False)
-        if absent:
-            return Finding(level.run, words, f"{listing(absent)} not measured", False)
-        return Finding(level.run, words, f"held for {longest:.3g} s", True)
+        if held.absent:
+            return Finding(level.run, words, f"{listing(held.absent)} not measured", False)
+        return Finding(level.run, words, f"held for {held.lasted:.3g} s", True)
+
+
+class _Held(NamedTuple):
+    """How long a level was held, and which channels were not measured meanwhile."""
+
+    lasted: float
+    absent: tuple[str, ...]
 
 
 def _levels(name: str, run: Log, settle: float) -> list[Level]:
@@ -240,3 +262,15 @@ def _moved(name: str, channel: str, wanted: np.ndarray, unit: str, logs: Sequenc
     return Finding(
         name, words, f"from {a:.3g} to {b:.3g} {unit}".rstrip(), max(span) >= 0.9 * (high - low)
     )
+
+
+def _excites(
+    name: str, channel: str, unit: str, run: Log, logs: Sequence[Log], band: tuple[float, float]
+) -> Finding:
+    words = f"{channel}, {band[0]:.3g} to {band[1]:.3g} Hz"
+    parts = [p for log in logs if (p := excited(log, run, channel, unit, band)) is not None]
+    if not parts:
+        return Finding(name, words, "not excited", False)
+    low, high = max(parts, key=lambda part: part[1] / part[0])
+    whole = low <= 1.001 * band[0] and high >= 0.999 * band[1]
+    return Finding(name, words, f"excited from {low:.3g} to {high:.3g} Hz", whole)

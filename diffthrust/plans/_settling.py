@@ -14,7 +14,7 @@ from diffthrust._simulate import simulate
 _LEFT = 0.01
 """Share of the change that may be left."""
 _SAMPLES = 2000
-_LONGEST = 1e4
+LONGEST = 1e4
 """Seconds beyond which a model counts as one that never settles."""
 
 
@@ -33,23 +33,24 @@ def settling_time(
         InputError: the model does not settle within 10 000 s.
     """
     span = 20.0 * first
-    while span <= _LONGEST:
+    while span <= LONGEST:
         time = np.linspace(0.0, span, _SAMPLES)
         rows = {name: np.full(time.size, level) for name, level in inputs.items()}
         units = {name: {**model.inputs, **model.optional_inputs}[name] for name in rows}
         found = simulate(model, Log(time, rows, units=units))
-        times = [_settled(time, found[name]) for name in channels]
+        times = [settled(time, found[name]) for name in channels]
         if max(times) < 0.5 * span:
             return max(times)
         span *= 2.0
     raise InputError(
-        f"{model}: {', '.join(channels)} do not come to rest within {_LONGEST:g} s after a step to "
+        f"{model}: {', '.join(channels)} do not come to rest within {LONGEST:g} s after a step to "
         f"{dict(inputs)}.",
         "Look at the parameters, or give settle.",
     )
 
 
-def _settled(time: np.ndarray, values: np.ndarray) -> float:
+def settled(time: np.ndarray, values: np.ndarray) -> float:
+    """When values have come within a hundredth of their largest change of the last one [s]."""
     change = np.abs(values - values[-1])
     allowed = _LEFT * max(float(np.max(np.abs(values - values[0]))), 1e-12)
     beyond = np.flatnonzero(change > allowed)

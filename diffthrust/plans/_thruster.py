@@ -1,7 +1,9 @@
-"""Plans for thrusters: the static test and the dynamic test."""
+"""Plans for thrusters: the static tests and the dynamic test."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +12,10 @@ from diffthrust._errors import InputError
 from diffthrust._log import Log
 from diffthrust._model import Model
 from diffthrust.control._reference import number
+from diffthrust.models import DCMotorThruster
 from diffthrust.papers._commands import lowpass_noise, staircase
+from diffthrust.papers.aras import steady_map as aras_map
+from diffthrust.plans._limits import limits_of
 from diffthrust.plans._plan import Plan
 from diffthrust.plans._settling import settling_time
 
@@ -48,22 +53,13 @@ def static_test(
     Example:
         >>> dft.plans.static_test(dft.Thruster(), limits=(-5, 5)).save("plans")
     """
-    low, high = _limits("static_test", model, limits)
+    checked("static_test", model)
+    low, high = limits_of("static_test", limits)
     number("static_test, hold", hold, lambda x: x > 0, "seconds, above zero")
     count = int(number("static_test, levels", levels, lambda x: x >= 2, "2 or more"))
     ends = [end for end in (max(high, 0.0), min(low, 0.0)) if end != 0.0]
     heights = [x for end in ends for x in (*np.linspace(0.0, end, count + 1)[1:], 0.0)]
-    if settle is None:
-        smallest = min(abs(end) for end in ends) / count
-        outputs = [name for name in _OUTPUTS if name in model.outputs]
-        settle = settling_time(model, outputs, {"command": smallest})
-    return Plan(
-        name="static_test",
-        source=_SOURCE,
-        runs={"static_test": _run(model, *staircase(heights, settle + hold, step))},
-        settle=settle,
-        measure=_OUTPUTS,
-    )
+    return _held("static_test", _SOURCE, model, heights, hold, step, settle)
 
 
 def dynamic_test(
@@ -94,34 +90,120 @@ def dynamic_test(
     Example:
         >>> dft.plans.dynamic_test(dft.Thruster(), limits=(-5, 5)).save("plans")
     """
-    low, high = _limits("dynamic_test", model, limits)
+    checked("dynamic_test", model)
+    low, high = limits_of("dynamic_test", limits)
     time, noise = lowpass_noise(duration, step, 0.5 * (high - low), cutoff=cutoff, seed=seed)
     return Plan(
         name="dynamic_test",
         source=_SOURCE,
-        runs={"dynamic_test": _run(model, time, 0.5 * (low + high) + noise)},
+        runs={"dynamic_test": run_of(model, time, 0.5 * (low + high) + noise)},
         settle=duration,  # nothing is held
+        measure=_OUTPUTS,
+        band=(min(5.0 / duration, 0.5 * cutoff), cutoff),
+    )
+
+
+def steady_map(
+    model: DCMotorThruster,
+    limits: tuple[float, float],
+    *,
+    levels: int = 8,
+    hold: float = 5.0,
+    step: float = 0.02,
+    settle: float | None = None,
+) -> Plan:
+    """The static map V(T) on a bollard: voltages for evenly spaced thrusts, each held.
+
+    On each side of zero that the limits allow, the voltages are those for which the model's steady
+    thrust rises in even steps up to that of the limit; even voltages would crowd the points where
+    the thrust is small. Zero is held behind them.
+
+    Args:
+        model: the thruster as it is believed to be, without effects.
+        limits: lowest and highest voltage.
+        levels: how many on each side.
+        hold: how long to measure at each [s].
+        step: time between samples [s].
+        settle: how long to wait at each [s]; by the model where not given.
+
+    Raises:
+        InputError: another model, limits without a range, a limit at which the motor does not
+            overcome its friction, a model that does not settle.
+
+    Source: Aras et al. 2013, section 2.2 and equation 7.
+
+    Example:
+        >>> motor = dft.papers.aras.thruster(load=dft.papers.aras.load_from(280.4))
+        >>> dft.plans.steady_map(motor, limits=(-13, 13)).save("plans")
+    """
+    checked("steady_map", model)
+    low, high = limits_of("steady_map", limits)
+    number("steady_map, hold", hold, lambda x: x > 0, "seconds, above zero")
+    count = int(number("steady_map, levels", levels, lambda x: x >= 2, "2 or more"))
+    heights: list[float] = []
+    for end in (max(high, 0.0), min(low, 0.0)):
+        if end:
+            thrust = np.linspace(0.0, _thrust_at(model, abs(end)), count + 1)[1:]
+            heights += [*(np.sign(end) * aras_map(model, thrust).own), 0.0]
+    plan = _held("steady_map", "Aras et al. 2013, section 2.2", model, heights, hold, step, settle)
+    return replace(plan, note="On a bollard: the vessel held, the water at rest before each level.")
+
+
+def _thrust_at(model: DCMotorThruster, voltage: float) -> float:
+    """Steady thrust of a voltage above zero, by the map's inverse [N]."""
+    from scipy.optimize import root_scalar  # takes a while
+
+    def beyond(thrust: float) -> float:
+        return float(aras_map(model, [thrust]).own[0]) - voltage
+
+    small, top = 1e-9, 1.0
+    if beyond(small) >= 0.0:
+        raise InputError(
+            f"steady_map, limits: at {voltage:g} V the motor does not overcome its friction.",
+            "Widen the limits.",
+        )
+    while beyond(top) < 0.0:
+        top *= 2.0
+    return float(root_scalar(beyond, bracket=(small, top), xtol=1e-12).root)
+
+
+def _held(
+    name: str,
+    source: str,
+    model: Model,
+    heights: Sequence[float],
+    hold: float,
+    step: float,
+    settle: float | None,
+) -> Plan:
+    """A staircase of commands; the smallest settles last, and sets the time of each."""
+    if settle is None:
+        smallest = min(abs(x) for x in heights if x)
+        settle = settling_time(model, outputs_of(model), {"command": smallest})
+    return Plan(
+        name=name,
+        source=source,
+        runs={name: run_of(model, *staircase(heights, settle + hold, step))},
+        settle=settle,
         measure=_OUTPUTS,
     )
 
 
-def _run(model: Model, time: np.ndarray, command: np.ndarray) -> Log:
+def outputs_of(model: Model) -> list[str]:
+    """Speed and thrust, as far as the model has them."""
+    return [name for name in _OUTPUTS if name in model.outputs]
+
+
+def run_of(model: Model, time: np.ndarray, command: np.ndarray) -> Log:
+    """A run of commands, as a log without measurements."""
     return Log(time, {"command": command}, units={"command": model.inputs["command"]})
 
 
-def _limits(who: str, model: Any, limits: Any) -> tuple[float, float]:
+def checked(who: str, model: Any) -> Model:
+    """A thruster, or an `InputError`."""
     if not isinstance(model, Model) or "command" not in model.inputs:
         raise InputError(
             f"{who}: expected a thruster with the input 'command', found {model!s}.",
             "Give a model such as dft.Thruster().",
         )
-    try:
-        low, high = (float(x) for x in limits)
-    except (TypeError, ValueError):
-        low, high = np.nan, np.nan
-    if not (np.isfinite(low) and np.isfinite(high) and low < high):
-        raise InputError(
-            f"{who}, limits: expected a lowest and a highest command, found {limits!r}.",
-            "Write limits=(-5, 5).",
-        )
-    return low, high
+    return model

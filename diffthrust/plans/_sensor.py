@@ -1,0 +1,88 @@
+"""The plan for the calibration of a depth sensor."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from diffthrust._errors import InputError
+from diffthrust._log import Log
+from diffthrust.control._reference import number
+from diffthrust.models import LinearSensor
+from diffthrust.papers._commands import staircase
+from diffthrust.plans._limits import limits_of
+from diffthrust.plans._plan import Plan
+
+
+def depth_calibration(
+    limits: tuple[float, float],
+    *,
+    sensor: LinearSensor | None = None,
+    readable: tuple[float, float] | None = None,
+    levels: int = 13,
+    readings: int = 3,
+    time_constant: float = 1.0,
+    hold: float = 5.0,
+    step: float = 0.1,
+) -> Plan:
+    """Depths held one after the other, several times, down and up again in turn.
+
+    With the way back a drift of the sensor, and what it remembers, are told from its line. At each
+    depth the reading comes to rest first: to a hundredth, in 4.6 time constants.
+
+    Args:
+        limits: least and greatest depth [m].
+        sensor: as it is believed to be, to check the range of its readings; the datasheet's line
+            where not given.
+        readable: lowest and highest reading that the sensor and the converter can give [V].
+        levels: how many depths, evenly spaced, both limits among them.
+        readings: how many times.
+        time_constant: of the sensor's filter, or of whatever moves it [s].
+        hold: how long to measure at each [s].
+        step: time between samples [s].
+
+    Raises:
+        InputError: limits without a range or above the water, fewer than three levels, readings
+            beyond what is readable.
+
+    Source: Aras et al. 2013, section 4.2 and table 4 (13 depths from 0 to 12 feet, three times).
+
+    Example:
+        >>> sensor = dft.LinearSensor(slope=0.16, offset=1.6)
+        >>> plan = dft.plans.depth_calibration((0, 3.6576), sensor=sensor, readable=(0.2, 4.9))
+    """
+    low, high = limits_of("depth_calibration", limits, "depth")
+    number("depth_calibration, limits", low, lambda x: x >= 0, "a least depth [m], zero or more")
+    number("depth_calibration, time_constant", time_constant, lambda x: x > 0,
+           "seconds, above zero")  # fmt: skip
+    count = int(number("depth_calibration, levels", levels, lambda x: x >= 3, "3 or more"))
+    times = int(number("depth_calibration, readings", readings, lambda x: x >= 1, "1 or more"))
+    line = LinearSensor() if sensor is None else sensor
+    ends = sorted(line.slope * x + line.offset for x in (low, high))
+    if readable and not readable[0] <= ends[0] <= ends[1] <= readable[1]:
+        raise InputError(
+            f"depth_calibration: {low:g} to {high:g} m would read {ends[0]:.3g} to {ends[1]:.3g} "
+            f"V, beyond the {readable[0]:g} to {readable[1]:g} V that can be read.",
+            "Narrow the limits, or give the sensor's own slope and offset: sensor=LinearSensor().",
+        )
+    settle, down = np.log(100.0) * time_constant, np.linspace(low, high, count)
+    runs = {
+        f"reading_{i + 1}_{'up' if i % 2 else 'down'}": Log(
+            *_held(down[::-1] if i % 2 else down, settle + hold, step), units={"depth": "m"}
+        )
+        for i in range(times)
+    }
+    return Plan(
+        name="depth_calibration",
+        source="Aras et al. 2013, section 4.2",
+        runs=runs,
+        settle=float(settle),
+        measure=("reading",),
+        note="Note the reading in air: the sensor measures absolute pressure.",
+    )
+
+
+def _held(
+    depths: np.ndarray, dwell: float, step: float
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    time, values = staircase(depths.tolist(), dwell, step)
+    return time, {"depth": values}

@@ -1,0 +1,94 @@
+"""The plan for steps of a speed loop."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from diffthrust._errors import InputError
+from diffthrust._log import Log
+from diffthrust.control import Loop, Step
+from diffthrust.control._reference import number
+from diffthrust.papers._commands import staircase
+from diffthrust.plans._limits import limits_of
+from diffthrust.plans._plan import Plan
+from diffthrust.plans._settling import LONGEST, settled
+
+_REACHED = 0.01
+"""Share of the wanted speed that may be lacking."""
+
+
+def speed_steps(
+    loop: Loop,
+    limits: tuple[float, float],
+    *,
+    levels: int = 3,
+    hold: float = 2.0,
+    step: float = 0.01,
+    settle: float | None = None,
+) -> Plan:
+    """Wanted speeds of a speed loop, each held until the loop has come to rest.
+
+    On each side of zero that the limits allow: up to the limit in so many even steps, and from
+    there to zero in one. The loop is simulated from rest to the smallest and to the largest speed,
+    which tells how long it takes, and whether the motor reaches them.
+
+    Args:
+        loop: a thruster with its speed controller.
+        limits: lowest and highest wanted speed [rad/s].
+        levels: steps on each side.
+        hold: how long to measure at each [s].
+        step: time between samples [s].
+        settle: how long to wait at each [s]; by simulation where not given.
+
+    Raises:
+        InputError: a loop that does not control a speed, limits without a range, a speed that the
+            loop does not reach.
+
+    Source: Aras et al. 2013, section 3.1 and figures 11 and 17.
+
+    Example:
+        >>> loop = dft.papers.aras.speed_loop()
+        >>> dft.plans.speed_steps(loop, limits=(0, 180)).save("plans")
+    """
+    if not isinstance(loop, Loop) or loop.vehicle is not None:
+        raise InputError(
+            f"speed_steps: expected a loop of a thruster's speed, found {loop!r}.",
+            "Give a dft.control.Loop without a vehicle, such as dft.papers.aras.speed_loop().",
+        )
+    low, high = limits_of("speed_steps", limits, "speed")
+    number("speed_steps, hold", hold, lambda x: x > 0, "seconds, above zero")
+    count = int(number("speed_steps, levels", levels, lambda x: x >= 1, "1 or more"))
+    ends = [end for end in (max(high, 0.0), min(low, 0.0)) if end]
+    heights = [x for end in ends for x in (*np.linspace(0.0, end, count + 1)[1:], 0.0)]
+    times = [_rests(loop, x) for end in ends for x in {end / count, end}]
+    settle = max(times) if settle is None else settle
+    time, wanted = staircase(heights, settle + hold, step)
+    return Plan(
+        name="speed_steps",
+        source="Aras et al. 2013, section 3.1",
+        runs={"speed_steps": Log(time, {"reference": wanted}, units={"reference": "rad/s"})},
+        settle=settle,
+        measure=("speed",),
+        note="Record the command too: it tells whether the voltage was at its limit.",
+    )
+
+
+def _rests(loop: Loop, speed: float) -> float:
+    """When the loop has come to rest at a wanted speed [s]."""
+    span = 1.0
+    while span <= LONGEST:
+        run = loop.simulate(Step(speed), span)
+        found = settled(run.time, run["speed"])
+        if found < 0.5 * span:
+            if abs(run["speed"][-1] - speed) > _REACHED * abs(speed):
+                raise InputError(
+                    f"speed_steps: for {speed:.4g} rad/s the loop comes to rest at "
+                    f"{run['speed'][-1]:.4g} rad/s.",
+                    "Narrow the limits, or look at the controller's integral and its limit.",
+                )
+            return found
+        span *= 2.0
+    raise InputError(
+        f"speed_steps: the loop does not come to rest at {speed:.4g} rad/s within {LONGEST:g} s.",
+        "Look at the gains, or narrow the limits.",
+    )
