@@ -84,7 +84,7 @@ class _Plan:
         for i, task in enumerate(tasks):
             self._groups.setdefault(_alike(task.file), deque()).append(i)
 
-    def next(self, last: str) -> tuple[str, int, Task] | None:
+    def next(self, last: str | None) -> tuple[str, int, Task] | None:
         """The next fit of the group, or of the largest group that is left, untouched ones first."""
         with self._lock:
             left = {key: len(group) for key, group in self._groups.items() if group}
@@ -135,7 +135,7 @@ class _Worker(threading.Thread):
 
     def run(self) -> None:
         """Work until nothing is left."""
-        key = ""
+        key = None
         try:
             while (given := self._plan.next(key)) is not None:
                 key, i, task = given
@@ -164,12 +164,9 @@ class _Worker(threading.Thread):
             line = process.stdout.readline()
         if line.endswith("\n"):
             return _run(task, json.loads(line))
-        return not_run(
-            task.fit,
-            task.file,
-            f"the process that ran it died ({_cause(self._end())}).",
-            f"Run diffthrust fit {task.file} alone; if memory was short, take fewer --jobs.",
-        )
+        problem = f"the process that ran it died ({_cause(self._end())})."
+        mend = f"Run diffthrust fit {task.file} alone; if memory was short, take fewer --jobs."
+        return Run(task.fit, task.file, (not_run(task.fit, problem, mend),))
 
     def _begin(self) -> subprocess.Popen[str]:
         process = self._process = _process()

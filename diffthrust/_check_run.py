@@ -51,11 +51,9 @@ class Run:
         }
 
 
-def not_run(fit: str, file: Path, problem: str, mend: str, seconds: float = 0.0) -> Run:
-    """The outcome of a fit that could not be run: one row that failed, and says why."""
-    return Run(
-        fit, file, (Row(fit, "cannot be run", None, problem, None, False, mend),), False, seconds
-    )
+def not_run(fit: str, problem: str, mend: str) -> Row:
+    """The only row of a fit that could not be run: it failed, and says why."""
+    return Row(fit, "cannot be run", None, problem, None, False, mend)
 
 
 def run_again(fit: str, file: Path, update: bool) -> Run:
@@ -71,21 +69,21 @@ def run_again(fit: str, file: Path, update: bool) -> Run:
     """
     from diffthrust._step_check import CoarseStepWarning
 
-    begin = time.perf_counter()
+    begin, new = time.perf_counter(), False
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", CoarseStepWarning)
         try:
             rows, new = _rows(fit, file, update)
         except InputError as error:
-            return not_run(fit, file, error.problem, error.mend, time.perf_counter() - begin)
+            rows = [not_run(fit, error.problem, error.mend)]
         except Exception as error:  # one defect must not hide what became of the other fits
             if os.environ.get("DIFFTHRUST_DEBUG"):
                 raise
             problem = f"a defect of diffthrust, not of your input: {type(error).__name__}: {error}"
             mend = f"Please report it, with what DIFFTHRUST_DEBUG=1 diffthrust fit {file} prints."
-            return not_run(fit, file, problem, mend, time.perf_counter() - begin)
-    told = [str(w.message) for w in caught if issubclass(w.category, CoarseStepWarning)]
-    return Run(fit, file, tuple(rows), new, time.perf_counter() - begin, tuple(told))
+            rows = [not_run(fit, problem, mend)]
+    told = tuple(str(w.message) for w in caught if issubclass(w.category, CoarseStepWarning))
+    return Run(fit, file, tuple(rows), new, time.perf_counter() - begin, told)
 
 
 def _rows(name: str, path: Path, update: bool) -> tuple[list[Row], bool]:

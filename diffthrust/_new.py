@@ -7,12 +7,13 @@ from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
 
+from diffthrust._channels import listing, nearest
 from diffthrust._errors import InputError
 from diffthrust._files import write_whole
-from diffthrust._lookup import model_class
 from diffthrust._model import Model
 from diffthrust._new_logs import example_table
 from diffthrust._spec_file import NAME
+from diffthrust.models import MODELS
 
 TRAIN, HOLDOUT = "example_train.csv", "example_unseen.csv"
 WORKFLOW = Path(".github", "workflows", "fits.yml")
@@ -44,12 +45,18 @@ def new_fit(name: str, model: str = "thruster", directory: Path | str = "fits") 
     """
     directory = Path(directory)
     folder = directory / _checked(name)
-    made = model_class(model, Path())()
+    if model not in MODELS:
+        near = nearest(model, MODELS)
+        raise InputError(
+            f"the model {model!r} is not known{'; ' + near if near else ''}.",
+            f"Name one of {listing(MODELS)}; then put your own into the spec, as script.py:Class.",
+        )
     if folder.exists():
         raise InputError(
             f"{folder}: expected a new name, found something there.",
             "Take another name; nothing is overwritten.",
         )
+    made = MODELS[model]()
     texts = {
         TRAIN: example_table(made, seed=1),
         HOLDOUT: example_table(made, seed=2),
@@ -110,8 +117,8 @@ def _checked(name: str) -> str:
     parts = name.split("/")
     if not all(_WORD.fullmatch(part) for part in parts):
         raise InputError(
-            f"{name!r}: expected a name of letters, digits, '_', '-' and '.', not beginning with "
-            "a mark, found another.",
+            f"{name!r}: expected a name of letters, digits and '_', with '-' and '.' within, as "
+            "that of a folder.",
             "Take a name such as bollard_pull or harbour/run1.",
         )
     return name
