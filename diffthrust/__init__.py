@@ -27,6 +27,7 @@ from diffthrust import campaigns as campaigns  # noqa: E402
 from diffthrust import control as control  # noqa: E402
 from diffthrust import datasets as datasets  # noqa: E402
 from diffthrust import effects as effects  # noqa: E402
+from diffthrust import many as many  # noqa: E402
 from diffthrust import models as models  # noqa: E402
 from diffthrust import papers as papers  # noqa: E402
 from diffthrust import plans as plans  # noqa: E402

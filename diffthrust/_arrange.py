@@ -12,13 +12,14 @@ from diffthrust._ar1 import gaps, linked, parameters
 from diffthrust._channels import listing
 from diffthrust._errors import InputError
 from diffthrust._intake import bridged, hold_of, inputs_of
+from diffthrust._lanes import padded_length
 from diffthrust._log import Log
 from diffthrust._metrics import unwrapped
 from diffthrust._model import Model
 from diffthrust._observer import Observer
 from diffthrust._parameters import Parameter
 from diffthrust._problem import Layout, Problem
-from diffthrust._simulate import Grid, Key, even, starting_states
+from diffthrust._simulate import Grid, Key, starting_states
 from diffthrust._step_check import sensor_noise
 
 WASTE = 1.25
@@ -75,7 +76,7 @@ def build(
         restarted = tuple(
             n for n in trusted(model) if segmented and any(_reads(log, n) for log in group)
         )
-        uniform = all(even(log.time) for log in group)
+        uniform = all(log.even for log in group)
         grids.append(Grid(hold, substeps, restarted, uniform))
         batches.append(_batch(model, group, channels, starts, restarted))
         order.append(tuple(indices))
@@ -223,7 +224,7 @@ def _batch(
     starts: Sequence[str],
     restarted: Sequence[str],
 ) -> dict[str, Any]:
-    length = max(len(log) for log in logs)
+    length = padded_length(max(len(log) for log in logs))
 
     def padded(values: np.ndarray, fill: str) -> np.ndarray:
         extra = length - values.shape[0]

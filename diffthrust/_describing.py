@@ -88,41 +88,66 @@ def describing_function(
         model, amplitudes, frequencies, input=input, output=output, method=method,
         harmonics=harmonics, samples=samples, bias=bias, others=others, sensors=sensors,
     )  # fmt: skip
-    given = {name: np.array([p.value]) for name, p in asked.model.parameters.items()}
-    shape = asked.amplitudes.size, asked.frequencies.size
-    units = asked.units
-    common: dict[str, Any] = {
-        "model": asked.model,
-        "method": method,
-        "input": input,
-        "output": output,
-        "input_unit": units[0],
-        "output_unit": units[1],
-        "bias": asked.bias,
-        "amplitudes": asked.amplitudes,
-        "frequencies": asked.frequencies,
+    return maps_of([asked], [model])[0]
+
+
+def maps_of(asked: Sequence[Request], models: Sequence[Any]) -> list[DescribingMap]:
+    """The maps of models of one structure, worked out together.
+
+    Args:
+        asked: of each, the same but for the values of the parameters.
+        models: as the user gave them, for the notes.
+    """
+    first = asked[0]
+    given = {
+        name: np.array([one.model.parameters[name].value for one in asked])
+        for name in first.model.parameters
     }
-    if method in FORMULAS:
-        values = formula_values(asked, given).reshape(shape)
-        return DescribingMap(complex=values, reason=np.zeros(shape, int), **common)
-    found, error = found_values(asked, given)
+    shape = len(asked), first.amplitudes.size, first.frequencies.size
+    common: list[dict[str, Any]] = [
+        {
+            "model": one.model,
+            "method": one.method,
+            "input": one.input,
+            "output": one.output,
+            "input_unit": one.units[0],
+            "output_unit": one.units[1],
+            "bias": one.bias,
+            "amplitudes": one.amplitudes,
+            "frequencies": one.frequencies,
+        }
+        for one in asked
+    ]
+    if first.method in FORMULAS:
+        values = formula_values(first, given).reshape(shape)
+        reason = np.zeros(shape[1:], int)
+        return [
+            DescribingMap(complex=value, reason=reason, **told)
+            for value, told in zip(values, common, strict=True)
+        ]
+    found, error = found_values(first, given)
     settled = found.reason == Reason.SETTLED
 
     def shown(values: np.ndarray) -> np.ndarray:
         return np.where(settled, values, np.nan).reshape(shape)
 
-    reason = found.reason.reshape(shape)
-    return DescribingMap(
-        complex=shown(found.first),
-        reason=reason,
-        distortion=shown(found.distortion),
-        mean=shown(found.mean),
-        samples=found.samples.reshape(shape),
-        harmonics=asked.harmonics if method == "harmonic_balance" else None,
-        left_out=None if error is None else error.reshape(shape),
-        notes=notes_of(asked, model, reason),
-        **common,
-    )
+    first_harmonic, distortion, mean = map(shown, (found.first, found.distortion, found.mean))
+    reason, samples = found.reason.reshape(shape), found.samples.reshape(shape)
+    error = None if error is None else error.reshape(shape)
+    return [
+        DescribingMap(
+            complex=first_harmonic[i],
+            reason=reason[i],
+            distortion=distortion[i],
+            mean=mean[i],
+            samples=samples[i],
+            harmonics=first.harmonics if first.method == "harmonic_balance" else None,
+            left_out=None if error is None else error[i],
+            notes=notes_of(asked[i], models[i], reason[i]),
+            **common[i],
+        )
+        for i in range(len(asked))
+    ]
 
 
 def formula_values(asked: Request, given: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -17,7 +17,7 @@ from diffthrust._model import Model
 from diffthrust._observer import Correction, Observer, is_memory, limited, observer_of
 from diffthrust._posterior_draws import Draws
 from diffthrust._signals import Signals
-from diffthrust._simulate import Grid, Key, even, march, read_out, trajectory
+from diffthrust._simulate import Grid, Key, march, read_out, trajectory
 
 BATCH = 8
 """So many simulations run side by side; more leave the processor's cache."""
@@ -81,7 +81,7 @@ def random_runs(
 
 def _arranged(model: Model, log: Log, substeps: int) -> tuple[Model, Grid, Any, dict[str, Any]]:
     given = inputs_of(model, log)
-    grid = Grid(hold_of(log, given), substeps, uniform=even(log.time))
+    grid = Grid(hold_of(log, given), substeps, uniform=log.even)
     return model, grid, jnp.asarray(log.time), {n: jnp.asarray(v) for n, v in given.items()}
 
 

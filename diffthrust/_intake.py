@@ -93,7 +93,7 @@ def bridged(log: Log) -> tuple[Log, np.ndarray]:
     nothing is measured.
     """
     steps = np.diff(log.time)
-    usual = np.median(steps) if steps.size else 1.0
+    usual = log.step if steps.size else 1.0
     extra = np.where(steps > 1.5 * usual, np.ceil(steps / usual - 1e-6) - 1.0, 0.0)
     if not extra.any():
         return log, np.arange(len(log))

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -120,10 +121,16 @@ class Log:
         """Time from the first to the last sample [s]."""
         return float(self.time[-1] - self.time[0])
 
-    @property
+    @cached_property
     def step(self) -> float:
         """Median time between samples [s]; NaN for a single sample."""
         return float(np.median(np.diff(self.time))) if len(self) > 1 else float("nan")
+
+    @cached_property
+    def even(self) -> bool:
+        """Whether samples are equally far apart, but for the rounding of the time stamps."""
+        steps = np.diff(self.time)
+        return bool(steps.size) and float(np.ptp(steps)) <= 1e-6 * self.step
 
     def values(self, channel: str, unit: str) -> np.ndarray:
         """Give the samples of a channel in the unit that a model wants.

@@ -16,6 +16,7 @@ from diffthrust._channels import listing
 from diffthrust._errors import InputError
 from diffthrust._intake import bridged, hold_of, inputs_of, measured_start
 from diffthrust._integrate import integrate
+from diffthrust._lanes import lanes
 from diffthrust._log import Log
 from diffthrust._model import Model
 from diffthrust._signals import Ports, Signals, elementwise, expect
@@ -36,12 +37,6 @@ class Grid:
     substeps: int = 1
     restarted: tuple[str, ...] = ()
     uniform: bool = False
-
-
-def even(time: np.ndarray) -> bool:
-    """Whether samples are equally far apart, but for the rounding of the time stamps."""
-    steps = np.diff(time)
-    return bool(steps.size) and float(np.ptp(steps)) <= 1e-6 * float(np.median(steps))
 
 
 def trajectory(
@@ -235,6 +230,21 @@ def _compiled(key: Key, grid: Grid, values: Any, time: Any, inputs: Any, start: 
     return trajectory(key.model.bind(values), grid, time, inputs, start, {})
 
 
+def _row(static: tuple[Key, Grid], numbers: Any) -> Any:
+    values, time, inputs, start = numbers
+    return trajectory(static[0].model.bind(values), static[1], time, inputs, start, {})
+
+
+def _run(key: Key, grid: Grid, *numbers: Any) -> Any:
+    side_by_side = lanes()
+    if side_by_side is None:
+        return _compiled(key, grid, *numbers)
+    values, time, inputs, start = numbers
+    spare = (0, side_by_side.length(time.size) - time.size)  # steps of no length: the state rests
+    time, inputs = jax.tree.map(lambda series: np.pad(series, spare, "edge"), (time, inputs))
+    return side_by_side.ask(_row, (key, grid), (values, time, inputs, start))
+
+
 def simulate(
     model: Model,
     log: Log,
@@ -267,13 +277,13 @@ def simulate(
     start = {**measured_start(model, log), **checked_initial(model, initial)}
     log, original = bridged(log)
     inputs = inputs_of(model, log)
-    outputs, states = _compiled(
+    outputs, states = _run(
         Key(model),
-        Grid(hold_of(log, inputs), substeps, uniform=even(log.time)),
-        {name: jnp.asarray(p.value) for name, p in model.parameters.items()},
-        jnp.asarray(log.time),
-        {name: jnp.asarray(value) for name, value in inputs.items()},
-        {name: jnp.asarray(value) for name, value in start.items()},
+        Grid(hold_of(log, inputs), substeps, uniform=log.even),
+        {name: np.asarray(p.value, float) for name, p in model.parameters.items()},
+        log.time,
+        inputs,
+        {name: np.asarray(value, float) for name, value in start.items()},
     )
     return {name: np.asarray(value)[original] for name, value in {**states, **outputs}.items()}
 

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 
+from diffthrust._lanes import lanes
 from diffthrust._likelihood import Quadratic, evaluate
 from diffthrust._problem import Problem
 
@@ -19,6 +20,7 @@ MOST_STEPS = 300
 _CONTACT = 1e-9  # a coordinate this near to its bound counts as lying on it
 _FLAT = 1e-10  # what is left is told of the quadratic with so much curvature added
 _ROUNDS = 100  # most rounds for which sides of the box bound a step
+_AT_A_TIME = 8  # steps side by side with others, before those that have ended make room
 
 
 class _State(eqx.Module):
@@ -164,15 +166,37 @@ class Solved(NamedTuple):
 @partial(jax.jit, static_argnums=0)
 def _solve(layout: Any, arrays: Any, z: Any, low: Any, high: Any, budget: Any, atol: Any) -> Any:
     solver = BoundedLevenbergMarquardt(rtol=0.0, atol=atol, lower=low, upper=high)
+    solution = optx.minimise(
+        _objective(layout), solver, z, (arrays, budget), has_aux=True, max_steps=MOST_STEPS,
+        throw=False,
+    )  # fmt: skip
+    return solution.value, solution.aux, solution.state.done, solution.stats["num_steps"]
 
+
+def _further(layout: Any, given: Any) -> Any:
+    """Some steps of `_solve` from where the last ones ended: the same iteration, in parts."""
+    arrays, y, state, low, high, budget, atol = given
+    solver = BoundedLevenbergMarquardt(rtol=0.0, atol=atol, lower=low, upper=high)
+    objective = _objective(layout)
+
+    def on(carry: Any) -> Any:
+        _, state, count = carry
+        return ~(state.done | state.failed) & (count < _AT_A_TIME)
+
+    def step(carry: Any) -> Any:
+        y, state, count = carry
+        y, state, _ = solver.step(objective, y, (arrays, budget), {}, state, frozenset())
+        return y, state, count + 1
+
+    return jax.lax.while_loop(on, step, (y, state, 0))[:2]
+
+
+def _objective(layout: Any) -> Callable[[Any, Any], tuple[Any, Quadratic]]:
     def objective(y: Any, args: Any) -> tuple[Any, Quadratic]:
         q = evaluate(layout, args[0], y)
         return q.cost, q
 
-    solution = optx.minimise(
-        objective, solver, z, (arrays, budget), has_aux=True, max_steps=MOST_STEPS, throw=False
-    )
-    return solution.value, solution.aux, solution.state.done, solution.stats["num_steps"]
+    return objective
 
 
 def solve(
@@ -188,14 +212,24 @@ def solve(
     like all others, so that nothing is compiled for them.
     """
     low, high = problem.limits() if limits is None else limits
-    value, quadratic, done, steps = _solve(
-        problem.layout,
-        problem.arrays,
-        jnp.asarray(np.clip(z, low, high)),
-        jnp.asarray(low),
-        jnp.asarray(high),
-        jnp.asarray(budget - 1),
-        jnp.asarray(tolerance),
-    )
-    quadratic = Quadratic(*(np.asarray(part) for part in quadratic))
-    return Solved(np.asarray(value), quadratic, bool(done), int(steps))
+    z, layout, arrays = np.clip(z, low, high), problem.layout, problem.arrays
+    side_by_side = lanes()
+    if side_by_side is None:
+        told = (low, high, np.asarray(budget - 1), np.asarray(tolerance))
+        value, quadratic, done, steps = _solve(layout, arrays, z, *told)
+        quadratic = Quadratic(*(np.asarray(part) for part in quadratic))
+        return Solved(np.asarray(value), quadratic, bool(done), int(steps))
+    state = _begin(layout, z)
+    while not (state.done or state.failed):
+        given = (arrays, z, state, low, high, np.asarray(budget - 1), np.asarray(tolerance))
+        z, state = side_by_side.ask(_further, layout, given)
+    return Solved(z, state.quadratic, bool(state.done), int(state.steps))
+
+
+def _begin(layout: Any, z: np.ndarray) -> _State:
+    """What `BoundedLevenbergMarquardt.init` gives, as numbers of a size known beforehand."""
+    n, blocks = z.size, np.zeros((layout.width or len(layout.free), 0))
+    sigma = np.zeros(len(layout.channels))
+    zero, no = np.asarray(0.0), np.asarray(False)
+    q = Quadratic(np.asarray(np.inf), np.zeros(n), np.zeros((n, n)), zero, sigma, blocks)
+    return _State(z, q, np.asarray(1e-3), np.asarray(np.inf), np.asarray(0), no, no)

@@ -1,0 +1,191 @@
+"""Fits, comparisons and posteriors of many members."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from diffthrust._arguments import listed
+from diffthrust._compare import compare as compare_one
+from diffthrust._errors import InputError
+from diffthrust._fit import fit as fit_one
+from diffthrust._log import Log
+from diffthrust._model import Model
+from diffthrust._result import Fit
+from diffthrust._sample import sample as sample_one
+from diffthrust._starts import Progress
+from diffthrust.many._each import each
+from diffthrust.many._result import Many, named_members
+
+Records = Sequence[Log | Sequence[Log]]
+
+
+def fit(
+    model: Model | Sequence[Model],
+    logs: Records,
+    *,
+    holdout: Sequence[Log | Sequence[Log] | None] | None = None,
+    names: Sequence[str] | None = None,
+    width: int | None = None,
+    devices: Sequence[Any] | None = None,
+    progress: Progress | None = None,
+    **options: Any,
+) -> Many:
+    """Fit a model to each of many records, as `diffthrust.fit` does to one.
+
+    The members are fitted one by one, each with its own starts, checks and status; their
+    simulations are run some at a time in one compiled program. Logs of different length are padded
+    to few lengths, chosen such that compiling and padding together cost least. Results are those
+    of single fits, to rounding. A record that cannot be fitted is an error of its own.
+
+    Args:
+        model: the first guess of all, or one of each.
+        logs: what each is fitted to: a log, or several.
+        holdout: unseen logs of each, or ``None`` where there are none.
+        names: of the members; by default those of their first logs.
+        width: members in one run of a program; chosen by the machine where ``None``.
+        devices: of JAX over which each run is divided; the first by default.
+        progress: called with a message and the share done.
+        **options: of `diffthrust.fit`.
+
+    Returns:
+        `Many` fits; ``.table()`` has a row for each.
+
+    Raises:
+        InputError: lists of different length, or arguments that cannot be meant.
+
+    Example:
+        >>> found = dft.many.fit(dft.Thruster(), logs)
+        >>> found.table()[["name", "fit_status", "alpha", "alpha_std_error"]]
+    """
+    members = [listed(one) for one in _records(logs)]
+    models = _for_each(model, Model, "model", len(members))
+    unseen = [None] * len(members) if holdout is None else list(holdout)
+    _same_length("holdout", unseen, len(members))
+    held = [listed(one) for one in unseen if one is not None]
+
+    def one(i: int) -> Fit:
+        return fit_one(models[i], members[i], holdout=unseen[i], **options)
+
+    every = [log for group in (*members, *held) for log in group]
+    return each(one, _names(names, members), every, width=width, devices=devices, progress=progress)
+
+
+def compare(
+    fit: Fit | Model | Sequence[Fit | Model],
+    logs: Records,
+    *,
+    names: Sequence[str] | None = None,
+    width: int | None = None,
+    devices: Sequence[Any] | None = None,
+    progress: Progress | None = None,
+    **options: Any,
+) -> Many:
+    """Hold a model, or the fit of each, against each of many records.
+
+    Args:
+        fit: a model or fit for all, or one of each.
+        logs: a log, or several, of each member.
+        names: of the members; by default those of their first logs.
+        width: members in one run of a program; chosen by the machine where ``None``.
+        devices: of JAX over which each run is divided; the first by default.
+        progress: called with a message and the share done.
+        **options: of `diffthrust.compare`.
+
+    Returns:
+        `Many` comparisons; ``.table()`` has a row for each.
+
+    Raises:
+        InputError: lists of different length, or arguments that cannot be meant.
+
+    Example:
+        >>> dft.many.compare(fit, logs).table().sort_values("nrmse")
+    """
+    members = [listed(one) for one in _records(logs)]
+    fits = _for_each(fit, (Fit, Model), "fit", len(members))
+
+    def one(i: int) -> Any:
+        return compare_one(fits[i], members[i], **options)
+
+    every = [log for group in members for log in group]
+    return each(one, _names(names, members), every, width=width, devices=devices, progress=progress)
+
+
+def sample(
+    fits: Many | Sequence[Fit],
+    logs: Records,
+    *,
+    names: Sequence[str] | None = None,
+    progress: Progress | None = None,
+    **options: Any,
+) -> Many:
+    """Draw from the posterior of each of many fits, as `diffthrust.sample` does of one.
+
+    Chains of one posterior are run together already; here, posteriors are drawn from some at a
+    time, and those of logs padded to one length share what is compiled.
+
+    Args:
+        fits: the fits, in the order of the logs; members without one are errors here, too.
+        logs: the training logs of each.
+        names: of the members; by default those of their first logs.
+        progress: called with a message and the share done.
+        **options: of `diffthrust.sample`, but for ``file``.
+
+    Returns:
+        `Many` posteriors.
+
+    Raises:
+        InputError: lists of different length, or arguments that cannot be meant.
+
+    Example:
+        >>> posteriors = dft.many.sample(dft.many.fit(model, logs), logs, method="nuts")
+    """
+    if "file" in options:
+        raise InputError(
+            "file: one file cannot hold the chains of many posteriors.",
+            "Leave it out, or run `diffthrust campaign --task sample`.",
+        )
+    members = [listed(one) for one in _records(logs)]
+    _same_length("fits", list(range(len(fits))), len(members))
+
+    def one(i: int) -> Any:
+        return sample_one(fits[i], members[i], **options)
+
+    every = [log for group in members for log in group]
+    return each(one, _names(names, members), every, progress=progress)
+
+
+def _records(logs: Any) -> list[Any]:
+    if isinstance(logs, Log) or not isinstance(logs, Sequence) or isinstance(logs, str):
+        raise InputError(
+            f"logs: expected a list with the log or logs of each member, found "
+            f"{type(logs).__name__}.",
+            "Write [log], or [[log1, log2], ...] where members have several.",
+        )
+    return list(logs)
+
+
+def _for_each(given: Any, kinds: Any, what: str, members: int) -> list[Any]:
+    if isinstance(given, kinds):
+        return [given] * members
+    if not isinstance(given, Sequence | Many):
+        raise InputError(
+            f"{what}: expected one for all or one of each, found {type(given).__name__}.",
+            f"Give a {what}, or a list as long as that of the logs.",
+        )
+    out = list(given.results if isinstance(given, Many) else given)
+    _same_length(what, out, members)
+    return out
+
+
+def _same_length(what: str, given: Sequence[Any], members: int) -> None:
+    if len(given) != members:
+        raise InputError(
+            f"{what}: expected one for each of {members} members, found {len(given)}.",
+            "Give lists of equal length.",
+        )
+
+
+def _names(names: Sequence[str] | None, members: Sequence[Sequence[Log]]) -> tuple[str, ...]:
+    own = [group[0].name if group else "empty" for group in members]
+    return named_members(names, own)

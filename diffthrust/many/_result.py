@@ -1,0 +1,113 @@
+"""What became of many members: a result or an error of each."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from diffthrust._errors import InputError
+from diffthrust._rows import row_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True)
+class Many:
+    """The results of many members, in the order in which they were given.
+
+    ``len(found)`` is the number of members; ``found[3]`` or ``found["pool 7"]`` gives the result
+    of one, or raises its error; iterating gives the results of those that have one.
+
+    Args:
+        names: of the members.
+        results: of each, or ``None``.
+        errors: of each, or ``None``.
+        seconds: from the begin to the end of each; many are under way at a time.
+        wall: seconds for all.
+    """
+
+    names: tuple[str, ...]
+    results: tuple[Any, ...] = field(repr=False)
+    errors: tuple[Exception | None, ...] = field(repr=False)
+    seconds: tuple[float, ...] = field(repr=False)
+    wall: float
+
+    def __len__(self) -> int:
+        """Number of members, with those that failed."""
+        return len(self.names)
+
+    def __iter__(self) -> Iterator[Any]:
+        """The results of the members that did not fail."""
+        return (r for r, e in zip(self.results, self.errors, strict=True) if e is None)
+
+    def __getitem__(self, which: int | str) -> Any:
+        """The result of one member, by place or by name.
+
+        Raises:
+            InputError: no such member.
+            Exception: the member's own error, where it failed.
+        """
+        if isinstance(which, str):
+            if which not in self.names:
+                raise InputError(
+                    f"There is no member '{which}' among {len(self)}.", "Names are in .names."
+                )
+            which = self.names.index(which)
+        error = self.errors[which]
+        if error is not None:
+            raise error
+        return self.results[which]
+
+    @property
+    def failed(self) -> dict[str, Exception]:
+        """The errors of the members that failed, by name."""
+        pairs = zip(self.names, self.errors, strict=True)
+        return {name: error for name, error in pairs if error is not None}
+
+    def table(self) -> pd.DataFrame:
+        """A row for each member: ``status`` ("ok" or "failed"), what was found, or the error.
+
+        Fits have their status, errors and notes, and for each parameter a column with its value
+        and one with ``_std_error`` behind its name; comparisons have their errors.
+        """
+        import pandas as pd
+
+        rows = []
+        for name, result, error, seconds in zip(
+            self.names, self.results, self.errors, self.seconds, strict=True
+        ):
+            told = {"name": name, "status": "ok", "error": None, "mend": None, "seconds": seconds}
+            if error is not None:
+                told |= {"status": "failed", "error": str(error) or type(error).__name__}
+                if isinstance(error, InputError):
+                    told |= {"error": error.problem, "mend": error.mend}
+                rows.append(told)
+            else:
+                rows.append({**told, **row_of(result)})
+        return pd.DataFrame(rows)
+
+
+def named_members(names: Iterable[Any] | None, otherwise: Iterable[Any]) -> tuple[str, ...]:
+    """A name for each member; where several have the same, they are numbered.
+
+    Raises:
+        InputError: names that are not as many as members.
+    """
+    given = [str(name) for name in otherwise]
+    if names is not None:
+        wanted = [str(name) for name in names]
+        if len(wanted) != len(given):
+            raise InputError(
+                f"names: expected one for each of {len(given)} members, found {len(wanted)}.",
+                "Give lists of equal length.",
+            )
+        given = wanted
+    seen: Counter[str] = Counter()
+    out = []
+    for name in given:
+        seen[name] += 1
+        out.append(name if seen[name] == 1 else f"{name} ({seen[name]})")
+    return tuple(out)

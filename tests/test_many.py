@@ -1,0 +1,246 @@
+"""Many members at once: results of single fits, errors of their own, programs shared."""
+
+import os
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pytest
+
+import diffthrust as dft
+from diffthrust._lanes import Lanes, _side_by_side
+from diffthrust.effects import ActuatorLag
+from diffthrust.many._lengths import ladder
+
+TRUTH = {"alpha": 0.03, "beta": 40.0, "ct": 0.02}
+MODEL = dft.Thruster(alpha=0.025, beta=35.0, ct=0.015)
+
+
+def record(seed: int, samples: int = 300, **values) -> dft.Log:
+    rng = np.random.default_rng(seed)
+    time = 0.05 * np.arange(samples)
+    command = 1.5 * np.sin(np.cumsum(0.2 * rng.normal(size=samples)))
+    empty = dft.Log(time, {"command": command})
+    truth = dft.Thruster().replace({**TRUTH, **values})
+    clean = dft.simulate(truth, empty, initial={"speed": 0.0}, substeps=2)
+    measured = {
+        "speed": clean["speed"] + 0.2 * rng.normal(size=samples),
+        "thrust": clean["thrust"] + 0.2 * rng.normal(size=samples),
+    }
+    return dft.Log(time, {"command": command}, measured, name=f"run{seed}")
+
+
+@pytest.fixture(scope="module")
+def logs():
+    return [record(i, 300 - 20 * (i % 3), alpha=0.02 + 0.002 * i) for i in range(10)]
+
+
+@pytest.fixture(scope="module")
+def fits(logs):
+    return dft.many.fit(MODEL, logs, holdout=[record(90)] * len(logs), starts=2, width=4)
+
+
+def test_fits_are_those_of_one_at_a_time(logs, fits):
+    assert not fits.failed
+    for i in (0, 1, 5):
+        alone = dft.fit(MODEL, logs[i], holdout=record(90), starts=2)
+        together = fits[i]
+        assert together.status is alone.status
+        assert together.message == alone.message
+        for name, estimate in alone.parameters.items():
+            found = together.parameters[name]
+            assert found.value == pytest.approx(estimate.value, rel=1e-8)
+            assert found.std_error == pytest.approx(estimate.std_error, rel=1e-6)
+        assert together.train.nrmse == pytest.approx(alone.train.nrmse, rel=1e-8)
+        assert together.holdout.nrmse == pytest.approx(alone.holdout.nrmse, rel=1e-8)
+        assert together.log_likelihood == pytest.approx(alone.log_likelihood, rel=1e-10)
+
+
+def test_the_table_has_a_row_for_each(logs, fits):
+    table = fits.table()
+    assert list(table["name"]) == [log.name for log in logs]
+    assert set(table["status"]) == {"ok"}
+    true = 0.02 + 0.002 * np.arange(10)
+    away = (table["alpha"] - true) / table["alpha_std_error"]
+    assert np.abs(away).max() < 4.0
+    assert 0.5 < away.std() < 2.0
+    assert fits["run3"] is fits[3]
+    assert len(list(fits)) == len(fits) == 10
+
+
+def test_a_member_that_fails_costs_the_others_nothing(logs, fits):
+    time = 0.05 * np.arange(300)
+    wrong = dft.Log(time, {"current": np.ones(300)}, {"speed": np.ones(300)}, name="wrong")
+    wild = dft.Log(time, {"command": np.full(300, 1e160)}, {"speed": np.ones(300)}, name="wild")
+    members = [logs[0], wrong, wild, logs[1]]
+    found = dft.many.fit(MODEL, members, starts=2, width=4)
+    assert list(found.failed) == ["wrong"]
+    with pytest.raises(dft.InputError, match="needs the input 'command'"):
+        found["wrong"]
+    table = found.table().set_index("name")
+    assert "command" in table.loc["wrong", "error"]
+    assert "Map a column" in table.loc["wrong", "mend"]
+    assert table.loc["wild", "fit_status"] != "converged"
+    for place, i in ((0, 0), (3, 1)):
+        for name, estimate in found[place].parameters.items():
+            assert estimate.value == pytest.approx(fits[i].parameters[name].value, rel=1e-8)
+
+
+def test_logs_of_many_lengths_share_one_program(logs):
+    before = _side_by_side._cache_size()
+    dft.many.fit(MODEL, logs[:8], starts=1, substeps=1, width=5)
+    once = _side_by_side._cache_size() - before
+    others = [record(20 + i, 240 + 7 * i) for i in range(8)]
+    others.append(record(40, 300))  # the longest, as before
+    dft.many.fit(MODEL, others, starts=1, substeps=1, width=5)
+    assert _side_by_side._cache_size() - before == once
+    assert once == 3  # the search, and two grids of the step's check
+
+
+def test_comparisons_and_models_of_each(logs, fits):
+    found = dft.many.compare(fits, logs, width=4)
+    alone = dft.compare(fits[2], logs[2])
+    assert found[2].errors.nrmse == pytest.approx(alone.errors.nrmse, rel=1e-10)
+    np.testing.assert_allclose(
+        found[2].runs[0].channels["speed"].modelled, alone.runs[0].channels["speed"].modelled,
+        rtol=1e-10, atol=1e-12,
+    )  # fmt: skip
+    by_model = dft.many.compare([fit.model for fit in fits], logs, width=4)
+    assert by_model.table()["nrmse"].max() < 0.5
+
+
+def test_maps_of_many_models_are_those_of_each(fits):
+    models = [fits[0], fits[1].model, fits[2].model + ActuatorLag(time_constant=0.2), dft.Vessel()]
+    amplitudes, frequencies = [0.5, 2.0], [0.5, 3.0]
+    found = dft.many.describing_function(models, amplitudes, frequencies, names=list("abcd"))
+    assert list(found.failed) == ["d"]
+    for i in range(3):
+        alone = dft.describing_function(models[i], amplitudes, frequencies)
+        np.testing.assert_allclose(found[i].complex, alone.complex, rtol=1e-9)
+        assert found[i].notes == alone.notes
+
+
+@pytest.mark.slow  # compiles the sampler
+def test_posteriors_are_those_of_one_at_a_time(logs, fits):
+    found = dft.many.sample(fits, logs, draws=200, warmup=100)
+    alone = dft.sample(fits[1], logs[1], draws=200, warmup=100)
+    both = [float(post.posterior["alpha"].mean()) for post in (found[1], alone)]
+    assert both[0] == pytest.approx(both[1], rel=1e-6)
+    assert not found.failed
+
+
+def test_bad_arguments_are_told():
+    log = record(0)
+    for call, words in (
+        (lambda: dft.many.fit(MODEL, log), "list with the log"),
+        (lambda: dft.many.fit([MODEL], [log, log]), "one for each of 2 members"),
+        (lambda: dft.many.fit(MODEL, [log], holdout=[]), "holdout"),
+        (lambda: dft.many.fit(MODEL, [log], names=["a", "b"]), "names"),
+        (lambda: dft.many.fit(MODEL, [log], width=0), "width"),
+        (lambda: dft.many.fit(MODEL, [log], devices=[]), "devices"),
+        (lambda: dft.many.sample([], [log]), "fits"),
+        (lambda: dft.many.sample([1], [log], file="x.h5"), "file"),
+        (lambda: dft.many.describing_function(MODEL, 1.0, 1.0), "models"),
+    ):
+        with pytest.raises(dft.InputError, match=words):
+            call()
+    wrong = dft.many.fit(MODEL, [log], starts=0)  # an argument of each fit is an error of each
+    assert isinstance(wrong.errors[0], dft.InputError)
+    assert not dft.many.fit(MODEL, []).names
+
+
+def test_members_of_one_name_are_numbered():
+    log = record(0)
+    assert dft.many.compare(MODEL, [log, log], substeps=1).names == ("run0", "run0 (2)")
+
+
+def test_the_ladder_is_the_cheapest():
+    rng = np.random.default_rng(3)
+    lengths = rng.integers(100, 2000, 9)
+
+    def cost(rungs):
+        places = np.searchsorted(rungs, lengths)
+        return 2000 * len(rungs) + np.asarray(rungs)[places].sum()
+
+    found = ladder(lengths, program=2000)
+    sizes = np.unique(lengths)
+    every = [
+        [*(int(s) for j, s in enumerate(sizes[:-1]) if bits >> j & 1), int(sizes[-1])]
+        for bits in range(2 ** (sizes.size - 1))
+    ]
+    assert cost(found) == min(cost(rungs) for rungs in every)
+    assert ladder([]) == []
+    assert ladder(range(1, 5000), program=1.0)[-1] == 4999  # of very many, neighbours are one
+    assert ladder([1000] * 50 + [1010] * 50, program=20_000) == [1010]
+
+
+def _slow_square(factor, x):
+    return factor * x["value"] ** 2
+
+
+def test_each_thread_gets_its_own_row():
+    lanes = Lanes(3, 2)
+    found = {}
+
+    def work(i):
+        asked = [lanes.ask(_slow_square, 2.0, {"value": np.float64(i + k)}) for k in range(4)]
+        found[i] = [float(x) for x in asked]
+
+    threads = [threading.Thread(target=lambda i=i: lanes.do(lambda: work(i))) for i in range(7)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(20.0)
+    lanes.close()
+    assert found == {i: [2.0 * (i + k) ** 2 for k in range(4)] for i in range(7)}
+
+
+def _broken(_, x):
+    raise ValueError("no such thing")
+
+
+def test_an_error_of_a_program_reaches_those_who_asked():
+    lanes = Lanes(2, 1)
+    told = []
+
+    def work(program):
+        try:
+            lanes.ask(program, 1.0, {"value": np.float64(3.0)})
+        except ValueError as error:
+            told.append(str(error))
+
+    for program in (_broken, _slow_square):
+        lanes.do(lambda program=program: work(program))
+    lanes.close()
+    assert told == ["no such thing"]
+    with pytest.raises(RuntimeError, match="closed"):
+        lanes.ask(_slow_square, 1.0, {"value": np.float64(1.0)})
+
+
+SHARDED = """
+import jax, numpy as np, sys
+sys.path.insert(0, "tests")
+import diffthrust as dft
+from test_many import MODEL, record
+logs = [record(i) for i in range(8)]
+assert len(jax.devices()) == 4
+one = dft.many.fit(MODEL, logs, starts=1, substeps=1, width=2)
+four = dft.many.fit(MODEL, logs, starts=1, substeps=1, width=2, devices=jax.devices())
+worst = max(
+    abs(a.parameters[n].value / b.parameters[n].value - 1)
+    for a, b in zip(one, four, strict=True) for n in a.parameters
+)
+print("worst", worst)
+"""
+
+
+def test_runs_are_divided_over_devices():
+    flags = "--xla_force_host_platform_device_count=4 " + os.environ.get("XLA_FLAGS", "")
+    done = subprocess.run(
+        [sys.executable, "-c", SHARDED], capture_output=True, text=True, timeout=300,
+        env={**os.environ, "XLA_FLAGS": flags},
+        cwd=os.path.dirname(os.path.dirname(__file__)),
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert float(done.stdout.split()[-1]) < 1e-8
