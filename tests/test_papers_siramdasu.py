@@ -1,7 +1,10 @@
 """The sequential identification of a vessel, on records with known ratios."""
 
+import re
+
 import numpy as np
 import pytest
+from test_examples import figure, run
 
 import diffthrust as dft
 from diffthrust import InputError, effects, papers
@@ -165,3 +168,17 @@ def test_a_table_is_the_vessel_at_its_speeds_and_a_line_between():
 def test_a_table_that_cannot_be_meant_is_refused(speeds, vessels, words):
     with pytest.raises(InputError, match=words):
         papers.TabulatedVessel(speeds, vessels)
+
+
+@pytest.mark.slow
+def test_the_example_verifies_without_gusts_and_tabulates(tmp_path):
+    text = run("papers_open_loop", tmp_path)
+    whole, calm = (float(x) for x in re.findall(r"yaw_rate (\S+) rad/s", text))
+    assert calm == pytest.approx(0.01, abs=0.003)  # the noise of the sensor
+    assert whole > 3.0 * calm
+    single = [float(x) for x in re.findall(r"m/s: NRMSE (\S+)", text)]
+    (table,) = (float(x) for x in re.findall(r"table: NRMSE (\S+)", text))
+    assert len(single) == 4
+    assert table < 0.4 * min(single)
+    for name in ("portions", "table"):
+        figure(tmp_path, f"siramdasu_{name}.png")

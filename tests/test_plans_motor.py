@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.optimize import root_scalar
+from test_examples import run as run_example
 
 import diffthrust as dft
 from diffthrust import InputError, papers, plans
@@ -207,3 +208,14 @@ def test_a_reading_that_was_left_out_is_missing():
 def test_what_cannot_be_meant_is_refused(call, words):
     with pytest.raises(InputError, match=words):
         call()
+
+
+@pytest.mark.slow
+def test_the_example_writes_every_plan_and_tells_what_is_missing(tmp_path):
+    text = run_example("papers_plans", tmp_path)
+    files = sorted(path.name for path in (tmp_path / "figures").glob("*.csv"))
+    assert len(files) == 17
+    assert {"static_test.csv", "dynamic_test.csv", "circle_-24.csv", "reading_2_up.csv",
+            "steady_map.csv", "speed_steps.csv", "black_box_prbs.csv"} <= set(files)  # fmt: skip
+    assert "8 of 18 as planned." in text
+    assert "excited from 0.214 to 0.751 Hz" in text

@@ -224,7 +224,8 @@ class Plan:
             return Finding(level.run, words, short, False)
         if held.absent:
             return Finding(level.run, words, f"{listing(held.absent)} not measured", False)
-        return Finding(level.run, words, f"held for {held.lasted:.3g} s", True)
+        rested = f"held for {held.lasted:.3g} s, at rest for {held.lasted - self.settle:.3g} s"
+        return Finding(level.run, words, rested, True)
 
 
 class _Held(NamedTuple):

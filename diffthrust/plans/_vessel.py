@@ -21,8 +21,8 @@ _UNITS = {"propeller_speed": "rev/s", "rudder_angle": "rad"}
 def sequential(
     model: Vessel,
     *,
-    speeds: Sequence[float],
-    angles: Sequence[float],
+    speeds: Sequence[float] | np.ndarray,
+    angles: Sequence[float] | np.ndarray,
     circling: float | None = None,
     straight: float = 5.0,
     hold: float = 5.0,
