@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 ERRORS = ("train_nrmse", "holdout_nrmse")
 SHARE = 0.1
 """A parameter may move by this share of its standard error."""
-ROUNDING = 1e-6
+ROUNDING = 1e-8
 """What refits may differ by, as a share of the value, where standard errors are smaller still."""
 RELATIVE = 1e-4
 """The same where no standard error is written."""
