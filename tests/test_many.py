@@ -196,6 +196,31 @@ def test_each_thread_gets_its_own_row():
     assert found == {i: [2.0 * (i + k) ** 2 for k in range(4)] for i in range(7)}
 
 
+def test_nobody_waits_for_the_slowest():
+    lanes, others_done, rounds = Lanes(2, 1), threading.Event(), []
+
+    def straggler():
+        while not others_done.is_set() and len(rounds) < 2000:
+            rounds.append(lanes.ask(_slow_square, 1.0, {"value": np.float64(1.0)}))
+
+    def quick():
+        for _ in range(3):
+            lanes.ask(_slow_square, 1.0, {"value": np.float64(2.0)})
+
+    slow = threading.Thread(target=lambda: lanes.do(straggler))
+    slow.start()
+    rest = [threading.Thread(target=lambda: lanes.do(quick)) for _ in range(6)]
+    for thread in rest:
+        thread.start()
+    for thread in rest:
+        thread.join(20.0)
+    others_done.set()
+    slow.join(20.0)
+    lanes.close()
+    assert not any(thread.is_alive() for thread in [slow, *rest])
+    assert 0 < len(rounds) < 2000
+
+
 def _broken(_, x):
     raise ValueError("no such thing")
 
