@@ -156,19 +156,18 @@ def chosen(records: Sequence[Record], features: Features) -> Flexible:
     """
     best, rung_found, ridge_found = 1.0, RUNGS[0], 0.0
     for rung in RUNGS[1:]:
-        blocks = [_sums(features.of(r, rung), r.error) for r in records]
-        losses = [_left_out(blocks, ridge) for ridge in _RIDGES]
+        losses = _left_out([_sums(features.of(r, rung), r.error) for r in records])
         least = int(np.argmin(losses))
         if losses[least] < best - 0.01:
             best, rung_found, ridge_found = losses[least], rung, float(_RIDGES[least])
     if rung_found == RUNGS[0]:
         return Flexible(rung_found, features, np.empty(0))
-    blocks = [_sums(features.of(r, rung_found), r.error) for r in records]
-    return Flexible(rung_found, features, _solved(blocks, ridge_found))
+    everything = _together([_sums(features.of(r, rung_found), r.error) for r in records])
+    return Flexible(rung_found, features, _solved(everything, ridge_found))
 
 
 class _Sums(NamedTuple):
-    """What ridge regression needs of one record."""
+    """What ridge regression needs of one record, or of several."""
 
     squares: np.ndarray
     products: np.ndarray
@@ -182,18 +181,37 @@ def _sums(matrix: np.ndarray, error: np.ndarray) -> _Sums:
     return _Sums(x.T @ x, x.T @ y, float(y @ y), int(seen.sum()))
 
 
-def _solved(blocks: Sequence[_Sums], ridge: float) -> np.ndarray:
-    squares = np.sum([b.squares for b in blocks], axis=0)
-    samples = sum(b.samples for b in blocks)
-    penalty = ridge * samples * np.eye(len(squares))
-    penalty[0, 0] = 1e-12 * samples  # the mean is free
-    return np.linalg.solve(squares + penalty, np.sum([b.products for b in blocks], axis=0))
+def _together(blocks: Sequence[_Sums]) -> _Sums:
+    squares, products = blocks[0].squares.copy(), blocks[0].products.copy()
+    for block in blocks[1:]:  # in place: they are large
+        squares += block.squares
+        products += block.products
+    total, samples = sum(b.total for b in blocks), sum(b.samples for b in blocks)
+    return _Sums(squares, products, total, samples)
 
 
-def _left_out(blocks: Sequence[_Sums], ridge: float) -> float:
-    """Squared error on each record by the weights of the others, over that of no correction."""
-    rest = 0.0
+def _solved(sums: _Sums, ridge: float) -> np.ndarray:
+    from scipy.linalg import LinAlgError, cho_factor, cho_solve  # takes a while
+
+    squares = sums.squares.copy()
+    squares.flat[len(squares) + 1 :: len(squares) + 1] += ridge * sums.samples
+    squares[0, 0] += 1e-12 * sums.samples  # the mean is free
+    try:
+        factor = cho_factor(squares, overwrite_a=True, check_finite=False)
+    except LinAlgError:  # a simulation that has run away: nothing can be learned from it
+        return np.full(len(squares), np.nan)
+    return cho_solve(factor, sums.products, check_finite=False)
+
+
+def _left_out(blocks: Sequence[_Sums]) -> np.ndarray:
+    """For each ridge, the squared error on each record by the weights of the others.
+
+    As a share of that of no correction.
+    """
+    rest = np.zeros(_RIDGES.size)
     for k, own in enumerate(blocks):
-        w = _solved([b for i, b in enumerate(blocks) if i != k], ridge)
-        rest += own.total - 2.0 * float(w @ own.products) + float(w @ own.squares @ w)
+        others = _together([b for i, b in enumerate(blocks) if i != k])
+        for i, ridge in enumerate(_RIDGES):
+            w = _solved(others, float(ridge))
+            rest[i] += own.total - 2.0 * float(w @ own.products) + float(w @ own.squares @ w)
     return rest / max(sum(b.total for b in blocks), 1e-300)
