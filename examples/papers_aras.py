@@ -70,6 +70,8 @@ chosen = dft.blackbox.select(train, input="command", output="depth", orders=(1, 
 print("\nBlack-box models of two simulated records of G(s)\n" + chosen.report())
 model = dft.blackbox.output_error(train, input="command", output="depth", orders=(2, 2, 1))
 print(f"Output error of order 2: G(s) = {model.transfer()}; printed: {aras.plant()}")
+states = dft.blackbox.state_space(train, input="command", output="depth", order=2)
+print(f"State space of order 2: G(s) = {states.transfer()}")
 
 figures = {
     "calibration": calibration.plot(),

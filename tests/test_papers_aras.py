@@ -1,5 +1,7 @@
 """The motor, the depth sensor and the printed transfer function of Aras et al. 2013."""
 
+import re
+
 import control
 import numpy as np
 import pytest
@@ -226,5 +228,9 @@ def test_the_example_prints_its_table_and_figures(tmp_path):
     text = run("papers_aras", tmp_path)
     assert "does not fit the readings" in text
     assert "\n*  " in text  # a model was chosen
+    for kind in ("Output error", "State space"):
+        found = re.search(rf"{kind} of order 2: G\(s\) = \((\S+) s \+ (\S+)\)", text)
+        assert found
+        assert [float(x) for x in found.groups()] == pytest.approx([-28.77, 16.28], rel=5e-3)
     for name in ("calibration", "steady_map", "transfer", "blackbox"):
         figure(tmp_path, f"aras_{name}.png")
