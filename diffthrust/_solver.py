@@ -89,8 +89,11 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         slope = jnp.where(held, 0.0, q.gradient / scale)
         low, high = (jnp.where(abs(side - y) <= _CONTACT, 0.0, side - y) * scale
                      for side in (self.lower, self.upper))  # fmt: skip
-        move = _in_box(scaled + damping * jnp.eye(y.size), slope, low, high)
-        full = _in_box(scaled + _FLAT * jnp.eye(y.size), slope, low, high)
+        damped, flat = scaled + damping * jnp.eye(y.size), scaled + _FLAT * jnp.eye(y.size)
+        # one after the other, so that the search within the box is compiled once for both
+        move, full = jax.lax.map(
+            lambda matrix: _in_box(matrix, slope, low, high), jnp.stack([damped, flat])
+        )
         left = -(slope @ full + 0.5 * full @ scaled @ full)
         return jnp.clip(y + move / scale, self.lower, self.upper) - y, left
 
