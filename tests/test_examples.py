@@ -56,6 +56,15 @@ def test_fit_thruster(tmp_path):
 
 
 @pytest.mark.slow
+def test_campaign(tmp_path):
+    text = run("campaign", tmp_path)
+    assert "thruster3: failed. steps.csv, line 601: expected 3 cells" in text
+    assert "Out of line: thruster6" in text
+    assert "7 of 8 were done before" in text
+    figure(tmp_path, "fleet.png")
+
+
+@pytest.mark.slow
 def test_uncertainty(tmp_path):
     text = run("uncertainty", tmp_path)
     assert "gives an efficiency of 0.188" in text  # by the paper's own ct, whose text says 0.22
