@@ -78,8 +78,9 @@ def check(
         directory: a folder of fits, at any depth, or the folder of one fit.
         update: write the [expected] blocks of fits that moved, or that have none.
         progress: called with the name of a fit and the share done.
-        jobs: how many fits at a time, each in a process of its own with one thread; 1 runs all in
-            this process. By default as many as there are processors, at most one for three fits.
+        jobs: how many fits at a time, each in a process of its own with one thread and some 300 MB;
+            1 runs all in this process. By default as many as there are processors, at most one for
+            three fits.
         junit: a file to write, ending in ``.xml``, in the JUnit format that CI services read.
 
     Returns:

@@ -54,11 +54,10 @@ def by_size(rows: Iterable[Row]) -> list[Row]:
 
     def size(row: Row) -> tuple[int, float]:
         if row.difference is not None:
-            return (2, -abs(row.difference))
-        if row.change is not None:
-            share = abs(row.change) / abs(row.expected) if row.expected else math.inf  # pyright: ignore
-            return (3, -share)
-        return (0 if row.verdict == "not compared" else 1, 0.0)
+            return 2, -abs(row.difference)
+        if isinstance(row.expected, float) and row.change is not None:
+            return 3, -abs(row.change / row.expected) if row.expected else -math.inf
+        return (0 if row.verdict == "not compared" else 1), 0.0
 
     return sorted(rows, key=size)
 

@@ -153,16 +153,7 @@ class _Worker(threading.Thread):
 
     def _answer(self, task: Task) -> Run:
         process = self._process or self._begin()
-        assert process.stdin is not None
-        assert process.stdout is not None
-        try:
-            print(json.dumps([task.fit, str(task.file), task.update]), file=process.stdin)
-            process.stdin.flush()
-        except OSError:  # it died before it could read
-            line = ""
-        else:
-            line = process.stdout.readline()
-        if line.endswith("\n"):
+        if line := _asked(process, [task.fit, str(task.file), task.update]):
             return _run(task, json.loads(line))
         problem = f"the process that ran it died ({_cause(self._end())})."
         mend = f"Run diffthrust fit {task.file} alone; if memory was short, take fewer --jobs."
@@ -172,8 +163,7 @@ class _Worker(threading.Thread):
         process = self._process = _process()
         if self._stopped:  # while it was being started
             process.kill()
-        assert process.stdout is not None
-        if not process.stdout.readline() and not self._stopped:
+        if not _asked(process, sys.path) and not self._stopped:
             raise InputError(
                 f"A process for the fits cannot be started ({_cause(self._end())}).",
                 "See what it printed above; --jobs 1 does without.",
@@ -194,7 +184,7 @@ def _process() -> subprocess.Popen[str]:
 
     flags = f"--xla_cpu_multi_thread_eigen=false {os.environ.get('XLA_FLAGS', '')}".strip()
     cache = {"DIFFTHRUST_CACHE": jax.config.values["jax_compilation_cache_dir"] or "off"}
-    process = subprocess.Popen(
+    return subprocess.Popen(
         [sys.executable, "-P", "-c", _BEGIN],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
@@ -202,9 +192,18 @@ def _process() -> subprocess.Popen[str]:
         env={**os.environ, **_ONE_THREAD, **cache, "XLA_FLAGS": flags},
         start_new_session=True,  # Ctrl-C is for the check, which ends its workers
     )
+
+
+def _asked(process: subprocess.Popen[str], question: Any) -> str:
+    """The line that answers a question; empty where the process has died."""
     assert process.stdin is not None
-    print(json.dumps(sys.path), file=process.stdin, flush=True)
-    return process
+    assert process.stdout is not None
+    try:
+        print(json.dumps(question), file=process.stdin, flush=True)
+    except OSError:
+        return ""
+    line = process.stdout.readline()
+    return line if line.endswith("\n") else ""
 
 
 def _run(task: Task, answer: dict[str, Any]) -> Run:
