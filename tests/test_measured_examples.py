@@ -74,8 +74,10 @@ def test_headroom_of_the_measured_sets(tmp_path):
     text = run("headroom", tmp_path)
     for name in ("ngs_thruster", "blueboat", "esso_osaka", "emps", "t200 (static)"):
         assert f"{name} (fit: converged" in text
-        for physics, flexible, share, *_ in cells(text, name):
-            assert float(flexible) <= 1.1 * float(physics)
-            assert -25 <= float(share.rstrip("%")) <= 100
-    static = cells(text, "t200 (static)")
-    assert all(float(share.rstrip("%")) > 50 for _, _, share, *_ in static)  # effects are missing
+        for physics, flexible, *_ in cells(text, name):
+            assert float(flexible) < 1.2 * float(physics)  # what it learned does little harm
+    explained = {name: [float(row[2].rstrip("%")) for row in cells(text, name)]
+                 for name in ("esso_osaka", "emps", "t200 (static)")}  # fmt: skip
+    assert explained["esso_osaka"][2] > 70  # yaw rate
+    assert explained["emps"][1] > 90  # velocity: its friction is missing
+    assert min(explained["t200 (static)"]) > 80  # as are the effects of `t200_map.py`
