@@ -30,41 +30,32 @@ def logs() -> tuple[dft.Log, dft.Log]:
 
 
 @cache
-def diagnosis() -> Diagnosis:
-    """A dead band found first, an actuator lag second, and something left over at the load."""
+def found() -> Diagnosis:
+    """A dead band found, and nothing left."""
     train, unseen = logs()
     model = dft.Thruster()
-    fits = []
-    for effects in ((), (CommandDeadband(),), (CommandDeadband(), ActuatorLag())):
-        changed = model
-        for effect in effects:
-            changed = changed + effect
-        fits.append(dft.fit(changed, train, holdout=unseen, starts=2))
+    plain, fit = (
+        dft.fit(changed, train, holdout=unseen, starts=2)
+        for changed in (model, model + CommandDeadband())
+    )
     time = train.time
-    command = train.values("command", "V")
-    signal = 17.0 * np.clip(command / BAND, -1, 1)
+    signal = 17.0 * np.clip(train.values("command", "V") / BAND, -1, 1)
     abscissa = np.linspace(-2.0, 2.0, 41)
     return Diagnosis(
-        verdict="unexplained",
+        verdict="effects_found",
         model=model,
-        best=fits[2].model.effects,
-        groups=(("command_deadband",), ("actuator_lag", "thrust_sensor_lag")),
-        stages=(
-            Stage((), fits[0]),
-            Stage(("command_deadband",), fits[1]),
-            Stage(("command_deadband", "actuator_lag"), fits[2]),
-        ),
+        best=fit.model.effects,
+        groups=(("command_deadband",),),
+        stages=(Stage((), plain), Stage(("command_deadband",), fit)),
         ranking=(
-            _candidate(0, "command_deadband", 812.0, 1e-30, fits[1]),
+            _candidate(0, "command_deadband", 812.0, 1e-30, fit),
             _candidate(0, "actuator_lag", 31.5, 2e-4, None),
-            _candidate(1, "actuator_lag", 14.2, 6e-4, fits[2]),
-            _candidate(1, "thrust_sensor_lag", 13.1, 9e-4, None),
         ),
-        remaining=Remaining("load", "|speed|", 0.34),
+        remaining=None,
         untestable={"supply_voltage_sag": "the logs have no input 'supply_voltage'"},
-        dropped=("coulomb_friction",),
-        before=dft.compare(fits[0], unseen),
-        after=dft.compare(fits[2], unseen),
+        dropped=(),
+        before=dft.compare(plain, unseen),
+        after=dft.compare(fit, unseen),
         missing=(
             Missing(
                 port="drive",
@@ -76,10 +67,40 @@ def diagnosis() -> Diagnosis:
                 p_value=1e-12,
                 curve=(abscissa, -17 * np.clip(abscissa / BAND, -1, 1), np.full(41, 1.5)),
             ),
+        ),
+        experiment=None,
+        seconds={"compile": 4.0, "screen": 2.5, "refit": 6.0},
+    )
+
+
+@cache
+def diagnosis() -> Diagnosis:
+    """A dead band found first, an actuator lag second, and something left over at the load."""
+    first = found()
+    train, unseen = logs()
+    one = first.stages[1].fit
+    two = dft.fit(one.model + ActuatorLag(), train, holdout=unseen, starts=2)
+    time, signal, _ = first.missing[0].runs[0]
+    return replace(
+        first,
+        verdict="unexplained",
+        best=two.model.effects,
+        groups=(*first.groups, ("actuator_lag", "thrust_sensor_lag")),
+        stages=(*first.stages, Stage(("command_deadband", "actuator_lag"), two)),
+        ranking=(
+            *first.ranking,
+            _candidate(1, "actuator_lag", 14.2, 6e-4, two),
+            _candidate(1, "thrust_sensor_lag", 13.1, 9e-4, None),
+        ),
+        remaining=Remaining("load", "|speed|", 0.34),
+        dropped=("coulomb_friction",),
+        after=dft.compare(two, unseen),
+        missing=(
+            *first.missing,
             Missing(
                 port="load",
                 unit="rad/s^2",
-                runs=((time, 0.2 * signal, np.full(time.size, 3.0)),),
+                runs=((time, -0.2 * signal, np.full(time.size, 3.0)),),
                 depends_on=None,
                 dependence_unit="",
                 share=0.0,
@@ -88,33 +109,14 @@ def diagnosis() -> Diagnosis:
             ),
         ),
         experiment=dft.suggest_experiment(
-            [fits[1], fits[2]], duration=6.0, step=0.2, limits={"command": (-2.0, 2.0)}
+            [one, two], duration=6.0, step=0.2, limits={"command": (-2.0, 2.0)}
         ),
-        seconds={"compile": 4.0, "screen": 2.5, "refit": 6.0},
     )
 
 
-def found(full: Diagnosis) -> Diagnosis:
-    """The same with the dead band alone, and nothing left."""
-    stages = full.stages[:2]
-    unseen = logs()[1]
-    return replace(
-        full,
-        verdict="effects_found",
-        best=stages[1].fit.model.effects,
-        groups=full.groups[:1],
-        stages=stages,
-        ranking=full.ranking[:2],
-        remaining=None,
-        dropped=(),
-        after=dft.compare(stages[1].fit, unseen),
-        missing=full.missing[:1],
-        experiment=None,
-    )
-
-
-def adequate(full: Diagnosis) -> Diagnosis:
+def adequate() -> Diagnosis:
     """A model with a dead band from which nothing is missing, without an unseen log."""
+    full = found()
     fit = replace(full.stages[1].fit, holdout=None)
     held = dft.compare(fit, logs()[0])
     return replace(
@@ -136,10 +138,11 @@ def adequate(full: Diagnosis) -> Diagnosis:
     )
 
 
-def unexplained(full: Diagnosis) -> Diagnosis:
+def unexplained() -> Diagnosis:
     """Nothing known helps, but structure remains."""
+    full = found()
     return replace(
-        adequate(full),
+        adequate(),
         verdict="unexplained",
         model=full.model,
         stages=full.stages[:1],

@@ -29,6 +29,9 @@ unit = "V"
 [channels.speed]
 column = "w"
 unit = "rad/s"
+[channels.thrust]
+column = "f"
+unit = "N"
 [fit]
 starts = 2
 """
@@ -44,6 +47,7 @@ def spec(tmp_path: Path) -> Path:
     for name, log in zip(("train", "unseen"), made.logs(), strict=True):
         series = (dict(x) for x in (log.inputs, log.measured))
         columns = {"t": Column("time"), "u": Column("command"), "w": Column("speed")}
+        columns["f"] = Column("thrust")
         write_csv(Record(log.time, *series, truth={}), tmp_path / f"{name}.csv", columns)
     path = tmp_path / "run.toml"
     path.write_text(SPEC)
@@ -57,7 +61,7 @@ def handed(monkeypatch) -> dict[str, Any]:
 
     def fake(fit: dft.Fit, logs: Any, **options: Any) -> Diagnosis:
         seen.update(options, fit=fit, logs=logs)
-        return made.diagnosis()
+        return made.found()
 
     monkeypatch.setattr("diffthrust._diagnose.diagnose", fake)
     return seen
@@ -73,11 +77,11 @@ def test_it_prints_and_writes(spec, handed, tmp_path):
     out, page = tmp_path / "d.json", tmp_path / "d.html"
     result = run("diagnose", spec, "--json", out, "--report", page)
     flat = " ".join(result.stdout.split())
-    assert made.diagnosis().summary in flat
+    assert made.found().summary in flat
     for word in ("Stages", "command dead band", f"Written: {out}", f"Written: {page}"):
         assert word in result.stdout
     data = json.loads(out.read_text())
-    assert data == json.loads(json.dumps(made.diagnosis().to_json()))
+    assert data == json.loads(json.dumps(made.found().to_json()))
     assert list(data) == [
         "schema", "verdict", "added", "groups", "stages", "ranking", "remaining",
         "untestable", "headroom",

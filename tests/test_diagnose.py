@@ -38,6 +38,9 @@ class SquareRootDrag(dft.Effect):
         return value - self.size * s.speed / softened
 
 
+TRIED = [*FEW, SquareRootDrag]  # of all diagnoses, which so share what they compile
+
+
 @pytest.fixture(scope="module")
 def diag():
     *train, unseen = logs(command_deadband=0.4, thrust_sensor_offset=1.0)
@@ -46,7 +49,7 @@ def diag():
         dft.Thruster(),
         train,
         holdout=unseen,
-        candidates=[*FEW, SquareRootDrag],
+        candidates=TRIED,
         progress=lambda message, share: said.append((message, share)),
     )
     return found, said, train, unseen
@@ -153,7 +156,7 @@ def test_an_optional_input_that_only_the_first_log_has_is_left_out():
 
 def test_nothing_is_named_where_nothing_is_missing():
     *train, unseen = logs(seed=4)
-    found = dft.diagnose(dft.Thruster(), train, holdout=unseen, candidates=FEW)
+    found = dft.diagnose(dft.Thruster(), train, holdout=unseen, candidates=TRIED)
     assert found.verdict == "adequate"
     assert not found.added
     assert found.remaining is None
@@ -168,7 +171,7 @@ def test_an_effect_of_the_user_is_found_without_unseen_logs():
         run = dft.simulate(model, log)
         measured = {n: run[n] + 0.2 * rng.standard_normal(TIME.size) for n in model.outputs}
         out.append(dft.Log(log.time, log.inputs, measured))
-    found = dft.diagnose(dft.Thruster(), out, candidates=[SquareRootDrag, "thrust_sensor_offset"])
+    found = dft.diagnose(dft.Thruster(), out, candidates=TRIED)
     assert found.added == ("square_root_drag",)
     assert found.stages[0].holdout is None
 

@@ -46,7 +46,7 @@ def full() -> Diagnosis:
 
 
 def test_the_summary_names_the_effect_its_size_and_its_gain(full):
-    text = made.found(full).summary
+    text = made.found().summary
     assert text.startswith(
         "The basic thruster lacks a command dead band of 0.398 V: with it the speed error on "
         "unseen logs falls from "
@@ -79,8 +79,8 @@ def test_the_summary_admits_what_cannot_be_told_apart_and_what_remains(full):
     assert group_words(full) == ["These logs cannot tell an actuator lag from a thrust sensor lag."]
 
 
-def test_an_adequate_model_is_said_to_be_so_and_no_more(full):
-    text = made.adequate(full).summary
+def test_an_adequate_model_is_said_to_be_so_and_no_more():
+    text = made.adequate().summary
     assert text.startswith(
         "The thruster with command dead band is adequate: no effect helps on these logs."
     )
@@ -88,22 +88,22 @@ def test_an_adequate_model_is_said_to_be_so_and_no_more(full):
         "The speed", "the speed"
     )
     assert "lacks" not in text
-    assert any("No log was kept unseen" in words for words in caution_words(made.adequate(full)))
+    assert any("No log was kept unseen" in words for words in caution_words(made.adequate()))
 
 
-def test_nothing_known_helps(full):
-    text = made.unexplained(full).summary
+def test_nothing_known_helps():
+    text = made.unexplained().summary
     assert text.startswith("The basic thruster lacks something that no known effect explains.")
     assert "port 'drive'" in text
     assert "62 %" in text
-    unclear = replace(made.unexplained(full), remaining=None)
+    unclear = replace(made.unexplained(), remaining=None)
     assert "its place is not clear" in unclear.summary
 
 
 def test_an_error_that_rises_is_said_to_rise(full):
     worse = replace(full.stages[0].fit, holdout=Errors(9.0, _worse(full.stages[1].fit)))
     stages = (replace(full.stages[0], fit=full.stages[1].fit), replace(full.stages[1], fit=worse))
-    assert "rises from" in replace(made.found(full), stages=stages).summary
+    assert "rises from" in replace(made.found(), stages=stages).summary
 
 
 def _worse(fit: dft.Fit) -> dict[str, ChannelError]:
@@ -128,7 +128,7 @@ def test_a_hint_on_a_channel_comes_into_the_summary(full):
     flipped = dft.Log(
         unseen.time, unseen.log.inputs, {"speed": -np.asarray(unseen.log.measured["speed"])}
     )
-    diag = replace(made.unexplained(full), before=dft.compare(full.fit, flipped))
+    diag = replace(made.unexplained(), before=dft.compare(full.fit, flipped))
     assert diag.before.hints
     assert "A channel may not mean what its name says" in diag.summary
     assert diag.before.hints[0] in diag.summary
@@ -215,7 +215,7 @@ def test_the_skeleton_has_the_unit_of_its_strength(full):
     assert 'unit="N/V"' in skeleton(at_thrust)
     scaled = replace(full, remaining=Remaining("propeller", "command", 0.5, "scales"))
     assert 'unit="1/V"' in skeleton(scaled)
-    assert skeleton(made.found(full)) == ""
+    assert skeleton(made.found()) == ""
 
 
 # -- tables ----------------------------------------------------------------------------------------
@@ -236,21 +236,21 @@ def test_the_table_tells_every_part(full):
     assert max(map(len, text.splitlines())) <= 100
 
 
-def test_the_table_of_an_adequate_model_has_no_empty_parts(full):
-    text = made.adequate(full).report()
+def test_the_table_of_an_adequate_model_has_no_empty_parts():
+    text = made.adequate().report()
     assert "Verdict: adequate" in text
     for word in ("Missing signal", "BIC change", "Proposed test", "What remains", "Last stage"):
         assert word not in text
     assert "Tried in vain: Coulomb friction." in text
-    nothing = replace(made.adequate(full), silent=())
+    nothing = replace(made.adequate(), silent=())
     assert "Effects tried" not in nothing.report()
     assert nothing.summary.startswith("These logs can test none of the effects")
 
 
-def test_the_summary_tells_what_is_left_to_random_forces(full):
-    told = replace(made.found(full), one_step={"speed": 0.01}).summary
+def test_the_summary_tells_what_is_left_to_random_forces():
+    told = replace(made.found(), one_step={"speed": 0.01}).summary
     assert "From one sample to the next the speed is predicted to 0.010 rad/s, over whole" in told
-    assert "random forces" not in replace(made.found(full), one_step={"speed": 1.0}).summary
+    assert "random forces" not in replace(made.found(), one_step={"speed": 1.0}).summary
 
 
 def test_refused_effects_are_told_with_the_reason(full):
@@ -294,8 +294,8 @@ def test_the_figure_of_the_stages(full):
     figure.savefig(BytesIO(), dpi=40)
 
 
-def test_with_one_stage_nothing_falls(full):
-    figure = stages_figure(made.adequate(full))
+def test_with_one_stage_nothing_falls():
+    figure = stages_figure(made.adequate())
     assert [panel.get_ylabel() for panel in figure.axes] == ["speed [rad/s]", "thrust [N]"]
     assert "training log" in figure.axes[0].get_title(loc="left")
 
@@ -415,8 +415,8 @@ def test_the_page_escapes_what_comes_from_outside(full):
 
 
 @pytest.mark.parametrize("kind", ["found", "adequate", "unexplained"])
-def test_every_verdict_has_its_page(full, kind):
-    diag = getattr(made, kind)(full)
+def test_every_verdict_has_its_page(kind):
+    diag = getattr(made, kind)()
     found = _Page(page(diag))
     assert found.open == []
     assert diag.summary in found.text
