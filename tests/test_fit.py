@@ -189,7 +189,7 @@ def test_student_t_forgives_spikes_where_the_gaussian_does_not():
 
 
 def test_a_prior_counts_as_one_more_measurement():
-    log = log_of(record(seed=9, duration=5.0))
+    log = log_of(record(seed=9))
     free = dft.fit(dft.Thruster(), log).parameters["ct"]
     mean = free.value + 2 * free.std_error
     prior = dft.Normal(mean=mean, std=free.std_error)
@@ -303,8 +303,7 @@ def test_nothing_to_fit_and_nothing_measured():
 
 
 def test_json_has_the_contract_and_the_report_is_readable():
-    made = record(duration=10.0)
-    fit = dft.fit(dft.Thruster(), log_of(made), holdout=log_of(record(seed=1, duration=10.0)))
+    fit = dft.fit(dft.Thruster(), log_of(record()), holdout=log_of(record(seed=1)))
     data = fit.to_json()
     assert set(data) == {
         "schema", "model", "effects", "status", "parameters", "train", "holdout", "checks"
