@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import sys
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -152,6 +153,17 @@ def test_a_result_that_went_bad_is_not_kept(dives):
     (dives / "a" / "train.csv").unlink()
     done, _ = ran(dives)
     assert [p.name for p in (done.output / "a").iterdir()] == ["status.json"]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems allow text alone")
+def test_names_that_are_no_text_have_rows_too(dives):
+    (dives / "a").rename(dives / os.fsdecode(b"a\xff"))
+    (dives / os.fsdecode(b"b\xff.toml")).write_text("model = [")
+    done, _ = ran(dives)
+    assert done.counts == {"ok": 3, "failed": 1}
+    assert list(done.table["name"])[:2] == ["a?", "b/first"]
+    assert "b?.toml, line 1" in done.report()
+    assert ran(dives)[0].kept == 3
 
 
 def test_a_defect_is_a_row(dives, monkeypatch):

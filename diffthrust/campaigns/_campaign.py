@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from diffthrust._errors import InputError
+from diffthrust._files import plain
 from diffthrust._spec import load_spec
 from diffthrust.campaigns._executors import opened, outcomes, worker_count
 from diffthrust.campaigns._job import Job, check_task, fingerprint
@@ -150,7 +151,7 @@ def campaign(
         >>> done.table.groupby("added").size()
     """
     begun = time.monotonic()
-    options = {name: value for name, value in options.items() if value is not None}
+    options = {name: plain(value) for name, value in options.items() if value is not None}
     check_task(task, options)
     _check(executor, jobs, time_limit)
     out = Path(os.path.abspath(output))

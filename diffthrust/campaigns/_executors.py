@@ -7,13 +7,12 @@ import queue
 from collections.abc import Iterator, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from typing import Any
 
 from diffthrust._errors import InputError
 from diffthrust.campaigns._helper import Helper, own_helper, perform
 from diffthrust.campaigns._job import Job
 from diffthrust.campaigns._store import Row
-from diffthrust.campaigns._task import failed
+from diffthrust.campaigns._task import head
 
 _CONNECT = 5.0
 """Seconds in which the scheduler of a cluster must answer."""
@@ -74,6 +73,14 @@ def _cluster(address: str) -> Iterator[Executor]:
             "address, such as tcp://10.0.0.5:8786.",
         ) from None
     with client:
+        try:
+            client.wait_for_workers(1, timeout=_CONNECT)
+        except TimeoutError:
+            raise InputError(
+                f"executor: the Dask scheduler at {address!r} has no workers.",
+                f"Start some (dask worker {address}); of a cluster that grows when it has work, "
+                "give client.get_executor() as the executor.",
+            ) from None
         yield client.get_executor(pure=False)
 
 
@@ -123,8 +130,12 @@ def _row(future: Future[Row], job: Job) -> Row:
 
 
 def _lost(job: Job, error: BaseException) -> Row:
+    """The row of a task that gave none; its folder is left alone, for its worker may have ended."""
     broken = isinstance(error, BrokenExecutor | CancelledError)
-    what = "The executor lost its workers" if broken else "Its worker was lost"
-    told: Any = f": {error}" if str(error) else ""
-    problem = f"{what} ({type(error).__name__}{told})."
-    return failed(job, "lost", problem, "Run the campaign again: it goes on with the rest.", 0.0)
+    what = "The executor lost its workers" if broken else "No worker could do it"
+    told = f": {error}" if str(error) else ""
+    return {
+        **head(job, "lost"),
+        "error": f"{what} ({type(error).__name__}{told}).",
+        "mend": "Run the campaign again: it goes on with the rest.",
+    }

@@ -58,8 +58,8 @@ def store(
             os.rename(target, old)
         os.rename(fresh, target)
         shutil.rmtree(old, ignore_errors=True)
-    except (OSError, InputError) as error:
-        what = error.problem if isinstance(error, InputError) else f"{target}: {error.strerror}"
+    except (OSError, ValueError) as error:  # a ValueError of a name that is no text, too
+        what = error.problem if isinstance(error, InputError) else f"{target}: {error}"
         raise InputError(
             f"The result cannot be written: {what}",
             "Make room, or let the folder be written to, and run the campaign again.",

@@ -57,18 +57,23 @@ def run(job: Job) -> Row:
 
 def head(job: Job, status: str) -> Row:
     """The columns that every row has."""
-    folder = Path(job.folder).name
-    return {"name": job.name, "spec": job.spec, "folder": folder, "status": status}
+    where = {"name": job.name, "spec": job.spec, "folder": Path(job.folder).name}
+    return {**{key: _text(value) for key, value in where.items()}, "status": status}
 
 
 def failed(
     job: Job, status: str, problem: str, mend: str, seconds: float, mark: str | None = None
 ) -> Row:
     """The row of a spec without a result, also in its folder if that can be written."""
-    row = {**head(job, status), "error": problem, "mend": mend, "seconds": seconds}
+    row = {**head(job, status), "error": _text(problem), "mend": mend, "seconds": seconds}
     with suppress(InputError):  # the table tells it in any case
         store(job, row, mark)
     return row
+
+
+def _text(words: str) -> str:
+    """The words with a question mark for each byte of a file's name that is no text."""
+    return words.encode("utf-8", "replace").decode()
 
 
 def _fitted(fit: Fit) -> Row:
