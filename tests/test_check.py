@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shutil
 import warnings
@@ -11,13 +10,9 @@ from pathlib import Path
 import pytest
 
 from diffthrust import CoarseStepWarning, InputError
-from diffthrust._check import Checked, _default_jobs, check, tasks_in
-from diffthrust._check_display import check_table
-from diffthrust._check_parallel import _Plan, run_all
-from diffthrust._check_run import Run, run_again
-from diffthrust._cli_check import error_lines
-from diffthrust._display import rendered
-from diffthrust._expected import Row, _replaced
+from diffthrust._check import check, tasks_in
+from diffthrust._check_run import run_again
+from diffthrust._expected import _replaced
 from diffthrust._spec import load_spec
 from diffthrust._spec_file import ExpectedNumber
 
@@ -233,79 +228,6 @@ def test_rows_come_in_the_order_of_the_fits(tmp_path, monkeypatch):
     assert all("expected the key" in str(row.found) for row in checked.rows)
 
 
-def test_few_fits_need_no_other_process(monkeypatch):
-    monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(8)), raising=False)
-    assert [_default_jobs(count) for count in (1, 3, 4, 9, 10, 200)] == [1, 1, 2, 3, 4, 8]
-    with pytest.raises(InputError, match="1 or more"):
-        check("fits", jobs=0)
-
-
-def test_a_worker_stays_with_fits_that_share_compiled_code(tmp_path):
-    for i, rows in enumerate((20, 10, 20, 10, 10, 20, 20)):
-        folder = tmp_path / f"f{i}"
-        folder.mkdir()
-        text = (FITS / "depth_sensor" / "fit.toml").read_text()
-        (folder / "fit.toml").write_text(text)
-        for name in ("train.csv", "holdout.csv"):
-            (folder / name).write_text("0,0\n" * rows)
-    (tmp_path / "f7").mkdir()
-    (tmp_path / "f7" / "fit.toml").write_text("no toml")
-    plan = _Plan(tasks_in(tmp_path))
-
-    def take(last: str | None) -> tuple[str, str]:
-        given = plan.next(last)
-        assert given is not None
-        return given[0], given[2].fit
-
-    first, name = take(None)
-    assert name == "f0"  # of the largest group
-    second, name = take(None)
-    assert name == "f1"  # another worker takes another group
-    assert [take(first)[1] for _ in range(3)] == ["f2", "f5", "f6"]
-    third, name = take(first)
-    assert name == "f7"  # one that nobody has begun, before it helps
-    assert [take(third)[1], take(second)[1]] == ["f3", "f4"]
-    assert plan.next(second) is None
-
-
-def test_processes_agree_with_this_one_and_survive_deaths(fits, monkeypatch):
-    monkeypatch.setenv("DIFFTHRUST_CACHE", "off")
-    shutil.copytree(fits / "depth_sensor", fits / "deep" / "altered")
-    altered = fits / "deep" / "altered" / "train.csv"
-    altered.write_text(altered.read_text().replace("1.622", "1.662"))
-    scripts = {
-        "deadly": "import os, signal; os.kill(os.getpid(), signal.SIGKILL)",
-        "loud": "print('x' * 9000)\nfrom diffthrust import LinearSensor",
-    }
-    for name, script in scripts.items():
-        shutil.copytree(fits / "depth_sensor", fits / name)
-        (fits / name / "script.py").write_text(script)
-        spec = fits / name / "fit.toml"
-        spec.write_text(spec.read_text().replace('"linear_sensor"', '"script.py:LinearSensor"'))
-    tasks = tasks_in(fits)
-    assert [task.fit for task in tasks] == ["deadly", "deep/altered", "depth_sensor", "loud"]
-    found = dict(run_all(tasks, 1))
-    assert sorted(found) == [0, 1, 2, 3]
-    (row,) = found[0].rows
-    assert not row.ok
-    assert "died (signal SIGKILL)" in str(row.found)
-    for i in (1, 2, 3):
-        here = run_again(*tasks[i])
-        assert here.ok == found[i].ok == (i > 1)
-        for mine, other in zip(here.rows, found[i].rows, strict=True):
-            assert (mine.quantity, mine.ok) == (other.quantity, other.ok)
-            assert other.found == (
-                pytest.approx(mine.found, rel=1e-9) if mine.change is not None else mine.found
-            )
-
-
-def test_a_process_that_cannot_start_is_told_once(fits, monkeypatch):
-    monkeypatch.setattr("sys.executable", shutil.which("false"))
-    shutil.copytree(fits / "depth_sensor", fits / "other")
-    with pytest.raises(InputError, match="cannot be started"):
-        check(fits, jobs=2)
-
-
 def test_a_defect_in_one_fit_does_not_hide_the_others(fits, monkeypatch):
     shutil.copytree(fits / "depth_sensor", fits / "other")
 
@@ -331,68 +253,6 @@ def test_what_a_fit_warns_of_names_it(fits, monkeypatch):
     monkeypatch.setattr("diffthrust._spec.Spec.fit", warned)
     with pytest.warns(CoarseStepWarning, match="depth_sensor: too coarse"):
         check(fits)
-
-
-ROWS = (
-    Row("one", "alpha", 1.0, 1.0, 0.1, True),
-    Row("two [x]", "beta", 1.0, 2.0, 0.1, False, std_error=0.25),
-    Row("two [x]", "train_nrmse", 0.1, 0.2, 0.1, False),
-    Row("three", "cannot be run", None, "line 3 is bad", None, False, "Mend it."),
-    Row("four", "ct", 1.0, 0.0, 0.1, False, std_error=0.125),
-    Row("five", "cannot be run", None, "line 4 is bad", None, False, "Mend it."),
-)
-
-
-def outcome(*rows: Row, updated: bool = False) -> Checked:
-    names = dict.fromkeys(row.fit for row in rows)
-    return Checked(
-        tuple(
-            Run(name, Path("fits", name), tuple(row for row in rows if row.fit == name), updated)
-            for name in names
-        )
-    )
-
-
-def test_the_table_shows_what_moved_the_largest_first():
-    lines = rendered(check_table(outcome(*ROWS))).splitlines()
-    shown = [line.split()[0] for line in lines[1:6]]
-    assert shown == ["three", "five", "four", "two", "two"]
-    assert "-8.0 std errors" in lines[3]
-    assert "+4.0 std errors" in lines[4]
-    assert "+1e+02 %" in lines[5]
-    assert "three: line 3 is bad" in lines
-    assert "three, five. Mend: Mend it." in lines
-    assert lines[-2:] == ["4 of 5 fits failed: two [x], three, four, five.", "1 fit unchanged."]
-    assert rendered(check_table(outcome(ROWS[0]))) == "1 fit checked, none moved.\n"
-    written_anew = check_table(outcome(ROWS[0], updated=True))
-    assert rendered(written_anew) == "1 fit run; written anew: one.\n"
-    everything = rendered(check_table(outcome(*ROWS), everything=True))
-    assert [word in everything for word in ("one", "unchanged")] == [True, True]
-
-
-def test_the_json_of_a_check():
-    data = outcome(*ROWS).to_json()
-    assert (data["schema"], data["ok"], data["updated"]) == (1, False, [])
-    assert set(data["rows"][1]) == {
-        *("fit", "quantity", "expected", "found", "tolerance", "ok", "mend"),
-        *("std_error", "difference", "verdict"),
-    }
-    assert data["rows"][1]["difference"] == 4.0
-    assert data["rows"][2]["difference"] is None
-    assert [row["verdict"] for row in data["rows"][:4]] == [
-        *("unchanged", "moved", "moved", "not compared")
-    ]
-    assert set(data["fits"][0]) == {"fit", "file", "ok", "updated", "seconds"}
-
-
-def test_what_github_shows_at_the_spec_files():
-    first, *_ = error_lines(outcome(*ROWS))
-    assert first.startswith("::error file=fits/two [x],title=two [x]::beta: expected 1.000, found")
-    assert "(+4.0 std errors)%0Atrain_nrmse" in first
-    many = [Row(f"f:{i}", "status", "a", "b%\n", None, False) for i in range(12)]
-    lines = error_lines(outcome(*many))
-    assert len(lines) == 10
-    assert lines[0] == "::error file=fits/f%3A0,title=f%3A0::status: expected a, found b%25%0A"
 
 
 def test_a_fit_that_cannot_run_does_not_stop_the_others(fits):
