@@ -116,6 +116,48 @@ def test_a_campaign_on_dask_of_which_a_worker_is_killed(serial, workers, tmp_pat
 
 
 @pytest.fixture
+def scheduler():
+    """A scheduler of its own process, and its address."""
+    address = "tcp://127.0.0.1:8797"
+    words = ["scheduler", "--host", "127.0.0.1", "--port", "8797", "--no-dashboard"]
+    running = dask(*words)
+    for _ in range(100):
+        with suppress(OSError), distributed.Client(address, timeout=1.0, set_as_default=False):
+            break
+    yield running, address
+    running.kill()
+    running.wait()
+
+
+def dask(*words: str) -> subprocess.Popen[bytes]:
+    program = [sys.executable, "-m", "dask", *words]
+    return subprocess.Popen(program, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+def test_a_scheduler_without_workers_is_told_and_one_that_dies_loses_nothing(scheduler, fits):
+    running, address = scheduler
+    with pytest.raises(dft.InputError, match="has no workers"):
+        dft.campaign(fits / "specs", output=fits / "out", executor=address)
+
+    def kill(message: str, share: float) -> None:
+        if share > 0.1:
+            running.kill()
+
+    worker = dask("worker", address, "--nthreads", "2", "--no-dashboard")
+    try:
+        with distributed.Client(address, set_as_default=False) as client:
+            client.wait_for_workers(1, timeout=60)
+        done = dft.campaign(fits / "specs", output=fits / "out", executor=address, progress=kill)
+    finally:
+        worker.terminate()
+        worker.wait()
+    assert set(done.counts) == {"ok", "lost"}
+    again = dft.campaign(fits / "specs", output=fits / "out", executor=InPlace())
+    assert again.counts == {"ok": 300}
+    assert again.kept >= done.counts["ok"]
+
+
+@pytest.fixture
 def fits(tmp_path: Path) -> Path:
     for i in range(300):
         sensor_spec(tmp_path / "specs" / f"{i:03d}", 0.1 + 0.001 * i)
