@@ -21,7 +21,10 @@ DEATHS = 3
 """A task whose process died so many times is given up."""
 _START_LIMIT = 300.0
 """Seconds that a process may take to import the library, on a machine with much to do."""
-_ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+_ONE_THREAD = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NPROC"), "1"
+)
+"""So that processes do not fight for processors; NPROC is the number of threads of XLA."""
 _own = threading.local()
 
 
