@@ -141,11 +141,33 @@ class Problem:
         named = self.named
         pairs = [named[n].coordinate_limits() for n in self.free]
         pairs += [(0.0, 0.0)] * (self.shared - len(pairs))
-        pairs += [(-np.inf, np.inf)] * self.local
+        pairs += self._starting_range
         low, high = np.array(pairs, float).reshape(-1, 2).T
         if self.held:
             low[self.shared :] = high[self.shared :] = self.start()[self.shared :]
         return low, high
+
+    @cached_property
+    def _starting_range(self) -> list[tuple[float, float]]:
+        """Within what each initial state is sought: what was measured, and twice as far about it.
+
+        Where the first measurement comes long after the start nothing tells of it any more, and a
+        search would run off to values at which the simulation fails.
+        """
+        pairs = []
+        for log in (self.logs[index] for indices in self.order for index in indices):
+            for state in self.layout.starts:
+                seen = log.measured.get(state, np.array([]))
+                if state in self.model.angles or not np.isfinite(seen).any():
+                    pairs.append((-np.inf, np.inf))
+                    continue
+                seen = log.values(state, self.model.states[state])
+                low, high = float(np.nanmin(seen)), float(np.nanmax(seen))
+                if state in log.unsigned:
+                    low = -high
+                room = 2.0 * (high - low)
+                pairs.append((low - room, high + room) if room > 0 else (-np.inf, np.inf))
+        return pairs
 
     @property
     def shared(self) -> int:

@@ -234,3 +234,16 @@ def test_wrong_kinds_of_things():
     with pytest.raises(dft.InputError, match="needs the input 'command'"):
         dft.fit(dft.Thruster(), log, holdout=[lame])
     assert dft.fit(dft.Thruster(), log, holdout=[]).holdout is None
+
+
+@pytest.mark.parametrize("seconds", [1.0, 4.0])
+def test_sensors_that_begin_when_the_start_is_forgotten(seconds):
+    whole = log_of(record())
+    blind = whole.time - whole.time[0] < seconds
+    measured = {n: np.where(blind, np.nan, values) for n, values in whole.measured.items()}
+    late = dft.Log(whole.time, dict(whole.inputs), measured)
+    fit = dft.fit(dft.Thruster(), late)
+    assert fit.status.ok, fit.message
+    assert all(within(fit, name, true) for name, true in TRUE.items())
+    begun = abs(fit.initial[0]["speed"])
+    assert begun < 6.0 * np.nanmax(np.abs(measured["speed"]))
