@@ -236,14 +236,18 @@ def test_wrong_kinds_of_things():
     assert dft.fit(dft.Thruster(), log, holdout=[]).holdout is None
 
 
-@pytest.mark.parametrize("seconds", [1.0, 4.0])
-def test_sensors_that_begin_when_the_start_is_forgotten(seconds):
-    whole = log_of(record())
-    blind = whole.time - whole.time[0] < seconds
-    measured = {n: np.where(blind, np.nan, values) for n, values in whole.measured.items()}
-    late = dft.Log(whole.time, dict(whole.inputs), measured)
-    fit = dft.fit(dft.Thruster(), late)
+@pytest.mark.parametrize("first", [60, 400])
+def test_sensors_that_begin_when_the_start_is_forgotten(first):
+    noise = 0.2 * rng().normal(size=(2, 600))
+    time = 0.05 * np.arange(600)
+    inputs = {"command": np.where((time // 5) % 2 == 0, 1.5, -1.0) + 0.3 * np.sin(time)}
+    true = {"alpha": 0.05, "beta": 60.0, "ct": 0.02}
+    empty = dft.Log(time, inputs)
+    clean = dft.simulate(dft.Thruster(**true), empty, initial={"speed": 0.0}, substeps=4)
+    measured = {name: clean[name] + noise[i] for i, name in enumerate(("speed", "thrust"))}
+    for values in measured.values():
+        values[:first] = np.nan
+    fit = dft.fit(dft.Thruster(), dft.Log(time, inputs, measured))
     assert fit.status.ok, fit.message
-    assert all(within(fit, name, true) for name, true in TRUE.items())
-    begun = abs(fit.initial[0]["speed"])
-    assert begun < 6.0 * np.nanmax(np.abs(measured["speed"]))
+    assert all(within(fit, name, value) for name, value in true.items())
+    assert abs(fit.initial[0]["speed"]) < 6.0 * np.nanmax(np.abs(measured["speed"]))
