@@ -15,14 +15,14 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numba
 import numpy as np
 import pytest
 from rich.console import Console
 from rich.table import Table
-from scipy.optimize import least_squares
 
 import diffthrust as dft
+from benchmarks.peers._numba import best_fit, numba_rk4, peer_fit
+from benchmarks.peers._problem import GUESS, TRUTH, guesses, record
 from diffthrust import _simulate
 from diffthrust._arrange import build
 from diffthrust._likelihood import evaluate
@@ -32,54 +32,12 @@ from diffthrust.effects import ActuatorLag, CommandDeadband, ReverseThrustAsymme
 pytestmark = pytest.mark.benchmark
 
 ROOT = Path(__file__).parents[2]
-TRUTH = (0.037, 42.0, 0.019)
-GUESS = (0.03, 35.0, 0.015)
-
-
-@numba.njit
-def numba_rk4(t, c, alpha, beta, ct, w):
-    """The peer: one loop over the log, compiled."""
-    n = t.size
-    speed, thrust = np.empty(n), np.empty(n)
-    for i in range(n):
-        speed[i] = w
-        thrust[i] = ct * w * abs(w)
-        if i == n - 1:
-            break
-        h, drive = t[i + 1] - t[i], beta * c[i]
-        k1 = drive - alpha * w * abs(w)
-        y = w + 0.5 * h * k1
-        k2 = drive - alpha * y * abs(y)
-        y = w + 0.5 * h * k2
-        k3 = drive - alpha * y * abs(y)
-        y = w + h * k3
-        k4 = drive - alpha * y * abs(y)
-        w += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-    return speed, thrust
 
 
 def make_log(count: int = 10_000, seed: int = 0) -> dft.Log:
     """A log of the thruster with white sensor noise."""
-    rng = np.random.default_rng(seed)
-    t = 0.01 * np.arange(count)
-    command = 1.5 * np.sin(np.cumsum(0.05 * rng.normal(size=count)))
-    speed, thrust = numba_rk4(t, command, *TRUTH, 0.0)
-    speed = speed + 0.3 * rng.normal(size=count)
-    thrust = thrust + 0.5 * rng.normal(size=count)
+    t, command, speed, thrust = record(count, seed)
     return dft.Log(t, {"command": command}, {"speed": speed, "thrust": thrust})
-
-
-def peer_fit(log: dft.Log, guess: Any = GUESS) -> Any:
-    """numba RK4 with SciPy's least squares: parameters and the initial speed."""
-    t, c = log.time, log.inputs["command"]
-    seen = np.concatenate([log.measured["speed"] / 0.3, log.measured["thrust"] / 0.5])
-
-    def residual(p):
-        speed, thrust = numba_rk4(t, c, *p)
-        return seen - np.concatenate([speed / 0.3, thrust / 0.5])
-
-    begin = [*guess, log.measured["speed"][0]]
-    return least_squares(residual, begin, x_scale=[*guess, 1.0])  # twice as fast as with bounds
 
 
 def interleaved(*jobs: Callable[[], Any], repeats: int = 21) -> list[float]:
@@ -141,25 +99,19 @@ def test_simulation_and_fit_of_one_log():
     solved = solve(problem, start)
     assert solved.done
     found = list(problem.values(solved.z).values())
-    np.testing.assert_allclose(found, peer_fit(log).x[:3], rtol=1e-4)
-    ours, peer = interleaved(lambda: solve(problem, start), lambda: peer_fit(log), repeats=11)
+    np.testing.assert_allclose(found, peer_fit(record(10_000)).x[:3], rtol=1e-4)
+    given = record(10_000)
+    ours, peer = interleaved(lambda: solve(problem, start), lambda: peer_fit(given), repeats=11)
     rows.append(ratio_row("fit, one start, against numba RK4 + SciPy", ours, peer, "<= 1"))
     show("Thruster, 10 000 samples, float64, one log", rows, RATIO)
 
 
 def test_sixty_four_starts():
-    log = make_log()
-    rng = np.random.default_rng(1)
-    guesses = np.asarray(GUESS) * 10.0 ** rng.uniform(-1.0, 1.0, (64, 3))
+    log, given = make_log(), record(10_000)
     model = dft.Thruster(**dict(zip(("alpha", "beta", "ct"), GUESS, strict=True)))
 
     def peers():
-        with np.errstate(all="ignore"):
-            for guess in guesses:
-                try:
-                    peer_fit(log, guess)
-                except ValueError:  # the simulation failed at the guess
-                    continue
+        return best_fit(given, guesses(64))
 
     ours, peer = interleaved(lambda: dft.fit(model, log, starts=64, substeps=1), peers, repeats=3)
     rows = [ratio_row("fit(starts=64) against 64 fits of the peer", ours, peer, "<= 0.5")]

@@ -1,6 +1,6 @@
 """A thousand logs on two cores, against numba and SciPy in a pool of two processes.
 
-Ratios of one run, printed: ``pytest -m benchmark -s tests/benchmarks/test_many_speed.py``. The sizes
+Ratios of one run, printed: ``pytest -m benchmark -s tests/benchmarks/test_many_speed.py``. Sizes
 come from ``MANY_LOGS`` (1000) and ``MANY_SAMPLES`` (5000).
 """
 
@@ -15,9 +15,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_benchmarks import GUESS, TRUTH, numba_rk4, peer_fit, show
 
 import diffthrust as dft
+from benchmarks.peers._numba import best_fit, numba_rk4, peer_fit
+from benchmarks.peers._problem import GUESS, TRUTH, Record, guesses
+from benchmarks.test_benchmarks import show
 
 pytestmark = pytest.mark.benchmark
 
@@ -26,7 +28,7 @@ SAMPLES = int(os.environ.get("MANY_SAMPLES", "5000"))
 MODEL = dft.Thruster(**dict(zip(("alpha", "beta", "ct"), GUESS, strict=True)))
 
 
-def arrays(seed: int, samples: int) -> tuple[np.ndarray, ...]:
+def arrays(seed: int, samples: int) -> Record:
     """Time, command, speed and thrust of a thruster of its own."""
     rng = np.random.default_rng(seed)
     t = 0.01 * np.arange(samples)
@@ -34,38 +36,21 @@ def arrays(seed: int, samples: int) -> tuple[np.ndarray, ...]:
     truth = np.asarray(TRUTH) * rng.uniform(0.8, 1.25, 3)
     speed, thrust = numba_rk4(t, command, *truth, 0.0)
     noise = rng.normal(size=(2, samples))
-    return t, command, speed + 0.3 * noise[0], thrust + 0.5 * noise[1]
+    return Record(t, command, speed + 0.3 * noise[0], thrust + 0.5 * noise[1])
 
 
 def log_of(i: int, t: Any, command: Any, speed: Any, thrust: Any) -> dft.Log:
     return dft.Log(t, {"command": command}, {"speed": speed, "thrust": thrust}, name=f"log{i}")
 
 
-def guesses(starts: int) -> np.ndarray:
-    """The first guess, and others drawn about it as `dft.fit` draws its own."""
-    rng = np.random.default_rng(0)
-    away = 10.0 ** rng.uniform(-1.0, 1.0, (starts, 3))
-    away[0] = 1.0
-    return np.asarray(GUESS) * away
-
-
-def peer(job: tuple[tuple[np.ndarray, ...], int]) -> np.ndarray:
+def peer(job: tuple[Record, int]) -> np.ndarray:
     """The best of some starts; the peer checks nothing."""
     given, starts = job
-    log = log_of(0, *given)
-    best: Any = None
-    with np.errstate(all="ignore"):
-        for guess in guesses(starts):
-            try:
-                found = peer_fit(log, guess)
-            except ValueError:  # the simulation failed at the guess
-                continue
-            best = found if best is None or found.cost < best.cost else best
-    return best.x[:3]
+    return best_fit(given, guesses(starts)).x[:3]
 
 
 def warm(_: int) -> int:
-    peer_fit(log_of(0, *arrays(0, 100)))
+    peer_fit(arrays(0, 100))
     return os.getpid()
 
 

@@ -10,9 +10,9 @@ import time
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from test_benchmarks import show
 
 import diffthrust as dft
+from benchmarks.test_benchmarks import show
 from diffthrust import effects
 from diffthrust._describing import describing_function
 

@@ -10,10 +10,11 @@ import time
 import emcee
 import numpy as np
 import pytest
-from test_benchmarks import make_log, numba_rk4, show
 
 import diffthrust as dft
-from diffthrust._arviz import arviz
+from benchmarks.peers._jobs import fewest
+from benchmarks.peers._numba import numba_rk4
+from benchmarks.test_benchmarks import make_log, show
 from diffthrust._posterior import posterior_of
 from diffthrust._sample import sample
 
@@ -24,14 +25,6 @@ WALKERS = 32
 WARMUP, DRAWS = 500, 1000
 TURNS = 3
 """Runs of each, in turns, so that a busy machine hurts both alike."""
-
-
-def fewest(values: np.ndarray) -> float:
-    """The fewest effective samples of three parameters, ``(chains, draws, 3)``."""
-    az = arviz()
-    columns = {n: values[..., i] for i, n in enumerate(NAMES)}
-    found = az.ess(az.from_dict(posterior=columns), method="bulk")
-    return min(float(found[n]) for n in NAMES)
 
 
 def test_effective_samples_per_second():

@@ -1,0 +1,79 @@
+"""All peers in one command and one table, from the folder ``tests``.
+
+    python -m benchmarks.peers --json peers.json
+
+Sizes are samples of a log; the map has a sixteenth as many points, and "many logs" one log for
+every 64 of them. Ratios are what counts: all tools of a row take turns in one run.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+
+from ._jobs import JOBS
+from ._measure import Cell, measure
+from ._table import document, machine, table
+from ._tools import TOOLS
+from ._worker import gpu
+
+WIDTH = 150
+
+
+def sizes(text: str) -> list[int]:
+    """Whole numbers divided by commas, increasing."""
+    found = [int(word) for word in text.split(",")]
+    if found != sorted(set(found)) or found[0] < 100:
+        raise argparse.ArgumentTypeError(
+            f"expected increasing numbers of samples from 100 on, found {text}"
+        )
+    return found
+
+
+def arguments(given: Sequence[str] | None = None) -> argparse.Namespace:
+    """The options of the command."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.peers", description=__doc__)
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.add_argument("--sizes", type=sizes, default=[1000, 4000, 16000], metavar="N,N,N")
+    parser.add_argument("--repeats", type=int, default=5, help="turns after the first call")
+    parser.add_argument("--limit", type=float, default=60.0, help="seconds for one call")
+    parser.add_argument("--jobs", nargs="+", choices=list(JOBS), default=list(JOBS))
+    parser.add_argument("--json", type=Path, metavar="FILE")
+    return parser.parse_args(given)
+
+
+def main(given: Sequence[str] | None = None, console: Console | None = None) -> list[Cell]:
+    """Measure, print the table, write the file."""
+    asked = arguments(given)
+    console = console or Console(width=WIDTH)
+    device = gpu()
+    told = machine(device)
+    cells = list(
+        measure(
+            asked.jobs,
+            asked.sizes,
+            TOOLS,
+            repeats=asked.repeats,
+            limit=asked.limit,
+            gpu=device is not None,
+            tell=lambda message: console.print(message, style="dim", markup=False),
+        )
+    )
+    shown, notes = table(cells, TOOLS, asked.limit, device)
+    console.print(shown)
+    for note in notes:
+        console.print(note, markup=False)
+    versions = ", ".join(f"{name} {number}" for name, number in told["versions"].items() if number)
+    console.print(f"{told['cores']} cores, Python {told['python']}, {versions}", markup=False)
+    if asked.json:
+        settings = {"sizes": asked.sizes, "repeats": asked.repeats, "limit": asked.limit}
+        asked.json.write_text(json.dumps(document(cells, told, settings), indent=1) + "\n")
+    return cells
+
+
+if __name__ == "__main__":
+    main()
