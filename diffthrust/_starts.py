@@ -126,7 +126,7 @@ def search(
         for i, z in enumerate(fresh):
             begun.append(solve(problem, z, budget=FIRST_BUDGET))
             tell(f"start {len(begun)}", 0.5 * (i + 1) / len(fresh))
-        begun.sort(key=_cost)
+        begun.sort(key=_rank)
         wanted = max(ENDED, len(begun) // 4)
         while begun and (wanted > 0 or _agreeing(ended) < AGREED):
             one = begun.pop(0)
@@ -148,7 +148,7 @@ def _distinct(ended: list[tuple[Solved, int]]) -> tuple[tuple[Solved, int], ...]
     Among equals stands first one that met the stopping rule rather than one stuck beside a kink.
     """
     lowest = min(_cost(solved) for solved, _ in ended)
-    ended = sorted(ended, key=lambda e: (_cost(e[0]) > lowest + SAME, not e[0].done, _cost(e[0])))
+    ended = sorted(ended, key=lambda e: (_cost(e[0]) > lowest + SAME, not e[0].done, _rank(e[0])))
     optima: list[tuple[Solved, int]] = []
     for solved, count in ended:
         for i, (other, seen) in enumerate(optima):
@@ -182,6 +182,11 @@ def _mirrored(
         if _cost(trial) < _cost(best) - SAME:
             best = trial
     return _distinct([(best, count), *optima[1:]])
+
+
+def _rank(solved: Solved) -> float:
+    """The cost without what rounding changes: of equal optima the one begun first is taken."""
+    return round(_cost(solved), 6)
 
 
 def _cost(solved: Solved) -> float:
