@@ -22,6 +22,7 @@ from diffthrust._innovations import (
     observer_for,
     polished,
 )
+from diffthrust._lanes import lanes
 from diffthrust._likelihood import noise_levels
 from diffthrust._log import Log
 from diffthrust._model import Model
@@ -160,7 +161,8 @@ def fit(
             f"At the optimum the model needs {needed} integrator steps per sample, but {chosen} "
             "were used: parameters and errors are off by more than the sensor noise explains."
         )
-        warnings.warn(notes[-1], CoarseStepWarning, stacklevel=2)
+        if lanes() is None:  # of many fits, each has its note
+            warnings.warn(notes[-1], CoarseStepWarning, stacklevel=2)
     best = found.best
     local = examine(final, best.z, best.quadratic)
     agreeing = found.agreeing_on(final)

@@ -21,6 +21,9 @@ from typing import Any
 import jax
 import numpy as np
 
+PATIENCE = 0.2
+"""For how long [s] rows wait for others while threads are busy with something else."""
+
 _present: ContextVar[Lanes | None] = ContextVar("lanes", default=None)
 
 
@@ -58,7 +61,7 @@ class Lanes:
         width: rows of one run.
         workers: runs at a time.
         lengths: to which series may be padded, ascending.
-        devices: over which the rows of a run are divided, where more than one.
+        devices: over which the rows of a run are divided; where JAX puts them if none are given.
     """
 
     def __init__(
@@ -73,7 +76,7 @@ class Lanes:
         self._thinking = 0
         self._closed = False
         self._changed = threading.Condition()
-        self._sharding = _by_rows(devices) if len(devices) > 1 else None
+        self._sharding = _by_rows(devices) if len(devices) else None
         self._workers = [threading.Thread(target=self._work, daemon=True) for _ in range(workers)]
         for worker in self._workers:
             worker.start()
@@ -84,10 +87,15 @@ class Lanes:
         return int(self.lengths[at]) if at < self.lengths.size else samples
 
     def close(self) -> None:
-        """End the workers; what still waits is given up."""
+        """End the workers; what still waits is given up, with an error in its thread."""
         with self._changed:
             self._closed = True
+            given_up = [asked for group in self._waiting.values() for asked in group]
+            self._waiting.clear()
             self._changed.notify_all()
+        for asked in given_up:
+            asked.error = _given_up()
+        self._return(given_up)
 
     def do(self, work: Callable[[], Any]) -> Any:
         """Do some work in this thread, whose programs run side by side with those of others."""
@@ -107,7 +115,7 @@ class Lanes:
         asked = _Asked(leaves, tree)
         with self._changed:
             if self._closed:
-                raise RuntimeError("These lanes are closed.")
+                raise _given_up()
             self._waiting.setdefault(kind, []).append(asked)
             self._thinking -= 1
             self._changed.notify_all()
@@ -121,13 +129,19 @@ class Lanes:
             self._thinking += more
             self._changed.notify_all()
 
-    def _next(self) -> tuple[Hashable, list[_Asked]] | None:
-        """A full run, or the fullest there is once every thread waits."""
+    def _return(self, group: list[_Asked]) -> None:
+        """Let the threads that asked go on."""
+        self._think(len(group))
+        for asked in group:
+            asked.ready.set()
+
+    def _next(self, anyhow: bool = False) -> tuple[Hashable, list[_Asked]] | None:
+        """A full run, or the fullest there is once every thread waits (or ``anyhow``)."""
         if not self._waiting:
             return None
         kind = max(self._waiting, key=lambda k: len(self._waiting[k]))
         group = self._waiting[kind]
-        if len(group) < self.width and self._thinking > 0:
+        if len(group) < self.width and self._thinking > 0 and not anyhow:
             return None
         taken, left = group[: self.width], group[self.width :]
         if left:
@@ -139,8 +153,10 @@ class Lanes:
     def _work(self) -> None:
         while True:
             with self._changed:
-                while (job := self._next()) is None and not self._closed:
-                    self._changed.wait()
+                job = self._next()
+                while job is None and not self._closed:
+                    told = self._changed.wait(PATIENCE if self._waiting else None)
+                    job = self._next(anyhow=not told)
             if job is None:
                 return
             kind, group = job
@@ -149,10 +165,7 @@ class Lanes:
             except BaseException as error:  # told by the threads that asked, each by its own
                 for asked in group:
                     asked.error = error
-            with self._changed:
-                self._thinking += len(group)
-            for asked in group:
-                asked.ready.set()
+            self._return(group)
 
     def _run(self, kind: Any, group: list[_Asked]) -> None:
         program, static, tree, _ = kind
@@ -164,6 +177,10 @@ class Lanes:
         found = jax.tree.map(np.asarray, _side_by_side(program, static, rows))
         for i, asked in enumerate(group):
             asked.found = jax.tree.map(lambda leaf, i=i: leaf[i], found)
+
+
+def _given_up() -> RuntimeError:
+    return RuntimeError("These lanes are closed.")
 
 
 def _by_rows(devices: Sequence[Any]) -> Any:

@@ -5,13 +5,19 @@ import subprocess
 import sys
 import threading
 
+import jax
 import numpy as np
 import pytest
 
 import diffthrust as dft
 from diffthrust._lanes import Lanes, _side_by_side
+from diffthrust._likelihood import Quadratic
+from diffthrust._solver import Solved
+from diffthrust._starts import _distinct
 from diffthrust.effects import ActuatorLag
+from diffthrust.many import _maps
 from diffthrust.many._lengths import ladder
+from diffthrust.many._result import named_members
 
 TRUTH = {"alpha": 0.03, "beta": 40.0, "ct": 0.02}
 MODEL = dft.Thruster(alpha=0.025, beta=35.0, ct=0.015)
@@ -55,6 +61,17 @@ def test_fits_are_those_of_one_at_a_time(logs, fits):
         assert together.train.nrmse == pytest.approx(alone.train.nrmse, rel=1e-8)
         assert together.holdout.nrmse == pytest.approx(alone.holdout.nrmse, rel=1e-8)
         assert together.log_likelihood == pytest.approx(alone.log_likelihood, rel=1e-10)
+
+
+def test_rounding_does_not_choose_among_equal_optima():
+    def solved(z, cost):
+        zeros = np.zeros(1)
+        q = Quadratic(np.float64(cost), zeros, np.eye(1), zeros, zeros, np.zeros((1, 0)))
+        return Solved(np.array([z]), q, True, 5)
+
+    for rounding in (-1e-12, 1e-12):
+        found = _distinct([(solved(0.0, 5.0), 1), (solved(1e-5, 5.0 + rounding), 1)])
+        assert [(one.z[0], count) for one, count in found] == [(0.0, 2)]
 
 
 def test_the_table_has_a_row_for_each(logs, fits):
@@ -139,6 +156,12 @@ def test_bad_arguments_are_told():
         (lambda: dft.many.fit(MODEL, [log], names=["a", "b"]), "names"),
         (lambda: dft.many.fit(MODEL, [log], width=0), "width"),
         (lambda: dft.many.fit(MODEL, [log], devices=[]), "devices"),
+        (lambda: dft.many.fit(MODEL, [log], devices=jax.devices() * 2), "each once"),
+        (lambda: dft.many.fit(MODEL, [log], devices=jax.devices()[0]), "expected a list"),
+        (lambda: dft.many.fit(MODEL, [log], holdout=log), "holdout: expected a list"),
+        (lambda: dft.many.fit(MODEL, [log], start=3), "no option 'start'"),
+        (lambda: dft.many.compare(MODEL, [log], horizon=3), "no option 'horizon'"),
+        (lambda: dft.many.describing_function([MODEL], 1.0, 1.0, width=3), "no option 'width'"),
         (lambda: dft.many.sample([], [log]), "fits"),
         (lambda: dft.many.sample([1], [log], file="x.h5"), "file"),
         (lambda: dft.many.describing_function(MODEL, 1.0, 1.0), "models"),
@@ -153,6 +176,28 @@ def test_bad_arguments_are_told():
 def test_members_of_one_name_are_numbered():
     log = record(0)
     assert dft.many.compare(MODEL, [log, log], substeps=1).names == ("run0", "run0 (2)")
+    assert named_members(["a", "a", "a (2)", "a"], range(4)) == ("a", "a (3)", "a (2)", "a (4)")
+
+
+def test_places_and_slices(fits):
+    assert fits[-1] is fits[9]
+    some = fits[2:8:3]
+    assert isinstance(some, dft.many.Many)
+    assert some.names == ("run2", "run5")
+    assert some[1] is fits[5]
+    assert list(dft.many.fit(MODEL, []).table()) == ["name", "status", "error", "mend", "seconds"]
+
+
+def test_members_without_a_fit_keep_their_error(logs):
+    time = 0.05 * np.arange(300)
+    wrong = dft.Log(time, {"current": np.ones(300)}, {"speed": np.ones(300)}, name="wrong")
+    tried = dft.many.compare(MODEL, [logs[0], wrong], substeps=1)
+    again = dft.many.compare(tried, [logs[0], logs[0]], names=["a", "b"], substeps=1)
+    assert again.errors[1] is tried.errors[1]
+    frame = tried.errors[1].__traceback__
+    while frame.tb_next:
+        frame = frame.tb_next
+    assert not frame.tb_frame.f_locals  # where it happened is kept, the arrays are not
 
 
 def test_the_ladder_is_the_cheapest():
@@ -243,15 +288,88 @@ def test_an_error_of_a_program_reaches_those_who_asked():
         lanes.ask(_slow_square, 1.0, {"value": np.float64(1.0)})
 
 
+class _Exits(dft.Thruster):
+    def equations(self, s, port):
+        raise SystemExit(3)
+
+
+def test_what_ends_a_program_ends_it_all(logs):
+    with pytest.raises(SystemExit):
+        dft.many.fit([_Exits(), *[MODEL] * 3], logs[:4], starts=1)
+
+
+def test_an_interruption_leaves_no_thread(logs):
+    before = set(threading.enumerate())
+
+    def stop(message, share):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        dft.many.fit(MODEL, logs, starts=4, width=4, progress=stop)
+    for thread in set(threading.enumerate()) - before:
+        thread.join(20.0)
+        assert not thread.is_alive()
+
+
+def test_what_waits_when_lanes_close_is_given_up():
+    lanes, told = Lanes(2, 1), []
+
+    def work():
+        try:
+            lanes.ask(_slow_square, 1.0, {"value": np.float64(1.0)})
+        except RuntimeError as error:
+            told.append(str(error))
+
+    lanes._think(1)  # somebody else, who is never done, and for whom it waits
+    thread = threading.Thread(target=lambda: lanes.do(work))
+    thread.start()
+    while not lanes._waiting:
+        pass
+    lanes.close()
+    thread.join(20.0)
+    assert told == ["These lanes are closed."]
+
+
+def test_a_busy_thread_does_not_hold_up_the_others():
+    lanes = Lanes(2, 1)
+    lanes._think(1)  # computes something else for ever
+    found = lanes.do(lambda: lanes.ask(_slow_square, 1.0, {"value": np.float64(3.0)}))
+    lanes.close()
+    assert float(found) == 9.0
+
+
+def test_a_map_that_fails_costs_the_others_nothing(fits, monkeypatch):
+    real = _maps.maps_of
+
+    def failing(asked, models):
+        if fits[1] in models:
+            raise ArithmeticError("not this one")
+        return real(asked, models)
+
+    monkeypatch.setattr(_maps, "maps_of", failing)
+    found = dft.many.describing_function(fits[:3], [0.5, 2.0], [0.5, 3.0])
+    assert list(found.failed) == ["run1"]
+    assert len(list(found)) == 2
+
+
 SHARDED = """
 import jax, numpy as np, sys
 sys.path.insert(0, "tests")
-import diffthrust as dft
+import diffthrust._lanes, diffthrust as dft
 from test_many import MODEL, record
 logs = [record(i) for i in range(8)]
 assert len(jax.devices()) == 4
 one = dft.many.fit(MODEL, logs, starts=1, substeps=1, width=2)
 four = dft.many.fit(MODEL, logs, starts=1, substeps=1, width=2, devices=jax.devices())
+places = set()
+placed = diffthrust._lanes._side_by_side
+def watched(*given):
+    found = placed(*given)
+    places.update(d.id for leaf in jax.tree.leaves(found) for d in leaf.devices())
+    return found
+diffthrust._lanes._side_by_side = watched
+last = dft.many.compare(MODEL, logs[:2], substeps=1, devices=jax.devices()[3:])
+assert places == {3}, places
 worst = max(
     abs(a.parameters[n].value / b.parameters[n].value - 1)
     for a, b in zip(one, four, strict=True) for n in a.parameters

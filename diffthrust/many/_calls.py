@@ -14,7 +14,7 @@ from diffthrust._model import Model
 from diffthrust._result import Fit
 from diffthrust._sample import sample as sample_one
 from diffthrust._starts import Progress
-from diffthrust.many._each import each
+from diffthrust.many._each import check_options, each
 from diffthrust.many._result import Many, named_members
 
 Records = Sequence[Log | Sequence[Log]]
@@ -43,8 +43,9 @@ def fit(
         logs: what each is fitted to: a log, or several.
         holdout: unseen logs of each, or ``None`` where there are none.
         names: of the members; by default those of their first logs.
-        width: members in one run of a program; chosen by the machine where ``None``.
-        devices: of JAX over which each run is divided; the first by default.
+        width: members in one run of a program on each device; chosen by the machine where
+            ``None``.
+        devices: of JAX over which each run is divided; its own choice by default.
         progress: called with a message and the share done.
         **options: of `diffthrust.fit`.
 
@@ -58,10 +59,10 @@ def fit(
         >>> found = dft.many.fit(dft.Thruster(), logs)
         >>> found.table()[["name", "fit_status", "alpha", "alpha_std_error"]]
     """
+    check_options(fit_one, options)
     members = [listed(one) for one in _records(logs)]
     models = _for_each(model, Model, "model", len(members))
-    unseen = [None] * len(members) if holdout is None else list(holdout)
-    _same_length("holdout", unseen, len(members))
+    unseen = _for_each(holdout, type(None), "holdout", len(members))
     held = [listed(one) for one in unseen if one is not None]
 
     def one(i: int) -> Fit:
@@ -87,8 +88,9 @@ def compare(
         fit: a model or fit for all, or one of each.
         logs: a log, or several, of each member.
         names: of the members; by default those of their first logs.
-        width: members in one run of a program; chosen by the machine where ``None``.
-        devices: of JAX over which each run is divided; the first by default.
+        width: members in one run of a program on each device; chosen by the machine where
+            ``None``.
+        devices: of JAX over which each run is divided; its own choice by default.
         progress: called with a message and the share done.
         **options: of `diffthrust.compare`.
 
@@ -101,6 +103,7 @@ def compare(
     Example:
         >>> dft.many.compare(fit, logs).table().sort_values("nrmse")
     """
+    check_options(compare_one, options)
     members = [listed(one) for one in _records(logs)]
     fits = _for_each(fit, (Fit, Model), "fit", len(members))
 
@@ -145,11 +148,12 @@ def sample(
             "file: one file cannot hold the chains of many posteriors.",
             "Leave it out, or run `diffthrust campaign --task sample`.",
         )
+    check_options(sample_one, options)
     members = [listed(one) for one in _records(logs)]
-    _same_length("fits", list(range(len(fits))), len(members))
+    each_fit = _for_each(fits, (), "fits", len(members))
 
     def one(i: int) -> Any:
-        return sample_one(fits[i], members[i], **options)
+        return sample_one(each_fit[i], members[i], **options)
 
     every = [log for group in members for log in group]
     return each(one, _names(names, members), every, progress=progress)
@@ -165,25 +169,21 @@ def _records(logs: Any) -> list[Any]:
     return list(logs)
 
 
-def _for_each(given: Any, kinds: Any, what: str, members: int) -> list[Any]:
+def _for_each(given: Any, kinds: Any, what: str, members: int) -> Sequence[Any] | Many:
+    """What was given, one of each; of `Many`, a member that failed raises its own error."""
     if isinstance(given, kinds):
         return [given] * members
-    if not isinstance(given, Sequence | Many):
+    if not isinstance(given, Sequence | Many) or isinstance(given, str):
         raise InputError(
-            f"{what}: expected one for all or one of each, found {type(given).__name__}.",
-            f"Give a {what}, or a list as long as that of the logs.",
+            f"{what}: expected a list with one of each, found {type(given).__name__}.",
+            "Give a list as long as that of the logs.",
         )
-    out = list(given.results if isinstance(given, Many) else given)
-    _same_length(what, out, members)
-    return out
-
-
-def _same_length(what: str, given: Sequence[Any], members: int) -> None:
     if len(given) != members:
         raise InputError(
             f"{what}: expected one for each of {members} members, found {len(given)}.",
             "Give lists of equal length.",
         )
+    return given
 
 
 def _names(names: Sequence[str] | None, members: Sequence[Sequence[Log]]) -> tuple[str, ...]:

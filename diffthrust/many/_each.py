@@ -5,19 +5,20 @@ from __future__ import annotations
 import operator
 import os
 import time
-import warnings
+import traceback
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from inspect import Parameter, signature
 from typing import Any
 
 import jax
 
+from diffthrust._channels import listing
 from diffthrust._errors import InputError
 from diffthrust._intake import bridged
 from diffthrust._lanes import Lanes
 from diffthrust._log import Log
 from diffthrust._starts import Progress
-from diffthrust._step_check import CoarseStepWarning
 from diffthrust.many._lengths import ladder
 from diffthrust.many._result import Many
 
@@ -42,18 +43,17 @@ def each(
         work: of one member; the programs that it runs are run together with those of others.
         names: of the members.
         logs: all logs that will be simulated, by whose lengths programs are shared.
-        width: members in one run; by default `WIDTH` on a processor, and on an accelerator
-            `ACCELERATED` or all if they are fewer.
-        devices: over which runs are divided; by default the first of those that JAX has.
+        width: members in one run, on each device; by default `WIDTH` on a processor, and on an
+            accelerator `ACCELERATED`, or all if they are fewer.
+        devices: over which runs are divided; by default the one that JAX would take.
         progress: called with a message and the share done.
     """
-    devices = _checked(devices)
-    width = _width(width, len(names), devices)
+    chosen = () if devices is None else _checked(devices)
+    on = chosen or jax.devices()[:1]
+    rows = _width(width, len(names), on) * len(on)
     # two runs at a time: one computes while what the other gave is looked at
-    workers = min(os.cpu_count() or 1, 4) if devices[0].platform == "cpu" else 2
-    lanes = Lanes(
-        width * len(devices), workers, ladder(len(bridged(log)[0]) for log in logs), devices
-    )
+    workers = min(os.cpu_count() or 1, 4) if on[0].platform == "cpu" else 2
+    lanes = Lanes(rows, workers, ladder(len(bridged(log)[0]) for log in logs), chosen)
     started, found = time.monotonic(), [_Outcome() for _ in names]
 
     def one(i: int) -> None:
@@ -61,18 +61,18 @@ def each(
         try:
             found[i].result = lanes.do(lambda: work(i))
         except Exception as error:  # a row of its own, whatever it is: the others go on
+            _forget(error)
             found[i].error = error
         found[i].seconds = time.monotonic() - begun
 
     active = lanes.width * (workers + 1)  # some runs are computed, one gathers
     pool = ThreadPoolExecutor(max_workers=min(active, max(len(names), 1)))
     try:
-        with warnings.catch_warnings():  # each fit notes what it warns of
-            warnings.simplefilter("ignore", CoarseStepWarning)
-            under_way = [pool.submit(one, i) for i in range(len(names))]
-            for done, _ in enumerate(as_completed(under_way), 1):
-                if progress:
-                    progress(f"{done} of {len(names)}", done / len(names))
+        under_way = [pool.submit(one, i) for i in range(len(names))]
+        for done, future in enumerate(as_completed(under_way), 1):
+            future.result()  # what is no error of a member, such as an exit, ends it all
+            if progress:
+                progress(f"{done} of {len(names)}", done / len(names))
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
         lanes.close()
@@ -85,6 +85,17 @@ def each(
     )
 
 
+def check_options(call: Callable[..., Any], options: Iterable[str]) -> None:
+    """Raise `InputError` for an option that a call does not have: no member could be worked out."""
+    known = [n for n, p in signature(call).parameters.items() if p.kind is Parameter.KEYWORD_ONLY]
+    for name in options:
+        if name not in known:
+            raise InputError(
+                f"dft.{call.__name__} has no option '{name}'; it has {listing(known)}.",
+                "Correct or leave out the option.",
+            )
+
+
 class _Outcome:
     """What became of one member."""
 
@@ -93,12 +104,19 @@ class _Outcome:
     seconds: float = 0.0
 
 
-def _checked(devices: Sequence[Any] | None) -> list[Any]:
-    given = list(devices) if devices is not None else jax.devices()[:1]
-    known = [d for platform in {d.platform for d in jax.devices()} for d in jax.devices(platform)]
-    if not given or any(device not in known for device in given):
+def _forget(error: Exception) -> None:
+    """Let go of what an error's frames hold: where it happened is kept, the arrays are not."""
+    for one in (error, error.__cause__, error.__context__):
+        if one is not None:
+            traceback.clear_frames(one.__traceback__)
+
+
+def _checked(devices: Any) -> tuple[Any, ...]:
+    given = tuple(devices) if isinstance(devices, Sequence) else ()
+    fine = given and all(isinstance(device, jax.Device) for device in given)
+    if not fine or len(set(given)) < len(given):
         raise InputError(
-            f"devices: expected some of JAX's devices, found {given or 'none'}.",
+            f"devices: expected a list of JAX's devices, each once, found {devices!r}.",
             "Give jax.devices() or a part of it.",
         )
     return given

@@ -14,6 +14,7 @@ from diffthrust._errors import InputError
 from diffthrust._model import Model
 from diffthrust._result import Fit
 from diffthrust._starts import Progress
+from diffthrust.many._each import check_options
 from diffthrust.many._result import Many, named_members
 
 DEFAULTS = {
@@ -62,6 +63,7 @@ def describing_function(
             f"models: expected a list of models or fits, found {type(models).__name__}.",
             "Write [model], or use dft.describing_function for one.",
         )
+    check_options(describe_one, options)
     wanted = {**DEFAULTS, **options}
     begun, count = time.monotonic(), len(models)
     named = named_members(names, models.names if isinstance(models, Many) else range(count))
@@ -77,19 +79,21 @@ def describing_function(
         except Exception as error:  # a row of its own, whatever it is: the others go on
             errors[i] = error
     chunks = [g[at : at + AT_A_TIME] for g in groups.values() for at in range(0, len(g), AT_A_TIME)]
-    for done, chunk in enumerate(chunks):
-        if progress:
-            progress(f"maps {done * AT_A_TIME} of {count}", done / len(chunks))
-        since = time.monotonic()
+    done = count - len(asked)
+    while chunks:
+        chunk, since = chunks.pop(0), time.monotonic()
         try:
             found = maps_of([asked[i] for i in chunk], [models[i] for i in chunk])
-            for i, one in zip(chunk, found, strict=True):
-                results[i] = one
         except Exception as error:
-            for i in chunk:
-                errors[i] = error
-        for i in chunk:
-            seconds[i] = time.monotonic() - since
+            if len(chunk) > 1:  # each alone, so that only the one to blame fails
+                chunks = [[i] for i in chunk] + chunks
+                continue
+            found, errors[chunk[0]] = [None], error
+        for i, one in zip(chunk, found, strict=True):
+            results[i], seconds[i] = one, time.monotonic() - since
+        done += len(chunk)
+        if progress:
+            progress(f"maps {done} of {count}", done / count)
     return Many(
         names=named,
         results=tuple(results),

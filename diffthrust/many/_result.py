@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from diffthrust._errors import InputError
@@ -13,13 +13,16 @@ from diffthrust._rows import row_of
 if TYPE_CHECKING:
     import pandas as pd
 
+_TOLD = ("name", "status", "error", "mend", "seconds")  # of every member, whatever was asked
+
 
 @dataclass(frozen=True)
 class Many:
     """The results of many members, in the order in which they were given.
 
     ``len(found)`` is the number of members; ``found[3]`` or ``found["pool 7"]`` gives the result
-    of one, or raises its error; iterating gives the results of those that have one.
+    of one, or raises its error; ``found[:3]`` gives `Many` again; iterating gives the results of
+    those that have one.
 
     Args:
         names: of the members.
@@ -43,8 +46,8 @@ class Many:
         """The results of the members that did not fail."""
         return (r for r, e in zip(self.results, self.errors, strict=True) if e is None)
 
-    def __getitem__(self, which: int | str) -> Any:
-        """The result of one member, by place or by name.
+    def __getitem__(self, which: int | str | slice) -> Any:
+        """The result of one member, by place or by name; of a slice, those members.
 
         Raises:
             InputError: no such member.
@@ -56,6 +59,9 @@ class Many:
                     f"There is no member '{which}' among {len(self)}.", "Names are in .names."
                 )
             which = self.names.index(which)
+        if isinstance(which, slice):
+            own = ("names", "results", "errors", "seconds")
+            return replace(self, **{name: getattr(self, name)[which] for name in own})
         error = self.errors[which]
         if error is not None:
             raise error
@@ -79,7 +85,7 @@ class Many:
         for name, result, error, seconds in zip(
             self.names, self.results, self.errors, self.seconds, strict=True
         ):
-            told = {"name": name, "status": "ok", "error": None, "mend": None, "seconds": seconds}
+            told = dict(zip(_TOLD, (name, "ok", None, None, seconds), strict=True))
             if error is not None:
                 told |= {"status": "failed", "error": str(error) or type(error).__name__}
                 if isinstance(error, InputError):
@@ -87,7 +93,7 @@ class Many:
                 rows.append(told)
             else:
                 rows.append({**told, **row_of(result)})
-        return pd.DataFrame(rows)
+        return pd.DataFrame(rows, columns=None if rows else list(_TOLD))
 
 
 def named_members(names: Iterable[Any] | None, otherwise: Iterable[Any]) -> tuple[str, ...]:
@@ -105,9 +111,12 @@ def named_members(names: Iterable[Any] | None, otherwise: Iterable[Any]) -> tupl
                 "Give lists of equal length.",
             )
         given = wanted
-    seen: Counter[str] = Counter()
+    taken, seen = set(given), Counter[str]()
     out = []
     for name in given:
-        seen[name] += 1
-        out.append(name if seen[name] == 1 else f"{name} ({seen[name]})")
+        own, seen[name] = name, seen[name] + 1
+        while seen[name] > 1 and (own := f"{name} ({seen[name]})") in taken:
+            seen[name] += 1
+        taken.add(own)
+        out.append(own)
     return tuple(out)
