@@ -74,7 +74,7 @@ def _period(amplitude: Any, frequency: Any, x: Any) -> tuple[Any, Any]:
         stepsize_controller=dfx.PIDController(rtol=1e-6, atol=1e-8), max_steps=100_000,
     )  # fmt: skip
     x, real, imaginary = found.ys[-1]
-    return x, jax.lax.complex(real, imaginary) / amplitude
+    return x, jax.lax.complex(real / amplitude, imaginary / amplitude)
 
 
 def simulation(samples: int) -> Any:
