@@ -95,8 +95,9 @@ def comparisons_of(
     from diffthrust._result import Fit
 
     # where no simulation succeeded, there are no estimated initial states to begin at
-    known = isinstance(found, Fit) and found.status.value != "simulation_failed"
-    initial = found.initial if known else None
+    initial = None
+    if isinstance(found, Fit) and found.status.value != "simulation_failed":
+        initial = found.initial
     out = {"training logs": compare(found, train, initial=initial)}
     if unseen:
         out["unseen logs"] = compare(found, unseen)

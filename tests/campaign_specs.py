@@ -1,7 +1,8 @@
-"""Folders of small specs for the tests of campaigns."""
+"""Folders of small specs for the tests of campaigns, and an executor without processes."""
 
 from __future__ import annotations
 
+from concurrent.futures import Executor, Future
 from pathlib import Path
 
 import numpy as np
@@ -73,3 +74,19 @@ def thruster_spec(folder: Path, seed: int) -> Path:
     thruster_log(folder / "unseen.csv", 2 * seed + 1, deadband)
     (folder / "fit.toml").write_text(THRUSTER)
     return folder / "fit.toml"
+
+
+class InPlace(Executor):
+    """Does each task when it is submitted, and stops at some number of tasks as it is told."""
+
+    def __init__(self, stop: int | None = None, error: BaseException | None = None) -> None:
+        self.done: list[str] = []
+        self.stop, self.error = stop, error
+
+    def submit(self, fn, /, *args, **kwargs):
+        if len(self.done) == self.stop and self.error:
+            raise self.error
+        self.done.append(args[0].name)
+        future: Future = Future()
+        future.set_result(fn(*args, **kwargs))
+        return future

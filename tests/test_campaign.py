@@ -6,36 +6,19 @@ import errno
 import json
 import os
 import sys
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from pathlib import Path
 
 import pandas as pd
 import pytest
-from campaign_specs import SENSOR, sensor_log, sensor_spec
+from campaign_specs import SENSOR, InPlace, sensor_log, sensor_spec
 from typer.testing import CliRunner
 
 import diffthrust as dft
 from diffthrust import _cli
 from diffthrust._spec import load_spec
-from diffthrust.campaigns import _campaign, _helper, _store
-
-
-class InPlace(Executor):
-    """Does each task when it is submitted, and stops at some number of tasks as it is told."""
-
-    def __init__(self, stop: int | None = None, error: BaseException | None = None) -> None:
-        self.done: list[str] = []
-        self.stop, self.error = stop, error
-
-    def submit(self, fn, /, *args, **kwargs):
-        if len(self.done) == self.stop and self.error:
-            raise self.error
-        self.done.append(args[0].name)
-        future: Future = Future()
-        future.set_result(fn(*args, **kwargs))
-        return future
+from diffthrust.campaigns import _campaign, _store
 
 
 @pytest.fixture
@@ -281,52 +264,6 @@ def test_a_cluster_that_is_not_there(dives):
         ran(dives, executor="tcp://127.0.0.1:9")
     with pytest.raises(dft.InputError, match="no Dask scheduler"):
         ran(dives, executor="nonsense")
-
-
-TRAP = """
-import os, pathlib, signal, time
-import diffthrust as dft
-print("a model may print")
-if pathlib.Path(__file__).with_name("hang").exists():
-    time.sleep(60)
-once = pathlib.Path(__file__).with_name("kill")
-if once.exists():
-    once.unlink()
-    os.kill(os.getpid(), signal.SIGKILL)
-class Own(dft.LinearSensor):
-    name = "own"
-"""
-
-
-@pytest.mark.skipif(os.name == "nt", reason="there is no SIGKILL")
-def test_a_process_that_hangs_or_dies_takes_no_other_task_with_it(tmp_path):
-    for name in ("a", "b", "c"):
-        folder = sensor_spec(tmp_path / "specs" / name, 0.1).parent
-        (folder / "fit.toml").write_text(SENSOR.replace('"linear_sensor"', '"own.py:Own"'))
-        (folder / "own.py").write_text(TRAP)
-    (tmp_path / "specs" / "a" / "kill").write_text("")
-    (tmp_path / "specs" / "b" / "hang").write_text("")
-    with ThreadPoolExecutor(1) as thread:
-        done = dft.campaign(
-            tmp_path / "specs", output=tmp_path / "out", executor=thread, time_limit=10.0
-        )
-        pid = thread.submit(lambda: _helper.own_helper()._process.pid).result()
-    assert list(done.table["status"]) == ["ok", "timed_out", "ok"]
-    assert "10 s" in done.table["error"][1]
-    assert done.table["slope"][2] == pytest.approx(0.1, abs=0.01)
-    with pytest.raises(ProcessLookupError):  # it ended with the thread that it belonged to
-        os.kill(pid, 0)
-
-
-def test_a_task_that_always_kills_its_process_is_lost(tmp_path, monkeypatch):
-    class Dead(_helper.Helper):
-        def _started(self):
-            return None
-
-    job = _campaign.Job("a", "/x/fit.toml", str(tmp_path / "a"), "fit", time_limit=1.0)
-    row = Dead().run(job)
-    assert row["status"] == "lost"
-    assert "died 3 times" in row["error"]
 
 
 def test_the_command(dives, monkeypatch):

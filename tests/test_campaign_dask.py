@@ -9,14 +9,14 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import suppress
 from multiprocessing import active_children, get_context
 from pathlib import Path
 
 import pandas as pd
 import pytest
-from campaign_specs import CANDIDATES, sensor_spec, thruster_spec
+from campaign_specs import CANDIDATES, InPlace, sensor_spec, thruster_spec
 
 import diffthrust as dft
 
@@ -24,15 +24,6 @@ distributed = pytest.importorskip("distributed")
 psutil = pytest.importorskip("psutil")  # comes with it
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(os.name == "nt", reason="needs SIGKILL")]
 COUNT = int(os.environ.get("CAMPAIGN_COUNT", "200"))
-
-
-class InPlace(Executor):
-    """One task after the other in this process."""
-
-    def submit(self, fn, /, *args, **kwargs):
-        future: Future = Future()
-        future.set_result(fn(*args, **kwargs))
-        return future
 
 
 class Nothing(Executor):
