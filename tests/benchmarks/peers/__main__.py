@@ -34,12 +34,19 @@ def sizes(text: str) -> list[int]:
     return found
 
 
+def positive(text: str) -> int:
+    """A whole number from 1 on."""
+    if int(text) < 1:
+        raise argparse.ArgumentTypeError(f"expected a whole number from 1 on, found {text}")
+    return int(text)
+
+
 def arguments(given: Sequence[str] | None = None) -> argparse.Namespace:
     """The options of the command."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.peers", description=__doc__)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("--sizes", type=sizes, default=[1000, 4000, 16000], metavar="N,N,N")
-    parser.add_argument("--repeats", type=int, default=5, help="turns after the first call")
+    parser.add_argument("--repeats", type=positive, default=5, help="turns after the first call")
     parser.add_argument("--limit", type=float, default=60.0, help="seconds for one call")
     parser.add_argument("--jobs", nargs="+", choices=list(JOBS), default=list(JOBS))
     parser.add_argument("--json", type=Path, metavar="FILE")

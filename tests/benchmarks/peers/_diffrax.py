@@ -1,6 +1,7 @@
 """Plain diffrax and optimistix: the equation to `diffeqsolve`, its result to `least_squares`.
 
-The command jumps at each sample, so the step controller is told the jumps.
+The command jumps at each sample, so the step controller is told the jumps. A constant step that
+saves its own steps needs 0.4 of the time, but reads the next sample's command at the end of each.
 """
 
 from __future__ import annotations
