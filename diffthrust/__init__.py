@@ -27,6 +27,7 @@ from diffthrust import campaigns as campaigns  # noqa: E402
 from diffthrust import control as control  # noqa: E402
 from diffthrust import datasets as datasets  # noqa: E402
 from diffthrust import effects as effects  # noqa: E402
+from diffthrust import fleets as fleets  # noqa: E402
 from diffthrust import many as many  # noqa: E402
 from diffthrust import models as models  # noqa: E402
 from diffthrust import papers as papers  # noqa: E402
@@ -102,6 +103,9 @@ from diffthrust._thruster_loop import ThrusterLoop as ThrusterLoop  # noqa: E402
 from diffthrust._thruster_loop import thruster_loop_cycle as thruster_loop_cycle  # noqa: E402
 from diffthrust.campaigns import Campaign as Campaign  # noqa: E402
 from diffthrust.campaigns import campaign as campaign  # noqa: E402
+from diffthrust.fleets import Fleet as Fleet  # noqa: E402
+from diffthrust.fleets import Pooled as Pooled  # noqa: E402
+from diffthrust.fleets import fleet as fleet  # noqa: E402
 from diffthrust.models import AxisVehicle as AxisVehicle  # noqa: E402
 from diffthrust.models import DCMotorThruster as DCMotorThruster  # noqa: E402
 from diffthrust.models import LinearSensor as LinearSensor  # noqa: E402

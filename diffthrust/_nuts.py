@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import jax
 import jax.numpy as jnp
@@ -91,12 +91,40 @@ smooth: Any = jax.custom_jvp(_smooth, nondiff_argnums=(0, 1))
 smooth.defjvp(_smooth_jvp)
 
 
-@partial(jax.jit, static_argnums=(0, 1, 2))
-def _adapt(shape: Shape, box: Box, steps: int, data: Any, starts: Any, keys: Any) -> Any:
+class Target(Protocol):
+    """What is sampled: hashable, for it fixes the compiled code.
+
+    Its points should be near independent standard normal variables: there the adaptation begins.
+    """
+
+    def density(self, data: Any, v: Any) -> Any:
+        """Log density at a point ``(d,)``, without constants; differentiable."""
+        ...
+
+    def told(self, data: Any, v: Any) -> Any:
+        """What is kept of a point: any arrays."""
+        ...
+
+
+class _Unbounded(NamedTuple):
+    """A posterior over whitened, unbounded points."""
+
+    shape: Shape
+    box: Box
+
+    def density(self, data: Any, v: Any) -> Any:
+        return smooth(self.shape, self.box, data, v)
+
+    def told(self, data: Any, v: Any) -> Any:
+        return to_coordinates(self.box, data, v)
+
+
+@partial(jax.jit, static_argnums=(0, 1))
+def _adapt(target: Target, steps: int, data: Any, starts: Any, keys: Any) -> Any:
     import blackjax
     from blackjax.adaptation.base import get_filter_adapt_info_fn
 
-    density = partial(smooth, shape, box, data)
+    density = partial(target.density, data)
     warmup: Any = blackjax.window_adaptation(
         blackjax.nuts, density, adaptation_info_fn=get_filter_adapt_info_fn()
     )
@@ -108,23 +136,76 @@ def _adapt(shape: Shape, box: Box, steps: int, data: Any, starts: Any, keys: Any
     return jax.vmap(one)(starts, keys)
 
 
-@partial(jax.jit, static_argnums=(0, 1))
-def _draw(shape: Shape, box: Box, data: Any, state: Any, step: Any, mass: Any, keys: Any) -> Any:
+@partial(jax.jit, static_argnums=0)
+def _draw(target: Target, data: Any, state: Any, step: Any, mass: Any, keys: Any) -> Any:
     import blackjax
 
-    density = partial(smooth, shape, box, data)
+    density = partial(target.density, data)
     kernel = blackjax.nuts.build_kernel()
 
     def one(state: Any, step: Any, mass: Any, keys: Any) -> Any:
         def turn(state: Any, key: Any) -> Any:
             state, info = kernel(key, state, density, step, mass)
-            x, grown = to_coordinates(box, data, state.position)
-            told = (info.is_divergent, info.acceptance_rate, info.num_integration_steps)
-            return state, (x, state.logdensity - grown, *told)
+            stats = (info.is_divergent, info.acceptance_rate, info.num_integration_steps)
+            return state, (target.told(data, state.position), state.logdensity, stats)
 
         return jax.lax.scan(turn, state, keys)
 
     return jax.vmap(one)(state, step, mass, keys)
+
+
+class Walked(NamedTuple):
+    """Draws of a target, each ``(chains, draws, ...)``: what it told, log densities, figures."""
+
+    told: Any
+    log_prob: np.ndarray
+    stats: dict[str, np.ndarray]
+
+
+def walk(
+    target: Target,
+    data: Any,
+    dim: int,
+    *,
+    draws: int,
+    warmup: int,
+    chains: int,
+    seed: int,
+    progress: Progress | None = None,
+) -> Walked:
+    """Sample a target by NUTS, from standard normal starts.
+
+    Chains run side by side in the lanes of the vector registers: four take hardly longer than one.
+
+    Args:
+        target: what is sampled, with its numbers in ``data``.
+        data: a pytree of arrays.
+        dim: number of its coordinates.
+        draws: draws of each chain after the warmup.
+        warmup: steps in which step and metric adapt.
+        chains: number of chains.
+        seed: equal seeds give equal draws.
+        progress: called with a message and the share done.
+    """
+    tell = progress or (lambda message, done: None)
+    begin, adapt, on = jax.random.split(jax.random.key(seed), 3)
+    # in force whatever the caller's settings: BlackJAX mixes types and ranks freely
+    with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
+        starts = jax.random.normal(begin, (chains, dim))
+        tell("warmup", 0.0)
+        adapted = _adapt(target, warmup, data, starts, jax.random.split(adapt, chains))
+        state, step, mass = jax.block_until_ready(adapted)
+        parts = []
+        for block in range(-(-draws // BLOCK)):
+            tell("drawing", (warmup + block * BLOCK) / (warmup + draws))
+            keys = jax.random.split(jax.random.fold_in(on, block), (chains, BLOCK))
+            state, found = _draw(target, data, state, step, mass, keys)
+            parts.append(jax.tree.map(np.asarray, found))
+    told, log_prob, (diverging, rate, steps) = jax.tree.map(
+        lambda *part: np.concatenate(part, axis=1)[:, :draws], *parts
+    )
+    stats = {"diverging": diverging, "acceptance_rate": rate, "n_steps": steps}
+    return Walked(told, log_prob, stats)
 
 
 def run(
@@ -138,13 +219,10 @@ def run(
 ) -> Chains:
     """Sample a posterior by NUTS.
 
-    Chains run side by side in the lanes of the vector registers: four take hardly longer than one.
-
     Raises:
         InputError: BlackJAX is not installed.
     """
     available()
-    tell = progress or (lambda message, done: None)
     box = Box(
         tuple(map(bool, np.isfinite(posterior.low))), tuple(map(bool, np.isfinite(posterior.high)))
     )
@@ -153,39 +231,31 @@ def run(
     u, slope = from_coordinates(box, low, high, np.clip(posterior.centre, low + room, high - room))
     root = np.linalg.cholesky(posterior.covariance / np.outer(slope, slope))
     data = {**posterior.data, "origin": jnp.asarray(u), "root": jnp.asarray(root)}
-    shape = posterior.shape
-    key = jax.random.key(seed)
-    begin, adapt, on = jax.random.split(key, 3)
-    # in force whatever the caller's settings: BlackJAX mixes types and ranks freely
-    with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
-        starts = jax.random.normal(begin, (chains, posterior.dim))
-        tell("warmup", 0.0)
-        adapted = _adapt(shape, box, warmup, data, starts, jax.random.split(adapt, chains))
-        state, step, mass = jax.block_until_ready(adapted)
-        parts = []
-        for block in range(-(-draws // BLOCK)):
-            tell("drawing", (warmup + block * BLOCK) / (warmup + draws))
-            keys = jax.random.split(jax.random.fold_in(on, block), (chains, BLOCK))
-            state, found = _draw(shape, box, data, state, step, mass, keys)
-            parts.append([np.asarray(part) for part in found])
-    points, log_prob, diverging, rate, steps = (
-        np.concatenate(part, axis=1)[:, :draws] for part in zip(*parts, strict=True)
+    (points, grown), log_prob, stats = walk(
+        _Unbounded(posterior.shape, box),
+        data,
+        posterior.dim,
+        draws=draws,
+        warmup=warmup,
+        chains=chains,
+        seed=seed,
+        progress=progress,
     )
     if set(posterior.unknown) - set(posterior.sampled):
         _, levels = posterior.batch(points.reshape(-1, posterior.dim))
         levels = levels.reshape(chains, draws, -1)
     else:
         levels = np.full((chains, draws, len(posterior.problem.layout.channels)), np.nan)
-    stats = {"diverging": diverging, "acceptance_rate": rate, "n_steps": steps}
-    return Chains(points, log_prob, levels, stats, {"acceptance_rate": float(np.mean(rate))})
+    rate = float(np.mean(stats["acceptance_rate"]))
+    return Chains(points, log_prob - grown, levels, stats, {"acceptance_rate": rate})
 
 
-def available() -> None:
-    """Raise `InputError` where BlackJAX is not installed."""
+def available(what: str = "method='nuts'", instead: str = "sample with method='emcee'") -> None:
+    """Raise `InputError` where BlackJAX is not installed, naming what needs it and another way."""
     try:
         import blackjax  # noqa: F401
     except ImportError:
         raise InputError(
-            "method='nuts' needs BlackJAX, which is not installed.",
-            "Run: pip install 'diffthrust[nuts]', or sample with method='emcee'.",
+            f"{what} needs BlackJAX, which is not installed.",
+            f"Run: pip install 'diffthrust[nuts]', or {instead}.",
         ) from None
