@@ -193,7 +193,9 @@ def test_the_printed_figures_need_no_data():
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda: aras.calibrate(DEPTH, {}), "readings: found none"),
+        (lambda: aras.calibrate(DEPTH, {}), "expected some by name, found none"),
+        (lambda: aras.calibrate(DEPTH, [DEPTH]), "expected some by name, found list"),  # pyright: ignore
+        (lambda: aras.calibrate(DEPTH, {"a": ["x"] * 13}), "'a': expected numbers"),
         (lambda: aras.calibrate(DEPTH, {"a": [1.0]}), r"shapes \(1,\) and \(13,\)"),
         (lambda: aras.calibrate(DEPTH, {"a": DEPTH * np.nan}), "not a finite number"),
         (lambda: aras.calibrate(DEPTH, readings(), level=5), "level: expected a share"),

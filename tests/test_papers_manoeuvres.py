@@ -42,5 +42,7 @@ def test_gaps_in_the_measurement_do_not_matter():
 def test_a_length_that_is_none_is_refused():
     with pytest.raises(dft.InputError, match=r"manoeuvres, least: expected seconds.*found 0"):
         manoeuvres(sailing(), least=0.0)
+    with pytest.raises(dft.InputError, match="manoeuvres: no record was given"):
+        manoeuvres([])
     with pytest.raises(dft.InputError, match="expected a channel 'surge'"):
         manoeuvres(dft.Log([0.0, 1.0], {"command": [0.0, 1.0]}))

@@ -89,6 +89,14 @@ def test_what_cannot_be_meant_is_refused():
         siramdasu.sequential(straight[:1], circles)
     with pytest.raises(InputError, match="two or more circles"):
         siramdasu.sequential(straight, straight)
+    with pytest.raises(InputError, match="2 or more different points"):
+        siramdasu.sequential(straight[0], circles)  # one log stands for a list of one
+    with pytest.raises(InputError, match="straight: no record was given"):
+        siramdasu.sequential([], circles)
+    with pytest.raises(InputError, match=r"three or more propeller speeds.*found 2"):
+        siramdasu.sensitivity(straight[:2], circles)
+    with pytest.raises(InputError, match="no record was given"):
+        papers.undisturbed([])
     with pytest.raises(InputError, match="no stretch over which"):
         siramdasu.sequential(straight, circles, settle=60.0)
     astern = [recorded(-n, 0.0, 15.0) for n in SPEEDS]

@@ -138,7 +138,10 @@ def test_the_noise_has_the_band_and_the_size_that_are_asked_for():
         (lambda: papers.lowpass_noise(10.0, 0.1, 1.0, cutoff=6.0), "half the sample rate, 5 Hz"),
         (lambda: yoerger.static_test(stairs(), settle=math.nan), "settle: expected seconds"),
         (lambda: yoerger.static_test(stairs(), settle=1.0, direction="back"), "'back'"),  # pyright: ignore
+        (lambda: yoerger.static_test(stairs(), settle="3"), "settle: expected seconds.*'3'"),  # pyright: ignore
+        (lambda: yoerger.static_test([], settle=1.0), "no record was given"),
         (lambda: yoerger.dynamic_test(moving(), cutoff=20.0), "cutoff: expected Hz"),
+        (lambda: yoerger.dynamic_test([moving()]), "expected one Log, found list"),  # pyright: ignore
         (lambda: yoerger.dynamic_test(moving().slice(0.0, 1.0)), "30 or more"),
         (lambda: papers.fit_line([1.0, 1.0], [2.0, 3.0], "line"), "2 or more different points"),
     ],

@@ -12,7 +12,7 @@ from diffthrust._display import number
 from diffthrust._errors import InputError
 from diffthrust._physical import Quantity
 from diffthrust._plots import BLUE, GREY, VERMILLION, styled
-from diffthrust.papers._line import Line, fit_line
+from diffthrust.papers._line import Line, fit_line, numbers
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -180,14 +180,16 @@ def calibrate(
         >>> print(found.sentence)
     """
     line = datasheet or Datasheet()
-    depth = np.asarray(depth, float)
-    if not readings:
+    if not isinstance(readings, Mapping) or not readings:
         raise InputError(
-            "calibrate, readings: found none.", "Give them by name: {'reading 1': ...}."
+            "calibrate, readings: expected some by name, found "
+            f"{'none' if isinstance(readings, Mapping) else type(readings).__name__}.",
+            "Write {'reading 1': ...}.",
         )
     if not 0.0 < level < 1.0:
         raise InputError(f"calibrate, level: expected a share, found {level!r}.", "Write 0.01.")
-    columns = {name: np.asarray(values, float) for name, values in readings.items()}
+    depth = numbers("calibrate, depth", depth)
+    columns = {name: numbers(f"calibrate, {name!r}", y) for name, y in readings.items()}
     for name, values in columns.items():
         if depth.ndim != 1 or values.shape != depth.shape or depth.size < 3:
             raise InputError(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from diffthrust._errors import InputError
+from diffthrust._physical import Quantity
 from diffthrust._plots import BLUE, GREY, VERMILLION, styled
 
 if TYPE_CHECKING:
@@ -38,6 +39,10 @@ class Line:
     def __call__(self, x: Any) -> Any:
         return self.slope * x + self.intercept
 
+    def quantity(self, unit: str) -> Quantity:
+        """The slope with its standard error, ``None`` where the points leave none."""
+        return Quantity(self.slope, None if np.isnan(self.slope_error) else self.slope_error, unit)
+
     @property
     def unexplained(self) -> float:
         """Root mean square of the residuals over the standard deviation of y."""
@@ -55,6 +60,14 @@ class Line:
         axes.plot(ends, self(ends), color=VERMILLION, linewidth=1.3, label="line")
         styled(axes, title, x, y)
         axes.legend(fontsize=8, frameon=False)
+
+
+def numbers(what: str, values: Any) -> np.ndarray:
+    """Values as floats; ``what`` names them where they are none."""
+    try:
+        return np.asarray(values, float)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{what}: expected numbers ({error}).", "Correct them.") from None
 
 
 def fit_line(x: Any, y: Any, what: str, *, through_origin: bool = False) -> Line:

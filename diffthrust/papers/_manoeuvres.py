@@ -7,10 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from diffthrust._arguments import listed
-from diffthrust._errors import InputError
 from diffthrust._log import Log
-from diffthrust.papers._steady import stretches
+from diffthrust.control._reference import number
+from diffthrust.papers._steady import records, stretches
 from diffthrust.papers._undisturbed import _cut, _smooth
 
 
@@ -63,19 +62,15 @@ def manoeuvres(
         The portions in the order of the records; each kind may be empty.
 
     Raises:
-        InputError: a channel that is missing, or a length that is not positive.
+        InputError: no record, a channel that is missing, or a length that is not positive.
 
     Example:
         >>> found = dft.papers.manoeuvres(logs, least=10.0)
         >>> print(found.summary)
     """
     for name, value in (("least", least), ("smoothing", smoothing)):
-        if not (np.isfinite(value) and value > 0):
-            raise InputError(
-                f"manoeuvres, {name}: expected seconds, more than zero, found {value!r}.",
-                "Correct it.",
-            )
-    logs = listed(logs)
+        number(f"manoeuvres, {name}", value, lambda x: x > 0, "seconds, more than zero")
+    logs = records("manoeuvres", logs)
     surge, yaw = (
         [_smooth(log.time, log.values(name, unit), smoothing) for log in logs]
         for name, unit in (("surge", "m/s"), ("yaw_rate", "rad/s"))

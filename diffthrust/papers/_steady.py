@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
+from diffthrust._arguments import listed
 from diffthrust._channels import listing
 from diffthrust._errors import InputError
 from diffthrust._log import Log
+from diffthrust.control._reference import number
 
 
 @dataclass(frozen=True)
@@ -78,19 +81,16 @@ def steady_portions(
         The portions in the order of the records.
 
     Raises:
-        InputError: a record without such an input, no portion anywhere, a time that is negative.
+        InputError: no record, one without such an input, no portion anywhere, a time that is
+            negative.
 
     Example:
         >>> for part in dft.papers.steady_portions(logs, settle=2.0):
         ...     print(part.mean("command", "V"), part.mean("speed", "rad/s"))
     """
-    logs = [logs] if isinstance(logs, Log) else list(logs)
+    logs = records("steady_portions", logs)
     for name, value in (("settle", settle), ("least", least)):
-        if not (np.isfinite(value) and value >= 0):
-            raise InputError(
-                f"steady_portions, {name}: expected seconds, zero or more, found {value!r}.",
-                "Correct it.",
-            )
+        number(f"steady_portions, {name}", value, lambda x: x >= 0, "seconds, zero or more")
     names = list(inputs) if inputs is not None else sorted({n for g in logs for n in g.inputs})
     for log in logs:
         absent = [name for name in names if name not in log.inputs]
@@ -131,6 +131,18 @@ def _edges(series: list[np.ndarray], allowed: list[float]) -> list[int]:
         if any(abs(u[k] - u[begin]) > a for u, a in zip(series, allowed, strict=True)):
             edges.append(k)
     return [*edges, samples]
+
+
+def records(what: str, logs: Any) -> tuple[Log, ...]:
+    """One record or several as a tuple; ``what`` names the method that finds none.
+
+    Raises:
+        InputError: something else than records, or none.
+    """
+    found = listed(logs)
+    if not found:
+        raise InputError(f"{what}: no record was given.", "Give one log or a list of them.")
+    return found
 
 
 def stretches(good: np.ndarray) -> list[tuple[int, int]]:

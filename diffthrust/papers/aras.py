@@ -19,6 +19,7 @@ from diffthrust.papers._aras_printed import printed_figures as printed_figures
 from diffthrust.papers._depth_sensor import Calibration as Calibration
 from diffthrust.papers._depth_sensor import Datasheet as Datasheet
 from diffthrust.papers._depth_sensor import calibrate as calibrate
+from diffthrust.papers._line import numbers
 from diffthrust.papers._printed_transfer import depth_loop as depth_loop
 from diffthrust.papers._printed_transfer import gain_limit as gain_limit
 from diffthrust.papers._printed_transfer import plant as plant
@@ -134,7 +135,7 @@ def steady_map(motor: DCMotorThruster, thrust: Any) -> SteadyMap:
         >>> found = dft.papers.aras.steady_map(dft.papers.aras.thruster(), [1.0, 5.0, 10.0])
         >>> found.printed, found.friction
     """
-    thrust = np.atleast_1d(np.asarray(thrust, float))
+    thrust = np.atleast_1d(numbers("steady_map, thrust", thrust))
     if not np.isfinite(thrust).all():
         raise InputError("steady_map, thrust: expected finite numbers.", "Leave the others out.")
     v = _values(motor, "steady_map")

@@ -15,12 +15,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from diffthrust._arguments import listed
 from diffthrust._errors import InputError
 from diffthrust._log import Log
 from diffthrust.models import Vessel
 from diffthrust.papers._line import Line, fit_line
 from diffthrust.papers._siramdasu_printed import printed_figures as printed_figures
-from diffthrust.papers._steady import Steady, steady_portions
+from diffthrust.papers._steady import Steady, records, steady_portions
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -109,10 +110,12 @@ def sequential(
         >>> found = dft.papers.siramdasu.sequential(straight, circles)
         >>> found.vessel, found.plot()
     """
+    straight = records("sequential, straight", straight)
     line, d11 = _steady_speed(straight, settle)
     exponent = line.slope
-    surge = _surge_transient(straight, verify, exponent, d11)
+    surge = _surge_transient(straight, listed(verify), exponent, d11)
     m11 = surge.time_constant * d11
+    circles = listed(circles)
     ends = [_last(log, settle) for log in circles]
     angles = np.array([end.mean(*_ANGLE) for end in ends])
     turning = np.abs(angles) > _ZERO
@@ -193,12 +196,22 @@ def sensitivity(
         propeller_speed: [rev/s].
         duration: of the simulation [s].
 
+    Raises:
+        InputError: fewer than three propeller speeds, or what `sequential` refuses.
+
     Source: Siramdasu & Fahimi 2013, section 4, table 3 and figure 11.
     """
     from diffthrust._simulate import simulate
 
+    straight = listed(straight)
     levels = np.array([_last(log, settle).mean(*_N) for log in straight])
     each = np.unique(np.round(levels, 3))
+    if each.size < 3:
+        raise InputError(
+            "sensitivity: expected straight runs at three or more propeller speeds, of which pairs "
+            f"can be chosen, found {each.size}.",
+            "Give runs at more speeds.",
+        )
     chosen = [tuple(map(float, each)), *(tuple(map(float, p)) for p in combinations(each, 2))]
     time = np.arange(0.0, duration + 0.025, 0.05)
     record = Log(

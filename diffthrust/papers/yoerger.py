@@ -48,12 +48,12 @@ class StaticTest:
     @property
     def ct(self) -> Quantity:
         """Thrust over speed |speed|."""
-        return Quantity(self.thrust.slope, self.thrust.slope_error, "N s^2/rad^2")
+        return self.thrust.quantity("N s^2/rad^2")
 
     @property
     def ratio(self) -> Quantity:
         """The steady speed |speed| over the command: beta / alpha."""
-        return Quantity(self.speed.slope, self.speed.slope_error, "rad^2/(V s^2)")
+        return self.speed.quantity("rad^2/(V s^2)")
 
     def plot(self) -> Figure:
         """The two lines, as in the paper's figures 8 and 9."""
@@ -128,7 +128,7 @@ def static_test(
         The lines, their points, and a figure.
 
     Raises:
-        InputError: a channel that is missing, no steady portion in that direction.
+        InputError: no record, a channel that is missing, no steady portion in that direction.
 
     Source: Yoerger, Cooke & Slotine 1990, section III, figures 8 and 9.
 
@@ -186,6 +186,11 @@ def dynamic_test(
     from scipy.signal import butter, sosfiltfilt  # takes a while
 
     _check_direction(direction)
+    if not isinstance(log, Log):
+        raise InputError(
+            f"dynamic_test: expected one Log, found {type(log).__name__}.",
+            "Give one record at a time.",
+        )
     speed, command = log.values(*_SPEED), log.values(*_COMMAND)
     thrust = log.values(*_THRUST) if "thrust" in log.measured else None
     if "speed" in log.unsigned:
