@@ -89,7 +89,8 @@ def test_what_is_missing_is_named():
     said = {finding.what: finding.found for finding in cut.missing}
     assert list(said) == ["command = 3 V", "command = 4 V", "command = 0 V"]
     assert said["command = 3 V"].startswith("held for 2 s; it takes 3 s")
-    assert said["command = 4 V"] == "not run"
+    assert said["command = 4 V"] == "not run: command from 1 to 3 V"
+    assert said["command = 0 V"] == "not run: command from 1 to 3 V"
     both = plan.check([whole.slice(0.0, 12.0), whole.slice(10.0, None)])  # in two logs
     assert both.good
     blind = plan.check(measured(plan.runs["static_test"], THRUSTER, leave=("thrust",)))

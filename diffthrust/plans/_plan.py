@@ -184,7 +184,7 @@ class Plan:
                 key = tuple(sorted(level.inputs.items()))
                 if key not in left:
                     left[key] = self._held(level, logs)
-                yield self._level(level, left[key].pop(0) if left[key] else None)
+                yield self._level(level, left[key].pop(0) if left[key] else None, logs)
             if not levels:
                 for channel, values in run.inputs.items():
                     unit = run.units.get(channel, "")
@@ -212,13 +212,13 @@ class Plan:
                 found += times * [_Held(lasted / times, absent)]
         return sorted(found, key=lambda held: -held.lasted)
 
-    def _level(self, level: Level, held: _Held | None) -> Finding:
+    def _level(self, level: Level, held: _Held | None, logs: Sequence[Log]) -> Finding:
         units = next(iter(self.runs.values())).units
         words = ", ".join(
             f"{n} = {x:.4g} {units.get(n, '')}".rstrip() for n, x in level.inputs.items()
         )
         if held is None or held.lasted == 0.0:
-            return Finding(level.run, words, "not run", False)
+            return Finding(level.run, words, _not_run(level, units, logs), False)
         if held.lasted < self.settle:
             short = f"held for {held.lasted:.3g} s; it takes {self.settle:.3g} s to settle"
             return Finding(level.run, words, short, False)
@@ -233,6 +233,17 @@ class _Held(NamedTuple):
 
     lasted: float
     absent: tuple[str, ...]
+
+
+def _not_run(level: Level, units: Mapping[str, str], logs: Sequence[Log]) -> str:
+    """With the range of what was run instead, where the level lies outside it."""
+    for name, wanted in level.inputs.items():
+        unit = units.get(name, "")
+        values = [log.values(name, unit) for log in logs]
+        low, high = (end([float(end(v)) for v in values]) for end in (min, max)) if logs else (0, 0)
+        if logs and not low <= wanted <= high:
+            return f"not run: {name} from {low:.3g} to {high:.3g} {unit}".rstrip()
+    return "not run"
 
 
 def _levels(name: str, run: Log, settle: float) -> list[Level]:
