@@ -202,7 +202,7 @@ def _channel(
     return ChannelHeadroom(
         float(np.sqrt(np.mean(before[seen] ** 2))) / spread,
         float(np.sqrt(np.mean(after[seen] ** 2))) / spread,
-        1.0 - float(np.sum(after[seen] ** 2) / np.sum(before[seen] ** 2)),
+        float(_explained(np.sum(before[seen] ** 2), np.sum(after[seen] ** 2))),
         low,
         high,
         rung,
@@ -230,9 +230,15 @@ def _interval(rests: list[tuple[np.ndarray, np.ndarray]], seed: int) -> tuple[fl
     table = np.array(sums)
     rng = np.random.default_rng(seed)
     drawn = table[rng.integers(0, len(table), (_DRAWS, len(table)))].sum(axis=1)
-    shares = 1.0 - drawn[:, 1] / drawn[:, 0]
+    shares = _explained(drawn[:, 0], drawn[:, 1])
     ends = np.quantile(shares, [0.5 * (1 - _LEVEL), 0.5 * (1 + _LEVEL)])
     return float(ends[0]), float(ends[1])
+
+
+def _explained(before: Any, after: Any) -> np.ndarray:
+    """The share of squared errors that a correction takes away; none where there is no error."""
+    before, after = np.asarray(before), np.asarray(after)
+    return 1.0 - np.divide(after, before, out=np.ones_like(before), where=before > 0)
 
 
 def _share(value: float) -> str:
