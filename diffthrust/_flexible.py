@@ -156,14 +156,14 @@ def chosen(records: Sequence[Record], features: Features) -> Flexible:
     """
     best, rung_found, ridge_found = 1.0, RUNGS[0], 0.0
     for rung in RUNGS[1:]:
-        losses = _left_out([_sums(features.of(r, rung), r.error) for r in records])
+        losses = _left_out(_regression(records, features, rung)[0])
         least = int(np.argmin(losses))
         if losses[least] < best - 0.01:
             best, rung_found, ridge_found = losses[least], rung, float(_RIDGES[least])
     if rung_found == RUNGS[0]:
         return Flexible(rung_found, features, np.empty(0))
-    everything = _together([_sums(features.of(r, rung_found), r.error) for r in records])
-    return Flexible(rung_found, features, _solved(everything, ridge_found))
+    blocks, basis = _regression(records, features, rung_found)
+    return Flexible(rung_found, features, basis @ _solved(_together(blocks), ridge_found))
 
 
 class _Sums(NamedTuple):
@@ -175,10 +175,27 @@ class _Sums(NamedTuple):
     samples: int
 
 
-def _sums(matrix: np.ndarray, error: np.ndarray) -> _Sums:
-    seen = np.isfinite(error)
-    x, y = matrix[seen], error[seen]
-    return _Sums(x.T @ x, x.T @ y, float(y @ y), int(seen.sum()))
+def _regression(
+    records: Sequence[Record], features: Features, rung: str
+) -> tuple[list[_Sums], np.ndarray]:
+    """What to solve for each record, and what turns a solution into weights of the regressors.
+
+    Where there are more regressors than samples, weights are sought in the span of the samples
+    alone: ridge regression finds none outside it, and the systems are smaller.
+    """
+    from scipy.linalg import block_diag, qr  # takes a while
+
+    seen = [np.isfinite(r.error) for r in records]
+    parts = [features.of(r, rung)[s] for r, s in zip(records, seen, strict=True)]
+    samples, basis = sum(map(len, parts)), np.eye(parts[0].shape[1])
+    if samples < len(basis):
+        span = qr(np.concatenate(parts)[:, 1:].T, mode="economic", check_finite=False)[0]
+        basis = np.asarray(block_diag(1.0, span))  # the mean is free, and stays as it is
+        parts = [x @ basis for x in parts]
+    errors = [r.error[s] for r, s in zip(records, seen, strict=True)]
+    return [
+        _Sums(x.T @ x, x.T @ y, float(y @ y), y.size) for x, y in zip(parts, errors, strict=True)
+    ], basis
 
 
 def _together(blocks: Sequence[_Sums]) -> _Sums:

@@ -5,7 +5,16 @@ import pytest
 
 import diffthrust as dft
 from diffthrust import InputError, effects, papers
-from diffthrust._flexible import RUNGS, Record, chosen, features_for, through
+from diffthrust._flexible import (
+    RUNGS,
+    Record,
+    _regression,
+    _solved,
+    _together,
+    chosen,
+    features_for,
+    through,
+)
 from diffthrust._headroom import ChannelHeadroom, Headroom
 
 NOISE = {"speed": 0.3, "thrust": 0.15}
@@ -154,3 +163,22 @@ def test_too_little_to_learn_from_is_refused():
     )  # fmt: skip
     with pytest.raises(InputError, match="no channel in common"):
         dft.headroom(dft.Thruster(), speed, holdout=thrust)
+
+
+def test_fewer_samples_than_regressors_are_solved_as_the_whole_system():
+    rng = np.random.default_rng(3)
+    time = np.arange(0.0, 4.0, 0.05)
+    given = []
+    for _ in range(3):
+        a = rng.standard_normal(time.size).cumsum() * 0.1
+        given.append(Record(time, {"a": a}, np.tanh(2.0 * a) + 0.1))
+    features = features_for(given, 0)
+    found = chosen(given, features)
+    assert found.rung == "static, curved"
+    x = np.concatenate([features.of(r, "dynamic, curved") for r in given])
+    y = np.concatenate([r.error for r in given])
+    assert x.shape[0] < x.shape[1]
+    blocks, basis = _regression(given, features, "dynamic, curved")
+    ridge = np.diag(np.r_[1e-12, np.full(x.shape[1] - 1, 1e-3)]) * y.size
+    whole = np.linalg.solve(x.T @ x + ridge, x.T @ y)
+    np.testing.assert_allclose(x @ basis @ _solved(_together(blocks), 1e-3), x @ whole, atol=1e-9)
