@@ -55,30 +55,38 @@ def arguments(given: Sequence[str] | None = None) -> argparse.Namespace:
 
 def main(given: Sequence[str] | None = None, console: Console | None = None) -> list[Cell]:
     """Measure, print the table, write the file."""
+    from diffthrust._files import write_whole  # JAX with it: not for every worker
+
     asked = arguments(given)
     console = console or Console(width=WIDTH)
     device = gpu()
     told = machine(device)
-    cells = list(
-        measure(
-            asked.jobs,
-            asked.sizes,
-            TOOLS,
-            repeats=asked.repeats,
-            limit=asked.limit,
-            gpu=device is not None,
-            tell=lambda message: console.print(message, style="dim", markup=False),
-        )
-    )
+    settings = {"sizes": asked.sizes, "repeats": asked.repeats, "limit": asked.limit}
+    cells: list[Cell] = []
+
+    def save() -> None:
+        if asked.json:
+            text = json.dumps(document(cells, told, settings), indent=1, allow_nan=False)
+            write_whole(asked.json, f"{text}\n".encode())
+
+    save()  # what cannot be written is told now
+    for cell in measure(
+        asked.jobs,
+        asked.sizes,
+        TOOLS,
+        repeats=asked.repeats,
+        limit=asked.limit,
+        gpu=device is not None,
+        tell=lambda message: console.print(message, style="dim", markup=False),
+    ):
+        cells.append(cell)
+        save()  # a run that is cut keeps what it has measured
     shown, notes = table(cells, TOOLS, asked.limit, device)
     console.print(shown)
     for note in notes:
         console.print(note, markup=False)
     versions = ", ".join(f"{name} {number}" for name, number in told["versions"].items() if number)
     console.print(f"{told['cores']} cores, Python {told['python']}, {versions}", markup=False)
-    if asked.json:
-        settings = {"sizes": asked.sizes, "repeats": asked.repeats, "limit": asked.limit}
-        asked.json.write_text(json.dumps(document(cells, told, settings), indent=1) + "\n")
     return cells
 
 

@@ -60,7 +60,6 @@ def _fit(guess: Any, given: Record) -> tuple[Any, Any]:
 
 
 @jax.jit
-@jax.vmap
 def _period(amplitude: Any, frequency: Any, x: Any) -> tuple[Any, Any]:
     """One period of a cosine: the speed after it, and the first harmonic of the thrust."""
 
@@ -71,7 +70,7 @@ def _period(amplitude: Any, frequency: Any, x: Any) -> tuple[Any, Any]:
         return jnp.stack([swing, thrust * jnp.cos(at) / jnp.pi, -thrust * jnp.sin(at) / jnp.pi])
 
     found = dfx.diffeqsolve(
-        dfx.ODETerm(rate), dfx.Tsit5(), 0.0, 2.0 * jnp.pi, 0.01, jnp.stack([x, 0.0 * x, 0.0 * x]),
+        dfx.ODETerm(rate), dfx.Tsit5(), 0.0, 2.0 * jnp.pi, 0.01, jnp.array([x, 0.0, 0.0]),
         stepsize_controller=dfx.PIDController(rtol=1e-6, atol=1e-8), max_steps=100_000,
     )  # fmt: skip
     x, real, imaginary = found.ys[-1]
@@ -101,19 +100,19 @@ def multi_start(samples: int) -> Any:
 
 def describing_function(points: int) -> Any:
     amplitudes, frequencies = _problem.grids(points)
-    a, w = (part.ravel() for part in np.meshgrid(amplitudes, frequencies, indexing="ij"))
 
-    def run(turn: int) -> np.ndarray:
-        x, found = jnp.zeros(a.size), np.zeros(a.size, complex)
+    def harmonic(amplitude: float, frequency: float) -> complex:
+        x, found = 0.0, 0.0j
         for _ in range(400):
             before = found
-            x, told = _period(a, w, x)
-            found = np.asarray(told)
-            if np.all(np.abs(found - before) <= 1e-6 * np.abs(found)):
+            x, told = _period(amplitude, frequency, x)
+            found = complex(told)
+            if abs(found - before) <= 1e-6 * abs(found):
                 break
-        return found.reshape(amplitudes.size, frequencies.size)
+        return found
 
-    return run
+    # one by one: side by side all would take the steps and the periods of the slowest
+    return lambda turn: np.array([[harmonic(a, w) for w in frequencies] for a in amplitudes])
 
 
 def many_logs(count: int) -> Any:

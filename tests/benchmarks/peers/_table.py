@@ -138,7 +138,7 @@ def _cell(cell: Cell, ours: Cell, tool: Tool, limit: float, notes: Notes) -> str
         return f"> {limit:g} s"
     if cell.status == "failed":
         return f"failed {notes.mark(f'{cell.tool}, {JOBS[cell.job].name}: {cell.message}')}"
-    ratio = "" if cell is ours or not ours.times else f" ({cell.seconds / ours.seconds:.2g})"
+    ratio = "" if cell is ours or not ours.times else f" ({times(cell.seconds / ours.seconds)})"
     wrong = ""
     if cell.status == "wrong":
         wrong = " " + notes.mark(f"{cell.tool}, {JOBS[cell.job].name}: {cell.message}")
@@ -176,6 +176,11 @@ def _rest(
         yield "no GPU here"
     else:
         yield ""
+
+
+def times(ratio: float) -> str:
+    """A ratio with two figures, or all before the point."""
+    return f"{ratio:,.0f}" if ratio >= 10 else f"{ratio:.2g}"
 
 
 def duration(seconds: float) -> str:

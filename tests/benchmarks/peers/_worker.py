@@ -17,6 +17,8 @@ ENOUGH = 0.05
 PATIENCE = 10.0
 """A process that is not at work may take so long to end [s]."""
 MIB = 2**20
+XLA_FLAGS = os.environ.get("XLA_FLAGS", "")
+"""As whoever ran the command set them: this package adds to them, which peers must not inherit."""
 
 
 class Failed(Exception):
@@ -55,13 +57,14 @@ def timed(run: Callable[[int], Any], turn: int) -> tuple[float, Any]:
             return spent / count, answer
 
 
-def serve(pipe: Any, module: str, job: str, size: int, platform: str) -> None:
+def serve(pipe: Any, module: str, job: str, size: int, platform: str, flags: str) -> None:
     """Import the tool, prepare the job, then run it once for each turn that is asked for."""
     if hasattr(os, "setsid"):
         os.setsid()  # what the tool starts ends with it
     if platform == "cpu":
         os.environ["JAX_PLATFORMS"] = "cpu"
     os.environ["XLA_PYTHON_CLIENT_PREALLOCATE"] = "false"
+    os.environ["XLA_FLAGS"] = flags
     try:
         begun = time.perf_counter()
         tool = importlib.import_module(module)
@@ -91,7 +94,8 @@ class Worker:
     def __init__(self, module: str, job: str, size: int, platform: str = "cpu") -> None:
         context = get_context("spawn")
         self._pipe, theirs = context.Pipe()
-        self._process = context.Process(target=serve, args=(theirs, module, job, size, platform))
+        given = (theirs, module, job, size, platform, XLA_FLAGS)
+        self._process = context.Process(target=serve, args=given)
         self._process.start()
         self._busy = True
         theirs.close()
