@@ -108,9 +108,17 @@ def fakes(tmp_path, monkeypatch):
     ]
 
 
+def printed(shown):
+    text = StringIO()
+    Console(file=text, width=200).print(shown)
+    return text.getvalue()
+
+
 def test_what_becomes_of_each_tool(fakes):
     limit = 1.0
-    cells = list(measure(["simulation"], [100, 400], fakes, repeats=2, limit=limit))
+    cells = list(measure(["simulation"], [100, 400], fakes, repeats=2, limit=limit, gpu=True))
+    on_gpu = [cell for cell in cells if cell.platform == "gpu"]
+    cells = [cell for cell in cells if cell.platform == "cpu"]
     by = {(cell.tool, cell.size): cell for cell in cells}
     assert len(cells) == 2 * len(fakes)
     statuses = {tool.name: [by[tool.name, n].status for n in (100, 400)] for tool in fakes}
@@ -130,13 +138,20 @@ def test_what_becomes_of_each_tool(fakes):
     assert "KeyError" in by["broken", 100].message
 
     shown, notes = table(cells, fakes, limit, None)
-    text = StringIO()
-    Console(file=text, width=200).print(shown)
-    assert "> 1 s" in text.getvalue()
-    assert "no GPU here" in text.getvalue()
+    assert "> 1 s" in printed(shown)
+    assert "no GPU here" in printed(shown)
     assert [note[:3] for note in notes] == ["(a)", "(b)", "(c)", "(d)"]
     assert any(INSTALL in note for note in notes)
     assert any("differs by 5.0e-01" in note for note in notes)
+
+    assert [(cell.tool, cell.size, cell.status) for cell in on_gpu] == [
+        ("ours", 100, "measured"),
+        ("ours", 400, "measured"),
+    ]
+    on_gpu[1].times = [7.89]
+    filled = printed(table([*cells, *on_gpu], fakes, limit, "some GPU")[0])
+    assert "7.89 s" in filled
+    assert "no GPU here" not in filled
 
     told = json.dumps(document(cells, machine(None), {"limit": limit}), allow_nan=False)
     found = json.loads(told)
