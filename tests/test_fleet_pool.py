@@ -229,7 +229,7 @@ def test_fits_of_one_vehicle_count_together(dives):
     assert evidence[2].values == pytest.approx(mean)
     grown = np.sqrt(np.diagonal(total) / np.diagonal(evidence[2].information))
     assert (grown >= 1.0 - 1e-9).all()
-    with pytest.raises(InputError, match="'c' has 2 usable fits, an exact likelihood needs one"):
+    with pytest.raises(InputError, match="'c' has 2 fits, an exact likelihood needs one"):
         gathered(ruler_of, ruler, {"c": logs[2]})
 
 
@@ -246,7 +246,7 @@ def test_the_correlated_law_has_as_many_coordinates_as_numbers():
         (schools(), {"draws": 1}, "draws: expected a whole number of at least 10"),
         (schools(), {"level": 95}, r"level: expected a number in \(0, 1\), found 95"),
         (schools(), {"logs": {"Z": None}}, "there is no vehicle 'Z' in the fleet"),
-        (schools(), {"logs": {"A": None}}, "'A' has 0 usable fits"),
+        (schools(), {"logs": {"A": None}}, "'A' has 0 fits"),
     ],
 )
 def test_what_cannot_be_pooled_is_told(frame, options, told):

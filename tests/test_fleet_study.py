@@ -1,8 +1,11 @@
 """Pooling on simulated fleets: sparse vehicles gain, and intervals cover."""
 
+import re
+
 import numpy as np
 import pytest
 from simulated_fleets import MEDIAN, drawn_fleet
+from test_examples import figure, run
 
 import diffthrust as dft
 
@@ -55,3 +58,44 @@ def test_sparse_vehicles_gain_and_intervals_cover(capsys):
         assert 0.92 <= hits[:, 1].mean() <= 0.98
     sparse = np.array([hit for little, hit in inside["exact"] if little])
     assert 0.92 <= sparse.mean() <= 0.98
+
+
+@pytest.mark.slow
+def test_a_vehicle_without_a_speed_sensor_borrows_its_scale():
+    """From thrust alone, alpha * beta and ct / alpha^2 are known, and nothing of their scale."""
+    truth, logs = drawn_fleet(1, vehicles=6, sparse=0)
+    given = logs[5]
+    thrust = {"thrust": given.values("thrust", "N")}
+    command = {"command": given.values("command", "V")}
+    logs[5] = dft.Log(given.time, command, thrust, name="auv5")
+    found = dft.many.fit(dft.Thruster(), logs)
+    assert found["auv5"].status is dft.Status.NOT_IDENTIFIABLE
+    pooled = dft.fleet(found).pool(logs={"auv5": logs[5]})
+    assert pooled.convergence.status.ok, pooled.convergence.message
+    own = {n: np.log(pooled.post.posterior[n].sel(vehicle="auv5").values.ravel()) for n in MEDIAN}
+    true = {n: np.log(truth[5][n]) for n in MEDIAN}
+    law = {n: np.log(values).std() for n, values in pooled.new_vehicle().items()}
+    for combination in ({"alpha": 1, "beta": 1}, {"ct": 1, "alpha": -2}):
+        drawn = sum(k * own[n] for n, k in combination.items())
+        wanted = sum(k * true[n] for n, k in combination.items())
+        assert drawn.std() < 0.02
+        assert drawn.mean() == pytest.approx(wanted, abs=4 * drawn.std())
+    assert 0.2 * law["alpha"] < own["alpha"].std() < law["alpha"]
+    plain = dft.fleet(found).pool()
+    assert "auv5" in plain.notes[-1]
+    free = np.log(plain.post.posterior["alpha"].sel(vehicle="auv5").values.ravel())
+    assert free.std() == pytest.approx(np.log(plain.new_vehicle()["alpha"]).std(), rel=0.2)
+
+
+@pytest.mark.slow
+def test_the_example_finds_what_it_hid(tmp_path):
+    text = run("fleet", tmp_path)
+    assert len(re.findall(r"^Outlier: auv3, ", text, re.MULTILINE)) == 2
+    assert "Outlier: auv3, alpha" in text
+    assert re.findall(r"^Drift: (\w+), (\w+) ", text, re.MULTILINE) == [("auv5", "alpha")]
+    assert "Effect: command dead band in auv2 (4 of 4)." in text
+    rows = re.findall(r"^auv[67] \w+ +(\S+) +(\S+) +(\S+)$", text, re.MULTILINE)
+    true, alone, pooled = np.array(rows, float).T
+    assert np.mean((pooled / true - 1) ** 2) < np.mean((alone / true - 1) ** 2)
+    for name in ("spread", "drift", "effects", "pooled"):
+        assert figure(tmp_path, f"fleet_{name}.png")

@@ -47,6 +47,12 @@ class Entry:
     estimates: Mapping[str, tuple[float, float | None]]
     fit: Fit | None = field(default=None, repr=False)
 
+    def has(self, parameter: str) -> bool:
+        """Whether the fit estimated a parameter; of a table, whether it tells an error of it."""
+        if self.fit is not None:
+            return parameter in self.fit.free
+        return self.estimates.get(parameter, (0.0, None))[1] is not None
+
     @property
     def usable(self) -> bool:
         """Whether its estimates may be compared; a table without statuses is taken on trust."""

@@ -101,8 +101,8 @@ def gathered(
         )
     out, tabular, uncertain = [], False, []
     for vehicle in fleet.vehicles:
-        own = [e for e in fleet.entries if e.vehicle == vehicle and e.usable]
-        known = np.array([any(a.name in e.estimates for e in own) for a in ruler.axes], bool)
+        own = _own(fleet, vehicle, vehicle in logs)
+        known = np.array([any(e.has(a.name) for e in own) for a in ruler.axes], bool)
         if vehicle in logs and not known.any():
             raise InputError(
                 f"logs: '{vehicle}' has no fit with any of the pooled parameters.",
@@ -120,7 +120,7 @@ def gathered(
     begin = guessed(out)
     for i, one in enumerate(out):
         if one.vehicle in logs:
-            own = [e for e in fleet.entries if e.vehicle == one.vehicle and e.usable]
+            own = _own(fleet, one.vehicle, True)
             out[i] = _whole(one, own, ruler, logs[one.vehicle], begin)
     notes = []
     if tabular:
@@ -137,6 +137,11 @@ def gathered(
     return out, notes
 
 
+def _own(fleet: Fleet, vehicle: str, exact: bool) -> list[Entry]:
+    """The fits of a vehicle; a whole likelihood needs none that has converged."""
+    return [e for e in fleet.entries if e.vehicle == vehicle and (e.usable or exact)]
+
+
 def _whole(
     found: Evidence, own: Sequence[Entry], ruler: Ruler, logs: Any, begin: Guess
 ) -> Evidence:
@@ -144,7 +149,7 @@ def _whole(
     fits = [entry.fit for entry in own if entry.fit is not None]
     if len(fits) != 1 or len(own) != 1:
         raise InputError(
-            f"logs: '{found.vehicle}' has {len(fits)} usable fits, an exact likelihood needs one.",
+            f"logs: '{found.vehicle}' has {len(fits)} fits, an exact likelihood needs one.",
             "Fit all logs of the vehicle at once, or leave it out of logs.",
         )
     which = np.flatnonzero([axis.name in fits[0].free for axis in ruler.axes])
@@ -175,7 +180,7 @@ def _parabola(entry: Entry, ruler: Ruler) -> tuple[np.ndarray, np.ndarray]:
     for i, axis in enumerate(ruler.axes):
         value, error = entry.estimates.get(axis.name, (np.nan, None))
         at = float(axis.coordinate(value))
-        if error is not None and np.isfinite(at):
+        if entry.usable and error is not None and np.isfinite(at):
             values[i] = (at - ruler.middle[i]) / axis.typical
             slopes[i] = float(axis.slope(value)) * axis.typical
             errors[i] = error

@@ -181,7 +181,8 @@ class Fleet:
 
         Args:
             parameters: which to pool; by default all that three vehicles have.
-            logs: the training logs of vehicles, by name, that enter by their exact likelihood.
+            logs: the training logs of vehicles, by name, that enter by their exact likelihood;
+                their fits need not have converged.
             correlated: parameters may vary together from vehicle to vehicle (prior: Lewandowski,
                 Kurowicka & Joe 2009, shape 2); else they vary each by itself.
             draws: of each chain, after the warmup.

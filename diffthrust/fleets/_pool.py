@@ -46,7 +46,7 @@ def pooled(
     for i, name in enumerate(names):
         lacking = [one.vehicle for one in evidence if not one.known[i]]
         if lacking:
-            notes.append(f"{name}: left out of it, for lack of the parameter: {listing(lacking)}.")
+            notes.append(f"{name}: {listing(lacking)} did not estimate it and are left out of it.")
     target, data = arranged(evidence, correlated)
     walked = _nuts.walk(
         target,

@@ -76,7 +76,7 @@ def _interval(median: float, low: float, high: float) -> tuple[str, str, str]:
 
 def _spread(fleet: Fleet) -> RenderableType:
     table = _table("Parameter", "Unit", "Vehicles", "Median", "Robust sd", "Between sd",
-                   "Beyond errors", "Alike?", numbers=(2, 3, 4, 5, 6))  # fmt: skip
+                   "Beyond errors", "Alike?", numbers=(2, 3, 4, 5, 6, 7, 8))  # fmt: skip
     for row in _rows(fleet.spread()):
         table.add_row(
             escape(row.parameter),
@@ -86,7 +86,9 @@ def _spread(fleet: Fleet) -> RenderableType:
             number(row.robust_sd, 2),
             number(row.between_sd, 2),
             percent(row.share),
-            f"Q = {number(row.q, 3)} of {row.dof}, {probability(row.p_value)}",
+            number(row.q, 3),
+            str(row.dof),
+            probability(row.p_value),
         )
     return table
 
