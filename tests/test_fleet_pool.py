@@ -1,5 +1,6 @@
 """Partial pooling against quadrature, against the joint density written out, and its edges."""
 
+import sys
 from dataclasses import replace
 
 import jax
@@ -259,3 +260,9 @@ def test_a_prior_would_count_for_each_vehicle(dives):
     made = dft.fleet({f"auv{i}": replace(fit, model=model) for i, fit in enumerate(dives[1])})
     with pytest.raises(InputError, match="the fit of 'alpha' has a prior"):
         made.pool()
+
+
+def test_pooling_needs_blackjax(monkeypatch):
+    monkeypatch.setitem(sys.modules, "blackjax", None)
+    with pytest.raises(InputError, match="Pooling needs BlackJAX"):
+        dft.fleet(schools()).pool()
