@@ -1,5 +1,7 @@
 """Fleets of fits: spread, drift, effects and outliers, against closed forms and simulation."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -184,7 +186,9 @@ def test_fits_come_from_many_lists_dictionaries_and_tables(fits, tmp_path):
         assert errors[0] == pytest.approx(estimate.std_error / estimate.value)
         assert one.drift()["unit"].iloc[0] == "1/rad per day"
         assert len(one.table) == 4
-    assert "Nothing drifts" in fleets[0].report()
+    report = fleets[0].report()
+    assert "Nothing drifts" in report
+    assert re.search(r"Beyond errors +Q +Dof +Alike\?", report)
 
 
 def test_failed_and_doubtful_fits_are_left_out_and_told():
@@ -194,7 +198,7 @@ def test_failed_and_doubtful_fits_are_left_out_and_told():
     found = dft.fleet(frame)
     assert len(found.table) == 7
     assert found.spread()["vehicles"].iloc[0] == 5
-    assert found.notes[0] == "1 rows have no result and are left out."
+    assert found.notes[0] == "1 row has no result and is left out."
     assert found.notes[1].endswith("all but the table: auv6/6, auv7/7.")
 
 

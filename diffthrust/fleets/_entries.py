@@ -93,7 +93,7 @@ def _fits(
     if isinstance(source, Many):
         failed = source.failed
         if failed:
-            notes.append(f"{len(failed)} failed and are left out: {', '.join(failed)}.")
+            notes.append(f"Failed, and left out: {', '.join(failed)}.")
         names = [name for name in source.names if name not in failed]
         fits, vehicles = list(source), names
     elif isinstance(source, Mapping):
@@ -157,7 +157,9 @@ def _of_table(frame: Any, vehicle: Labels, time: Labels) -> tuple[list[Entry], l
     if "status" in frame:
         failed = frame["status"] != "ok"
         if failed.any():
-            notes.append(f"{int(failed.sum())} rows have no result and are left out.")
+            count = int(failed.sum())
+            words = "row has no result and is" if count == 1 else "rows have no result and are"
+            notes.append(f"{count} {words} left out.")
         frame = frame[~failed]
     values = [c for c in frame.columns if f"{c}{ERROR}" in frame.columns]
     if not values:
