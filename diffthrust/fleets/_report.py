@@ -56,7 +56,7 @@ def pooled_report(pooled: Pooled) -> str:
         Text(),
         Text("Its vehicles", style="bold"),
         own,
-        Text("* by the exact likelihood of its logs") if pooled.exact else Text(),
+        *([Text("* by the exact likelihood of its logs")] if pooled.exact else []),
         Text(),
         Text(pooled.convergence.message),
         *(Text(f"Note: {note}") for note in pooled.notes),
@@ -76,7 +76,7 @@ def _interval(median: float, low: float, high: float) -> tuple[str, str, str]:
 
 def _spread(fleet: Fleet) -> RenderableType:
     table = _table("Parameter", "Unit", "Vehicles", "Median", "Robust sd", "Between sd",
-                   "Beyond errors", "Q", "Dof", "Alike?", numbers=(2, 3, 4, 5, 6, 7, 8))  # fmt: skip
+                   "Beyond errors", "Q", "Dof", "Alike?", numbers=range(2, 9))  # fmt: skip
     for row in _rows(fleet.spread()):
         table.add_row(
             escape(row.parameter),
