@@ -38,6 +38,13 @@ def padded_length(samples: int) -> int:
     return samples if present is None else present.length(samples)
 
 
+def still_wanted(*_: Any) -> None:
+    """Raise where this thread's lanes are closed: long work asks, as its `Progress`."""
+    present = lanes()
+    if present is not None and present.closed:
+        raise _given_up()
+
+
 @partial(jax.jit, static_argnums=(0, 1))
 def _side_by_side(program: Callable[..., Any], static: Hashable, rows: Any) -> Any:
     return jax.vmap(partial(program, static))(rows)
@@ -74,7 +81,7 @@ class Lanes:
         self.width, self.lengths = width, np.asarray(lengths, int)
         self._waiting: dict[Hashable, list[_Asked]] = {}
         self._thinking = 0
-        self._closed = False
+        self.closed = False
         self._changed = threading.Condition()
         self._sharding = _by_rows(devices) if len(devices) else None
         self._workers = [threading.Thread(target=self._work, daemon=True) for _ in range(workers)]
@@ -89,7 +96,7 @@ class Lanes:
     def close(self) -> None:
         """End the workers; what still waits is given up, with an error in its thread."""
         with self._changed:
-            self._closed = True
+            self.closed = True
             given_up = [asked for group in self._waiting.values() for asked in group]
             self._waiting.clear()
             self._changed.notify_all()
@@ -114,7 +121,7 @@ class Lanes:
         kind = (program, static, tree, tuple((leaf.shape, leaf.dtype) for leaf in leaves))
         asked = _Asked(leaves, tree)
         with self._changed:
-            if self._closed:
+            if self.closed:
                 raise _given_up()
             self._waiting.setdefault(kind, []).append(asked)
             self._thinking -= 1
@@ -154,7 +161,7 @@ class Lanes:
         while True:
             with self._changed:
                 job = self._next()
-                while job is None and not self._closed:
+                while job is None and not self.closed:
                     told = self._changed.wait(PATIENCE if self._waiting else None)
                     job = self._next(anyhow=not told)
             if job is None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import diffthrust as dft
-from diffthrust._lanes import Lanes, _side_by_side
+from diffthrust._lanes import Lanes, _side_by_side, still_wanted
 from diffthrust._likelihood import Quadratic
 from diffthrust._solver import Solved
 from diffthrust._starts import _distinct
@@ -328,6 +328,15 @@ def test_what_waits_when_lanes_close_is_given_up():
     lanes.close()
     thread.join(20.0)
     assert told == ["These lanes are closed."]
+
+
+def test_long_work_ends_where_nobody_waits_for_it():
+    lanes = Lanes(2, 1)
+    lanes.do(still_wanted)
+    lanes.close()
+    with pytest.raises(RuntimeError, match="closed"):
+        lanes.do(still_wanted)
+    still_wanted("outside of lanes", 0.0)
 
 
 def test_a_busy_thread_does_not_hold_up_the_others():

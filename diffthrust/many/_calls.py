@@ -9,6 +9,7 @@ from diffthrust._arguments import listed
 from diffthrust._compare import compare as compare_one
 from diffthrust._errors import InputError
 from diffthrust._fit import fit as fit_one
+from diffthrust._lanes import still_wanted
 from diffthrust._log import Log
 from diffthrust._model import Model
 from diffthrust._result import Fit
@@ -66,7 +67,7 @@ def fit(
     held = [listed(one) for one in unseen if one is not None]
 
     def one(i: int) -> Fit:
-        return fit_one(models[i], members[i], holdout=unseen[i], **options)
+        return fit_one(models[i], members[i], holdout=unseen[i], progress=still_wanted, **options)
 
     every = [log for group in (*members, *held) for log in group]
     return each(one, _names(names, members), every, width=width, devices=devices, progress=progress)
@@ -153,7 +154,7 @@ def sample(
     each_fit = _for_each(fits, (), "fits", len(members))
 
     def one(i: int) -> Any:
-        return sample_one(each_fit[i], members[i], **options)
+        return sample_one(each_fit[i], members[i], progress=still_wanted, **options)
 
     every = [log for group in members for log in group]
     return each(one, _names(names, members), every, progress=progress)
