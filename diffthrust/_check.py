@@ -13,6 +13,7 @@ from diffthrust._check_parallel import Task, run_all
 from diffthrust._check_run import Run, run_again
 from diffthrust._errors import InputError
 from diffthrust._expected import Row
+from diffthrust._line_pool import processors
 from diffthrust._spec_file import NAME
 
 FEWEST = 3
@@ -151,9 +152,7 @@ def _unreadable(error: OSError) -> NoReturn:
 
 
 def _default_jobs(count: int) -> int:
-    usable = getattr(os, "sched_getaffinity", None)  # fewer than all, in a container
-    processors = len(usable(0)) if usable else os.cpu_count() or 1
-    return max(1, min(processors, -(-count // FEWEST)))
+    return max(1, min(processors(), -(-count // FEWEST)))
 
 
 def _runs(

@@ -7,7 +7,6 @@ import json
 import os
 import sys
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
 from pathlib import Path
 
 import pandas as pd
@@ -267,11 +266,8 @@ def test_a_cluster_that_is_not_there(dives):
 
 
 def test_the_command(dives, monkeypatch):
-    @contextmanager
-    def in_place(*_):
-        yield InPlace()
-
-    monkeypatch.setattr(_campaign, "opened", in_place)
+    outcomes = _campaign.outcomes
+    monkeypatch.setattr(_campaign, "outcomes", lambda _, *rest: outcomes(InPlace(), *rest))
     monkeypatch.setenv("DIFFTHRUST_CACHE", "off")
     monkeypatch.chdir(dives.parent)
 

@@ -9,8 +9,9 @@ import pytest
 from campaign_specs import SENSOR, sensor_spec
 
 import diffthrust as dft
-from diffthrust.campaigns import _helper
+from diffthrust._line_process import LineProcess, ProcessDied
 from diffthrust.campaigns._job import Job
+from diffthrust.campaigns._perform import helped, own_process
 
 TRAP = """
 import os, pathlib, signal, time
@@ -39,20 +40,21 @@ def test_a_process_that_hangs_or_dies_takes_no_other_task_with_it(tmp_path):
         done = dft.campaign(
             tmp_path / "specs", output=tmp_path / "out", executor=thread, time_limit=10.0
         )
-        pid = thread.submit(lambda: _helper.own_helper()._process.pid).result()
+        pid = thread.submit(lambda: own_process().pid).result()
     assert list(done.table["status"]) == ["ok", "timed_out", "ok"]
     assert "10 s" in done.table["error"][1]
     assert done.table["slope"][2] == pytest.approx(0.1, abs=0.01)
+    assert pid is not None
     with pytest.raises(ProcessLookupError):  # it ended with the thread that it belonged to
         os.kill(pid, 0)
 
 
 def test_a_task_that_always_kills_its_process_is_lost(tmp_path):
-    class Dead(_helper.Helper):
-        def _started(self):
-            return None
+    class Dead(LineProcess):
+        def ask(self, question, limit=None):
+            raise ProcessDied("signal SIGKILL, no memory")
 
     job = Job("a", "/x/fit.toml", str(tmp_path / "a"), "fit", time_limit=1.0)
-    row = Dead().run(job)
+    row = helped(Dead("none:none"), job)
     assert row["status"] == "lost"
-    assert "died 3 times" in row["error"]
+    assert "died 3 times: signal SIGKILL, no memory." in row["error"]

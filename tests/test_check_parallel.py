@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import os
 import shutil
+from collections.abc import Hashable
 from pathlib import Path
 
 import pytest
 
 from diffthrust import InputError
+from diffthrust._alike import alike
 from diffthrust._check import _default_jobs, check, tasks_in
-from diffthrust._check_parallel import _Plan, run_all
+from diffthrust._check_parallel import run_all
 from diffthrust._check_run import run_again
+from diffthrust._line_pool import Groups
 
 SENSOR = Path(__file__).parents[1] / "fits" / "depth_sensor"
 
@@ -33,12 +36,13 @@ def test_a_worker_stays_with_fits_that_share_compiled_code(tmp_path):
             (folder / name).write_text("0,0\n" * rows)
     (tmp_path / "f7").mkdir()
     (tmp_path / "f7" / "fit.toml").write_text("no toml")
-    plan = _Plan(tasks_in(tmp_path))
+    tasks = tasks_in(tmp_path)
+    groups = Groups([alike(task.file) for task in tasks])
 
-    def take(last: str | None) -> tuple[str, str]:
-        given = plan.next(last)
+    def take(last: Hashable | None) -> tuple[Hashable, str]:
+        given = groups.next(last)
         assert given is not None
-        return given[0], given[2].fit
+        return given[0], tasks[given[1]].fit
 
     first, name = take(None)
     assert name == "f0"  # of the largest group
@@ -48,7 +52,7 @@ def test_a_worker_stays_with_fits_that_share_compiled_code(tmp_path):
     third, name = take(first)
     assert name == "f7"  # one that nobody has begun, before it helps
     assert [take(third)[1], take(second)[1]] == ["f3", "f4"]
-    assert plan.next(second) is None
+    assert groups.next(second) is None
 
 
 def test_processes_agree_with_this_one_and_survive_deaths(tmp_path, monkeypatch):

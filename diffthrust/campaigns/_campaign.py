@@ -6,14 +6,16 @@ import os
 import time
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Executor
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from diffthrust._errors import InputError
 from diffthrust._files import plain
+from diffthrust._line_pool import processors
 from diffthrust._spec import load_spec
-from diffthrust.campaigns._executors import opened, outcomes, worker_count
+from diffthrust.campaigns._executors import outcomes
 from diffthrust.campaigns._job import Job, check_task, fingerprint
 from diffthrust.campaigns._specs import PathLike, find_specs, folders
 from diffthrust.campaigns._store import Row, stored, sweep, whole
@@ -24,7 +26,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Progress = Callable[[str, float], None]
-_TICK = 1.0
 _SAVING = 0.02
 """Share of the time that may go into writing the table while the campaign runs."""
 
@@ -168,7 +169,7 @@ def campaign(
     if todo:
         say(_told(rows, kept, len(work), 0.0), kept / len(work))
         try:
-            _run(executor, min(jobs or worker_count(), len(todo)), todo, rows, out, say)
+            _run(executor, min(jobs or processors(), len(todo)), todo, rows, out, say)
         except KeyboardInterrupt:
             _save(out, rows)
             raise KeyboardInterrupt(
@@ -191,10 +192,10 @@ def _run(
 ) -> None:
     """Work through what is to do, and write the table from time to time."""
     kept, total = len(rows), len(rows) + len(todo)
-    with opened(executor, jobs) as pool:
+    with closing(outcomes(executor, jobs, todo)) as found:
         begun = saved = time.monotonic()
         cost = 0.0
-        for row in outcomes(pool, todo, _TICK):
+        for row in found:
             if row is not None:
                 rows[row["name"]] = row
             now = time.monotonic()

@@ -2,57 +2,113 @@
 
 from __future__ import annotations
 
-import os
 import queue
 from collections.abc import Iterator, Sequence
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
+from contextlib import closing, contextmanager
+from pathlib import Path
 
+from diffthrust._alike import alike
 from diffthrust._errors import InputError
-from diffthrust.campaigns._helper import Helper, own_helper, perform
+from diffthrust._line_pool import pooled
+from diffthrust._line_process import LineProcess
 from diffthrust.campaigns._job import Job
+from diffthrust.campaigns._perform import helped, new_process, perform
 from diffthrust.campaigns._store import Row
 from diffthrust.campaigns._task import head
 
 _CONNECT = 5.0
 """Seconds in which the scheduler of a cluster must answer."""
+_TICK = 1.0
+"""Seconds after which the caller hears that no row has come."""
 
 
-@contextmanager
-def opened(executor: Executor | str | None, jobs: int) -> Iterator[Executor]:
-    """The executor of a campaign, ended afterwards unless it was the caller's.
+def outcomes(
+    executor: Executor | str | None, workers: int, jobs: Sequence[Job]
+) -> Iterator[Row | None]:
+    """The rows of some tasks as they come, and ``None`` when none has come for a while.
+
+    A task whose worker is gone is a row as well: nothing that an executor raises ends a campaign.
+    Tasks that have not begun are cancelled when the iteration is left.
 
     Args:
         executor: one to use as it is, the address of a Dask scheduler, or ``None`` for processes of
             this machine.
-        jobs: how many processes.
+        workers: how many processes.
+        jobs: the tasks.
 
     Raises:
         InputError: the cluster does not answer, or Dask is not installed.
     """
     if executor is None:
-        with _processes(jobs) as own:
-            yield own
+        yield from _on_processes(workers, jobs)
     elif isinstance(executor, str):
         with _cluster(executor) as own:
-            yield own
+            yield from _on_executor(own, jobs)
     else:
-        yield executor
+        yield from _on_executor(executor, jobs)
 
 
-@contextmanager
-def _processes(jobs: int) -> Iterator[Executor]:
-    """Threads that each have a process of their own, so that a death takes one task alone."""
-    helpers: list[Helper] = []
-    with ThreadPoolExecutor(jobs, initializer=lambda: helpers.append(own_helper())) as threads:
-        try:
-            yield threads
-        finally:  # at once: whoever leaves before the end wants no more results
-            threads.shutdown(wait=False, cancel_futures=True)
-            for helper in helpers:
-                helper.stop()
-    for helper in helpers:
-        helper.close()
+def _on_processes(workers: int, jobs: Sequence[Job]) -> Iterator[Row | None]:
+    """On processes of this machine: each stays with specs that share compiled code."""
+    processes = [new_process() for _ in range(workers)]
+    keys = [alike(Path(job.spec)) if workers > 1 else "" for job in jobs]
+    with closing(pooled(jobs, keys, processes, _helped)) as each:
+        for found in each:
+            yield None if found is None else found[1]
+
+
+def _helped(process: LineProcess, job: Job) -> Row:
+    try:
+        return helped(process, job)
+    except Exception as error:  # of a machine that cannot start another process
+        return _lost(job, error)
+
+
+def _on_executor(executor: Executor, jobs: Sequence[Job]) -> Iterator[Row | None]:
+    done: queue.SimpleQueue[Future[Row]] = queue.SimpleQueue()
+    waiting: dict[Future[Row], Job] = {}
+    try:
+        for job in jobs:
+            try:
+                future = executor.submit(perform, job)
+            except Exception as error:  # of an executor that is broken or closed
+                yield _lost(job, error)
+                continue
+            if future.done():  # as with executors that do the work in place
+                yield _row(future, job)
+            else:
+                waiting[future] = job
+                future.add_done_callback(done.put)
+        while waiting:
+            try:
+                future = done.get(timeout=_TICK)
+            except queue.Empty:
+                yield None
+                continue
+            yield _row(future, waiting.pop(future))
+    finally:
+        for future in waiting:
+            future.cancel()
+
+
+def _row(future: Future[Row], job: Job) -> Row:
+    try:
+        return future.result()
+    except (Exception, CancelledError) as error:
+        return _lost(job, error)
+
+
+def _lost(job: Job, error: BaseException) -> Row:
+    """The row of a task that gave none; its folder is left alone, for its worker may have ended."""
+    broken = isinstance(error, BrokenExecutor | CancelledError)
+    what = "The executor lost its workers" if broken else "No worker could do it"
+    told = f": {error}" if str(error) else ""
+    return {
+        **head(job, "lost"),
+        "error": f"{what} ({type(error).__name__}{told}).",
+        "mend": "Run the campaign again: it goes on with the rest.",
+    }
 
 
 @contextmanager
@@ -82,60 +138,3 @@ def _cluster(address: str) -> Iterator[Executor]:
                 "give client.get_executor() as the executor.",
             ) from None
         yield client.get_executor(pure=False)
-
-
-def worker_count() -> int:
-    """Processors that this process may use."""
-    allowed = getattr(os, "sched_getaffinity", None)
-    return len(allowed(0)) if allowed else os.cpu_count() or 1
-
-
-def outcomes(executor: Executor, jobs: Sequence[Job], tick: float) -> Iterator[Row | None]:
-    """The rows of some tasks as they come, and ``None`` when none has come for ``tick`` seconds.
-
-    A task whose worker is gone is a row as well: nothing that an executor raises ends a campaign.
-    Tasks that have not begun are cancelled when the iteration is left.
-    """
-    done: queue.SimpleQueue[Future[Row]] = queue.SimpleQueue()
-    waiting: dict[Future[Row], Job] = {}
-    try:
-        for job in jobs:
-            try:
-                future = executor.submit(perform, job)
-            except Exception as error:  # of an executor that is broken or closed
-                yield _lost(job, error)
-                continue
-            if future.done():  # as with executors that do the work in place
-                yield _row(future, job)
-            else:
-                waiting[future] = job
-                future.add_done_callback(done.put)
-        while waiting:
-            try:
-                future = done.get(timeout=tick)
-            except queue.Empty:
-                yield None
-                continue
-            yield _row(future, waiting.pop(future))
-    finally:
-        for future in waiting:
-            future.cancel()
-
-
-def _row(future: Future[Row], job: Job) -> Row:
-    try:
-        return future.result()
-    except (Exception, CancelledError) as error:
-        return _lost(job, error)
-
-
-def _lost(job: Job, error: BaseException) -> Row:
-    """The row of a task that gave none; its folder is left alone, for its worker may have ended."""
-    broken = isinstance(error, BrokenExecutor | CancelledError)
-    what = "The executor lost its workers" if broken else "No worker could do it"
-    told = f": {error}" if str(error) else ""
-    return {
-        **head(job, "lost"),
-        "error": f"{what} ({type(error).__name__}{told}).",
-        "mend": "Run the campaign again: it goes on with the rest.",
-    }

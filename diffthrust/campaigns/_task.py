@@ -11,7 +11,7 @@ from typing import Any
 
 from diffthrust._errors import InputError
 from diffthrust._files import plain
-from diffthrust._result import Fit
+from diffthrust._rows import estimates_of, fit_row
 from diffthrust._spec import Spec, load_spec
 from diffthrust.campaigns._job import SAMPLING, Job, fingerprint
 from diffthrust.campaigns._store import Row, store
@@ -55,6 +55,11 @@ def run(job: Job) -> Row:
     return failed(job, "failed", problem, mend, time.perf_counter() - begun, mark)
 
 
+def run_plain(job: Mapping[str, Any]) -> Row:
+    """`run` of a job that has come as plain data."""
+    return run(Job(**job))
+
+
 def head(job: Job, status: str) -> Row:
     """The columns that every row has."""
     where = {"name": job.name, "spec": job.spec, "folder": Path(job.folder).name}
@@ -76,22 +81,6 @@ def _text(words: str) -> str:
     return words.encode("utf-8", "replace").decode()
 
 
-def _fitted(fit: Fit) -> Row:
-    """The columns of a fit."""
-    return {
-        "model": fit.model.name,
-        "effects": ", ".join(effect.name for effect in fit.model.effects),
-        "fit_status": fit.status.value,
-        "train_nrmse": fit.train.nrmse,
-        "holdout_nrmse": fit.holdout.nrmse if fit.holdout else None,
-        "notes": "\n".join(fit.notes),
-    }
-
-
-def _estimates(fit: Fit) -> Row:
-    return {name: (e.value, e.std_error) for name, e in fit.parameters.items()}
-
-
 def _fit(spec: Spec, job: Job) -> _Done:
     train, unseen = spec.train_logs(), spec.holdout_logs()
     fit = spec.fit(train=train, holdout=unseen)
@@ -102,7 +91,7 @@ def _fit(spec: Spec, job: Job) -> _Done:
         held = comparisons_of(fit, train, unseen)
         write_report(path, title=job.name, spec=spec.text, comparisons=held, fit=fit)
 
-    return _Done(fit.to_json(), _fitted(fit), _estimates(fit), page)
+    return _Done(fit.to_json(), fit_row(fit), estimates_of(fit), page)
 
 
 def _diagnose(spec: Spec, job: Job) -> _Done:
@@ -114,7 +103,7 @@ def _diagnose(spec: Spec, job: Job) -> _Done:
         write_report(found, path, title=f"Diagnosis: {job.name}", spec=spec.text)
 
     told = {"verdict": found.verdict, "added": ", ".join(found.added)}
-    return _Done(found.to_json(), {**_fitted(found.fit), **told}, _estimates(found.fit), page)
+    return _Done(found.to_json(), {**fit_row(found.fit), **told}, estimates_of(found.fit), page)
 
 
 def _sample(spec: Spec, job: Job) -> _Done:
@@ -133,7 +122,7 @@ def _sample(spec: Spec, job: Job) -> _Done:
 
     numbers = {name: (s.median, s.sd) for name, s in found.parameters.items()}
     verdict = {"verdict": found.told.status.value}
-    return _Done(found.to_json(), {**_fitted(fit), **verdict}, numbers, page)
+    return _Done(found.to_json(), {**fit_row(fit), **verdict}, numbers, page)
 
 
 _TASKS: Mapping[str, Callable[[Spec, Job], _Done]] = {
