@@ -14,6 +14,8 @@ from diffthrust import blackbox as bb
 from diffthrust._status import Status
 from diffthrust.blackbox._prediction_error import Shape, stretches
 from diffthrust.blackbox._records import channels_of
+from diffthrust.blackbox._simulation_error import _error, _linearized, _moved, output_sizes
+from diffthrust.blackbox._system import System
 
 A, B, C = [1.0, -1.5, 0.7], [0.0, 1.0, 0.5], [1.0, 0.5, 0.2]
 UY = {"input": "u", "output": "y"}
@@ -196,6 +198,70 @@ def test_two_inputs_and_two_outputs():
     assert list(miso.parameters)[3:] == ["b1_u1", "b2_u1", "b3_u1", "b2_u2", "b3_u2"]
     with pytest.raises(InputError, match=r"input: expected one of 'u1', 'u2'"):
         miso.transfer()
+
+
+def two_by_two(seed, n=1200, noise=0.0):
+    """Two inputs and two outputs, with noise that lasts as long as what the inputs move."""
+    a = np.array([[0.9, 0.2, 0.0], [-0.2, 0.9, 0.1], [0.0, 0.0, 0.7]])
+    b, c = np.array([[0.3, 0.0], [0.0, 0.2], [0.5, -0.4]]), np.array([[1.0, 0, 0.3], [0, 1.0, 0]])
+    true = control.StateSpace(a, b, c, np.zeros((2, 2)), 0.1)
+    rng = np.random.default_rng(seed)
+    u = rng.standard_normal((n, 2))
+    y = control.forced_response(true, 0.1 * np.arange(n), u.T).outputs.T
+    lasting = lfilter([1.0], [1.0, -1.9, 0.905], rng.standard_normal((n, 2)), axis=0)
+    return true, log_of(u, y + noise * lasting)
+
+
+def test_the_gradient_of_a_simulated_state_space():
+    _, log = two_by_two(1, 60, 0.05)
+    y = log_matrix(log).copy()
+    y[20:24, 0] = np.nan
+    log = log_of(np.stack(list(log.inputs.values()), axis=1), y * [1.0, 1e3])
+    _, records = channels_of(log, ["u1", "u2"], ["y1", "y2"], offset=True)
+    rng = np.random.default_rng(2)
+    start = System(0.6 * np.eye(2) + 0.1 * rng.standard_normal((2, 2)),
+                   rng.standard_normal((2, 3)), rng.standard_normal((2, 2)),
+                   np.zeros((2, 3)), np.zeros((2, 2)), (1, 0, 0))  # fmt: skip
+    free = np.array([[False, True, True], [False, False, True]])
+    size = output_sizes(records)
+    error, r, j = _linearized(start, records, size, free)
+    assert error == pytest.approx(_error(start, records, size))
+    slope = 2.0 * j.T @ r
+    assert slope.size == 4 + 6 + 4 + 3
+    for i, step in enumerate(1e-6 * np.eye(slope.size)):
+        ends = [_error(_moved(start, sign * step, free), records, size) for sign in (1, -1)]
+        assert slope[i] == pytest.approx((ends[0] - ends[1]) / 2e-6, rel=1e-4, abs=1e-4)
+
+
+def test_a_focus_on_simulation_finds_what_lasting_noise_hides_from_prediction():
+    inout = {"input": ["u1", "u2"], "output": ["y1", "y2"], "order": 3}
+    z, away = np.exp(1j * np.array([0.05, 0.2, 0.8])), {"prediction": [], "simulation": []}
+    for seed in range(2):
+        true, log = two_by_two(seed, noise=0.01)  # half of the size of what the inputs move
+        for focus, found in away.items():
+            model = bb.state_space(log, **inout, focus=focus)
+            assert model.status is Status.CONVERGED
+            found.append(np.max(np.abs(model.to_control("states")(z) - true(z))))
+            found[-1] /= np.max(np.abs(true(z)))
+    assert np.max(away["simulation"]) < 0.1
+    assert np.min(np.array(away["prediction"]) / away["simulation"]) > 5.0
+    _, clean = two_by_two(5, 300)
+    model = bb.state_space(clean, **inout, focus="simulation")
+    assert model.errors(clean).nrmse < 1e-6
+    del inout["order"]
+    chosen = bb.select(clean, **inout, orders=(2, 3), by="unseen", holdout=two_by_two(6, 300)[1])
+    assert chosen.chosen.order == 3
+    assert "free simulation" in " ".join(chosen.best.notes)
+
+
+def test_starting_states_do_not_depend_on_the_units_of_outputs():
+    _, log = two_by_two(3, 200, 0.3)
+    inout = {"input": ["u1", "u2"], "output": ["y1", "y2"]}
+    u, y = np.stack(list(log.inputs.values()), axis=1), log_matrix(log)
+    first, other = (bb.state_space(g, **inout, order=3).simulate(g)
+                    for g in (log, log_of(u, y * [1.0, 1e4])))  # fmt: skip
+    np.testing.assert_allclose(other["y1"], first["y1"], atol=1e-6)
+    np.testing.assert_allclose(other["y2"], 1e4 * first["y2"], atol=1e-2)
 
 
 def test_several_inputs_with_delays_of_their_own_as_states():
@@ -387,6 +453,7 @@ def uneven():
         (lambda: bb.state_space(made(n=20), **UY), "stretches of 6 samples without a gap"),
         (lambda: bb.state_space(made(), **UY, horizon=2), "more than the order 2"),
         (lambda: bb.state_space(made(), **UY, order=0), "order: expected a whole number, 1"),
+        (lambda: bb.state_space(made(), **UY, focus="both"), "'prediction' or 'simulation'"),
         (lambda: bb.select(made(), **UY, by="aic"), "expected 'bic' or 'unseen', found 'aic'"),
         (lambda: bb.select(made(), **UY, by="unseen"), "no unseen logs"),
         (lambda: bb.select(made(), **UY, kinds=["oe"]), "kinds: expected some of"),

@@ -115,7 +115,8 @@ def select(
     """Try kinds, orders and delays, and choose by an information criterion or by unseen logs.
 
     BIC judges one-step predictions, in which ARMAX and ARX lean on the measured output; unseen
-    logs are simulated freely. Where the two disagree, ask which one the model is for.
+    logs are simulated freely, and state spaces are fitted with that focus then. Where the two
+    disagree, ask which one the model is for.
 
     Args:
         logs: to estimate from, as for `arx`.
@@ -161,13 +162,14 @@ def select(
         if not values:
             raise InputError(f"{what}: none was given.", f"Write {what}=(1, 2).")
     common: dict[str, Any] = {"input": input, "output": output, "offset": offset}
+    focus: Literal["prediction", "simulation"] = "simulation" if by == "unseen" else "prediction"
     rows = []
     problem: InputError | None = None
     for kind in chosen:
         for delay in asked["delays"]:
             for order in asked["orders"]:
                 try:
-                    model = _made(kind, logs, order, delay, common)
+                    model = _made(kind, logs, order, delay, focus, common)
                 except InputError as error:
                     problem = problem or error
                     rows.append(Candidate(kind, order, delay, None, remark=error.problem))
@@ -179,7 +181,12 @@ def select(
 
 
 def _made(
-    kind: Kind, logs: Log | Sequence[Log], order: int, delay: int, common: dict[str, Any]
+    kind: Kind,
+    logs: Log | Sequence[Log],
+    order: int,
+    delay: int,
+    focus: Literal["prediction", "simulation"],
+    common: dict[str, Any],
 ) -> BlackBox:
     n = order
     if kind == "arx":
@@ -188,7 +195,7 @@ def _made(
         return armax(logs, orders=(n, n, n, delay), **common)
     if kind == "output_error":
         return output_error(logs, orders=(n, n, delay), **common)
-    return state_space(logs, order=n, delay=delay, **common)
+    return state_space(logs, order=n, delay=delay, focus=focus, **common)
 
 
 def _judged(

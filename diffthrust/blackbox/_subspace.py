@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from diffthrust.blackbox._orders import whole
 from diffthrust.blackbox._polynomial import check_enough, searched
 from diffthrust.blackbox._prediction_error import Shape
 from diffthrust.blackbox._records import Record, channels_of
+from diffthrust.blackbox._simulation_error import simulation_fit
 from diffthrust.blackbox._starts import armax_starts, reflected
 from diffthrust.blackbox._system import System
 
@@ -31,9 +33,10 @@ def state_space(
     delay: int = 1,
     offset: bool = False,
     refine: bool = True,
+    focus: Literal["prediction", "simulation"] = "prediction",
     horizon: int | None = None,
 ) -> BlackBox:
-    """x(t + 1) = A x + B u + K e, y = C x + D u + e, without a search.
+    """x(t + 1) = A x + B u + K e, y = C x + D u + e, from a subspace, and by a search.
 
     A long ARX model gives what the past tells of the next ``horizon`` samples; the directions in
     which that varies most are the states, and the matrices follow by least squares. So it takes
@@ -43,6 +46,11 @@ def state_space(
     orders ``(order, order, order, delay)``), which have standard errors; several outputs stay as
     the subspace gives them.
 
+    What predicts the next sample well need not simulate a whole run well: where outputs are smooth
+    (filtered speeds of a vessel), the subspace leans on them and all but misses the inputs. With
+    ``focus="simulation"`` the error of free simulation is lowered instead, of one output or
+    several, each over its own size; the predictor is given up (K = 0).
+
     Args:
         logs: one or several, evenly sampled with the same step; missing outputs as NaN.
         input: name of the input, or several.
@@ -50,7 +58,8 @@ def state_space(
         order: number of states.
         delay: samples after which inputs are first felt; 0 for a direct way, D.
         offset: estimate a constant beside the inputs.
-        refine: lower the prediction error of a single output by a search.
+        refine: lower the error by a search, wherever there is one for the focus.
+        focus: on one-step prediction, or on free simulation (with starts by shorter horizons, too).
         horizon: of the long ARX model [samples]; that of the least Akaike criterion where not
             given.
 
@@ -65,6 +74,11 @@ def state_space(
         >>> model = dft.blackbox.state_space(log, input="command", output="speed", order=2)
         >>> model.singular_values
     """
+    if focus not in ("prediction", "simulation"):
+        raise InputError(
+            f"state_space, focus: expected 'prediction' or 'simulation', found {focus!r}.",
+            "Correct it.",
+        )
     channels, records = channels_of(logs, input, output)
     order, delay = whole("state_space", "order", order), whole("state_space", "delay", delay)
     direct, lag = delay == 0, max(delay - 1, 0)
@@ -85,15 +99,20 @@ def state_space(
             f"state_space, horizon: expected more than the order {order}, found {horizon}.",
             "Raise it, or leave it out.",
         )
-    a, b, c, d, k, values = _identified(series, m, order, horizon, direct)
-    b, k = b / size[:m], k / size[m:]
-    c, d = c * size[m:, None], d * size[m:, None] / size[:m]
     if offset:
         channels, records = channels_of(logs, input, output, offset=True)
-        away = -level[:m]
-        b = np.concatenate([b, (b @ away)[:, None]], axis=1)
-        d = np.concatenate([d, (d @ away + level[m:])[:, None]], axis=1)
-    system = System(a, b, c, d, k, (lag,) * m + (0,) * offset)
+
+    def of_horizon(horizon: int) -> tuple[System, np.ndarray]:
+        a, b, c, d, k, values = _identified(series, m, order, horizon, direct)
+        b, k = b / size[:m], k / size[m:]
+        c, d = c * size[m:, None], d * size[m:, None] / size[:m]
+        if offset:
+            away = -level[:m]
+            b = np.concatenate([b, (b @ away)[:, None]], axis=1)
+            d = np.concatenate([d, (d @ away + level[m:])[:, None]], axis=1)
+        return System(a, b, c, d, k, (lag,) * m + (0,) * offset), values
+
+    system, values = of_horizon(horizon)
     free = order * (m + 2 * p) + direct * m * p + offset * p
     bic, deviation = bic_of(system, records, free)
     found = BlackBox(
@@ -105,13 +124,17 @@ def state_space(
         noise={name: float(deviation[i]) for i, name in enumerate(channels.outputs)},
         polynomials={},
         system=system,
-        plain=System(a, b, c, d, np.zeros_like(k), system.lags),
+        plain=replace(system, k=np.zeros_like(system.k)),
         status=Status.CONVERGED,
         bic=bic,
         samples=samples_of(records),
         singular_values=values,
         notes=(f"The long ARX model has {horizon} lags.",),
     )
+    if refine and focus == "simulation":
+        shorter = {max(order + 1, round(share * horizon)) for share in (1 / 3, 2 / 3)}
+        starts = [system, *(of_horizon(h)[0] for h in sorted(shorter - {horizon}))]
+        return _simulating(found, starts, records, direct, free - order * p)
     return _refined(found, records, order, delay) if refine and p == 1 else found
 
 
@@ -207,6 +230,29 @@ def _identified(
     a, b, k = abk[:order].T, abk[order : order + m].T, abk[order + m :].T
     d = cd[order:].T if direct else np.zeros((p, m))
     return a, b, cd[:order].T, d, k, values
+
+
+def _simulating(
+    found: BlackBox, starts: Sequence[System], records: Sequence[Record], direct: bool, size: int
+) -> BlackBox:
+    """The same after searches for the least error of free simulation."""
+    free = np.full(found.system.d.shape, direct)
+    free[:, len(found.channels.inputs) :] = True  # of the offset
+    ended = simulation_fit(starts, records, free)
+    bic, deviation = bic_of(ended.system, records, size)
+    return replace(
+        found,
+        system=ended.system,
+        plain=ended.system,
+        noise=dict(zip(found.channels.outputs, map(float, deviation), strict=True)),
+        status=Status.CONVERGED if ended.stationary else Status.NOT_CONVERGED,
+        bic=bic,
+        notes=(
+            *found.notes,
+            "Fitted by free simulation: its prediction is its simulation; "
+            f"{ended.agreeing} of {len(starts)} starts end there.",
+        ),
+    )
 
 
 def _refined(found: BlackBox, records: Sequence[Record], order: int, delay: int) -> BlackBox:

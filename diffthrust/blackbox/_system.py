@@ -149,7 +149,10 @@ def _run(
 def _started(driven: np.ndarray, by_state: np.ndarray, y: np.ndarray) -> np.ndarray:
     """The outputs from the starting states that suit the measured ones best."""
     seen = np.isfinite(y)
-    target, matrix = (y - driven)[seen], by_state[seen]
+    # each output over its own size: those in small units count as much
+    size = np.sqrt(np.sum(np.where(seen, y, 0.0) ** 2, axis=0) / np.maximum(seen.sum(axis=0), 1))
+    size[~(size > 0)] = 1.0
+    target, matrix = ((y - driven) / size)[seen], (by_state / size[:, None])[seen]
     if not (np.isfinite(matrix).all() and np.isfinite(target).all() and seen.any()):
         return np.full_like(driven, np.inf)
     scale = np.linalg.norm(matrix, axis=0)

@@ -1,0 +1,164 @@
+"""State-space matrices of the least error of free simulation.
+
+The states have no coordinates of their own, so the gradient does not tell all matrices apart;
+steps are taken where it does, the shortest ones that lower the error. Starting states are
+eliminated in each record (variable projection, Golub & Pereyra 1973). Source: Ljung 1999, System
+Identification, 2nd edition, section 10.2; McKelvey, Helmersson & Ribarits 2004, Automatica 40, for
+steps in data-driven local coordinates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from diffthrust.blackbox._records import Record
+from diffthrust.blackbox._system import System
+
+_STEPS = 100
+_FLAT = 1e-5
+"""Largest |J_j . r| / (|J_j| |r|) at a point that counts as stationary."""
+_STILL = 1e-6
+"""A step that lowers the squared error by less than this share is as good as none."""
+
+
+class Simulated(NamedTuple):
+    """Where the search has ended.
+
+    Args:
+        system: with a predictor that does not look at what was measured.
+        error: sum of squares, each output over its own size.
+        stationary: whether the search came to rest.
+        agreeing: starts that ended there.
+    """
+
+    system: System
+    error: float
+    stationary: bool
+    agreeing: int = 1
+
+
+def simulation_fit(
+    starts: Sequence[System], records: Sequence[Record], free: np.ndarray
+) -> Simulated:
+    """The least error of free simulation, each output over its own size.
+
+    Args:
+        starts: their A, B and C are all free.
+        records: what is simulated.
+        free: which entries of D are, ``(p, m)``.
+    """
+    size = output_sizes(records)
+    ends = [_searched(start, records, size, free) for start in starts]
+    best = min(ends, key=lambda end: end.error)
+    samples = sum(int(np.isfinite(r.y).sum()) for r in records)
+    agreeing = sum(end.error <= 1.001 * best.error + 1e-18 * samples for end in ends)
+    return best._replace(agreeing=agreeing)
+
+
+def _searched(
+    start: System, records: Sequence[Record], size: np.ndarray, free: np.ndarray
+) -> Simulated:
+    here = _settled(start)
+    error, r, j = _linearized(here, records, size, free)
+    damping = 1e-3 * np.mean(np.sum(j**2, axis=0))
+    for _ in range(_STEPS):
+        squares, slope = j.T @ j, j.T @ r
+        if error <= 1e-18 * r.size or _flatness(j, r) < _FLAT:  # all that is left is rounding
+            return Simulated(here, error, True)
+        while damping < 1e12 * np.trace(squares):
+            step = -np.linalg.solve(squares + damping * np.eye(slope.size), slope)
+            there = _moved(here, step, free)
+            found = _error(there, records, size)
+            if found < error:
+                break
+            damping *= 4.0
+        else:
+            return Simulated(here, error, True)  # no way down is left but rounding
+        still = found > (1.0 - _STILL) * error
+        here, damping = there, damping / 5.0
+        error, r, j = _linearized(here, records, size, free)
+        if still and damping < 1e-3 * np.trace(squares):
+            return Simulated(here, error, True)
+    return Simulated(here, error, False)
+
+
+def output_sizes(records: Sequence[Record]) -> np.ndarray:
+    """Root mean square of each output, ``(p,)``; 1 where it is zero."""
+    power = np.nanmean(np.concatenate([r.y for r in records]) ** 2, axis=0)
+    return np.where(power > 0, np.sqrt(power), 1.0)
+
+
+def _flatness(j: np.ndarray, r: np.ndarray) -> float:
+    length = np.linalg.norm(j, axis=0) * np.linalg.norm(r)
+    return float(np.max(np.abs(j.T @ r) / np.where(length > 0, length, 1.0), initial=0.0))
+
+
+def _settled(start: System) -> System:
+    """The start without its predictor, and with poles inside the unit circle."""
+    values, vectors = np.linalg.eig(start.a)
+    size = np.abs(values)
+    a = start.a
+    if np.any(size >= 1.0):
+        inside = np.where(size >= 1.0, values / np.maximum(size, 1e-300) ** 2 * 0.999, values)
+        a = np.real(vectors @ np.diag(inside) @ np.linalg.inv(vectors))
+    return System(a, start.b, start.c, start.d, np.zeros_like(start.k), start.lags)
+
+
+def _moved(s: System, step: np.ndarray, free: np.ndarray) -> System:
+    n, m, p = s.a.shape[0], s.b.shape[1], s.c.shape[0]
+    ab, c, d = np.split(step, [n * (n + m), n * (n + m) + p * n])
+    ab = ab.reshape(n, n + m)
+    moved = s.d.copy()
+    moved[free] += d
+    return System(s.a + ab[:, :n], s.b + ab[:, n:], s.c + c.reshape(p, n), moved, s.k, s.lags)
+
+
+def _error(s: System, records: Sequence[Record], size: np.ndarray) -> float:
+    total = 0.0
+    for record in records:
+        found = (s.simulate(record.u, record.y) - record.y) / size
+        total += float(np.nansum(found**2))
+    return total if np.isfinite(total) else np.inf
+
+
+def _linearized(
+    s: System, records: Sequence[Record], size: np.ndarray, free: np.ndarray
+) -> tuple[float, np.ndarray, np.ndarray]:
+    """Squared error, residuals ``(N,)`` and their gradient ``(N, k)``."""
+    parts = [_one(s, record, size, free) for record in records if len(record.u) > s.unknown]
+    r, j = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return float(r @ r), r, j
+
+
+def _one(
+    s: System, record: Record, size: np.ndarray, free: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    n, m, p = s.a.shape[0], s.b.shape[1], s.c.shape[0]
+    u, y = s.late(record.u)[s.unknown :], record.y[s.unknown :]
+    seen, driven = np.isfinite(y), u @ s.b.T
+    x = np.zeros((len(u), n, 1 + n))  # driven from rest, and by starting state
+    x[0, :, 1:] = np.eye(n)
+    for t in range(len(u) - 1):
+        x[t + 1] = s.a @ x[t]
+        x[t + 1, :, 0] += driven[t]
+    out = (s.c @ x) / size[:, None]
+    out[:, :, 0] += u @ s.d.T / size
+    basis, r = out[:, :, 1:][seen], (out[:, :, 0] - y / size)[seen]
+    q, triangle = np.linalg.qr(basis)
+    begin = -np.linalg.lstsq(triangle, q.T @ r, rcond=1e-10)[0]
+    r = r + basis @ begin
+    states = x[:, :, 0] + x[:, :, 1:] @ begin
+    known = np.concatenate([states, u], axis=1)
+    grown = np.zeros((len(u), n, n, n + m))  # the states by each entry of A and B
+    rows = np.arange(n)
+    for t in range(len(u) - 1):
+        grown[t + 1] = (s.a @ grown[t].reshape(n, -1)).reshape(n, n, n + m)
+        grown[t + 1, rows, rows] += known[t]
+    by_ab = (s.c @ grown.reshape(len(u), n, -1)).reshape(len(u), p, -1)
+    by_c = np.einsum("kl,tj->tklj", np.eye(p), states).reshape(len(u), p, p * n)
+    by_d = np.einsum("kl,tj->tklj", np.eye(p), u)[:, :, free]
+    j = (np.concatenate([by_ab, by_c, by_d], axis=2) / size[:, None])[seen]
+    return r, j - q @ (q.T @ j)
