@@ -71,6 +71,8 @@ def read_ardupilot(
     binary = path.suffix.lower() == DATAFLASH
     try:
         with (dataflash if binary else telemetry)(path, names) as recording:
+            if not recording.known:
+                raise ValueError("it holds no message")
             for target in targets:
                 if target.name not in recording.known:
                     known = recording.known

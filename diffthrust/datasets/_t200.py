@@ -12,6 +12,7 @@ import numpy as np
 from diffthrust._channels import listing
 from diffthrust._errors import InputError
 from diffthrust._log import Log
+from diffthrust.control._reference import number
 from diffthrust.datasets._fetch import located
 from diffthrust.datasets._record import DataFile, DataSet, Runs, runs, wanted
 
@@ -85,11 +86,8 @@ def t200(names: str | Sequence[str] | None = None, *, held: float | None = None)
         >>> log = dft.datasets.t200("16V")["16V"]
         >>> thrust = log.measured["thrust"]
     """
-    if held is not None and not (np.isfinite(held) and held > 0):
-        raise InputError(
-            f"t200, held: expected seconds, more than zero, found {held!r}.",
-            "Give 0.25, or leave it out for the table.",
-        )
+    if held is not None:
+        number("t200, held", held, lambda x: x > 0, "seconds, more than zero")
     chosen = wanted(T200, tuple(_SHEETS), names)
     path = located(T200)[_FILE]
     sheets = _sheets(path)
