@@ -17,9 +17,9 @@ from diffthrust._parameters import Normal
 from diffthrust._read import Column, read_log
 from diffthrust._robot_log import is_robot_log, read_robot_log
 from diffthrust._rosbag import is_bag
+from diffthrust._spec_channels import columns_of, roles_of
 from diffthrust._spec_file import (
     NAME,
-    ChannelPart,
     ParameterPart,
     SpecFile,
     parse_spec,
@@ -203,7 +203,7 @@ def load_spec(path: Path | str) -> Spec:
     text = read_spec_text(path)
     file = parse_spec(text, path)
     model = _model(file, text, path)
-    roles = _roles(model, file, text, path)
+    roles = roles_of(model, file, text, path)
     train = _files(file.logs.train, "train", text, path)
     holdout = _files(file.logs.holdout, "holdout", text, path)
     both = [a.name for a in train if a.resolve() in {b.resolve() for b in holdout}]
@@ -218,8 +218,8 @@ def load_spec(path: Path | str) -> Spec:
         text=text,
         file=file,
         model=model,
-        inputs=_columns(file, "input", roles),
-        measured=_columns(file, "measured", roles),
+        inputs=columns_of(file, "input", roles),
+        measured=columns_of(file, "measured", roles),
         train=train,
         holdout=holdout,
     )
@@ -263,96 +263,6 @@ def _fields(part: ParameterPart) -> dict[str, Any]:
     if part.prior is not None:
         fields["prior"] = Normal(part.prior.mean, part.prior.std)
     return fields
-
-
-def _roles(model: Model, file: SpecFile, text: str, path: Path) -> dict[str, str]:
-    """Which channels drive the model and which are compared; the model decides."""
-    needs = [name for effect in model.effects for name in effect.needs]
-    inputs = {*model.inputs, *model.optional_inputs, *model.states, *needs}
-    # without what drives it, a state that may be an input is one
-    undriven = bool(model.inputs) and not set(model.inputs) & set(file.channels)
-    roles = {}
-    for name, part in file.channels.items():
-        loc = ("channels", name)
-        if name not in inputs and name not in model.outputs:
-            known = [n for n in (*model.inputs, *model.optional_inputs, *needs, *model.outputs)]
-            near = nearest(name, known)
-            raise InputError(
-                f"{place(text, path, loc)}: the model '{model}' has no channel {name!r}"
-                f"{'; ' + near if near else ''}.",
-                "Name the column under [logs] time."
-                if name == "time"
-                else f"Correct the name; there are {listing(dict.fromkeys(known))}.",
-            )
-        if part.role is None:
-            driving = name in model.inputs or name in needs or name not in model.outputs
-            driving = driving or (undriven and name in model.optional_inputs)
-            roles[name] = "input" if driving else "measured"
-        else:
-            roles[name] = part.role
-            if name not in (inputs if part.role == "input" else model.outputs):
-                raise InputError(
-                    f"{place(text, path, (*loc, 'role'))}: the model '{model}' does not "
-                    f"{'read' if part.role == 'input' else 'put out'} the channel {name!r}.",
-                    "Remove the role.",
-                )
-        _suits(part, roles[name], text, path, loc)
-    _complete(model, roles, text, path)
-    return roles
-
-
-def _suits(part: ChannelPart, role: str, text: str, path: Path, loc: tuple[str, ...]) -> None:
-    for key in ("unsigned", "noise") if role == "input" else ("hold",):
-        if getattr(part, key) not in (None, False):
-            other = "measured channel" if role == "input" else "input"
-            kind = "an input" if role == "input" else "a measured channel"
-            raise InputError(
-                f"{place(text, path, (*loc, key))}: this channel is {kind}, and {key!r} says "
-                f"something of {'an' if other == 'input' else 'a'} {other}.",
-                f'Remove {key}, or give role = "{other.split()[0]}".',
-            )
-
-
-def _complete(model: Model, roles: Mapping[str, str], text: str, path: Path) -> None:
-    given = [name for name, role in roles.items() if role == "input"]
-    prescribed = [name for name in given if name in model.states]
-    missing = [name for name in model.inputs if name not in given]
-    if missing and not prescribed:
-        name = missing[0]
-        raise InputError(
-            f"{place(text, path, ('channels',))}: the model '{model}' needs the input {name!r}; "
-            f"given are {listing(given) if given else 'no inputs'}.",
-            f"Add [channels.{name}] with its column.",
-        )
-    for effect in model.effects:
-        for name in effect.needs:
-            if name not in given:
-                raise InputError(
-                    f"{place(text, path, ('channels',))}: the effect '{effect.name}' needs the "
-                    f"input {name!r}, which has no column.",
-                    f"Add [channels.{name}], or leave the effect out.",
-                )
-    if "measured" not in roles.values():
-        raise InputError(
-            f"{place(text, path, ('channels',))}: nothing is measured; the model '{model}' puts "
-            f"out {listing(name for name in model.outputs if name not in given)}.",
-            "Add the channel of one of these.",
-        )
-
-
-def _columns(file: SpecFile, role: str, roles: Mapping[str, str]) -> dict[str, Column]:
-    return {
-        name: Column(
-            part.column,
-            unit=part.unit,
-            unsigned=bool(part.unsigned),
-            noise=part.noise,
-            hold=part.hold or "zero",
-            scale=part.scale,
-        )
-        for name, part in file.channels.items()
-        if roles[name] == role
-    }
 
 
 def _files(patterns: Iterable[str], key: str, text: str, path: Path) -> tuple[Path, ...]:
