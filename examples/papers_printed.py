@@ -3,7 +3,7 @@
 For each printed figure that can be checked: paper, figure, printed value, ours, ratio and remark.
 Ours is worked out on the spot by the papers' methods on simulated records, by closed forms and by
 simulation. A ratio near 1 says that the figure follows from the paper's other numbers; the figures
-that do not are listed once more below, as far as each departs by more than 5 %. They are
+that depart by more than 5 % are listed once more below the table, among them
 
 - Yoerger et al. 1990: the two tests of one thruster differ (ct by 14 %, beta/alpha by 13 %); an
   efficiency of 0.22 goes with neither ct; the time constant of 0.75 s at 1 V goes neither with the

@@ -101,7 +101,7 @@ def test_the_dynamic_test_finds_the_truth_without_noise():
 
 
 def test_noise_in_the_speed_biases_the_dynamic_test_and_not_the_fit():
-    records = [moving(3.0, seed) for seed in range(6)]
+    records = [moving(3.0, seed) for seed in range(10, 16)]  # none that made the command
     linear = np.array([yoerger.dynamic_test(log, cutoff=9.0).alpha.value for log in records])
     fits = [dft.fit(dft.Thruster(), log) for log in records]
     fitted = np.array([fit.parameters["alpha"].value for fit in fits])

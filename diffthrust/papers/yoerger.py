@@ -165,7 +165,9 @@ def dynamic_test(
     The change of the speed from sample to sample is explained by the means of speed |speed| and of
     the command between them; all three pass the same zero-phase low-pass first, which leaves their
     relation as it is. Noise in the speed stands on both sides of the equation and biases alpha and
-    beta where it is not small against what moves. `fit` has no such bias.
+    beta where it is not small against what moves. `fit` has no such bias. The standard errors take
+    residuals for white, which the low-pass makes them not: over repeated records alpha and beta
+    spread by about a third more.
 
     Args:
         log: ``command`` and ``speed``, and ``thrust`` if it is there; evenly sampled.
