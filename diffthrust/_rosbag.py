@@ -85,6 +85,11 @@ def read_bag(
     except InputError:
         raise
     except Exception as error:  # a damaged bag raises whatever the reader came across
+        if "end magic" in str(error):  # a recorder that was switched off
+            raise InputError(
+                f"{path.name}: expected a whole MCAP file, found one that was cut off ({error}).",
+                "`mcap recover FILE -o NEW`, a tool of the MCAP project, saves what was written.",
+            ) from None
         raise damaged(path, "ROS bag", error) from None
     if header and not any(stamped.values()):
         raise InputError(

@@ -430,6 +430,15 @@ def test_no_change_of_a_byte_ends_in_a_traceback(tmp_path, capfd):
     assert capfd.readouterr().err == ""
 
 
+def test_a_recording_that_was_cut_off_names_what_saves_it(tmp_path):
+    pytest.importorskip("rosbags")
+    topics = {"/cmd": ("std_msgs/msg/Float64", [(0.1 * k, number(k)) for k in range(50)])}
+    whole = next(write_bag(tmp_path, topics, "mcap").glob("*.mcap")).read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(InputError, match=r"cut\.mcap.*cut off[\s\S]*mcap recover"):
+        read_robot_log(tmp_path / "cut.mcap", base=0.1, inputs={"command": "/cmd.data"})
+
+
 @pytest.mark.parametrize("content", [b"", b"x" * 1000, b"\xa3\x95\x80" * 50])
 @pytest.mark.parametrize("name", ["a.mcap", "a.db3", "a.bin", "a.tlog"])
 def test_damaged_files(tmp_path, name, content):
