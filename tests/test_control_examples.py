@@ -70,7 +70,8 @@ def test_papers_yoerger(tmp_path):
             for line in text.splitlines() if line.startswith("│")]  # fmt: skip
     printed = {row[0]: float(row[2]) for row in rows if len(row) == 4}
     assert printed["beta/alpha, static"] == pytest.approx(42 / 0.037, rel=0.01)
-    assert printed["alpha, dynamic (1/rad)"] == pytest.approx(0.037, rel=0.02)  # four standard deviations
+    # four standard deviations
+    assert printed["alpha, dynamic (1/rad)"] == pytest.approx(0.037, rel=0.02)
     noisy = {row[1]: [float(x) for x in row[2:]] for row in rows if row[0] == "3.0"}
     assert abs(noisy["fit"][0]) < 0.3 * abs(noisy["least squares"][0])
     assert noisy["fit"][1] < 0.5 * noisy["least squares"][1]

@@ -261,7 +261,8 @@ def test_the_gradient_is_that_of_the_cost(loss):
     log = field_log(0, spikes=0.02, dropout=0.1)
     problem = build(GUESS, [log], loss=loss, observer=observer_for(GUESS, [log]))
     assert evaluated(problem, problem.start()).scores.size == 0  # wanted of trials alone
-    problem = build(GUESS, [log], loss=loss, observer=problem.layout.observer, width=len(problem.free))
+    width, observer = len(problem.free), problem.layout.observer
+    problem = build(GUESS, [log], loss=loss, observer=observer, width=width)
     problem = problem.focus(problem.free, problem.values(problem.start()))
     problem = replace(problem, arrays={**problem.arrays, "clip": jnp.array([3.0, 3.0])})
     z = problem.start()
