@@ -6,7 +6,7 @@ import os
 import queue
 import threading
 from collections import deque
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Generator, Hashable, Sequence
 from typing import TypeVar
 
 from diffthrust._line_process import LineProcess
@@ -28,7 +28,7 @@ def pooled(
     keys: Sequence[Hashable],
     processes: Sequence[LineProcess],
     work: Callable[[LineProcess, T], R],
-) -> Iterator[tuple[int, R] | None]:
+) -> Generator[tuple[int, R] | None]:
     """Work through tasks, each process in a thread of its own.
 
     Processes are ended when the iteration is left, in the midst of a task if need be.

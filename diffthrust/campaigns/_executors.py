@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import queue
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -25,7 +25,7 @@ _TICK = 1.0
 
 def outcomes(
     executor: Executor | str | None, workers: int, jobs: Sequence[Job]
-) -> Iterator[Row | None]:
+) -> Generator[Row | None]:
     """The rows of some tasks as they come, and ``None`` when none has come for a while.
 
     A task whose worker is gone is a row as well: nothing that an executor raises ends a campaign.
@@ -49,7 +49,7 @@ def outcomes(
         yield from _on_executor(executor, jobs)
 
 
-def _on_processes(workers: int, jobs: Sequence[Job]) -> Iterator[Row | None]:
+def _on_processes(workers: int, jobs: Sequence[Job]) -> Generator[Row | None]:
     """On processes of this machine: each stays with specs that share compiled code."""
     processes = [new_process() for _ in range(workers)]
     keys = [alike(Path(job.spec)) if workers > 1 else "" for job in jobs]
@@ -65,7 +65,7 @@ def _helped(process: LineProcess, job: Job) -> Row:
         return _lost(job, error)
 
 
-def _on_executor(executor: Executor, jobs: Sequence[Job]) -> Iterator[Row | None]:
+def _on_executor(executor: Executor, jobs: Sequence[Job]) -> Generator[Row | None]:
     done: queue.SimpleQueue[Future[Row]] = queue.SimpleQueue()
     waiting: dict[Future[Row], Job] = {}
     try:
