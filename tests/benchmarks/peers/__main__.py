@@ -21,7 +21,7 @@ from ._table import document, machine, table
 from ._tools import TOOLS
 from ._worker import gpu
 
-WIDTH = 150
+WIDTH = 160
 
 
 def sizes(text: str) -> list[int]:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ._problem import DRAWS, SAMPLES, STARTS, WALKERS, WARMUP
+from ._problem import SAMPLES, STARTS
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ JOBS = {
     "fit": Job("fit, one start", "samples", lambda n: n, relative, 1e-4),
     "multi_start": Job(f"fit, {STARTS} starts", "samples", lambda n: n, relative, 1e-4),
     "posterior": Job(
-        f"posterior, per effective sample of {WALKERS * (WARMUP + DRAWS):,}",
+        "posterior, an effective sample",
         "samples",
         lambda n: n,
         monte_carlo_errors,

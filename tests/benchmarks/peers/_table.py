@@ -14,6 +14,7 @@ from rich.table import Table
 
 from ._jobs import JOBS
 from ._measure import Cell, growth
+from ._problem import DRAWS, WALKERS, WARMUP
 from ._tools import INSTALL, Tool
 
 PACKAGES = (
@@ -96,11 +97,13 @@ def table(
     """
     notes, of = Notes(), {tool.name: tool for tool in tools}
     columns = max(len(line) for line in _lines(cells))
-    out = Table(title="Work beside peers: median time of a warm run (over that of diffthrust)")
-    heads = [
-        "", *("" for _ in range(columns)), "growth", "import + first call", "memory: import + job",
-        "largest on GPU",
-    ]  # fmt: skip
+    out = Table(
+        title="Work beside peers: median time of a warm run (over that of diffthrust)",
+        caption="start: import + first call; memory: after the import + more at the peak; "
+        "both of the largest size, as is the GPU's time; "
+        f"posterior: {WALKERS * (WARMUP + DRAWS):,} densities",
+    )
+    heads = ["", *("" for _ in range(columns)), "growth", "start", "memory", "GPU"]
     for i, head in enumerate(heads):
         out.add_column(head, justify="left" if i == 0 else "right", no_wrap=True)
     for job in dict.fromkeys(cell.job for cell in cells):
