@@ -115,7 +115,7 @@ def with_clip(problem: Problem, clip: Any, reach: Any = 1.0) -> Problem:
         clip: size of a large error, ``(C,)``.
         reach: errors are limited at so many times that.
     """
-    given = {"clip": jnp.asarray(clip), "reach": jnp.asarray(np.asarray(reach, float))}
+    given = {"clip": np.asarray(clip, float), "reach": np.asarray(reach, float)}
     return replace(problem, arrays={**problem.arrays, **given})
 
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._log import Log
@@ -107,7 +106,7 @@ class Problem:
             sizes = [batch["start"].size for batch in batches]
             parts = np.split(begin, np.cumsum(sizes)[:-1])
             batches = [
-                {**batch, "start": jnp.asarray(part.reshape(batch["start"].shape))}
+                {**batch, "start": part.reshape(batch["start"].shape)}
                 for batch, part in zip(batches, parts, strict=True)
             ]
         return replace(moved, arrays={**self.arrays, **numbers, "batches": batches})
