@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Literal, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._diagnosis import Remaining
@@ -91,7 +90,7 @@ def unknown(
         rows = np.zeros((KNOTS, len(indices), length))
         for row, index in enumerate(indices):
             rows[:, row, : series[index].shape[1]] = series[index]
-        anew = {name: jnp.asarray(rows[i]) for i, name in enumerate(given)}
+        anew = {name: rows[i] for i, name in enumerate(given)}
         batches.append({**batch, "inputs": {**batch["inputs"], **anew}})
     problem = replace(problem, arrays={**problem.arrays, "batches": batches})
     q = solve(problem, problem.start(), budget=1).quadratic
