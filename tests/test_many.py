@@ -396,3 +396,33 @@ def test_runs_are_divided_over_devices():
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert float(done.stdout.split()[-1]) < 1e-8
+
+
+def test_processes_share_the_members(logs, fits):
+    told = []
+    wrong = dft.Log(logs[0].time, {"current": np.ones(300)}, {"speed": np.ones(300)})
+    found = dft.many.fit(
+        MODEL, [*logs[:3], wrong], holdout=[record(90)] * 4, starts=2, width=4, processes=2,
+        progress=lambda words, share: told.append(share),
+    )  # fmt: skip
+    for i in range(3):
+        for name, estimate in found[i].parameters.items():
+            assert estimate.value == pytest.approx(fits[i].parameters[name].value, rel=1e-8)
+    assert list(found.failed) == ["log"]
+    with pytest.raises(dft.InputError, match="needs the input 'command'"):
+        found["log"]
+    assert told == [0.5, 1.0]
+
+
+class OfThisTest(dft.Thruster):
+    """A model that no other process can import, as one of a script."""
+
+
+def test_processes_cannot_know_what_a_script_defines(logs, monkeypatch):
+    monkeypatch.setattr(OfThisTest, "__module__", "__main__")
+    monkeypatch.setattr(sys.modules["__main__"], "OfThisTest", OfThisTest, raising=False)
+    with pytest.raises(dft.InputError, match="another process cannot do this"):
+        dft.many.fit(OfThisTest(), logs[:2], starts=1, processes=2)
+    for wrong in ({"processes": 0}, {"processes": 2, "devices": jax.devices()}):
+        with pytest.raises(dft.InputError, match="processes"):
+            dft.many.fit(MODEL, logs[:2], **wrong)

@@ -15,7 +15,8 @@ from diffthrust._model import Model
 from diffthrust._result import Fit
 from diffthrust._sample import sample as sample_one
 from diffthrust._starts import Progress
-from diffthrust.many._each import check_options, each
+from diffthrust.many._each import check_options, each, lengths_of
+from diffthrust.many._processes import divided
 from diffthrust.many._result import Many, named_members
 
 Records = Sequence[Log | Sequence[Log]]
@@ -29,6 +30,7 @@ def fit(
     names: Sequence[str] | None = None,
     width: int | None = None,
     devices: Sequence[Any] | None = None,
+    processes: int = 1,
     progress: Progress | None = None,
     **options: Any,
 ) -> Many:
@@ -47,6 +49,8 @@ def fit(
         width: members in one run of a program on each device; chosen by the machine where
             ``None``.
         devices: of JAX over which each run is divided; its own choice by default.
+        processes: of this machine among which the members are divided. They take seconds to start,
+            and pay for hundreds of members: what is not simulation runs on one processor otherwise.
         progress: called with a message and the share done.
         **options: of `diffthrust.fit`.
 
@@ -66,11 +70,28 @@ def fit(
     unseen = _for_each(holdout, type(None), "holdout", len(members))
     held = [listed(one) for one in unseen if one is not None]
 
-    def one(i: int) -> Fit:
-        return fit_one(models[i], members[i], holdout=unseen[i], progress=still_wanted, **options)
+    lengths = lengths_of(log for group in (*members, *held) for log in group)
+    named, told = _names(names, members), list(zip(models, members, unseen, strict=True))
+    if _processes(processes, devices) == 1:
+        return _fits(told, named, (lengths, width, options), devices, progress)
+    common = (lengths, width, options)
+    return divided(_fits, told, named, common, processes=processes, progress=progress)
 
-    every = [log for group in (*members, *held) for log in group]
-    return each(one, _names(names, members), every, width=width, devices=devices, progress=progress)
+
+def _fits(
+    told: Sequence[tuple[Any, ...]],
+    names: Sequence[str],
+    common: tuple[Any, ...],
+    devices: Sequence[Any] | None = None,
+    progress: Progress | None = None,
+) -> Many:
+    lengths, width, options = common
+
+    def one(i: int) -> Fit:
+        model, logs, unseen = told[i]
+        return fit_one(model, logs, holdout=unseen, progress=still_wanted, **options)
+
+    return each(one, names, lengths, width=width, devices=devices, progress=progress)
 
 
 def compare(
@@ -111,8 +132,9 @@ def compare(
     def one(i: int) -> Any:
         return compare_one(fits[i], members[i], **options)
 
-    every = [log for group in members for log in group]
-    return each(one, _names(names, members), every, width=width, devices=devices, progress=progress)
+    lengths = lengths_of(log for group in members for log in group)
+    named = _names(names, members)
+    return each(one, named, lengths, width=width, devices=devices, progress=progress)
 
 
 def sample(
@@ -156,8 +178,20 @@ def sample(
     def one(i: int) -> Any:
         return sample_one(each_fit[i], members[i], progress=still_wanted, **options)
 
-    every = [log for group in members for log in group]
-    return each(one, _names(names, members), every, progress=progress)
+    lengths = lengths_of(log for group in members for log in group)
+    return each(one, _names(names, members), lengths, progress=progress)
+
+
+def _processes(processes: Any, devices: Any) -> int:
+    if isinstance(processes, bool) or not isinstance(processes, int) or processes < 1:
+        raise InputError(
+            f"processes: expected a whole number from 1 on, found {processes!r}.", "Correct it."
+        )
+    if processes > 1 and devices is not None:
+        raise InputError(
+            "processes: devices belong to one process.", "Leave processes or devices out."
+        )
+    return processes
 
 
 def _records(logs: Any) -> list[Any]:

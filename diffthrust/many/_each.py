@@ -28,10 +28,15 @@ ACCELERATED = 256
 """Rows of one run on an accelerator."""
 
 
+def lengths_of(logs: Iterable[Log]) -> list[int]:
+    """To which lengths these logs are padded."""
+    return ladder(len(bridged(log)[0]) for log in logs)
+
+
 def each(
     work: Callable[[int], Any],
     names: Sequence[str],
-    logs: Iterable[Log] = (),
+    lengths: Sequence[int] = (),
     *,
     width: int | None = None,
     devices: Sequence[Any] | None = None,
@@ -42,7 +47,7 @@ def each(
     Args:
         work: of one member; the programs that it runs are run together with those of others.
         names: of the members.
-        logs: all logs that will be simulated, by whose lengths programs are shared.
+        lengths: to which logs are padded, so that they share programs.
         width: members in one run, on each device; by default `WIDTH` on a processor, and on an
             accelerator `ACCELERATED`, or all if they are fewer.
         devices: over which runs are divided; by default the one that JAX would take.
@@ -53,7 +58,7 @@ def each(
     rows = _width(width, len(names), on) * len(on)
     # two runs at a time: one computes while what the other gave is looked at
     workers = min(os.cpu_count() or 1, 4) if on[0].platform == "cpu" else 2
-    lanes = Lanes(rows, workers, ladder(len(bridged(log)[0]) for log in logs), chosen)
+    lanes = Lanes(rows, workers, lengths, chosen)
     started, found = time.monotonic(), [_Outcome() for _ in names]
 
     def one(i: int) -> None:
