@@ -20,7 +20,8 @@ SHOWN = 40
 
 def summary(done: Campaign) -> str:
     """The outcome in a sentence or two."""
-    parts = [f"{len(done.rows)} specs in {done.seconds:.0f} s: {done.counts.get('ok', 0)} done"]
+    what = "1 spec" if len(done.rows) == 1 else f"{len(done.rows)} specs"
+    parts = [f"{what} in {done.seconds:.0f} s: {done.counts.get('ok', 0)} done"]
     if done.kept:
         parts[0] += f" ({done.kept} of them before)"
     parts += [f"{n} {how.replace('_', ' ')}" for how, n in done.counts.items() if how != "ok"]

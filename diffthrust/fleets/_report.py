@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 def fleet_report(fleet: Fleet) -> str:
     """Spread, outliers, drift, effects and notes."""
     parts: list[RenderableType] = [
-        Text(f"{len(fleet.entries)} fits of {len(fleet.vehicles)} vehicles", style="bold"),
+        Text(f"Fits: {len(fleet.entries)}. Vehicles: {len(fleet.vehicles)}.", style="bold"),
         Text(),
         _spread(fleet),
         Text(),
