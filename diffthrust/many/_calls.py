@@ -73,8 +73,8 @@ def fit(
     lengths = lengths_of(log for group in (*members, *held) for log in group)
     named, told = _names(names, members), list(zip(models, members, unseen, strict=True))
     if _processes(processes, devices) == 1:
-        return _fits(told, named, (lengths, width, options), devices, progress)
-    common = (lengths, width, options)
+        return _fits(told, named, (lengths, width, None, options), devices, progress)
+    common = (lengths, width, 1, options)  # the processes are as many as run at a time
     return divided(_fits, told, named, common, processes=processes, progress=progress)
 
 
@@ -85,13 +85,15 @@ def _fits(
     devices: Sequence[Any] | None = None,
     progress: Progress | None = None,
 ) -> Many:
-    lengths, width, options = common
+    lengths, width, workers, options = common
 
     def one(i: int) -> Fit:
         model, logs, unseen = told[i]
         return fit_one(model, logs, holdout=unseen, progress=still_wanted, **options)
 
-    return each(one, names, lengths, width=width, devices=devices, progress=progress)
+    return each(
+        one, names, lengths, width=width, devices=devices, workers=workers, progress=progress
+    )
 
 
 def compare(

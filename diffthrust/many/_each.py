@@ -40,6 +40,7 @@ def each(
     *,
     width: int | None = None,
     devices: Sequence[Any] | None = None,
+    workers: int | None = None,
     progress: Progress | None = None,
 ) -> Many:
     """Do ``work(i)`` for every name; what raises an error is a row with it.
@@ -51,13 +52,14 @@ def each(
         width: members in one run, on each device; by default `WIDTH` on a processor, and on an
             accelerator `ACCELERATED`, or all if they are fewer.
         devices: over which runs are divided; by default the one that JAX would take.
+        workers: runs at a time; by default two or as many as processors.
         progress: called with a message and the share done.
     """
     chosen = () if devices is None else _checked(devices)
     on = chosen or jax.devices()[:1]
     rows = _width(width, len(names), on) * len(on)
     # two runs at a time: one computes while what the other gave is looked at
-    workers = min(os.cpu_count() or 1, 4) if on[0].platform == "cpu" else 2
+    workers = workers or (min(os.cpu_count() or 1, 4) if on[0].platform == "cpu" else 2)
     lanes = Lanes(rows, workers, lengths, chosen)
     started, found = time.monotonic(), [_Outcome() for _ in names]
 
