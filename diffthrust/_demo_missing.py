@@ -8,7 +8,7 @@ import numpy as np
 
 from diffthrust import effects
 from diffthrust._errors import InputError
-from diffthrust._files import write_whole
+from diffthrust._files import made_folder, write_whole
 from diffthrust._log import Log
 from diffthrust._simulate import simulate
 from diffthrust.models import Thruster
@@ -80,14 +80,7 @@ def folder_at(folder: Path) -> Path:
     Raises:
         InputError: it cannot be made.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"{folder}: the folder cannot be made ({error.strerror}).",
-            "Name another: diffthrust demo --output DIR.",
-        ) from None
-    return folder
+    return made_folder(folder, "Name another: diffthrust demo --output DIR.")
 
 
 def _table(seed: int) -> str:

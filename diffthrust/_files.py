@@ -82,3 +82,18 @@ def plain(data: Any) -> Any:
     if isinstance(data, float) and not math.isfinite(data):
         return None
     return data
+
+
+def made_folder(folder: Path, mend: str) -> Path:
+    """The folder, made with those above it where it does not exist.
+
+    Raises:
+        InputError: it cannot be made; with the mend that suits the caller.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"{folder}: the folder cannot be made ({error.strerror or error}).", mend
+        ) from None
+    return folder

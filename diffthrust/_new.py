@@ -9,7 +9,7 @@ from pathlib import Path
 
 from diffthrust._channels import listing, nearest
 from diffthrust._errors import InputError
-from diffthrust._files import write_whole
+from diffthrust._files import made_folder, write_whole
 from diffthrust._model import Model
 from diffthrust._new_logs import example_table
 from diffthrust._spec_file import NAME
@@ -149,12 +149,6 @@ def _template(name: str) -> str:
 
 
 def _write(folder: Path, texts: Mapping[str, str]) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"{folder}: the folder cannot be made ({error.strerror or error}).",
-            "Name another place.",
-        ) from None
+    made_folder(folder, "Name another place.")
     for name, text in texts.items():
         write_whole(folder / name, text.encode())

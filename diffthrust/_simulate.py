@@ -227,7 +227,7 @@ class Key:
 
 @partial(jax.jit, static_argnums=(0, 1))
 def _compiled(key: Key, grid: Grid, values: Any, time: Any, inputs: Any, start: Any) -> Any:
-    return trajectory(key.model.bind(values), grid, time, inputs, start, {})
+    return _row((key, grid), (values, time, inputs, start))
 
 
 def _row(static: tuple[Key, Grid], numbers: Any) -> Any:

@@ -12,7 +12,7 @@ import numpy as np
 
 from diffthrust._channels import listing
 from diffthrust._errors import InputError
-from diffthrust._files import write_whole
+from diffthrust._files import made_folder, write_whole
 from diffthrust._log import Log
 from diffthrust.papers._steady import stretches
 from diffthrust.plans._excited import excited
@@ -136,14 +136,7 @@ class Plan:
         Raises:
             InputError: the folder cannot be made or written to.
         """
-        target = Path(folder)
-        try:
-            target.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(
-                f"{target}: the folder cannot be made ({error.strerror or error}).",
-                "Name another one.",
-            ) from None
+        target = made_folder(Path(folder), "Name another one.")
         written = []
         for name, run in self.runs.items():
             header = ["time [s]", *(f"{n} [{run.units.get(n, '')}]" for n in run.inputs)]
