@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._ar1 import levels, name_of, whitened
+from diffthrust._gram import gram
 from diffthrust._observer import innovations
 from diffthrust._problem import Layout, Problem
 from diffthrust._simulate import trajectory
@@ -217,18 +218,17 @@ def _assemble(
     local, cross, own, scores = [], [], [], []
     for rest, jacobian in passes:
         root = jnp.sqrt(_weights(layout, rest, sigma)) / sigma[None, :, None]
-        flat = (rest * root).reshape(rest.shape[0], -1)
-        rows = (jacobian * root[:, None]).reshape(*jacobian.shape[:2], -1)
-        slope = jnp.einsum("bit,bt->bi", rows, flat)
-        gram = jnp.einsum("bit,bjt->bij", rows, rows)
+        rest, jacobian = rest * root, jacobian * root[:, None]
+        products = gram([*jnp.moveaxis(jacobian, 1, 0), rest])
+        slope = products[:, :-1, -1]
         gradient += slope[:, :n].sum(0)
-        information += gram[:, :n, :n].sum(0)
-        energy += jnp.sum(flat**2)
+        information += products[:, :n, :n].sum(0)
+        energy += products[:, -1, -1].sum()
         if layout.width is not None:
-            scores.append(_by_blocks((jacobian * root[:, None]) * (rest * root)[:, None])[:, :n])
+            scores.append(_by_blocks(jacobian * rest[:, None])[:, :n])
         local.append(slope[:, n:].reshape(-1))
-        cross.append(gram[:, :n, n:].transpose(1, 0, 2).reshape(n, -1))
-        own.append(gram[:, n:, n:])
+        cross.append(products[:, :n, n:-1].transpose(1, 0, 2).reshape(n, -1))
+        own.append(products[:, n:-1, n:-1])
     for name, (mean, std) in arrays["prior"].items():
 
         def away(p: Any, name: str = name, mean: Any = mean, std: Any = std) -> Any:
