@@ -183,7 +183,8 @@ def _spread(model: Model, logs: Sequence[Log], name: str) -> float:
     seen = np.concatenate(
         [lg.values(name, model.outputs[name]) for lg in logs if name in lg.measured]
     )
-    return float(np.nanstd(seen)) or 1.0
+    seen = seen[np.isfinite(seen)]
+    return (float(np.std(seen)) if seen.size else float("nan")) or 1.0
 
 
 def _known_noise(model: Model, logs: Sequence[Log], channels: Sequence[str]) -> list[float | None]:

@@ -339,6 +339,8 @@ def _run(model: Model, log: Log, start: Mapping[str, float], substeps: int | Non
 
 
 def _pooled(runs: Sequence[Run]) -> Errors:
+    if len(runs) == 1:
+        return runs[0].errors
     pairs: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
     for run in runs:
         for name, trace in run.channels.items():

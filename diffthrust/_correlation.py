@@ -54,9 +54,11 @@ def lag_one(runs: Sequence[np.ndarray]) -> float:
     seen = [run[np.isfinite(run)] for run in runs]
     pairs = [np.stack([rest[1:], rest[:-1]]) for rest in seen if rest.size > 1]
     both = np.concatenate(pairs, axis=1) if pairs else np.zeros((2, 0))
-    if both.shape[1] <= FEW or not np.all(both.std(axis=1) > 0):
+    if both.shape[1] <= FEW:
         return 0.0
-    found = float(np.asarray(np.corrcoef(both))[0, 1])
+    away = both - both.mean(axis=1, keepdims=True)
+    own, theirs, shared = away[0] @ away[0], away[1] @ away[1], away[0] @ away[1]
+    found = float(shared / np.sqrt(own * theirs)) if own > 0 and theirs > 0 else 0.0
     return found if found > 3 / np.sqrt(both.shape[1]) else 0.0
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Literal
 
@@ -28,8 +28,8 @@ from diffthrust._log import Log
 from diffthrust._model import Model
 from diffthrust._problem import Problem
 from diffthrust._result import Estimate, Fit
-from diffthrust._solver import solve
-from diffthrust._starts import Progress, draw
+from diffthrust._silent import without_silent
+from diffthrust._starts import Progress
 from diffthrust._status import Checks, Local, Status, examine, judge
 from diffthrust._step_check import CoarseStepWarning, choose_substeps
 
@@ -135,8 +135,9 @@ def fit(
         if horizons != (None,) and not any(grid.restarted for grid in problem.layout.grids):
             horizons, whole = (None,), False
             notes.append("No state is measured as it is: whole runs are fitted, not segments.")
-        problem, silent = _without_silent(problem, arrange, rng)
-        found, final = through(problem, horizons, initial == "auto", starts, rng, progress)
+        begin = horizons[0] is None
+        problem, silent, first = without_silent(problem, arrange, rng, begin)
+        found, final = through(problem, horizons, initial == "auto", starts, rng, progress, first)
         length = horizons[-1]
         if whole:
             found, final, length = whole_runs(found, final, length, notes)
@@ -207,34 +208,6 @@ def _substeps(model: Model, logs: Sequence[Log]) -> int:
     """What the log with the longest step needs."""
     coarsest = max(logs, key=lambda log: (log.step, len(log)))
     return choose_substeps(model, coarsest, warn=False)
-
-
-def _without_silent(
-    problem: Problem, arrange: Callable[[Model], Problem], rng: np.random.Generator
-) -> tuple[Problem, tuple[str, ...]]:
-    """Hold parameters that no measured channel depends on, at the guess or near it."""
-    points = draw(problem, 3, rng)
-    seen = np.zeros(points.shape[1])
-    for z in points:
-        information = solve(problem, z, budget=1).quadratic.information
-        seen += np.nan_to_num(np.diagonal(information), nan=1.0, posinf=1.0)
-        if np.all(seen[: len(problem.own)] > 0):
-            return problem, ()
-    silent = tuple(
-        name for i, name in enumerate(problem.own) if seen[i] == 0 and _idle(problem, points, i)
-    )
-    if not silent or len(silent) == len(problem.own):
-        return problem, ()
-    return arrange(problem.model.fix(*silent)), silent
-
-
-def _idle(problem: Problem, points: np.ndarray, i: int) -> bool:
-    """Whether moving a coordinate changes nothing: a zero derivative may be that of a step."""
-    moved = points.copy()
-    moved[:, i] += 0.5
-    pairs = zip(points, np.clip(moved, *problem.limits()), strict=True)
-    costs = [[float(solve(problem, z, budget=1).quadratic.cost) for z in pair] for pair in pairs]
-    return all(a == b or not np.isfinite([a, b]).all() for a, b in costs)
 
 
 def _unfixed(model: Model, silent: Sequence[str]) -> Model:

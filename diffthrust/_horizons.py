@@ -12,6 +12,7 @@ from diffthrust._errors import InputError
 from diffthrust._log import Log
 from diffthrust._model import Model
 from diffthrust._problem import Problem
+from diffthrust._solver import Solved
 from diffthrust._starts import Progress, Search, search
 
 GROWTH = 1.1
@@ -54,13 +55,15 @@ def through(
     starts: int,
     rng: np.random.Generator,
     progress: Progress | None,
+    first: Solved | None = None,
 ) -> tuple[Search, Problem]:
     """Search at the first horizon, then follow the optimum as the horizon grows.
 
-    With ``hold``, segments begin at the measured state throughout.
+    With ``hold``, segments begin at the measured state throughout. ``first`` is the first start at
+    the first horizon where it was begun already.
     """
     stage = restarts(problem, horizons[0], hold=hold and horizons[0] is not None)
-    found = search(stage, starts, rng, progress)
+    found = search(stage, starts, rng, progress, first)
     for horizon in horizons[1:]:
         stage = restarts(problem, horizon, hold=hold and horizon is not None)
         if progress:

@@ -137,6 +137,11 @@ class Problem:
 
     def limits(self) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper limits of the coordinates."""
+        low, high = self._limits
+        return low.copy(), high.copy()
+
+    @cached_property
+    def _limits(self) -> tuple[np.ndarray, np.ndarray]:
         named = self.named
         pairs = [named[n].coordinate_limits() for n in self.free]
         pairs += [(0.0, 0.0)] * (self.shared - len(pairs))

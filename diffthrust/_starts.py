@@ -107,13 +107,18 @@ def draw(problem: Problem, count: int, rng: np.random.Generator) -> np.ndarray:
 
 
 def search(
-    problem: Problem, starts: int, rng: np.random.Generator, progress: Progress | None = None
+    problem: Problem,
+    starts: int,
+    rng: np.random.Generator,
+    progress: Progress | None = None,
+    first: Solved | None = None,
 ) -> Search:
     """Minimise from several starts.
 
     Every start is carried a few steps; the best quarter (at least `ENDED`) are carried to the end.
     While the best optimum was found fewer than `AGREED` times, the next best are carried on too,
-    and then as many starts again are drawn, twice at most.
+    and then as many starts again are drawn, twice at most. ``first`` is the first start where it
+    was begun already.
     """
     tell = progress or (lambda message, done: None)
     begun: list[Solved] = []
@@ -124,7 +129,8 @@ def search(
         fresh = drawn[1:] if total else drawn[:starts]
         total += starts
         for i, z in enumerate(fresh):
-            begun.append(solve(problem, z, budget=FIRST_BUDGET))
+            known, first = first, None
+            begun.append(solve(problem, z, budget=FIRST_BUDGET) if known is None else known)
             tell(f"start {len(begun)}", 0.5 * (i + 1) / len(fresh))
         begun.sort(key=_rank)
         wanted = max(ENDED, len(begun) // 4)
