@@ -1,48 +1,59 @@
-"""Compiled programs of several threads, run side by side.
+"""Compiled programs of several members, run side by side.
 
-A program that is asked for by many threads at once, with numbers of equal shapes, is run for some
-of them together: their numbers are stacked, and every thread gets its own row of the result. On a
-processor a few rows fill its vector units, and more only leave its cache; an accelerator takes
-hundreds. Whatever a thread does in between (its checks, its next start) goes on by itself, so that
-nobody waits for the slowest, and what fails in one thread is lost to that one alone.
+A program that is asked for by several members at once, with numbers of equal shapes, is run for
+some of them together: their numbers are stacked, and every member gets its own row of the result.
+On a processor a few rows fill its vector units, and more only leave its cache; an accelerator takes
+hundreds. Whatever a member does in between (its checks, its next start) goes on by itself, so that
+nobody waits for the slowest, and what fails in one is lost to that one alone.
+
+Members take turns in one thread, as greenlets: each goes on until it asks for a program. Threads
+would pass Python's lock to and fro at every operation of NumPy, which takes longer than the work.
+While a program runs, in threads of XLA's own, other members have their turn.
 
 Outside `Lanes` a program is run at once, as it is.
 """
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Hashable, Sequence
+from collections import deque
+from collections.abc import Callable, Generator, Hashable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import jax
 import numpy as np
+from greenlet import getcurrent, greenlet
 
-PATIENCE = 0.2
-"""For how long [s] rows wait for others while threads are busy with something else."""
+AHEAD = 2
+"""Runs under way at a time: one computes while what the other gave is looked at."""
 
 _present: ContextVar[Lanes | None] = ContextVar("lanes", default=None)
+_ladder: ContextVar[Sequence[int]] = ContextVar("ladder", default=())
 
 
 def lanes() -> Lanes | None:
-    """The lanes that this thread's programs run in, if any."""
+    """The lanes that this member's programs run in, if any."""
     return _present.get()
 
 
+@contextmanager
+def padded_to(lengths: Sequence[int]) -> Iterator[None]:
+    """Within it, series are padded to these lengths, ascending, so that they share programs."""
+    token = _ladder.set(lengths)
+    try:
+        yield
+    finally:
+        _ladder.reset(token)
+
+
 def padded_length(samples: int) -> int:
-    """How long a log of so many samples is made, so that logs of other lengths share programs."""
-    present = lanes()
-    return samples if present is None else present.length(samples)
-
-
-def still_wanted(*_: Any) -> None:
-    """Raise where this thread's lanes are closed: long work asks, as its `Progress`."""
-    present = lanes()
-    if present is not None and present.closed:
-        raise _given_up()
+    """How long a log of so many samples is made: the least length that it fits in."""
+    lengths = _ladder.get()
+    at = int(np.searchsorted(lengths, samples))
+    return int(lengths[at]) if at < len(lengths) else samples
 
 
 @partial(jax.jit, static_argnums=(0, 1))
@@ -52,142 +63,113 @@ def _side_by_side(program: Callable[..., Any], static: Hashable, rows: Any) -> A
 
 @dataclass(eq=False)
 class _Asked:
-    """What one thread waits for."""
+    """What one member waits for."""
 
+    member: greenlet
     leaves: list[np.ndarray]
-    tree: Any
-    ready: threading.Event = field(default_factory=threading.Event)
     found: Any = None
     error: BaseException | None = None
 
 
 class Lanes:
-    """Runs the programs of the threads that `do` their work in it.
+    """Runs the programs of the members whose work it drives.
 
     Args:
         width: rows of one run.
-        workers: runs at a time.
-        lengths: to which series may be padded, ascending.
         devices: over which the rows of a run are divided; where JAX puts them if none are given.
     """
 
-    def __init__(
-        self,
-        width: int,
-        workers: int,
-        lengths: Sequence[int] = (),
-        devices: Sequence[Any] = (),
-    ) -> None:
-        self.width, self.lengths = width, np.asarray(lengths, int)
-        self._waiting: dict[Hashable, list[_Asked]] = {}
-        self._thinking = 0
-        self.closed = False
-        self._changed = threading.Condition()
+    def __init__(self, width: int, devices: Sequence[Any] = ()) -> None:
+        self.width = width
         self._sharding = _by_rows(devices) if len(devices) else None
-        self._workers = [threading.Thread(target=self._work, daemon=True) for _ in range(workers)]
-        for worker in self._workers:
-            worker.start()
+        self._driver: greenlet = getcurrent()
+        self._waiting: dict[Hashable, list[_Asked]] = {}
+        self._under_way: deque[tuple[list[_Asked], Any]] = deque()
+        self._ready: deque[_Asked] = deque()
 
-    def length(self, samples: int) -> int:
-        """The least of the lengths that so many samples fit in."""
-        at = int(np.searchsorted(self.lengths, samples))
-        return int(self.lengths[at]) if at < self.lengths.size else samples
+    def drive(self, works: Iterable[Callable[[], Any]]) -> Generator[None]:
+        """Do some work, each piece in a member of its own; yields whenever one has ended.
 
-    def close(self) -> None:
-        """End the workers; what still waits is given up, with an error in its thread."""
-        with self._changed:
-            self.closed = True
-            given_up = [asked for group in self._waiting.values() for asked in group]
-            self._waiting.clear()
-            self._changed.notify_all()
-        for asked in given_up:
-            asked.error = _given_up()
-        self._return(given_up)
-
-    def do(self, work: Callable[[], Any]) -> Any:
-        """Do some work in this thread, whose programs run side by side with those of others."""
-        token = _present.set(self)
-        self._think(1)
+        Raises:
+            BaseException: what a piece of work raised; all others are given up.
+        """
+        self._driver = getcurrent()
+        left, members = iter(works), set[greenlet]()
+        most = self.width * (AHEAD + 1)  # some runs are under way, one gathers
         try:
-            return work()
+            while True:
+                if self._ready:
+                    member = self._ready.popleft().member
+                elif len(members) < most and (work := next(left, None)) is not None:
+                    member = greenlet(partial(self._within, work))
+                    members.add(member)
+                elif self._under_way:
+                    self._collect()
+                    continue
+                elif self._waiting:  # nobody else will join
+                    self._begin(max(self._waiting, key=lambda kind: len(self._waiting[kind])))
+                    continue
+                else:
+                    return
+                kind = member.switch()
+                if member.dead:
+                    members.remove(member)
+                    yield
+                elif len(self._waiting[kind]) >= self.width:
+                    self._begin(kind)
         finally:
-            self._think(-1)
-            _present.reset(token)
+            for member in members:
+                if not member.dead:
+                    member.throw()  # its work ends where it waits
+
+    def _within(self, work: Callable[[], Any]) -> None:
+        _present.set(self)  # a greenlet has a context of its own
+        work()
 
     def ask(self, program: Callable[..., Any], static: Hashable, numbers: Any) -> Any:
-        """``program(static, numbers)`` for this thread; blocks until it has been run."""
+        """``program(static, numbers)`` for this member; others have their turn meanwhile."""
         leaves, tree = jax.tree.flatten(numbers)
         leaves = [np.asarray(leaf) for leaf in leaves]
         kind = (program, static, tree, tuple((leaf.shape, leaf.dtype) for leaf in leaves))
-        asked = _Asked(leaves, tree)
-        with self._changed:
-            if self.closed:
-                raise _given_up()
-            self._waiting.setdefault(kind, []).append(asked)
-            self._thinking -= 1
-            self._changed.notify_all()
-        asked.ready.wait()
+        asked = _Asked(getcurrent(), leaves)
+        self._waiting.setdefault(kind, []).append(asked)
+        self._driver.switch(kind)
         if asked.error is not None:
             raise asked.error
         return asked.found
 
-    def _think(self, more: int) -> None:
-        with self._changed:
-            self._thinking += more
-            self._changed.notify_all()
-
-    def _return(self, group: list[_Asked]) -> None:
-        """Let the threads that asked go on."""
-        self._think(len(group))
-        for asked in group:
-            asked.ready.set()
-
-    def _next(self, anyhow: bool = False) -> tuple[Hashable, list[_Asked]] | None:
-        """A full run, or the fullest there is once every thread waits (or ``anyhow``)."""
-        if not self._waiting:
-            return None
-        kind = max(self._waiting, key=lambda k: len(self._waiting[k]))
-        group = self._waiting[kind]
-        if len(group) < self.width and self._thinking > 0 and not anyhow:
-            return None
-        taken, left = group[: self.width], group[self.width :]
-        if left:
-            self._waiting[kind] = left
-        else:
-            del self._waiting[kind]
-        return kind, taken
-
-    def _work(self) -> None:
-        while True:
-            with self._changed:
-                job = self._next()
-                while job is None and not self.closed:
-                    told = self._changed.wait(PATIENCE if self._waiting else None)
-                    job = self._next(anyhow=not told)
-            if job is None:
-                return
-            kind, group = job
-            try:
-                self._run(kind, group)
-            except BaseException as error:  # told by the threads that asked, each by its own
-                for asked in group:
-                    asked.error = error
-            self._return(group)
-
-    def _run(self, kind: Any, group: list[_Asked]) -> None:
+    def _begin(self, kind: Any) -> None:
+        """Run what waits for a program; what it gives is collected later."""
+        if len(self._under_way) >= AHEAD:
+            self._collect()
         program, static, tree, _ = kind
+        group = self._waiting.pop(kind)
         spare = [group[0]] * (self.width - len(group))  # one shape, one compilation
         columns = zip(*(asked.leaves for asked in [*group, *spare]), strict=True)
         rows = jax.tree.unflatten(tree, [np.stack(column) for column in columns])
-        if self._sharding is not None:
-            rows = jax.device_put(rows, self._sharding)
-        found = jax.tree.map(np.asarray, _side_by_side(program, static, rows))
+        try:
+            if self._sharding is not None:
+                rows = jax.device_put(rows, self._sharding)
+            self._under_way.append((group, _side_by_side(program, static, rows)))
+        except Exception as error:
+            self._give(group, error=error)
+
+    def _collect(self) -> None:
+        """Wait for the oldest run, and hand every member its row."""
+        group, rows = self._under_way.popleft()
+        try:
+            found = jax.tree.map(np.asarray, rows)
+        except Exception as error:
+            self._give(group, error=error)
+            return
         for i, asked in enumerate(group):
             asked.found = jax.tree.map(lambda leaf, i=i: leaf[i], found)
+        self._give(group)
 
-
-def _given_up() -> RuntimeError:
-    return RuntimeError("These lanes are closed.")
+    def _give(self, group: list[_Asked], error: Exception | None = None) -> None:
+        for asked in group:  # each raises the error by its own
+            asked.error = error
+        self._ready.extend(group)
 
 
 def _by_rows(devices: Sequence[Any]) -> Any:

@@ -16,7 +16,7 @@ from diffthrust._channels import listing
 from diffthrust._errors import InputError
 from diffthrust._intake import bridged, hold_of, inputs_of, measured_start
 from diffthrust._integrate import integrate
-from diffthrust._lanes import lanes
+from diffthrust._lanes import lanes, padded_length
 from diffthrust._log import Log
 from diffthrust._model import Model
 from diffthrust._signals import Ports, Signals, elementwise, expect
@@ -240,7 +240,7 @@ def _run(key: Key, grid: Grid, *numbers: Any) -> Any:
     if side_by_side is None:
         return _compiled(key, grid, *numbers)
     values, time, inputs, start = numbers
-    spare = (0, side_by_side.length(time.size) - time.size)  # steps of no length: the state rests
+    spare = (0, padded_length(time.size) - time.size)  # steps of no length: the state rests
     time, inputs = jax.tree.map(lambda series: np.pad(series, spare, "edge"), (time, inputs))
     return side_by_side.ask(_row, (key, grid), (values, time, inputs, start))
 

@@ -4,18 +4,20 @@ import os
 import subprocess
 import sys
 import threading
+from functools import partial
 
 import jax
 import numpy as np
 import pytest
 
 import diffthrust as dft
-from diffthrust._lanes import Lanes, _side_by_side, still_wanted
+from diffthrust._lanes import Lanes, _side_by_side
 from diffthrust._likelihood import Quadratic
 from diffthrust._solver import Solved
 from diffthrust._starts import _distinct
 from diffthrust.effects import ActuatorLag
-from diffthrust.many import _maps
+from diffthrust.many import _calls, _maps
+from diffthrust.many._each import each_apart
 from diffthrust.many._lengths import ladder
 from diffthrust.many._result import named_members
 
@@ -220,50 +222,42 @@ def test_the_ladder_is_the_cheapest():
     assert ladder([1000] * 50 + [1010] * 50, program=20_000) == [1010]
 
 
-def _slow_square(factor, x):
+def _square(factor, x):
     return factor * x["value"] ** 2
 
 
-def test_each_thread_gets_its_own_row():
-    lanes = Lanes(3, 2)
-    found = {}
+def _done(lanes, *works):
+    """Do all of some work."""
+    for _ in lanes.drive(works):
+        pass
+
+
+def test_each_member_gets_its_own_row():
+    lanes, found = Lanes(3), {}
 
     def work(i):
-        asked = [lanes.ask(_slow_square, 2.0, {"value": np.float64(i + k)}) for k in range(4)]
+        asked = [lanes.ask(_square, 2.0, {"value": np.float64(i + k)}) for k in range(4)]
         found[i] = [float(x) for x in asked]
 
-    threads = [threading.Thread(target=lambda i=i: lanes.do(lambda: work(i))) for i in range(7)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join(20.0)
-    lanes.close()
+    _done(lanes, *(partial(work, i) for i in range(7)))
     assert found == {i: [2.0 * (i + k) ** 2 for k in range(4)] for i in range(7)}
 
 
 def test_nobody_waits_for_the_slowest():
-    lanes, others_done, rounds = Lanes(2, 1), threading.Event(), []
+    lanes, ended, rounds = Lanes(2), [], []
 
     def straggler():
-        while not others_done.is_set() and len(rounds) < 2000:
-            rounds.append(lanes.ask(_slow_square, 1.0, {"value": np.float64(1.0)}))
+        while len(ended) < 6 and len(rounds) < 2000:
+            rounds.append(lanes.ask(_square, 1.0, {"value": np.float64(1.0)}))
 
     def quick():
         for _ in range(3):
-            lanes.ask(_slow_square, 1.0, {"value": np.float64(2.0)})
+            lanes.ask(_square, 1.0, {"value": np.float64(2.0)})
+        ended.append(True)
 
-    slow = threading.Thread(target=lambda: lanes.do(straggler))
-    slow.start()
-    rest = [threading.Thread(target=lambda: lanes.do(quick)) for _ in range(6)]
-    for thread in rest:
-        thread.start()
-    for thread in rest:
-        thread.join(20.0)
-    others_done.set()
-    slow.join(20.0)
-    lanes.close()
-    assert not any(thread.is_alive() for thread in [slow, *rest])
-    assert 0 < len(rounds) < 2000
+    _done(lanes, straggler, *[quick] * 6)
+    assert len(ended) == 6
+    assert 0 < len(rounds) < 30
 
 
 def _broken(_, x):
@@ -271,21 +265,17 @@ def _broken(_, x):
 
 
 def test_an_error_of_a_program_reaches_those_who_asked():
-    lanes = Lanes(2, 1)
-    told = []
+    lanes, told, found = Lanes(2), [], []
 
     def work(program):
         try:
-            lanes.ask(program, 1.0, {"value": np.float64(3.0)})
+            found.append(lanes.ask(program, 1.0, {"value": np.float64(3.0)}))
         except ValueError as error:
             told.append(str(error))
 
-    for program in (_broken, _slow_square):
-        lanes.do(lambda program=program: work(program))
-    lanes.close()
-    assert told == ["no such thing"]
-    with pytest.raises(RuntimeError, match="closed"):
-        lanes.ask(_slow_square, 1.0, {"value": np.float64(1.0)})
+    _done(lanes, *(partial(work, p) for p in (_broken, _square, _broken, _broken)))
+    assert told == ["no such thing"] * 3
+    assert found == [9.0]
 
 
 class _Exits(dft.Thruster):
@@ -298,53 +288,52 @@ def test_what_ends_a_program_ends_it_all(logs):
         dft.many.fit([_Exits(), *[MODEL] * 3], logs[:4], starts=1)
 
 
-def test_an_interruption_leaves_no_thread(logs):
-    before = set(threading.enumerate())
+def test_an_interruption_ends_the_work_of_all(logs, monkeypatch):
+    begun, ended = [], []
+
+    def noted(*given, **options):
+        begun.append(given)
+        try:
+            return dft.fit(*given, **options)
+        finally:
+            ended.append(given)
 
     def stop(message, share):
         raise KeyboardInterrupt
 
+    monkeypatch.setattr(_calls, "fit_one", noted)
+    monkeypatch.setattr(_calls, "check_options", lambda *_: None)
     with pytest.raises(KeyboardInterrupt):
-        dft.many.fit(MODEL, logs, starts=4, width=4, progress=stop)
+        dft.many.fit(MODEL, logs, starts=4, width=2, progress=stop)
+    assert 1 < len(ended) == len(begun) < len(logs)
+    assert len(dft.many.fit(MODEL, logs[:2], starts=1, width=2)) == 2  # nothing is left behind
+
+
+def test_work_of_long_programs_ends_where_nobody_waits_for_it():
+    def stop(message, share):
+        raise KeyboardInterrupt
+
+    def work(i, still_wanted):
+        if i:  # ends once the other is at work
+            at_work.wait(20.0)
+            return
+        at_work.set()
+        try:
+            while True:
+                still_wanted("at work", 0.5)
+        except RuntimeError:
+            ended.append(i)
+            raise
+
+    ended: list[int] = []
+    at_work = threading.Event()
+    before = set(threading.enumerate())
+    with pytest.raises(KeyboardInterrupt):
+        each_apart(work, ["endless", "quick"], (), stop)
     for thread in set(threading.enumerate()) - before:
         thread.join(20.0)
         assert not thread.is_alive()
-
-
-def test_what_waits_when_lanes_close_is_given_up():
-    lanes, told = Lanes(2, 1), []
-
-    def work():
-        try:
-            lanes.ask(_slow_square, 1.0, {"value": np.float64(1.0)})
-        except RuntimeError as error:
-            told.append(str(error))
-
-    lanes._think(1)  # somebody else, who is never done, and for whom it waits
-    thread = threading.Thread(target=lambda: lanes.do(work))
-    thread.start()
-    while not lanes._waiting:
-        pass
-    lanes.close()
-    thread.join(20.0)
-    assert told == ["These lanes are closed."]
-
-
-def test_long_work_ends_where_nobody_waits_for_it():
-    lanes = Lanes(2, 1)
-    lanes.do(still_wanted)
-    lanes.close()
-    with pytest.raises(RuntimeError, match="closed"):
-        lanes.do(still_wanted)
-    still_wanted("outside of lanes", 0.0)
-
-
-def test_a_busy_thread_does_not_hold_up_the_others():
-    lanes = Lanes(2, 1)
-    lanes._think(1)  # computes something else for ever
-    found = lanes.do(lambda: lanes.ask(_slow_square, 1.0, {"value": np.float64(3.0)}))
-    lanes.close()
-    assert float(found) == 9.0
+    assert ended == [0]
 
 
 def test_a_map_that_fails_costs_the_others_nothing(fits, monkeypatch):

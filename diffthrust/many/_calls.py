@@ -9,13 +9,12 @@ from diffthrust._arguments import listed
 from diffthrust._compare import compare as compare_one
 from diffthrust._errors import InputError
 from diffthrust._fit import fit as fit_one
-from diffthrust._lanes import still_wanted
 from diffthrust._log import Log
 from diffthrust._model import Model
 from diffthrust._result import Fit
 from diffthrust._sample import sample as sample_one
 from diffthrust._starts import Progress
-from diffthrust.many._each import check_options, each, lengths_of
+from diffthrust.many._each import check_options, each, each_apart, lengths_of
 from diffthrust.many._processes import divided
 from diffthrust.many._result import Many, named_members
 
@@ -72,9 +71,9 @@ def fit(
 
     lengths = lengths_of(log for group in (*members, *held) for log in group)
     named, told = _names(names, members), list(zip(models, members, unseen, strict=True))
+    common = (lengths, width, options)
     if _processes(processes, devices) == 1:
-        return _fits(told, named, (lengths, width, None, options), devices, progress)
-    common = (lengths, width, 1, options)  # the processes are as many as run at a time
+        return _fits(told, named, common, devices, progress)
     return divided(_fits, told, named, common, processes=processes, progress=progress)
 
 
@@ -85,15 +84,13 @@ def _fits(
     devices: Sequence[Any] | None = None,
     progress: Progress | None = None,
 ) -> Many:
-    lengths, width, workers, options = common
+    lengths, width, options = common
 
     def one(i: int) -> Fit:
         model, logs, unseen = told[i]
-        return fit_one(model, logs, holdout=unseen, progress=still_wanted, **options)
+        return fit_one(model, logs, holdout=unseen, **options)
 
-    return each(
-        one, names, lengths, width=width, devices=devices, workers=workers, progress=progress
-    )
+    return each(one, names, lengths, width=width, devices=devices, progress=progress)
 
 
 def compare(
@@ -177,11 +174,11 @@ def sample(
     members = [listed(one) for one in _records(logs)]
     each_fit = _for_each(fits, (), "fits", len(members))
 
-    def one(i: int) -> Any:
+    def one(i: int, still_wanted: Progress) -> Any:
         return sample_one(each_fit[i], members[i], progress=still_wanted, **options)
 
     lengths = lengths_of(log for group in members for log in group)
-    return each(one, _names(names, members), lengths, progress=progress)
+    return each_apart(one, _names(names, members), lengths, progress)
 
 
 def _processes(processes: Any, devices: Any) -> int:

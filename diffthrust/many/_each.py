@@ -1,13 +1,16 @@
-"""One thread for each of some members at a time, their programs side by side."""
+"""The work of many members, each with an outcome of its own."""
 
 from __future__ import annotations
 
 import operator
 import os
+import threading
 import time
 import traceback
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import closing
+from functools import partial
 from inspect import Parameter, signature
 from typing import Any
 
@@ -16,7 +19,7 @@ import jax
 from diffthrust._channels import listing
 from diffthrust._errors import InputError
 from diffthrust._intake import bridged
-from diffthrust._lanes import Lanes
+from diffthrust._lanes import Lanes, padded_to
 from diffthrust._log import Log
 from diffthrust._starts import Progress
 from diffthrust.many._lengths import ladder
@@ -40,7 +43,6 @@ def each(
     *,
     width: int | None = None,
     devices: Sequence[Any] | None = None,
-    workers: int | None = None,
     progress: Progress | None = None,
 ) -> Many:
     """Do ``work(i)`` for every name; what raises an error is a row with it.
@@ -52,37 +54,66 @@ def each(
         width: members in one run, on each device; by default `WIDTH` on a processor, and on an
             accelerator `ACCELERATED`, or all if they are fewer.
         devices: over which runs are divided; by default the one that JAX would take.
-        workers: runs at a time; by default two or as many as processors.
         progress: called with a message and the share done.
     """
     chosen = () if devices is None else _checked(devices)
     on = chosen or jax.devices()[:1]
-    rows = _width(width, len(names), on) * len(on)
-    # two runs at a time: one computes while what the other gave is looked at
-    workers = workers or (min(os.cpu_count() or 1, 4) if on[0].platform == "cpu" else 2)
-    lanes = Lanes(rows, workers, lengths, chosen)
+    lanes = Lanes(_width(width, len(names), on) * len(on), chosen)
+    return _outcomes(work, names, lengths, lanes.drive, progress)
+
+
+def each_apart(
+    work: Callable[[int, Progress], Any],
+    names: Sequence[str],
+    lengths: Sequence[int],
+    progress: Progress | None = None,
+) -> Many:
+    """As `each`, for work of long programs of its own: in threads, as many as processors.
+
+    It gets a `Progress` to call now and then, which ends it where nobody waits for it any more.
+    """
+    given_up = threading.Event()
+
+    def still_wanted(*_: Any) -> None:
+        if given_up.is_set():
+            raise RuntimeError("Nobody waits for this any more.")
+
+    def in_threads(works: Iterable[Callable[[], None]]) -> Generator[None]:
+        pool = ThreadPoolExecutor(os.cpu_count())
+        try:
+            for future in as_completed([pool.submit(one) for one in works]):
+                yield future.result()  # what is no error of a member, such as an exit, ends it all
+        finally:
+            given_up.set()
+            pool.shutdown(wait=False, cancel_futures=True)
+
+    return _outcomes(lambda i: work(i, still_wanted), names, lengths, in_threads, progress)
+
+
+def _outcomes(
+    work: Callable[[int], Any],
+    names: Sequence[str],
+    lengths: Sequence[int],
+    drive: Callable[[Iterable[Callable[[], None]]], Generator[None]],
+    progress: Progress | None,
+) -> Many:
+    """What became of every member; ``drive`` does all of some work and yields for each."""
     started, found = time.monotonic(), [_Outcome() for _ in names]
 
     def one(i: int) -> None:
         begun = time.monotonic()
         try:
-            found[i].result = lanes.do(lambda: work(i))
+            with padded_to(lengths):
+                found[i].result = work(i)
         except Exception as error:  # a row of its own, whatever it is: the others go on
             _forget(error)
             found[i].error = error
         found[i].seconds = time.monotonic() - begun
 
-    active = lanes.width * (workers + 1)  # some runs are computed, one gathers
-    pool = ThreadPoolExecutor(max_workers=min(active, max(len(names), 1)))
-    try:
-        under_way = [pool.submit(one, i) for i in range(len(names))]
-        for done, future in enumerate(as_completed(under_way), 1):
-            future.result()  # what is no error of a member, such as an exit, ends it all
+    with closing(drive(partial(one, i) for i in range(len(names)))) as ended:
+        for done, _ in enumerate(ended, 1):
             if progress:
                 progress(f"{done} of {len(names)}", done / len(names))
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
-        lanes.close()
     return Many(
         names=tuple(names),
         results=tuple(one.result for one in found),
