@@ -8,8 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.linalg import expm
-from scipy.signal import ss2tf
 
 from diffthrust._errors import InputError
 
@@ -115,6 +113,8 @@ class Transfer:
         Returns:
             Matrix ``(n, n)`` for the states, and what the line's start and end add, ``(n,)`` each.
         """
+        from scipy.linalg import expm  # slow to import
+
         a, b, _, _ = self.state_space()
         n = self.order
         block = np.zeros((n + 2, n + 2))
@@ -227,6 +227,8 @@ def _from_states(a: Any, b: Any, c: Any, d: Any) -> tuple[Any, Any]:
             "sought in a loop with one of each.",
             "Pick one input and one output.",
         )
+    from scipy.signal import ss2tf  # slow to import
+
     num, den = ss2tf(a, b, c, d)
     num = np.where(np.abs(num[0]) < 1e-12 * np.abs(num[0]).max(), 0.0, num[0])  # rounding
     return num, den

@@ -113,12 +113,13 @@ def describing_function(points: int) -> Any:
     )
 
 
-def _parameters(record: Record) -> np.ndarray:
-    return peer_fit(record).x[:3]
+def parameters(record: Record, starts: int = 1) -> np.ndarray:
+    """The best of some starts."""
+    return best_fit(record, _problem.guesses(starts)).x[:3]
 
 
 def many_logs(count: int) -> Any:
     given = _problem.many_records(count)
     pool = ProcessPoolExecutor(2, mp_context=get_context("spawn"))
-    work = partial(pool.map, _parameters, given, chunksize=max(1, len(given) // 8))
+    work = partial(pool.map, parameters, given, chunksize=max(1, len(given) // 8))
     return lambda turn: np.array(list(work()))
