@@ -126,6 +126,8 @@ def restarts(problem: Problem, horizon: float | None, *, hold: bool = False) -> 
     Only numbers change, so the compiled code is used again. A restart falls on the first sample
     at or after each multiple of the horizon at which every restarted state was measured.
     """
+    if not any(grid.restarted for grid in problem.layout.grids) and hold == problem.held:
+        return problem
     batches = []
     for grid, batch, indices in zip(
         problem.layout.grids, problem.arrays["batches"], problem.order, strict=True

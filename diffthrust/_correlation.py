@@ -52,14 +52,17 @@ def lag_one(runs: Sequence[np.ndarray]) -> float:
     and where there are too few values to tell.
     """
     seen = [run[np.isfinite(run)] for run in runs]
-    pairs = [np.stack([rest[1:], rest[:-1]]) for rest in seen if rest.size > 1]
-    both = np.concatenate(pairs, axis=1) if pairs else np.zeros((2, 0))
-    if both.shape[1] <= FEW:
+    later, before = (
+        np.concatenate([np.zeros(0), *parts])
+        for parts in ([rest[1:] for rest in seen], [rest[:-1] for rest in seen])
+    )
+    if later.size <= FEW:
         return 0.0
-    away = both - both.mean(axis=1, keepdims=True)
-    own, theirs, shared = away[0] @ away[0], away[1] @ away[1], away[0] @ away[1]
-    found = float(shared / np.sqrt(own * theirs)) if own > 0 and theirs > 0 else 0.0
-    return found if found > 3 / np.sqrt(both.shape[1]) else 0.0
+    later -= later.mean()
+    before -= before.mean()
+    power = (later @ later) * (before @ before)
+    found = float(later @ before / np.sqrt(power)) if power > 0 else 0.0
+    return found if found > 3 / np.sqrt(later.size) else 0.0
 
 
 def covariance(first: Sequence[np.ndarray], second: Sequence[np.ndarray], lags: int) -> np.ndarray:

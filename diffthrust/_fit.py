@@ -12,7 +12,7 @@ import numpy as np
 
 from diffthrust._arguments import check_arguments, listed
 from diffthrust._arrange import build
-from diffthrust._compare import compare
+from diffthrust._compare import Comparison, compare
 from diffthrust._fit_notes import correlation_notes
 from diffthrust._horizons import schedule, through, whole_runs
 from diffthrust._innovations import (
@@ -30,8 +30,8 @@ from diffthrust._problem import Problem
 from diffthrust._result import Estimate, Fit
 from diffthrust._silent import without_silent
 from diffthrust._starts import Progress
-from diffthrust._status import Checks, Local, Status, examine, judge
-from diffthrust._step_check import CoarseStepWarning, choose_substeps
+from diffthrust._status import Checks, Local, examine, judge
+from diffthrust._step_check import CoarseStepWarning, fewest_steps
 
 
 def fit(
@@ -146,7 +146,10 @@ def fit(
         if observer:
             found = polished(found, final)
         model_found = final.model_at(found.best.z)
-        needed = _substeps(model_found, logs)
+        failed = not np.isfinite(found.best.quadratic.cost)
+        states = tuple(final.initial_states(found.best.z))
+        train = compare(model_found, logs, initial=None if failed else states, substeps=chosen)
+        needed = _substeps(train)
         if needed <= chosen or refitted or substeps:
             break
         model, chosen, refitted = _unfixed(model_found, silent), needed, True
@@ -170,9 +173,6 @@ def fit(
     status, message = judge(
         local, float(best.quadratic.cost), found.begun, agreeing, found.rivals(final)
     )
-    states = tuple(final.initial_states(best.z))
-    failed = status is Status.SIMULATION_FAILED
-    train = compare(model_found, logs, initial=None if failed else states, substeps=chosen)
     notes += correlation_notes(final, best.z, train)
     steps = chosen if failed else substeps
     return Fit(
@@ -204,10 +204,11 @@ def fit(
     )
 
 
-def _substeps(model: Model, logs: Sequence[Log]) -> int:
+def _substeps(train: Comparison) -> int:
     """What the log with the longest step needs."""
-    coarsest = max(logs, key=lambda log: (log.step, len(log)))
-    return choose_substeps(model, coarsest, warn=False)
+    run = max(train.runs, key=lambda run: (run.log.step, len(run.log)))
+    simulated = run.signals if run.substeps == 1 else None
+    return fewest_steps(train.model, run.log, run.start, simulated)
 
 
 def _unfixed(model: Model, silent: Sequence[str]) -> Model:

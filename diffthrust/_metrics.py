@@ -56,7 +56,9 @@ def errors(pairs: Mapping[str, Iterable[tuple[np.ndarray, np.ndarray]]]) -> Erro
     for name, runs in pairs.items():
         measured, residual = (np.concatenate(x) for x in zip(*runs, strict=True))
         seen = np.isfinite(measured)
-        if seen.any():
+        if seen.all():
+            seen = slice(None)  # no copy
+        if measured[seen].size:
             found[name] = _channel(measured[seen], residual[seen])
     overall = np.sqrt(np.mean([e.nrmse**2 for e in found.values()])) if found else np.nan
     return Errors(float(overall), found)

@@ -184,7 +184,7 @@ class Problem:
         out = {name: p.value for name, p in named.items()}
         for name, coordinate in zip(self.free, z, strict=False):
             low, high = named[name].limits
-            out[name] = float(np.clip(float(named[name].from_coordinate(coordinate)), low, high))
+            out[name] = min(max(float(named[name].from_coordinate(coordinate)), low), high)
         return out
 
     def model_at(self, z: np.ndarray) -> Model:

@@ -142,6 +142,8 @@ def _marginal(
     slope: np.ndarray, information: np.ndarray, inside: np.ndarray, beside: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Scaled gradient and information of some coordinates, where others follow them."""
+    if not beside.size:
+        return slope[inside], information[np.ix_(inside, inside)]
     cross = information[np.ix_(inside, beside)]
     own = information[np.ix_(beside, beside)]
     through = cross @ np.linalg.pinv(own, rcond=1e-10, hermitian=True)
