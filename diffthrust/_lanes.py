@@ -21,7 +21,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -56,9 +56,34 @@ def padded_length(samples: int) -> int:
     return int(lengths[at]) if at < len(lengths) else samples
 
 
+def run(program: Callable[..., Any], static: Hashable, numbers: Any, rows: int = 1) -> Any:
+    """``program(static, numbers)``, compiled; beside those of other members where there are any.
+
+    Args:
+        program: compiled by ``jax.jit``, with ``static`` fixing the code.
+        static: hashable.
+        numbers: a pytree of arrays.
+        rows: that the program works on side by side by itself already.
+    """
+    present = lanes()
+    if present is None:
+        return program(static, numbers)
+    return present.ask(program, static, numbers, rows)
+
+
 @partial(jax.jit, static_argnums=(0, 1))
 def _side_by_side(program: Callable[..., Any], static: Hashable, rows: Any) -> Any:
     return jax.vmap(partial(program, static))(rows)
+
+
+class _Kind(NamedTuple):
+    """What is equal among programs that are run together, and how many are."""
+
+    program: Callable[..., Any]
+    static: Hashable
+    tree: Any
+    shapes: tuple[Any, ...]
+    width: int
 
 
 @dataclass(eq=False)
@@ -81,9 +106,10 @@ class Lanes:
 
     def __init__(self, width: int, devices: Sequence[Any] = ()) -> None:
         self.width = width
+        self._devices = max(1, len(devices))
         self._sharding = _by_rows(devices) if len(devices) else None
         self._driver: greenlet = getcurrent()
-        self._waiting: dict[Hashable, list[_Asked]] = {}
+        self._waiting: dict[_Kind, list[_Asked]] = {}
         self._under_way: deque[tuple[list[_Asked], Any]] = deque()
         self._ready: deque[_Asked] = deque()
 
@@ -115,7 +141,7 @@ class Lanes:
                 if member.dead:
                     members.remove(member)
                     yield
-                elif len(self._waiting[kind]) >= self.width:
+                elif len(self._waiting[kind]) >= kind.width:
                     self._begin(kind)
         finally:
             for member in members:
@@ -126,11 +152,17 @@ class Lanes:
         _present.set(self)  # a greenlet has a context of its own
         work()
 
-    def ask(self, program: Callable[..., Any], static: Hashable, numbers: Any) -> Any:
-        """``program(static, numbers)`` for this member; others have their turn meanwhile."""
+    def ask(
+        self, program: Callable[..., Any], static: Hashable, numbers: Any, rows: int = 1
+    ) -> Any:
+        """``program(static, numbers)`` for this member; others have their turn meanwhile.
+
+        A program that works on several ``rows`` by itself is run for fewer members at a time.
+        """
         leaves, tree = jax.tree.flatten(numbers)
         leaves = [np.asarray(leaf) for leaf in leaves]
-        kind = (program, static, tree, tuple((leaf.shape, leaf.dtype) for leaf in leaves))
+        shapes = tuple((leaf.shape, leaf.dtype) for leaf in leaves)
+        kind = _Kind(program, static, tree, shapes, self._fit_in(rows))
         asked = _Asked(getcurrent(), leaves)
         self._waiting.setdefault(kind, []).append(asked)
         self._driver.switch(kind)
@@ -138,19 +170,22 @@ class Lanes:
             raise asked.error
         return asked.found
 
-    def _begin(self, kind: Any) -> None:
+    def _fit_in(self, rows: int) -> int:
+        """How many programs of so many rows make one run; as many on each device."""
+        return max(1, self.width // self._devices // rows) * self._devices
+
+    def _begin(self, kind: _Kind) -> None:
         """Run what waits for a program; what it gives is collected later."""
         if len(self._under_way) >= AHEAD:
             self._collect()
-        program, static, tree, _ = kind
         group = self._waiting.pop(kind)
-        spare = [group[0]] * (self.width - len(group))  # one shape, one compilation
+        spare = [group[0]] * (kind.width - len(group))  # one shape, one compilation
         columns = zip(*(asked.leaves for asked in [*group, *spare]), strict=True)
-        rows = jax.tree.unflatten(tree, [np.stack(column) for column in columns])
+        rows = jax.tree.unflatten(kind.tree, [np.stack(column) for column in columns])
         try:
             if self._sharding is not None:
                 rows = jax.device_put(rows, self._sharding)
-            self._under_way.append((group, _side_by_side(program, static, rows)))
+            self._under_way.append((group, _side_by_side(kind.program, kind.static, rows)))
         except Exception as error:
             self._give(group, error=error)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from typing import Any, NamedTuple, Protocol
 
@@ -11,6 +13,7 @@ import numpy as np
 
 from diffthrust._emcee import Chains
 from diffthrust._errors import InputError
+from diffthrust._lanes import run as run_program
 from diffthrust._posterior import Posterior, Shape, log_density
 from diffthrust._starts import Progress
 
@@ -119,27 +122,37 @@ class _Unbounded(NamedTuple):
         return to_coordinates(self.box, data, v)
 
 
-@partial(jax.jit, static_argnums=(0, 1))
-def _adapt(target: Target, steps: int, data: Any, starts: Any, keys: Any) -> Any:
+@contextmanager
+def _mixing() -> Iterator[None]:
+    """BlackJAX mixes types and ranks freely: in force whatever the caller's settings."""
+    with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
+        yield
+
+
+@partial(jax.jit, static_argnums=0)
+def _adapt(static: tuple[Target, int], numbers: Any) -> Any:
     import blackjax
     from blackjax.adaptation.base import get_filter_adapt_info_fn
 
+    (target, steps), (data, starts, keys) = static, numbers
     density = partial(target.density, data)
-    warmup: Any = blackjax.window_adaptation(
-        blackjax.nuts, density, adaptation_info_fn=get_filter_adapt_info_fn()
-    )
 
     def one(start: Any, key: Any) -> Any:
         (state, parameters), _ = warmup.run(key, start, num_steps=steps)
         return state, parameters["step_size"], parameters["inverse_mass_matrix"]
 
-    return jax.vmap(one)(starts, keys)
+    with _mixing():
+        warmup: Any = blackjax.window_adaptation(
+            blackjax.nuts, density, adaptation_info_fn=get_filter_adapt_info_fn()
+        )
+        return jax.vmap(one)(starts, jax.random.wrap_key_data(keys))
 
 
 @partial(jax.jit, static_argnums=0)
-def _draw(target: Target, data: Any, state: Any, step: Any, mass: Any, keys: Any) -> Any:
+def _draw(target: Target, numbers: Any) -> Any:
     import blackjax
 
+    data, state, step, mass, keys = numbers
     density = partial(target.density, data)
     kernel = blackjax.nuts.build_kernel()
 
@@ -151,7 +164,8 @@ def _draw(target: Target, data: Any, state: Any, step: Any, mass: Any, keys: Any
 
         return jax.lax.scan(turn, state, keys)
 
-    return jax.vmap(one)(state, step, mass, keys)
+    with _mixing():
+        return jax.vmap(one)(state, step, mass, jax.random.wrap_key_data(keys))
 
 
 class Walked(NamedTuple):
@@ -189,18 +203,17 @@ def walk(
     """
     tell = progress or (lambda message, done: None)
     begin, adapt, on = jax.random.split(jax.random.key(seed), 3)
-    # in force whatever the caller's settings: BlackJAX mixes types and ranks freely
-    with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
-        starts = jax.random.normal(begin, (chains, dim))
-        tell("warmup", 0.0)
-        adapted = _adapt(target, warmup, data, starts, jax.random.split(adapt, chains))
-        state, step, mass = jax.block_until_ready(adapted)
-        parts = []
-        for block in range(-(-draws // BLOCK)):
-            tell("drawing", (warmup + block * BLOCK) / (warmup + draws))
-            keys = jax.random.split(jax.random.fold_in(on, block), (chains, BLOCK))
-            state, found = _draw(target, data, state, step, mass, keys)
-            parts.append(jax.tree.map(np.asarray, found))
+    starts = jax.random.normal(begin, (chains, dim))
+    tell("warmup", 0.0)
+    keys = jax.random.key_data(jax.random.split(adapt, chains))
+    state, step, mass = run_program(_adapt, (target, warmup), (data, starts, keys), rows=chains)
+    parts = []
+    for block in range(-(-draws // BLOCK)):
+        tell("drawing", (warmup + block * BLOCK) / (warmup + draws))
+        keys = jax.random.split(jax.random.fold_in(on, block), (chains, BLOCK))
+        numbers = (data, state, step, mass, jax.random.key_data(keys))
+        state, found = run_program(_draw, target, numbers, rows=chains)
+        parts.append(jax.tree.map(np.asarray, found))
     told, log_prob, (diverging, rate, steps) = jax.tree.map(
         lambda *part: np.concatenate(part, axis=1)[:, :draws], *parts
     )

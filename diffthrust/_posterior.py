@@ -17,6 +17,8 @@ import numpy as np
 from diffthrust._again import problem_of
 from diffthrust._ar1 import levels
 from diffthrust._errors import InputError
+from diffthrust._lanes import lanes as beside_others
+from diffthrust._lanes import run
 from diffthrust._likelihood import TAIL, named_values, noise_of, residuals
 from diffthrust._log import Log
 from diffthrust._parameters import Normal
@@ -80,7 +82,8 @@ def log_density(shape: Shape, data: Any, x: Any) -> tuple[Any, Any]:
 
 
 @partial(jax.jit, static_argnums=0)
-def _many(shape: Shape, data: Any, points: Any) -> tuple[Any, Any]:
+def _many(shape: Shape, numbers: tuple[Any, Any]) -> tuple[Any, Any]:
+    data, points = numbers
     return jax.vmap(partial(log_density, shape, data))(points)
 
 
@@ -172,10 +175,12 @@ class Posterior:
         portions = np.split(filled, whole // lanes)
 
         def one(portion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            density, level = _many(self.shape, self.data, portion)
+            density, level = run(_many, self.shape, (self.data, portion), rows=lanes)
             return np.asarray(density), np.asarray(level)
 
-        done = [one(portions[0])] if whole == lanes else list(_POOL.map(one, portions))
+        # in threads, unless other members fill the cores: these wait for programs in one thread
+        alone = beside_others() is None and whole > lanes
+        done = list(_POOL.map(one, portions) if alone else map(one, portions))
         density, level = (np.concatenate(parts)[:count] for parts in zip(*done, strict=True))
         return density, level
 

@@ -14,7 +14,7 @@ from diffthrust._model import Model
 from diffthrust._result import Fit
 from diffthrust._sample import sample as sample_one
 from diffthrust._starts import Progress
-from diffthrust.many._each import check_options, each, each_apart, lengths_of
+from diffthrust.many._each import check_options, each, lengths_of
 from diffthrust.many._processes import divided
 from diffthrust.many._result import Many, named_members
 
@@ -141,18 +141,22 @@ def sample(
     logs: Records,
     *,
     names: Sequence[str] | None = None,
+    width: int | None = None,
+    devices: Sequence[Any] | None = None,
     progress: Progress | None = None,
     **options: Any,
 ) -> Many:
     """Draw from the posterior of each of many fits, as `diffthrust.sample` does of one.
 
-    Chains of one posterior are run together already; here, posteriors are drawn from some at a
-    time, and those of logs padded to one length share what is compiled.
+    Chains of one posterior are run together already, and fill a processor; on an accelerator those
+    of many logs padded to one length are run together, too.
 
     Args:
         fits: the fits, in the order of the logs; members without one are errors here, too.
         logs: the training logs of each.
         names: of the members; by default those of their first logs.
+        width: chains in one run of a program on each device; chosen by the machine where ``None``.
+        devices: of JAX over which each run is divided; its own choice by default.
         progress: called with a message and the share done.
         **options: of `diffthrust.sample`, but for ``file``.
 
@@ -174,11 +178,12 @@ def sample(
     members = [listed(one) for one in _records(logs)]
     each_fit = _for_each(fits, (), "fits", len(members))
 
-    def one(i: int, still_wanted: Progress) -> Any:
-        return sample_one(each_fit[i], members[i], progress=still_wanted, **options)
+    def one(i: int) -> Any:
+        return sample_one(each_fit[i], members[i], **options)
 
     lengths = lengths_of(log for group in members for log in group)
-    return each_apart(one, _names(names, members), lengths, progress)
+    named = _names(names, members)
+    return each(one, named, lengths, width=width, devices=devices, progress=progress)
 
 
 def _processes(processes: Any, devices: Any) -> int:

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import operator
-import os
-import threading
 import time
 import traceback
-from collections.abc import Callable, Generator, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import closing
 from functools import partial
 from inspect import Parameter, signature
@@ -59,45 +56,6 @@ def each(
     chosen = () if devices is None else _checked(devices)
     on = chosen or jax.devices()[:1]
     lanes = Lanes(_width(width, len(names), on) * len(on), chosen)
-    return _outcomes(work, names, lengths, lanes.drive, progress)
-
-
-def each_apart(
-    work: Callable[[int, Progress], Any],
-    names: Sequence[str],
-    lengths: Sequence[int],
-    progress: Progress | None = None,
-) -> Many:
-    """As `each`, for work of long programs of its own: in threads, as many as processors.
-
-    It gets a `Progress` to call now and then, which ends it where nobody waits for it any more.
-    """
-    given_up = threading.Event()
-
-    def still_wanted(*_: Any) -> None:
-        if given_up.is_set():
-            raise RuntimeError("Nobody waits for this any more.")
-
-    def in_threads(works: Iterable[Callable[[], None]]) -> Generator[None]:
-        pool = ThreadPoolExecutor(os.cpu_count())
-        try:
-            for future in as_completed([pool.submit(one) for one in works]):
-                yield future.result()  # what is no error of a member, such as an exit, ends it all
-        finally:
-            given_up.set()
-            pool.shutdown(wait=False, cancel_futures=True)
-
-    return _outcomes(lambda i: work(i, still_wanted), names, lengths, in_threads, progress)
-
-
-def _outcomes(
-    work: Callable[[int], Any],
-    names: Sequence[str],
-    lengths: Sequence[int],
-    drive: Callable[[Iterable[Callable[[], None]]], Generator[None]],
-    progress: Progress | None,
-) -> Many:
-    """What became of every member; ``drive`` does all of some work and yields for each."""
     started, found = time.monotonic(), [_Outcome() for _ in names]
 
     def one(i: int) -> None:
@@ -110,7 +68,7 @@ def _outcomes(
             found[i].error = error
         found[i].seconds = time.monotonic() - begun
 
-    with closing(drive(partial(one, i) for i in range(len(names)))) as ended:
+    with closing(lanes.drive(partial(one, i) for i in range(len(names)))) as ended:
         for done, _ in enumerate(ended, 1):
             if progress:
                 progress(f"{done} of {len(names)}", done / len(names))
