@@ -13,6 +13,7 @@ from scipy.optimize import minimize_scalar
 import diffthrust as dft
 from diffthrust import Log, simulate
 from diffthrust._arrange import build, restarts
+from diffthrust._gram import gram
 from diffthrust._likelihood import TAIL, evaluate
 from diffthrust.effects import ActuatorLag, ReverseThrustAsymmetry
 
@@ -377,3 +378,19 @@ def test_a_restart_waits_for_a_measurement():
     problem = restarts(build(GUESS, [log], segmented=True), 2.0)
     anew = np.asarray(problem.arrays["batches"][0]["restart_speed"])[0]
     assert np.flatnonzero(np.isfinite(anew)).tolist() == [60, 80, 120]
+
+
+@pytest.mark.parametrize("count", [1, 3, 8, 9])  # of few and of many series
+def test_inner_products_of_series_are_those_of_numpy(count):
+    series = np.random.default_rng(count).normal(size=(count, 3, 2, 500))
+    found = jax.jit(gram)(list(jnp.asarray(series)))
+    np.testing.assert_allclose(found, np.einsum("ibct,jbct->bij", series, series), atol=1e-10)
+
+
+def test_inner_products_tell_that_series_are_parallel():
+    # a fit calls parameters indistinguishable where an eigenvalue is below 1e-13 of the largest
+    one, other = np.random.default_rng(0).normal(size=(2, 1, 1, 200_000))
+    found = np.asarray(gram([jnp.asarray(a) for a in (one, 0.3141 * one, other)]))[0]
+    length = np.sqrt(np.diagonal(found))
+    values = np.linalg.eigvalsh(found / np.outer(length, length))
+    assert abs(values[0]) < 2e-14 * values[-1]
