@@ -205,10 +205,10 @@ def fit(
 
 
 def _substeps(train: Comparison) -> int:
-    """What the log with the longest step needs."""
+    """What the log with the longest step needs, from its estimated initial states on."""
     run = max(train.runs, key=lambda run: (run.log.step, len(run.log)))
     simulated = run.signals if run.substeps == 1 else None
-    return fewest_steps(train.model, run.log, run.start, simulated)
+    return fewest_steps(train.model, run.log, run.start, simulated)[0]
 
 
 def _unfixed(model: Model, silent: Sequence[str]) -> Model:

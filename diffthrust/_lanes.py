@@ -8,7 +8,7 @@ nobody waits for the slowest, and what fails in one is lost to that one alone.
 
 Members take turns in one thread, as greenlets: each goes on until it asks for a program. Threads
 would pass Python's lock to and fro at every operation of NumPy, which takes longer than the work.
-While a program runs, in threads of XLA's own, other members have their turn.
+Programs run in a few threads beside it, while other members have their turn.
 
 Outside `Lanes` a program is run at once, as it is.
 """
@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Generator, Hashable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -25,10 +26,7 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
-from greenlet import getcurrent, greenlet
-
-AHEAD = 2
-"""Runs under way at a time: one computes while what the other gave is looked at."""
+from greenlet import GreenletExit, getcurrent, greenlet
 
 _present: ContextVar[Lanes | None] = ContextVar("lanes", default=None)
 _ladder: ContextVar[Sequence[int]] = ContextVar("ladder", default=())
@@ -100,18 +98,24 @@ class Lanes:
     """Runs the programs of the members whose work it drives.
 
     Args:
-        width: rows of one run.
+        width: rows of one run on each device.
         devices: over which the rows of a run are divided; where JAX puts them if none are given.
+        members: how many there will be, where runs need not be wider.
+        runs: at a time.
     """
 
-    def __init__(self, width: int, devices: Sequence[Any] = ()) -> None:
-        self.width = width
-        self._devices = max(1, len(devices))
+    def __init__(
+        self, width: int, devices: Sequence[Any] = (), members: int | None = None, runs: int = 2
+    ) -> None:
+        self._width, self._devices, self._runs = width, max(1, len(devices)), runs
+        self._most = width if members is None else max(1, -(-members // self._devices))
         self._sharding = _by_rows(devices) if len(devices) else None
+        self._pool = ThreadPoolExecutor(runs, thread_name_prefix="diffthrust")
         self._driver: greenlet = getcurrent()
         self._waiting: dict[_Kind, list[_Asked]] = {}
-        self._under_way: deque[tuple[list[_Asked], Any]] = deque()
+        self._under_way: dict[Future[list[Any]], list[_Asked]] = {}
         self._ready: deque[_Asked] = deque()
+        self._closed = False
 
     def drive(self, works: Iterable[Callable[[], Any]]) -> Generator[None]:
         """Do some work, each piece in a member of its own; yields whenever one has ended.
@@ -121,7 +125,7 @@ class Lanes:
         """
         self._driver = getcurrent()
         left, members = iter(works), set[greenlet]()
-        most = self.width * (AHEAD + 1)  # some runs are under way, one gathers
+        most = self._width * self._devices * (self._runs + 1)  # some are under way, others gather
         try:
             while True:
                 if self._ready:
@@ -129,11 +133,11 @@ class Lanes:
                 elif len(members) < most and (work := next(left, None)) is not None:
                     member = greenlet(partial(self._within, work))
                     members.add(member)
+                elif self._waiting and len(self._under_way) < self._runs:  # rather than be idle
+                    self._begin(max(self._waiting, key=lambda kind: len(self._waiting[kind])))
+                    continue
                 elif self._under_way:
                     self._collect()
-                    continue
-                elif self._waiting:  # nobody else will join
-                    self._begin(max(self._waiting, key=lambda kind: len(self._waiting[kind])))
                     continue
                 else:
                     return
@@ -144,9 +148,11 @@ class Lanes:
                 elif len(self._waiting[kind]) >= kind.width:
                     self._begin(kind)
         finally:
+            self._closed = True
             for member in members:
                 if not member.dead:
                     member.throw()  # its work ends where it waits
+            self._pool.shutdown(wait=False, cancel_futures=True)
 
     def _within(self, work: Callable[[], Any]) -> None:
         _present.set(self)  # a greenlet has a context of its own
@@ -159,10 +165,13 @@ class Lanes:
 
         A program that works on several ``rows`` by itself is run for fewer members at a time.
         """
+        if self._closed:
+            raise GreenletExit
         leaves, tree = jax.tree.flatten(numbers)
         leaves = [np.asarray(leaf) for leaf in leaves]
         shapes = tuple((leaf.shape, leaf.dtype) for leaf in leaves)
-        kind = _Kind(program, static, tree, shapes, self._fit_in(rows))
+        width = max(1, min(self._most, self._width // rows)) * self._devices
+        kind = _Kind(program, static, tree, shapes, width)
         asked = _Asked(getcurrent(), leaves)
         self._waiting.setdefault(kind, []).append(asked)
         self._driver.switch(kind)
@@ -170,41 +179,34 @@ class Lanes:
             raise asked.error
         return asked.found
 
-    def _fit_in(self, rows: int) -> int:
-        """How many programs of so many rows make one run; as many on each device."""
-        return max(1, self.width // self._devices // rows) * self._devices
-
     def _begin(self, kind: _Kind) -> None:
-        """Run what waits for a program; what it gives is collected later."""
-        if len(self._under_way) >= AHEAD:
+        """Run what waits for a program, beside all else; what it gives is collected later."""
+        if len(self._under_way) >= self._runs:
             self._collect()
         group = self._waiting.pop(kind)
+        self._under_way[self._pool.submit(self._run, kind, group)] = group
+
+    def _run(self, kind: _Kind, group: list[_Asked]) -> list[Any]:
+        """What a program gives to each of a group."""
         spare = [group[0]] * (kind.width - len(group))  # one shape, one compilation
         columns = zip(*(asked.leaves for asked in [*group, *spare]), strict=True)
         rows = jax.tree.unflatten(kind.tree, [np.stack(column) for column in columns])
-        try:
-            if self._sharding is not None:
-                rows = jax.device_put(rows, self._sharding)
-            self._under_way.append((group, _side_by_side(kind.program, kind.static, rows)))
-        except Exception as error:
-            self._give(group, error=error)
+        if self._sharding is not None:
+            rows = jax.device_put(rows, self._sharding)
+        found = jax.tree.map(np.asarray, _side_by_side(kind.program, kind.static, rows))
+        return [jax.tree.map(lambda leaf, i=i: leaf[i], found) for i in range(len(group))]
 
     def _collect(self) -> None:
-        """Wait for the oldest run, and hand every member its row."""
-        group, rows = self._under_way.popleft()
-        try:
-            found = jax.tree.map(np.asarray, rows)
-        except Exception as error:
-            self._give(group, error=error)
-            return
-        for i, asked in enumerate(group):
-            asked.found = jax.tree.map(lambda leaf, i=i: leaf[i], found)
-        self._give(group)
-
-    def _give(self, group: list[_Asked], error: Exception | None = None) -> None:
-        for asked in group:  # each raises the error by its own
-            asked.error = error
-        self._ready.extend(group)
+        """Wait for the first run to end, and hand every member its row."""
+        for run in wait(self._under_way, return_when=FIRST_COMPLETED).done:
+            group = self._under_way.pop(run)
+            try:
+                for asked, row in zip(group, run.result(), strict=True):
+                    asked.found = row
+            except Exception as error:  # it is raised in all of them
+                for asked in group:
+                    asked.error = error
+            self._ready.extend(group)
 
 
 def _by_rows(devices: Sequence[Any]) -> Any:

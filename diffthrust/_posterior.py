@@ -17,8 +17,7 @@ import numpy as np
 from diffthrust._again import problem_of
 from diffthrust._ar1 import levels
 from diffthrust._errors import InputError
-from diffthrust._lanes import lanes as beside_others
-from diffthrust._lanes import run
+from diffthrust._lanes import lanes, run
 from diffthrust._likelihood import TAIL, named_values, noise_of, residuals
 from diffthrust._log import Log
 from diffthrust._parameters import Normal
@@ -163,23 +162,23 @@ class Posterior:
         levels = [f"sigma.{layout.channels[i]}" for i in self.sampled]
         return (*(every[i] for i in self.moved), *levels)
 
-    def batch(self, points: np.ndarray, lanes: int = LANES) -> tuple[np.ndarray, np.ndarray]:
+    def batch(self, points: np.ndarray, together: int = LANES) -> tuple[np.ndarray, np.ndarray]:
         """Log densities ``(W,)`` and noise levels ``(W, C)`` at points ``(W, d)``.
 
-        The points go through in portions of ``lanes``, the last one filled up, so that any number
-        of them shares one compilation; portions run side by side on the cores.
+        The points go through in portions of ``together``, the last one filled up, so that any
+        number of them shares one compilation; portions run side by side on the cores.
         """
         count = points.shape[0]
-        whole = -(-count // lanes) * lanes
+        whole = -(-count // together) * together
         filled = np.concatenate([points, np.repeat(points[-1:], whole - count, axis=0)])
-        portions = np.split(filled, whole // lanes)
+        portions = np.split(filled, whole // together)
 
         def one(portion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            density, level = run(_many, self.shape, (self.data, portion), rows=lanes)
+            density, level = run(_many, self.shape, (self.data, portion), rows=together)
             return np.asarray(density), np.asarray(level)
 
         # in threads, unless other members fill the cores: these wait for programs in one thread
-        alone = beside_others() is None and whole > lanes
+        alone = lanes() is None and whole > together
         done = list(_POOL.map(one, portions) if alone else map(one, portions))
         density, level = (np.concatenate(parts)[:count] for parts in zip(*done, strict=True))
         return density, level

@@ -28,8 +28,8 @@ def sensor_noise(values: np.ndarray) -> float:
     if seen.size < 3:
         return float(np.ptp(seen)) or 1.0
     bends = np.abs(np.diff(seen, 2))
-    middle = bends.size // 2  # a median of NumPy's takes five times as long as its partition
-    rough = np.partition(bends, middle)[middle] / 0.6745 / np.sqrt(6.0)
+    middle = [(bends.size - 1) // 2, bends.size // 2]  # NumPy's median takes five times as long
+    rough = np.partition(bends, middle)[middle].mean() / 0.6745 / np.sqrt(6.0)
     rounding = 1e-9 * np.max(np.abs(seen))  # a constant channel has neither noise nor spread
     return float(max(rough, 1e-4 * np.std(seen), rounding)) or 1.0
 
@@ -102,7 +102,17 @@ def choose_substeps(
     Returns:
         1, 2, 4, ... up to 32; 1 for a model without states.
     """
-    return fewest_steps(model, log, initial, tolerance=tolerance, warn=warn)
+    substeps, errors = fewest_steps(model, log, initial, tolerance=tolerance)
+    if max(errors.values(), default=0.0) > tolerance and warn:
+        worst = max(errors, key=lambda name: errors[name])
+        warnings.warn(
+            f"{log.name}: with {substeps} integrator steps per sample the error of '{worst}' is "
+            f"still {errors[worst]:.2g} of the sensor noise (allowed: {tolerance:g}). The model is "
+            "too fast for the log's sample rate at these parameters.",
+            CoarseStepWarning,
+            stacklevel=2,
+        )
+    return substeps
 
 
 def fewest_steps(
@@ -112,11 +122,13 @@ def fewest_steps(
     simulated: Mapping[str, np.ndarray] | None = None,
     *,
     tolerance: float = 0.01,
-    warn: bool = False,
-) -> int:
-    """As `choose_substeps`, where the simulation with one step per sample may be known already."""
+) -> tuple[int, dict[str, float]]:
+    """As `choose_substeps`, with the errors that are left.
+
+    ``simulated`` is the simulation with one step per sample, where it is known already.
+    """
     if not model.all_states or len(log) < 2 or not any(n in log.measured for n in model.outputs):
-        return 1
+        return 1, {}
     if simulated is None:
         errors = step_error(model, log, 1, initial=initial)
     else:
@@ -125,13 +137,4 @@ def fewest_steps(
     while max(errors.values()) > tolerance and substeps < MOST_SUBSTEPS:
         substeps *= 2
         errors = step_error(model, log, substeps, initial=initial)
-    if max(errors.values()) > tolerance and warn:
-        worst = max(errors, key=lambda name: errors[name])
-        warnings.warn(
-            f"{log.name}: with {substeps} integrator steps per sample the error of '{worst}' is "
-            f"still {errors[worst]:.2g} of the sensor noise (allowed: {tolerance:g}). The model is "
-            "too fast for the log's sample rate at these parameters.",
-            CoarseStepWarning,
-            stacklevel=3,
-        )
-    return substeps
+    return substeps, errors

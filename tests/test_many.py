@@ -288,6 +288,36 @@ def test_an_error_of_a_program_reaches_those_who_asked():
     assert found == [9.0]
 
 
+def test_programs_of_several_kinds_are_under_way_together():
+    lanes, most = Lanes(4), []
+
+    def work(factor):
+        for _ in range(5):
+            lanes.ask(_square, factor, {"value": np.float64(2.0)})
+            most.append(len(lanes._under_way))
+
+    _done(lanes, *(partial(work, float(i)) for i in range(3)))  # no run is ever full
+    assert max(most) > 0
+
+
+def test_work_that_is_given_up_gets_no_further_program():
+    lanes, told = Lanes(1), []
+
+    def stubborn():
+        try:
+            while True:
+                lanes.ask(_square, 1.0, {"value": np.float64(2.0)})
+        finally:
+            told.append("ended")
+            lanes.ask(_square, 1.0, {"value": np.float64(2.0)})
+            told.append("went on")
+
+    drive = lanes.drive([lambda: None, stubborn, lambda: None])
+    next(drive), next(drive)
+    drive.close()
+    assert told == ["ended"]
+
+
 class _Exits(dft.Thruster):
     def equations(self, s, port):
         raise SystemExit(3)

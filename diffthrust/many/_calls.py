@@ -71,9 +71,9 @@ def fit(
 
     lengths = lengths_of(log for group in (*members, *held) for log in group)
     named, told = _names(names, members), list(zip(models, members, unseen, strict=True))
-    common = (lengths, width, options)
     if _processes(processes, devices) == 1:
-        return _fits(told, named, common, devices, progress)
+        return _fits(told, named, (lengths, width, None, options), devices, progress)
+    common = (lengths, width, 2, options)  # each has one processor
     return divided(_fits, told, named, common, processes=processes, progress=progress)
 
 
@@ -84,13 +84,13 @@ def _fits(
     devices: Sequence[Any] | None = None,
     progress: Progress | None = None,
 ) -> Many:
-    lengths, width, options = common
+    lengths, width, runs, options = common
 
     def one(i: int) -> Fit:
         model, logs, unseen = told[i]
         return fit_one(model, logs, holdout=unseen, **options)
 
-    return each(one, names, lengths, width=width, devices=devices, progress=progress)
+    return each(one, names, lengths, width=width, devices=devices, runs=runs, progress=progress)
 
 
 def compare(

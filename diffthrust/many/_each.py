@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import operator
+import os
 import time
 import traceback
 from collections.abc import Callable, Iterable, Sequence
@@ -40,6 +41,7 @@ def each(
     *,
     width: int | None = None,
     devices: Sequence[Any] | None = None,
+    runs: int | None = None,
     progress: Progress | None = None,
 ) -> Many:
     """Do ``work(i)`` for every name; what raises an error is a row with it.
@@ -48,14 +50,20 @@ def each(
         work: of one member; the programs that it runs are run together with those of others.
         names: of the members.
         lengths: to which logs are padded, so that they share programs.
-        width: members in one run, on each device; by default `WIDTH` on a processor, and on an
-            accelerator `ACCELERATED`, or all if they are fewer.
+        width: rows of one run, on each device; by default `WIDTH` on a processor, and on an
+            accelerator `ACCELERATED`, or all members if they are fewer.
         devices: over which runs are divided; by default the one that JAX would take.
+        runs: at a time; by default one more than processors, so that none is idle.
         progress: called with a message and the share done.
     """
     chosen = () if devices is None else _checked(devices)
     on = chosen or jax.devices()[:1]
-    lanes = Lanes(_width(width, len(names), on) * len(on), chosen)
+    processor = on[0].platform == "cpu"
+    runs = runs or (min(os.cpu_count() or 1, 4) + 1 if processor else 2)
+    if width is None:
+        lanes = Lanes(WIDTH if processor else ACCELERATED, chosen, len(names), runs)
+    else:
+        lanes = Lanes(_checked_width(width), chosen, runs=runs)
     started, found = time.monotonic(), [_Outcome() for _ in names]
 
     def one(i: int) -> None:
@@ -118,10 +126,7 @@ def _checked(devices: Any) -> tuple[Any, ...]:
     return given
 
 
-def _width(width: Any, members: int, devices: Sequence[Any]) -> int:
-    if width is None:
-        most = WIDTH if devices[0].platform == "cpu" else ACCELERATED
-        return max(1, min(most, -(-members // len(devices))))
+def _checked_width(width: Any) -> int:
     try:
         fine = operator.index(width) >= 1
     except TypeError:
