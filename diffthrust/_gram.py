@@ -7,8 +7,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-_FEW = 8
-"""Up to so many series one pass over them is compiled; its compilation grows with their pairs."""
+_FEW = 6
+"""Of so many series all pairs go into one pass: its compilation takes longer the more they are."""
 
 
 def gram(series: list[Any]) -> Any:

@@ -380,7 +380,7 @@ def test_a_restart_waits_for_a_measurement():
     assert np.flatnonzero(np.isfinite(anew)).tolist() == [60, 80, 120]
 
 
-@pytest.mark.parametrize("count", [1, 3, 8, 9])  # of few and of many series
+@pytest.mark.parametrize("count", [1, 3, 6, 7])  # of few and of many series
 def test_inner_products_of_series_are_those_of_numpy(count):
     series = np.random.default_rng(count).normal(size=(count, 3, 2, 500))
     found = jax.jit(gram)(list(jnp.asarray(series)))

@@ -48,8 +48,9 @@ def fit(
         width: members in one run of a program on each device; chosen by the machine where
             ``None``.
         devices: of JAX over which each run is divided; its own choice by default.
-        processes: of this machine among which the members are divided. They take seconds to start,
-            and pay for hundreds of members: what is not simulation runs on one processor otherwise.
+        processes: of this machine among which the members are divided. One keeps two or three
+            processors busy; several take seconds to start, and pay for thousands of members where
+            there are more processors.
         progress: called with a message and the share done.
         **options: of `diffthrust.fit`.
 
