@@ -16,7 +16,7 @@ from diffthrust._channels import listing
 from diffthrust._errors import InputError
 from diffthrust._intake import bridged, hold_of, inputs_of, measured_start
 from diffthrust._integrate import integrate
-from diffthrust._lanes import lanes, padded_length
+from diffthrust._lanes import padded_length, run
 from diffthrust._log import Log
 from diffthrust._model import Model
 from diffthrust._signals import Ports, Signals, elementwise, expect
@@ -225,24 +225,17 @@ class Key:
         return hash(self.structure)
 
 
-@partial(jax.jit, static_argnums=(0, 1))
-def _compiled(key: Key, grid: Grid, values: Any, time: Any, inputs: Any, start: Any) -> Any:
-    return _row((key, grid), (values, time, inputs, start))
-
-
-def _row(static: tuple[Key, Grid], numbers: Any) -> Any:
+@partial(jax.jit, static_argnums=0)
+def _compiled(static: tuple[Key, Grid], numbers: Any) -> Any:
     values, time, inputs, start = numbers
     return trajectory(static[0].model.bind(values), static[1], time, inputs, start, {})
 
 
-def _run(key: Key, grid: Grid, *numbers: Any) -> Any:
-    side_by_side = lanes()
-    if side_by_side is None:
-        return _compiled(key, grid, *numbers)
-    values, time, inputs, start = numbers
-    spare = (0, padded_length(time.size) - time.size)  # steps of no length: the state rests
-    time, inputs = jax.tree.map(lambda series: np.pad(series, spare, "edge"), (time, inputs))
-    return side_by_side.ask(_row, (key, grid), (values, time, inputs, start))
+def _run(key: Key, grid: Grid, values: Any, time: Any, inputs: Any, start: Any) -> Any:
+    spare = padded_length(time.size) - time.size
+    if spare:  # steps of no length: the state rests
+        time, inputs = jax.tree.map(lambda s: np.pad(s, (0, spare), "edge"), (time, inputs))
+    return run(_compiled, (key, grid), (values, time, inputs, start))
 
 
 def simulate(

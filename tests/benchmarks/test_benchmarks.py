@@ -85,7 +85,7 @@ def test_simulation_and_fit_of_one_log():
         {"speed": jnp.asarray(0.0)},
     )
     ours, whole, peer = interleaved(
-        lambda: jax.block_until_ready(_simulate._compiled(key, grid, *given)),
+        lambda: jax.block_until_ready(_simulate._compiled((key, grid), given)),
         lambda: dft.simulate(model, log, substeps=1),
         lambda: numba_rk4(log.time, log.inputs["command"], *TRUTH, 0.0),
         repeats=101,

@@ -29,7 +29,7 @@ def simulation(samples: int) -> Any:
     )
 
     def run(turn: int) -> np.ndarray:
-        outputs, _ = jax.block_until_ready(_simulate._compiled(key, grid, *given))
+        outputs, _ = jax.block_until_ready(_simulate._compiled((key, grid), given))
         return np.stack([outputs["speed"], outputs["thrust"]])
 
     return run
