@@ -49,7 +49,7 @@ for number in range(1, 9):
     (place / "steps.csv").write_text(table[: table.rindex(",")] if number == 3 else table)
     (place / "fit.toml").write_text(SPEC)
 
-done = dft.campaign(fleet, output=results, jobs=2, time_limit=300)
+done = dft.many.campaign(fleet, output=results, jobs=2, time_limit=300)
 print(done.report())
 
 good = done.table.query("status == 'ok'")
@@ -57,7 +57,7 @@ typical = good["alpha"].median()
 odd = good[(good["alpha"] / typical - 1).abs() > 0.1]
 print(f"Out of line: {', '.join(odd['name'])}, its drag {odd['alpha'].iloc[0] / typical:.2f} times")
 
-again = dft.campaign(fleet, output=results, jobs=2, time_limit=300)
+again = dft.many.campaign(fleet, output=results, jobs=2, time_limit=300)
 print(f"Run again: {again.kept} of {len(again.rows)} were done before.")
 
 figure = Figure(figsize=(7, 3.2), layout="constrained")

@@ -56,7 +56,7 @@ for log, vehicle, one, other in zip(logs, vehicles, plain, banded, strict=True):
     better = other if other.log_likelihood - one.log_likelihood > price else one
     fits.setdefault(vehicle, []).append(better)
 
-fleet = dft.fleet(fits, time=dates)
+fleet = dft.many.fleet(fits, time=dates)
 print(fleet.report())
 print(fleet.drift().query("drifts").to_string())
 fleet.plot_spread().savefig(output_folder() / "fleet_spread.png", dpi=90)

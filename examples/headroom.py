@@ -1,11 +1,12 @@
 """How much is there to find? The headroom of the basic physics on five measured data sets.
 
-`dft.headroom` asks what any model of moderate flexibility could explain of the errors that the
-basic physics leaves on unseen runs: structure that repeats, whatever its form. Here each basic
-model (no effects) is fitted to the training runs of a public data set, and a ladder of black-box
-corrections, from a straight line to curves with memory, is learned on the same runs and judged on
-the unseen ones. Out comes one table, and the words for each channel. Takes a few minutes; records
-are averaged to a few samples a second where the vessel is slow. Sources: see `dft.datasets.list()`.
+`dft.diagnosis.headroom` asks what any model of moderate flexibility could explain of the errors
+that the basic physics leaves on unseen runs: structure that repeats, whatever its form. Here each
+basic model (no effects) is fitted to the training runs of a public data set, and a ladder of
+black-box corrections, from a straight line to curves with memory, is learned on the same runs and
+judged on the unseen ones. Out comes one table, and the words for each channel. Takes a few minutes;
+records are averaged to a few samples a second where the vessel is slow. Sources: see
+`dft.datasets.list()`.
 
     python examples/headroom.py
 """
@@ -63,7 +64,7 @@ heads = ["Physics, unseen NRMSE", "Flexible", "Share", "90 % interval", "Form"]
 table = Table("Data set", "Channel", *heads, title="What a flexible model explains")
 for name, model, train, unseen in cases():
     fit = dft.fit(model, train, starts=2)
-    found = dft.headroom(fit, train, holdout=unseen)
+    found = dft.diagnosis.headroom(fit, train, holdout=unseen)
     for channel, c in found.channels.items():
         table.add_row(name, channel, f"{c.physics:.3f}", f"{c.corrected:.3f}", f"{c.share:.0%}",
                       f"{c.low:.0%} to {c.high:.0%}", c.rung)  # fmt: skip

@@ -15,12 +15,14 @@ import diffthrust as dft
 
 thruster = dft.Thruster(alpha=0.037, beta=42.0, ct=0.022)
 
-loop = dft.thruster_loop_cycle(
+loop = dft.cycles.thruster_loop_cycle(
     thruster, mass=340.0, drag=67.0, natural_frequency=1.0, damping=0.707
 )
 print(loop.report())
 
-free = dft.thruster_loop_cycle(thruster, mass=340.0, drag=0.0, natural_frequency=1.0, damping=0.707)
+free = dft.cycles.thruster_loop_cycle(
+    thruster, mass=340.0, drag=0.0, natural_frequency=1.0, damping=0.707
+)
 print(f"\nWithout drag:\n{free.report()}")
 print(
     f"The paper's 15.7 N is near what the describing function of the thruster itself (the first "
@@ -35,7 +37,9 @@ loop.plot(displacement=0.02, duration=50.0).savefig(folder / "yoerger_figure_14.
 # Any other loop: a saturated amplifier before a plant that is stable only while the gain is high.
 # It holds small disturbances and loses large ones: the limit cycle between them is unstable.
 plant = ([3.0, 12.0, 12.0], [1.0, 0.0, 0.0, 0.0])
-found = dft.limit_cycles(plant, dft.Saturation(1.0))
+found = dft.cycles.limit_cycles(plant, dft.cycles.Saturation(1.0))
 print(f"\n{found.report()}")
 found.plot().savefig(folder / "saturation.png", dpi=90)
-dft.plot_pole_motion(plant, dft.Saturation(1.0)).savefig(folder / "saturation_poles.png", dpi=90)
+dft.cycles.plot_pole_motion(plant, dft.cycles.Saturation(1.0)).savefig(
+    folder / "saturation_poles.png", dpi=90
+)

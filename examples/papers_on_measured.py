@@ -72,7 +72,7 @@ def told(name: str, vessel: dft.Vessel, train: list, unseen: list, **how: float)
             print(f"The paper's lines cannot be drawn: {error.problem}")
     sequence = step_by_step(vessel, parts)
     fit = dft.fit(vessel, train, starts=4)
-    errors = dft.sandwich(fit, train).std_errors
+    errors = dft.uncertainty.sandwich(fit, train).std_errors
     table = Table(name, "step by step", "all at once", "std error", "unit")
     for key in fit.free:
         value = fit.parameters[key]

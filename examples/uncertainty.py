@@ -46,7 +46,7 @@ print(post.attrs["message"])
 
 parameters = {name: lambda p, name=name: p[name] for name in fit.free}
 units = {name: estimate.unit for name, estimate in fit.parameters.items()}
-found = dft.quantities(
+found = dft.uncertainty.quantities(
     post, fit, pitch=PITCH, area=AREA, density=DENSITY, functions=parameters, units=units,
     commands=[0.5, 1, 2, 4, 8], steps=[0.5, 1, 2, 4, 8], amplitudes=[10, 20, 40], draws=2000,
 )  # fmt: skip
@@ -68,8 +68,10 @@ for test, ct in {"dynamic": 0.019, "static": 0.022}.items():
 band = dft.predict(post, fit, unseen)
 print(band.sentence)
 published = {"paper, dynamic test": {"alpha": 0.037, "beta": 42.0, "ct": 0.019}}
-dft.plot_corner(post, fit, published).savefig(output_folder() / "jason_corner.png", dpi=90)
-dft.plot_trace(post).savefig(output_folder() / "jason_trace.png", dpi=90)
+dft.uncertainty.plot_corner(post, fit, published).savefig(
+    output_folder() / "jason_corner.png", dpi=90
+)
+dft.uncertainty.plot_trace(post).savefig(output_folder() / "jason_trace.png", dpi=90)
 found.plot().savefig(output_folder() / "jason_quantities.png", dpi=90)
 band.plot().savefig(output_folder() / "jason_band.png", dpi=90)
 print(f"Figures: {output_folder()}")

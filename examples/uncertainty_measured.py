@@ -27,7 +27,7 @@ def told(name: str, fit: dft.Fit, logs: Sequence[dft.Log], unseen: Sequence[dft.
     for band in bands:
         print(f"{name}, unseen: {band.sentence}")
     bands[0].plot().savefig(output_folder() / f"{name}_band.png", dpi=90)
-    dft.plot_corner(post, fit).savefig(output_folder() / f"{name}_corner.png", dpi=90)
+    dft.uncertainty.plot_corner(post, fit).savefig(output_folder() / f"{name}_corner.png", dpi=90)
 
 
 runs = runs_of(dft.datasets.ngs_thruster, "CL*")

@@ -9,7 +9,7 @@ import numpy as np
 from reference import inputs, noise, thruster
 
 import diffthrust as dft
-from diffthrust._diagnosis import Candidate, Diagnosis, Missing, Remaining, Stage
+from diffthrust.diagnosis._result import Candidate, Diagnosis, Missing, Remaining, Stage
 from diffthrust.effects import ActuatorLag, CommandDeadband
 
 BAND = 0.4  # hidden dead band [V]

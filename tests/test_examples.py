@@ -11,11 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from places import EXAMPLES
 from shared_data import data_folder
 
-from diffthrust._spec import load_spec
-
-EXAMPLES = Path(__file__).parents[1] / "examples"
+from diffthrust.specs._spec import load_spec
 
 
 def run(name: str, folder: Path, **environment: str) -> str:

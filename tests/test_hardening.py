@@ -9,9 +9,9 @@ import pytest
 
 import diffthrust as dft
 from diffthrust import InputError, Log, simulate
-from diffthrust._intake import bridged, inputs_of, measured_start
-from diffthrust._simulate import starting_states
 from diffthrust.effects import ActuatorLag, CommandDeadband
+from diffthrust.simulation._inputs import bridged, inputs_of, measured_start
+from diffthrust.simulation._simulate import starting_states
 
 # The unit of time.
 

@@ -2,16 +2,15 @@
 
 import re
 import shutil
-from pathlib import Path
 from typing import get_args
 
 import pytest
+from places import ROOT
 
-from diffthrust._diagnosis import Verdict
-from diffthrust._spec import load_spec
-from diffthrust._status import Status
+from diffthrust.diagnosis._result import Verdict
+from diffthrust.estimation._status import Status
+from diffthrust.specs._spec import load_spec
 
-ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "README.md").read_text()
 
 

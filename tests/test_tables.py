@@ -6,15 +6,11 @@ import numpy as np
 import pytest
 
 import diffthrust as dft
-from diffthrust._display import (
-    comparison_table,
-    effects_table,
-    fit_table,
-    number,
-    rendered,
-    with_error,
-)
+from diffthrust._support.tables import number, rendered, with_error
+from diffthrust.cli._effects import effects_table
+from diffthrust.comparison._tables import comparison_table
 from diffthrust.effects import EFFECTS
+from diffthrust.estimation._tables import fit_table
 from diffthrust.models import MODELS
 
 

@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from diffthrust._errors import InputError
+from diffthrust._support.errors import InputError
 from diffthrust.blackbox._system import System
 
 Method = Literal["zero", "linear", "tustin"]

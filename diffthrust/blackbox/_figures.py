@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from diffthrust._log import Log
-from diffthrust._plots import BLUE, GREY, VERMILLION, literal, styled, thinned
+from diffthrust._support.figures import BLUE, GREY, VERMILLION, literal, styled, thinned
+from diffthrust.logs._log import Log
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

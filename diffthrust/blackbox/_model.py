@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from diffthrust._channels import listing
-from diffthrust._errors import InputError
-from diffthrust._log import Log
-from diffthrust._metrics import Errors, errors
-from diffthrust._result import Estimate
-from diffthrust._status import Status
-from diffthrust._transfer import Transfer, transfer_of
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing
+from diffthrust._support.transfer import Transfer, transfer_of
 from diffthrust.blackbox._continuous import Method, continued
 from diffthrust.blackbox._records import Channels
 from diffthrust.blackbox._system import System
+from diffthrust.estimation._result import Estimate
+from diffthrust.estimation._status import Status
+from diffthrust.logs._log import Log
+from diffthrust.simulation._errors import Errors, errors
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -145,7 +145,7 @@ class BlackBox:
     ) -> Transfer:
         """The continuous transfer function from one input to one output, with its dead time.
 
-        It is taken wherever the library wants a linear system: `dft.limit_cycles` and others.
+        It is taken wherever the library wants a linear system, as `dft.cycles.limit_cycles` does.
 
         Args:
             input: may be left out where there is one.
@@ -178,7 +178,7 @@ class BlackBox:
         Raises:
             InputError: python-control is not installed, or several channels for "transfer".
         """
-        from diffthrust.blackbox._control import control_object
+        from diffthrust.blackbox._to_control import control_object
 
         return control_object(self, form)
 

@@ -6,7 +6,7 @@ import operator
 from collections.abc import Sequence
 from typing import Any
 
-from diffthrust._errors import InputError
+from diffthrust._support.errors import InputError
 from diffthrust.blackbox._prediction_error import Shape
 from diffthrust.blackbox._records import Channels
 

@@ -7,11 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from diffthrust._errors import InputError
-from diffthrust._log import Log
-from diffthrust._result import Estimate
-from diffthrust._status import Status
-from diffthrust.blackbox._judgement import bic_of, memory_note, samples_of
+from diffthrust._support.errors import InputError
+from diffthrust.blackbox._criteria import bic_of, memory_note, samples_of
 from diffthrust.blackbox._model import BlackBox, Kind
 from diffthrust.blackbox._orders import shape_of
 from diffthrust.blackbox._prediction_error import Shape, equations, stretches
@@ -19,6 +16,9 @@ from diffthrust.blackbox._records import Channels, Record, channels_of
 from diffthrust.blackbox._search import Found, judged, search, size_of
 from diffthrust.blackbox._starts import armax_starts, least_squares, output_error_starts
 from diffthrust.blackbox._system import observer_form
+from diffthrust.estimation._result import Estimate
+from diffthrust.estimation._status import Status
+from diffthrust.logs._log import Log
 
 
 def arx(

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from diffthrust._channels import listing
-from diffthrust._errors import InputError
-from diffthrust._log import Log
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing
+from diffthrust.logs._log import Log
 
 _EVEN = 1e-3
 """Steps may differ from each other by this share of their median."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from diffthrust.blackbox._judgement import LEVEL, memory_of
+from diffthrust.blackbox._criteria import LEVEL, memory_of
 from diffthrust.blackbox._prediction_error import Shape, equations, stretches
 from diffthrust.blackbox._records import Record
 from diffthrust.blackbox._starts import reflected

@@ -8,14 +8,14 @@ from typing import Any, Literal
 
 import numpy as np
 
-from diffthrust._channels import listing
-from diffthrust._display import _table, number, rendered
-from diffthrust._errors import InputError
-from diffthrust._log import Log
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing
+from diffthrust._support.tables import number, plain_table, rendered
 from diffthrust.blackbox._model import BlackBox, Kind
 from diffthrust.blackbox._orders import whole
 from diffthrust.blackbox._polynomial import armax, arx, output_error
 from diffthrust.blackbox._subspace import state_space
+from diffthrust.logs._log import Log
 
 _POLYNOMIAL: tuple[Kind, ...] = ("arx", "armax", "output_error")
 
@@ -78,7 +78,7 @@ class Selection:
     def report(self) -> str:
         """The table; a star marks the one chosen."""
         headings = ("", "Kind", "Order", "Delay", "BIC", "One step", "Simulated", "Unseen", "")
-        table = _table(*headings, numbers=range(2, 8))
+        table = plain_table(*headings, numbers=range(2, 8))
         chosen = self.chosen
         for row in self.candidates:
             table.add_row(

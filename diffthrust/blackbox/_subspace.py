@@ -8,10 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from diffthrust._errors import InputError
-from diffthrust._log import Log
-from diffthrust._status import Status
-from diffthrust.blackbox._judgement import bic_of, samples_of
+from diffthrust._support.errors import InputError
+from diffthrust.blackbox._criteria import bic_of, samples_of
 from diffthrust.blackbox._model import BlackBox
 from diffthrust.blackbox._orders import whole
 from diffthrust.blackbox._polynomial import check_enough, searched
@@ -20,6 +18,8 @@ from diffthrust.blackbox._records import Record, channels_of
 from diffthrust.blackbox._simulation_error import simulation_fit
 from diffthrust.blackbox._starts import armax_starts, reflected
 from diffthrust.blackbox._system import System
+from diffthrust.estimation._status import Status
+from diffthrust.logs._log import Log
 
 _LONGEST = 30
 

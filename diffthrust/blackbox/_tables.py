@@ -8,7 +8,8 @@ import numpy as np
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from diffthrust._display import parameter_table, rendered
+from diffthrust._support.tables import rendered
+from diffthrust.estimation._tables import parameter_table
 
 if TYPE_CHECKING:
     from diffthrust.blackbox._model import BlackBox

@@ -10,11 +10,11 @@ from typing import Any, ClassVar, Self
 
 import jax.numpy as jnp
 
-from diffthrust._errors import InputError
-from diffthrust._model import Model
-from diffthrust._parameters import Parameter, parameter
-from diffthrust._signals import Signals
-from diffthrust.control._block import Block, Kept, rate_of
+from diffthrust._support.errors import InputError
+from diffthrust.control._base import Block, Kept, rate_of
+from diffthrust.models._base.model import Model
+from diffthrust.models._base.parameter import Parameter, parameter
+from diffthrust.models._base.signals import Signals
 
 
 class Compensator(Block):

@@ -10,9 +10,9 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from diffthrust._channels import listing
-from diffthrust._errors import InputError
-from diffthrust.control._reference import number
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing
+from diffthrust._support.validation import number
 
 _ROUNDING = 1e-9
 """Seconds: an instant on the grid counts, whatever its rounding."""

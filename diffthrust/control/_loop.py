@@ -10,19 +10,20 @@ from typing import Any, Self
 import jax.numpy as jnp
 import numpy as np
 
-from diffthrust._channels import listing, nearest
-from diffthrust._errors import InputError
-from diffthrust._model import Model
-from diffthrust._parameters import Parameter
-from diffthrust.control._block import Controller
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing, nearest
+from diffthrust._support.validation import number
+from diffthrust.control._base import Controller
+from diffthrust.control._command_path import CommandPath
 from diffthrust.control._compensators import Compensator, NoCompensator
 from diffthrust.control._faults import Fault, Numbers, check_faults
 from diffthrust.control._loop_check import check_blocks, check_numbers, mapping, seeded
-from diffthrust.control._march import Parts, Timing, compiled
+from diffthrust.control._loop_result import LoopRun, run_of
+from diffthrust.control._loop_scan import Parts, Timing, compiled
 from diffthrust.control._plant import Plant
-from diffthrust.control._reference import Reference, number
-from diffthrust.control._run import LoopRun, run_of
-from diffthrust.control._stream import CommandPath
+from diffthrust.control._reference import Reference
+from diffthrust.models._base.model import Model
+from diffthrust.models._base.parameter import Parameter
 
 _MOST = 64
 """Recorded samples in one period of the controller."""

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from diffthrust._channels import listing, nearest
-from diffthrust._errors import InputError
-from diffthrust.control._block import Block, Controller
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing, nearest
+from diffthrust._support.validation import number
+from diffthrust.control._base import Block, Controller
 from diffthrust.control._compensators import Compensator
 from diffthrust.control._plant import Plant
-from diffthrust.control._reference import number
 
 
 def check_numbers(plant: Plant, rate: Any, delay: Any, noise: Any) -> None:

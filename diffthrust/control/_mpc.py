@@ -11,14 +11,14 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from diffthrust._channels import listing, nearest
-from diffthrust._errors import InputError
-from diffthrust._model import Model
-from diffthrust._simulate import Key
-from diffthrust.control._motion import AT_SEA, begin, check_vessel
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing, nearest
+from diffthrust._support.validation import number
 from diffthrust.control._mpc_step import Frame, Plan, Setting, solved
+from diffthrust.control._one_sample import AT_SEA, begin, check_vessel
 from diffthrust.control._path import Wanted
-from diffthrust.control._reference import number
+from diffthrust.models._base.model import Model
+from diffthrust.simulation._simulate import Key
 
 _AHEAD = 5.0
 """Seconds to look ahead where no horizon is given."""

@@ -11,9 +11,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from diffthrust._simulate import Key
-from diffthrust.control._box import least_squares_within
-from diffthrust.control._motion import AT_SEA, PLACE, SPEEDS, one_sample
+from diffthrust.control._bounded_lsq import least_squares_within
+from diffthrust.control._one_sample import AT_SEA, PLACE, SPEEDS, one_sample
+from diffthrust.simulation._simulate import Key
 
 _LENGTHS = np.array([1.0, 0.5, 0.25, 0.1])
 """Of the Gauss-Newton step."""

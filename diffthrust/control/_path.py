@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diffthrust._errors import InputError
-from diffthrust.control._reference import number
+from diffthrust._support.errors import InputError
+from diffthrust._support.validation import number
 
 _FINE = 2048
 """Points in one wave of a harmonic path, between which its arc length is linear."""

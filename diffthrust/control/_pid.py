@@ -7,10 +7,10 @@ from typing import Any, ClassVar, Literal
 
 import jax.numpy as jnp
 
-from diffthrust._errors import InputError
-from diffthrust._parameters import Parameter, parameter
-from diffthrust._signals import Signals
-from diffthrust.control._block import Controller, Kept, rate_of
+from diffthrust._support.errors import InputError
+from diffthrust.control._base import Controller, Kept, rate_of
+from diffthrust.models._base.parameter import Parameter, parameter
+from diffthrust.models._base.signals import Signals
 
 _CHOICES = {"of": ("speed", "position", "velocity"), "gives": ("command", "thrust")}
 

@@ -8,11 +8,11 @@ from typing import Any
 
 import jax.numpy as jnp
 
-from diffthrust._channels import listing
-from diffthrust._errors import InputError
-from diffthrust._model import Model
-from diffthrust._signals import Ports, Signals, expect
-from diffthrust._simulate import equations_of, starting_point
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing
+from diffthrust.models._base.model import Model
+from diffthrust.models._base.signals import Ports, Signals, expect
+from diffthrust.simulation._simulate import equations_of, starting_point
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,9 @@ from typing import Any
 
 import jax.numpy as jnp
 
-from diffthrust._parameters import parameter
-from diffthrust._signals import Signals
-from diffthrust.control._block import Controller, Kept
+from diffthrust.control._base import Controller, Kept
+from diffthrust.models._base.parameter import parameter
+from diffthrust.models._base.signals import Signals
 
 
 class PositionController(Controller):

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from diffthrust._errors import InputError
+from diffthrust._support.errors import InputError
+from diffthrust._support.validation import number
 
 Followed = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Value, rate and acceleration at some instants, ``(n,)`` each."""
@@ -143,18 +143,3 @@ class Trajectory:
 
 
 Reference = Sinusoid | Step | Trajectory
-
-
-def number(where: str, value: Any, right: Callable[[float], bool], expected: str) -> float:
-    """A finite number that meets a condition.
-
-    Raises:
-        InputError: it does not.
-    """
-    try:
-        found = math.nan if isinstance(value, bool | str) else float(value)
-    except (TypeError, ValueError):
-        found = math.nan
-    if not math.isfinite(found) or not right(found):
-        raise InputError(f"{where}: expected {expected}, found {value!r}.", "Correct it.")
-    return found

@@ -6,10 +6,10 @@ from typing import Any, ClassVar
 
 import jax.numpy as jnp
 
-from diffthrust._parameters import parameter
-from diffthrust._signals import Signals
-from diffthrust.control._block import Kept, rate_of
+from diffthrust.control._base import Kept, rate_of
 from diffthrust.control._compensators import Compensator
+from diffthrust.models._base.parameter import parameter
+from diffthrust.models._base.signals import Signals
 
 
 class Sliding(Compensator):

@@ -12,12 +12,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from diffthrust._channels import listing, nearest
-from diffthrust._errors import InputError
-from diffthrust._parameters import Parameter
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing, nearest
+from diffthrust._support.validation import number
 from diffthrust.control._loop import Loop
-from diffthrust.control._march import Parts, march
-from diffthrust.control._reference import Reference, number
+from diffthrust.control._loop_scan import Parts, march
+from diffthrust.control._reference import Reference
+from diffthrust.models._base.parameter import Parameter
 
 Cost = Callable[[Mapping[str, Any]], Any]
 """From the signals of a run, ``(T,)`` each, to residuals whose mean square is to be small."""

@@ -13,17 +13,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from diffthrust._channels import listing
-from diffthrust._errors import InputError
-from diffthrust._model import Model
-from diffthrust._simulate import Key, checked_initial
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing
+from diffthrust._support.validation import number
 from diffthrust.control._loop_check import check_noise, mapping, seeded
-from diffthrust.control._motion import State, begin, check_vessel, one_sample, readings
 from diffthrust.control._mpc import MPC
+from diffthrust.control._one_sample import State, begin, check_vessel, one_sample, readings
 from diffthrust.control._path import Path, told
-from diffthrust.control._record import LARGEST
-from diffthrust.control._reference import Reference, number
-from diffthrust.control._track_run import TrackRun, track_run_of
+from diffthrust.control._recorded import LARGEST
+from diffthrust.control._reference import Reference
+from diffthrust.control._track_result import TrackRun, track_run_of
+from diffthrust.models._base.model import Model
+from diffthrust.simulation._simulate import Key, checked_initial
 
 _STEP = 0.05
 """Seconds: the longest step with which the vessel is integrated."""

@@ -10,13 +10,6 @@ or downloaded once from their public repository, pinned to a commit. Their sha25
 every use: with the known one, or, where none is known beforehand, with that of the first download.
 """
 
-from diffthrust.datasets._blueboat import blueboat as blueboat
-from diffthrust.datasets._catalogue import fetch as fetch
-from diffthrust.datasets._catalogue import list as list
-from diffthrust.datasets._emps import emps as emps
-from diffthrust.datasets._esso_osaka import esso_osaka as esso_osaka
-from diffthrust.datasets._ngs_thruster import ngs_thruster as ngs_thruster
-from diffthrust.datasets._record import DataFile as DataFile
-from diffthrust.datasets._record import DataSet as DataSet
-from diffthrust.datasets._record import Runs as Runs
-from diffthrust.datasets._t200 import t200 as t200
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from diffthrust._read import Column, read_log
 from diffthrust.datasets._fetch import located
 from diffthrust.datasets._record import DataFile, DataSet, Runs, runs, wanted
+from diffthrust.logs._read import Column, read_log
 
 _RUNS = (216, 218, 220, 221, 222, 223, 224, 225, 226, 228, 230, 232)
 _UNSEEN = ("run_228", "run_230", "run_232")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from diffthrust._channels import listing, nearest
-from diffthrust._errors import InputError
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing, nearest
 from diffthrust.datasets._blueboat import BLUEBOAT
 from diffthrust.datasets._emps import EMPS
 from diffthrust.datasets._esso_osaka import ESSO_OSAKA

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from diffthrust._read import Column, read_log
 from diffthrust.datasets._fetch import located
 from diffthrust.datasets._record import DataFile, DataSet, Runs, runs, wanted
+from diffthrust.logs._read import Column, read_log
 
 # The files have not changed in their repository; each is pinned to a commit that holds it.
 _PINS = {

@@ -17,9 +17,9 @@ import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
-from diffthrust._channels import nearest
-from diffthrust._errors import InputError
-from diffthrust._files import write_json
+from diffthrust._support.errors import InputError
+from diffthrust._support.files import write_json
+from diffthrust._support.names import nearest
 from diffthrust.datasets._record import DataFile, DataSet
 
 FOLDER = "DIFFTHRUST_DATA"

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from diffthrust._log import Log
-from diffthrust._read import Column, read_log
 from diffthrust.datasets._fetch import located
 from diffthrust.datasets._record import DataFile, DataSet, Runs, runs, wanted
+from diffthrust.logs._log import Log
+from diffthrust.logs._read import Column, read_log
 
 _CONTROLLERS = ("CL1state", "CL2stateKF1", "CL2stateKF2", "CL2stateKFNLO1", "CL2stateNLO1")
 _CLOSED = tuple(

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from types import MappingProxyType
 
-from diffthrust._channels import listing, nearest
-from diffthrust._errors import InputError
-from diffthrust._log import Log
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing, nearest
+from diffthrust.logs._log import Log
 
 
 @dataclass(frozen=True)

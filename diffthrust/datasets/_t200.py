@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from diffthrust._channels import listing
-from diffthrust._errors import InputError
-from diffthrust._log import Log
-from diffthrust.control._reference import number
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing
+from diffthrust._support.validation import number
 from diffthrust.datasets._fetch import located
 from diffthrust.datasets._record import DataFile, DataSet, Runs, runs, wanted
+from diffthrust.logs._log import Log
 
 _FILE = "T200-Public-Performance-Data-10-20V-September-2019.xlsx"
 _SHEETS = {f"{volts}V": f"{volts} V" for volts in (10, 12, 14, 16, 18, 20)}

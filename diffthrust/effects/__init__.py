@@ -1,9 +1,8 @@
 """Effects, grouped by the place where they act; `EFFECTS` finds them by their canonical names.
 
-A new effect is one class in the file of its place, imported here.
+A new effect is one class with `registered` in the file of its place, and its line here.
 """
 
-from diffthrust._effect import Effect as Effect
 from diffthrust.effects._command import CommandDeadband as CommandDeadband
 from diffthrust.effects._command import CommandDelay as CommandDelay
 from diffthrust.effects._command import CommandOffset as CommandOffset
@@ -44,9 +43,5 @@ from diffthrust.effects._shaft import ReverseDriveAsymmetry as ReverseDriveAsymm
 from diffthrust.effects._shaft import ReverseLoadAsymmetry as ReverseLoadAsymmetry
 from diffthrust.effects._shaft import StaticFriction as StaticFriction
 from diffthrust.effects._shaft import SupplyVoltageSag as SupplyVoltageSag
-
-EFFECTS: dict[str, type[Effect]] = {
-    effect.name: effect
-    for effect in list(globals().values())
-    if isinstance(effect, type) and issubclass(effect, Effect) and effect is not Effect
-}
+from diffthrust.models._base.effect import EFFECTS as EFFECTS
+from diffthrust.models._base.effect import Effect as Effect

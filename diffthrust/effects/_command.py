@@ -8,12 +8,14 @@ from typing import Any
 
 import jax.numpy as jnp
 
-from diffthrust._effect import Effect
-from diffthrust._parameters import parameter, relative_to
-from diffthrust._signals import Signals
-from diffthrust.effects._series import delayed, rate_limited
+from diffthrust.effects._recorded import delayed, rate_limited
+from diffthrust.models._base.component import registered
+from diffthrust.models._base.effect import Effect
+from diffthrust.models._base.parameter import parameter, relative_to
+from diffthrust.models._base.signals import Signals
 
 
+@registered
 class CommandDeadband(Effect):
     """The motor controller ignores small commands.
 
@@ -41,6 +43,7 @@ class CommandDeadband(Effect):
         return jnp.sign(value) * left
 
 
+@registered
 class CommandSaturation(Effect):
     """The amplifier gives no more than a largest voltage.
 
@@ -64,6 +67,7 @@ class CommandSaturation(Effect):
         return jnp.clip(value, -self.limit, self.limit)
 
 
+@registered
 class CommandRateLimit(Effect):
     """The motor controller ramps its command.
 
@@ -89,6 +93,7 @@ class CommandRateLimit(Effect):
         return rate_limited(s.time, value, self.rate)
 
 
+@registered
 class CommandDelay(Effect):
     """The command arrives late.
 
@@ -109,6 +114,7 @@ class CommandDelay(Effect):
         return delayed(s.time, value, self.delay)
 
 
+@registered
 class CommandOffset(Effect):
     """The zero of the motor controller is off.
 

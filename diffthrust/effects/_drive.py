@@ -5,13 +5,15 @@ from typing import Any
 
 import jax.numpy as jnp
 
-from diffthrust._effect import Effect
-from diffthrust._parameters import parameter, relative_to
-from diffthrust._signals import Signals
-from diffthrust.effects._series import rate_limited
+from diffthrust.effects._recorded import rate_limited
 from diffthrust.effects._shaft import ActuatorLag
+from diffthrust.models._base.component import registered
+from diffthrust.models._base.effect import Effect
+from diffthrust.models._base.parameter import parameter, relative_to
+from diffthrust.models._base.signals import Signals
 
 
+@registered
 class PropellerLag(ActuatorLag):
     """The propeller reaches the commanded speed as a first-order lag.
 
@@ -28,6 +30,7 @@ class PropellerLag(ActuatorLag):
     )
 
 
+@registered
 class RudderLag(ActuatorLag):
     """The rudder, or the hinge of the propeller, follows its command as a first-order lag.
 
@@ -44,6 +47,7 @@ class RudderLag(ActuatorLag):
     )
 
 
+@registered
 class RudderRateLimit(Effect):
     """The servo of the rudder turns no faster than a largest rate.
 
@@ -69,6 +73,7 @@ class RudderRateLimit(Effect):
         return rate_limited(s.time, value, self.rate)
 
 
+@registered
 class RudderOffset(Effect):
     """The rudder stands off centre when its command is zero.
 
@@ -88,6 +93,7 @@ class RudderOffset(Effect):
         return value + self.offset
 
 
+@registered
 class RudderInflow(Effect):
     """The rudder pushes harder the faster the water comes at it.
 
@@ -108,6 +114,7 @@ class RudderInflow(Effect):
         return value * (1.0 + self.gain * s.surge_through_water)
 
 
+@registered
 class PropellerInflow(Effect):
     """The propeller loses thrust as the vessel gains speed.
 
@@ -134,6 +141,7 @@ class PropellerInflow(Effect):
         return value - self.loss * jnp.abs(value) * s.surge_through_water
 
 
+@registered
 class PropellerWalk(Effect):
     """The turning propeller also pushes the stern aside, to the other side in reverse.
 
@@ -151,6 +159,7 @@ class PropellerWalk(Effect):
         return value + self.fraction * s.propulsion
 
 
+@registered
 class ReversePropellerAsymmetry(Effect):
     """The propeller pushes less (or more) when it drives astern.
 
@@ -167,6 +176,7 @@ class ReversePropellerAsymmetry(Effect):
         return value * (1.0 + jnp.where(value < 0, self.change, 0.0))
 
 
+@registered
 class DifferentialGain(Effect):
     """The left and the right thruster do not give the same force.
 
@@ -184,6 +194,7 @@ class DifferentialGain(Effect):
         return value * (1.0 + self.gain if port == "left_force" else 1.0 - self.gain)
 
 
+@registered
 class SwappedThrusters(Effect):
     """The channels of the left and the right thruster are exchanged.
 

@@ -5,11 +5,13 @@ from typing import Any
 
 import jax.numpy as jnp
 
-from diffthrust._effect import Effect
-from diffthrust._parameters import parameter, relative_to
-from diffthrust._signals import Signals
+from diffthrust.models._base.component import registered
+from diffthrust.models._base.effect import Effect
+from diffthrust.models._base.parameter import parameter, relative_to
+from diffthrust.models._base.signals import Signals
 
 
+@registered
 class WaterCurrent(Effect):
     """The water moves over ground with a constant velocity.
 
@@ -47,6 +49,7 @@ class WaterCurrent(Effect):
         return value + s.yaw_rate * (aside if port == "surge_acceleration" else -ahead)
 
 
+@registered
 class Wind(Effect):
     """The wind pushes on what stands above the water.
 

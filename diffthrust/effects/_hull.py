@@ -4,11 +4,13 @@ from typing import Any
 
 import jax.numpy as jnp
 
-from diffthrust._effect import Effect
-from diffthrust._parameters import parameter, relative_to
-from diffthrust._signals import Signals
+from diffthrust.models._base.component import registered
+from diffthrust.models._base.effect import Effect
+from diffthrust.models._base.parameter import parameter, relative_to
+from diffthrust.models._base.signals import Signals
 
 
+@registered
 class QuadraticSurgeDrag(Effect):
     """The resistance ahead grows faster than the speed.
 
@@ -34,6 +36,7 @@ class QuadraticSurgeDrag(Effect):
         return value - self.drag * u * jnp.abs(u)
 
 
+@registered
 class QuadraticSwayDrag(Effect):
     """The hull resists sideways motion by cross-flow drag.
 
@@ -59,6 +62,7 @@ class QuadraticSwayDrag(Effect):
         return value - self.drag * v * jnp.abs(v)
 
 
+@registered
 class QuadraticYawDrag(Effect):
     """The hull resists fast turning by cross-flow drag at its ends.
 
@@ -83,6 +87,7 @@ class QuadraticYawDrag(Effect):
         return value - self.drag * s.yaw_rate * jnp.abs(s.yaw_rate)
 
 
+@registered
 class SwayYawCoupling(Effect):
     """Sway and yaw act on each other: fore and aft of the vessel are not alike.
 

@@ -5,11 +5,13 @@ from typing import Any
 
 import jax.numpy as jnp
 
-from diffthrust._effect import Effect
-from diffthrust._parameters import parameter, relative_to
-from diffthrust._signals import Signals
+from diffthrust.models._base.component import registered
+from diffthrust.models._base.effect import Effect
+from diffthrust.models._base.parameter import parameter, relative_to
+from diffthrust.models._base.signals import Signals
 
 
+@registered
 class ReverseThrustAsymmetry(Effect):
     """The propeller thrusts less (or more) when it turns backwards.
 
@@ -27,6 +29,7 @@ class ReverseThrustAsymmetry(Effect):
         return value * (1.0 + jnp.where(s.speed < 0, self.change, 0.0))
 
 
+@registered
 class InflowThrustLoss(Effect):
     """Water that already flows through the propeller takes up less thrust.
 
@@ -51,6 +54,7 @@ class InflowThrustLoss(Effect):
         return value - self.loss * jnp.abs(s.speed) * s.inflow
 
 
+@registered
 class AxialFlow(Effect):
     """The water in the duct is slow to follow the propeller: thrust overshoots at fast changes.
 
@@ -98,6 +102,7 @@ class AxialFlow(Effect):
         return {"flow": 2.0 * value / (linear + root)}
 
 
+@registered
 class Cavitation(Effect):
     """The thrust falls short at high speeds.
 
@@ -120,6 +125,7 @@ class Cavitation(Effect):
         return value * (1.0 - self.shortfall * (1.0 - full))
 
 
+@registered
 class ThrustDegradation(Effect):
     """The thrust drops at some instant: an obstruction, fouling, ventilation.
 

@@ -2,12 +2,14 @@
 
 from typing import Any
 
-from diffthrust._effect import Effect
-from diffthrust._parameters import parameter, relative_to
-from diffthrust._signals import Signals
-from diffthrust.effects._series import delayed, lagged
+from diffthrust.effects._recorded import delayed, lagged
+from diffthrust.models._base.component import registered
+from diffthrust.models._base.effect import Effect
+from diffthrust.models._base.parameter import parameter, relative_to
+from diffthrust.models._base.signals import Signals
 
 
+@registered
 class SpeedSensorScale(Effect):
     """The speed sensor's factor is off.
 
@@ -25,6 +27,7 @@ class SpeedSensorScale(Effect):
         return value * (1.0 + self.change)
 
 
+@registered
 class SpeedSensorOffset(Effect):
     """The speed sensor's zero is off.
 
@@ -43,6 +46,7 @@ class SpeedSensorOffset(Effect):
         return value + self.offset
 
 
+@registered
 class ThrustSensorScale(Effect):
     """The thrust sensor's factor is off.
 
@@ -61,6 +65,7 @@ class ThrustSensorScale(Effect):
         return value * (1.0 + self.change)
 
 
+@registered
 class ThrustSensorOffset(Effect):
     """The thrust sensor's tare is off.
 
@@ -79,6 +84,7 @@ class ThrustSensorOffset(Effect):
         return value + self.offset
 
 
+@registered
 class ThrustSensorLag(Effect):
     """The thrust sensor follows as a first-order lag: a load cell with its filter.
 
@@ -99,6 +105,7 @@ class ThrustSensorLag(Effect):
         return lagged(s.time, value, self.time_constant)
 
 
+@registered
 class ThrustSensorDelay(Effect):
     """The thrust is reported late.
 

@@ -6,11 +6,13 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from diffthrust._effect import Effect
-from diffthrust._parameters import parameter, relative_to
-from diffthrust._signals import Relaxing, Signals
+from diffthrust.models._base.component import registered
+from diffthrust.models._base.effect import Effect
+from diffthrust.models._base.parameter import parameter, relative_to
+from diffthrust.models._base.signals import Relaxing, Signals
 
 
+@registered
 class ActuatorLag(Effect):
     """The motor's torque follows the command as a first-order lag.
 
@@ -42,6 +44,7 @@ class ActuatorLag(Effect):
         return {"response": value}
 
 
+@registered
 class ReverseDriveAsymmetry(Effect):
     """The motor pulls less (or more) when it is commanded backwards.
 
@@ -59,6 +62,7 @@ class ReverseDriveAsymmetry(Effect):
         return value * (1.0 + jnp.where(value < 0, self.change, 0.0))
 
 
+@registered
 class SupplyVoltageSag(Effect):
     """The drive falls with the supply voltage.
 
@@ -80,6 +84,7 @@ class SupplyVoltageSag(Effect):
         return value * (1.0 + self.share * (s.supply_voltage / self.nominal - 1.0))
 
 
+@registered
 class ReverseLoadAsymmetry(Effect):
     """The propeller brakes the shaft less (or more) when it turns backwards.
 
@@ -97,6 +102,7 @@ class ReverseLoadAsymmetry(Effect):
         return value * (1.0 + jnp.where(s.speed < 0, self.change, 0.0))
 
 
+@registered
 class InflowLoadRelief(Effect):
     """Water that already flows through the propeller loads it less.
 
@@ -121,6 +127,7 @@ class InflowLoadRelief(Effect):
         return value - self.relief * jnp.abs(s.speed) * s.inflow
 
 
+@registered
 class LinearDamping(Effect):
     """Back-EMF of the motor, or viscous friction of seals and bearings: the same term.
 
@@ -139,6 +146,7 @@ class LinearDamping(Effect):
         return value - self.rate * s.speed
 
 
+@registered
 class CoulombFriction(Effect):
     """Dry friction of seals and bearings: a torque of constant size against the motion.
 
@@ -162,6 +170,7 @@ class CoulombFriction(Effect):
         return value - jnp.where(jnp.abs(slow) < self.level, slow, self.level * jnp.sign(slow))
 
 
+@registered
 class StaticFriction(Effect):
     """Stiction: a shaft at rest bears pushes up to a level.
 

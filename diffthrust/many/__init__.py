@@ -1,7 +1,9 @@
-"""Many logs of one model at once: each answered as if it were alone, compiled and run together."""
+"""Many logs, many vehicles, many machines.
 
-from diffthrust.many._calls import compare as compare
-from diffthrust.many._calls import fit as fit
-from diffthrust.many._calls import sample as sample
-from diffthrust.many._maps import describing_function as describing_function
-from diffthrust.many._result import Many as Many
+The verbs here answer each member as if it were alone, compiled and run together; `campaign` does a
+task for every spec of a folder, `fleet` holds all fits of a fleet together.
+"""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -3,11 +3,13 @@
 from collections.abc import Mapping
 from typing import Any
 
-from diffthrust._model import Model
-from diffthrust._parameters import parameter
-from diffthrust._signals import Ports, Signals
+from diffthrust.models._base.component import registered
+from diffthrust.models._base.model import Model
+from diffthrust.models._base.parameter import parameter
+from diffthrust.models._base.signals import Ports, Signals
 
 
+@registered
 class LinearSensor(Model):
     """A depth sensor with a straight calibration line: reading = slope * depth + offset.
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from diffthrust._log import Log
+from diffthrust.logs._log import Log
 from diffthrust.papers._depth_sensor import Calibration, Datasheet
 from diffthrust.papers._printed import Printed
 from diffthrust.papers._printed_transfer import depth_loop, plant, step_response

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from diffthrust._errors import InputError
-from diffthrust.control._reference import number
+from diffthrust._support.errors import InputError
+from diffthrust._support.validation import number
 
 
 def staircase(

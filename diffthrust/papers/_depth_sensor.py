@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from diffthrust._display import number
-from diffthrust._errors import InputError
-from diffthrust._physical import Quantity
-from diffthrust._plots import BLUE, GREY, VERMILLION, styled
+from diffthrust._support.errors import InputError
+from diffthrust._support.figures import BLUE, GREY, VERMILLION, styled
+from diffthrust._support.tables import number
 from diffthrust.papers._line import Line, fit_line, numbers
+from diffthrust.uncertainty._prediction.physical import Quantity
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from diffthrust._errors import InputError
-from diffthrust._physical import Quantity
-from diffthrust._plots import BLUE, GREY, VERMILLION, styled
+from diffthrust._support.errors import InputError
+from diffthrust._support.figures import BLUE, GREY, VERMILLION, styled
+from diffthrust.uncertainty._prediction.physical import Quantity
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

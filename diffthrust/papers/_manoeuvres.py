@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from diffthrust._log import Log
-from diffthrust.control._reference import number
+from diffthrust._support.validation import number
+from diffthrust.logs._log import Log
 from diffthrust.papers._steady import records, stretches
-from diffthrust.papers._undisturbed import _cut, _smooth
+from diffthrust.papers._undisturbed import cut_out, without_noise
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def manoeuvres(
         number(f"manoeuvres, {name}", value, lambda x: x > 0, "seconds, more than zero")
     logs = records("manoeuvres", logs)
     surge, yaw = (
-        [_smooth(log.time, log.values(name, unit), smoothing) for log in logs]
+        [without_noise(log.time, log.values(name, unit), smoothing) for log in logs]
         for name, unit in (("surge", "m/s"), ("yaw_rate", "rad/s"))
     )
     fastest = max(float(np.max(np.abs(u))) for u in surge)
@@ -80,7 +80,7 @@ def manoeuvres(
     found: dict[str, list[Log]] = {"steady": [], "accelerating": [], "turning": []}
     for log, u, r in zip(logs, surge, yaw, strict=True):
         line = np.abs(r) <= ahead
-        change = least * _smooth(log.time, np.gradient(u, log.time), least)
+        change = least * without_noise(log.time, np.gradient(u, log.time), least)
         even = np.abs(change) <= steady * fastest
         kinds = {
             "steady": line & even & (np.abs(u) > steady * fastest),  # a rest tells nothing
@@ -89,7 +89,7 @@ def manoeuvres(
         }
         for kind, where in kinds.items():
             found[kind] += [
-                _cut(log, log.time[first], log.time[last])
+                cut_out(log, log.time[first], log.time[last])
                 for first, last in stretches(where)
                 if log.time[last] - log.time[first] >= least
             ]

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from diffthrust._display import _table, number, rendered
+from diffthrust._support.tables import number, plain_table, rendered
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ def printed_table(rows: Iterable[Printed], width: int = 130) -> str:
     headings = ("Figure", "Paper", "Ours", "Unit", "Ratio", "Remark")
     first = ("Source",) if any(row.source for row in rows) else ()
     numbers = tuple(i + len(first) for i in (1, 2, 4))
-    table = _table(*first, *headings, numbers=numbers)
+    table = plain_table(*first, *headings, numbers=numbers)
     source = rows[0].source if rows else ""
     for row in rows:
         if row.source != source:

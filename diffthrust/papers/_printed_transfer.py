@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from diffthrust._errors import InputError
-from diffthrust._plots import BLUE, VERMILLION, styled
-from diffthrust._transfer import Transfer, transfer_of
+from diffthrust._support.errors import InputError
+from diffthrust._support.figures import BLUE, VERMILLION, styled
+from diffthrust._support.transfer import Transfer, transfer_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -58,7 +58,7 @@ def step_response(linear: Any, time: Any, size: float = 1.0) -> np.ndarray:
     """The answer of a system at rest to a step at time zero.
 
     Args:
-        linear: what `dft.limit_cycles` takes, such as ``(num, den)`` or an object of
+        linear: what `dft.cycles.limit_cycles` takes, such as ``(num, den)`` or an object of
             python-control.
         time: [s], ``(n,)``, evenly spaced from 0 on.
         size: of the step.

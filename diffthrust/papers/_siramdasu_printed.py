@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from diffthrust._log import Log
-from diffthrust._simulate import simulate
+from diffthrust.logs._log import Log
 from diffthrust.models import Vessel
 from diffthrust.papers._printed import Printed
+from diffthrust.simulation._simulate import simulate
 
 _SPEEDS, _CIRCLING = (69.2, 98.0, 120.0), 98.0
 _ANGLES = (-24.0, -16.0, 8.0, 16.0, 24.0)

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from diffthrust._arguments import listed
-from diffthrust._channels import listing
-from diffthrust._errors import InputError
-from diffthrust._log import Log
-from diffthrust.control._reference import number
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing
+from diffthrust._support.validation import number
+from diffthrust.estimation._arguments import listed
+from diffthrust.logs._log import Log
 
 
 @dataclass(frozen=True)

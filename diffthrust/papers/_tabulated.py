@@ -8,10 +8,10 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from diffthrust._errors import InputError
-from diffthrust._model import Model
-from diffthrust._signals import Ports, Signals
+from diffthrust._support.errors import InputError
 from diffthrust.models import Vessel
+from diffthrust.models._base.model import Model
+from diffthrust.models._base.signals import Ports, Signals
 
 
 class TabulatedVessel(Model):

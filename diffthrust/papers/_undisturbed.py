@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from diffthrust._errors import InputError
-from diffthrust._log import Log
+from diffthrust._support.errors import InputError
+from diffthrust.logs._log import Log
 from diffthrust.papers._steady import steady_portions, stretches
 
 _STRAIGHT = 0.01
@@ -54,9 +54,9 @@ def undisturbed(
     for held in steady_portions(
         logs, settle=0.0, least=least, inputs=("propeller_speed", "rudder_angle")
     ):
-        log = _cut(held.log, held.start, held.stop)
+        log = cut_out(held.log, held.start, held.stop)
         r, u, v = (
-            _smooth(log.time, log.values(name, unit), smoothing)
+            without_noise(log.time, log.values(name, unit), smoothing)
             for name, unit in (("yaw_rate", "rad/s"), ("surge", "m/s"), ("sway", "m/s"))
         )
         if abs(held.mean("rudder_angle", "rad")) <= _STRAIGHT:
@@ -69,7 +69,7 @@ def undisturbed(
             if arc.any() and good[np.argmax(arc)]:
                 good |= ~arc
         found += [
-            _cut(log, log.time[first], log.time[last])
+            cut_out(log, log.time[first], log.time[last])
             for first, last in stretches(good)
             if log.time[last] - log.time[first] >= least
         ]
@@ -81,12 +81,12 @@ def undisturbed(
     return found
 
 
-def _cut(log: Log, start: float, stop: float) -> Log:
+def cut_out(log: Log, start: float, stop: float) -> Log:
     """From one time stamp to another."""
     return log.slice(start - log.time[0] - 1e-9, stop - log.time[0] + 1e-9)
 
 
-def _smooth(time: np.ndarray, values: np.ndarray, length: float) -> np.ndarray:
+def without_noise(time: np.ndarray, values: np.ndarray, length: float) -> np.ndarray:
     """The running mean over ``length`` seconds, of what was measured."""
     seen = np.isfinite(values)
     total = np.concatenate([[0.0], np.cumsum(np.where(seen, values, 0.0))])

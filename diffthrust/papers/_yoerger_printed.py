@@ -6,15 +6,15 @@ import math
 
 import numpy as np
 
-from diffthrust._describing import describing_function
-from diffthrust._log import Log
-from diffthrust._physical import torque_driven
-from diffthrust._simulate import simulate
-from diffthrust._thruster_loop import PAPER, thruster_loop_cycle
 from diffthrust.control import PoleCancellation
+from diffthrust.cycles._thruster_loop import PAPER, thruster_loop_cycle
+from diffthrust.describing._describe import describing_function
+from diffthrust.logs._log import Log
 from diffthrust.models import Thruster
 from diffthrust.papers._commands import lowpass_noise, staircase
 from diffthrust.papers._printed import Printed
+from diffthrust.simulation._simulate import simulate
+from diffthrust.uncertainty._prediction.physical import torque_driven
 
 _STATIC_CT, _DYNAMIC_CT = 0.022, 0.019
 _PITCH, _AREA, _DENSITY = 0.101, 0.0527, 1000.0

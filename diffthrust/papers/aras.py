@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from diffthrust._errors import InputError
-from diffthrust._plots import BLUE, VERMILLION, styled
+from diffthrust._support.errors import InputError
+from diffthrust._support.figures import BLUE, VERMILLION, styled
 from diffthrust.control import PID, Loop
 from diffthrust.models import DCMotorThruster
 from diffthrust.papers._aras_printed import printed_figures as printed_figures

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from diffthrust._arguments import listed
-from diffthrust._errors import InputError
-from diffthrust._log import Log
+from diffthrust._support.errors import InputError
+from diffthrust.estimation._arguments import listed
+from diffthrust.logs._log import Log
 from diffthrust.models import Vessel
 from diffthrust.papers._line import Line, fit_line
 from diffthrust.papers._siramdasu_printed import printed_figures as printed_figures
@@ -74,7 +74,7 @@ class Sequential:
 
     def plot(self) -> Figure:
         """The paper's figures 3, 4, 5, 6, 7 and 10."""
-        from diffthrust.papers._siramdasu_plots import sequential_figure
+        from diffthrust.papers._siramdasu_figures import sequential_figure
 
         return sequential_figure(self)
 
@@ -201,7 +201,7 @@ def sensitivity(
 
     Source: Siramdasu & Fahimi 2013, section 4, table 3 and figure 11.
     """
-    from diffthrust._simulate import simulate
+    from diffthrust.simulation._simulate import simulate
 
     straight = listed(straight)
     levels = np.array([_last(log, settle).mean(*_N) for log in straight])

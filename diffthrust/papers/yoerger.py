@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from diffthrust._errors import InputError
-from diffthrust._log import Log
-from diffthrust._physical import Quantity
-from diffthrust._plots import BLUE, VERMILLION, styled, thinned
-from diffthrust._simulate import simulate
+from diffthrust._support.errors import InputError
+from diffthrust._support.figures import BLUE, VERMILLION, styled, thinned
+from diffthrust.logs._log import Log
 from diffthrust.models import Thruster
 from diffthrust.papers._line import Line, fit_line
 from diffthrust.papers._steady import Steady, steady_portions
 from diffthrust.papers._yoerger_printed import printed_figures as printed_figures
+from diffthrust.simulation._simulate import simulate
+from diffthrust.uncertainty._prediction.physical import Quantity
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -7,11 +7,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from diffthrust._errors import InputError
-from diffthrust._log import Log
-from diffthrust._model import Model
-from diffthrust._transfer import transfer_of
-from diffthrust.control._reference import number
+from diffthrust._support.errors import InputError
+from diffthrust._support.transfer import transfer_of
+from diffthrust._support.validation import number
+from diffthrust.logs._log import Log
+from diffthrust.models._base.model import Model
 from diffthrust.plans._limits import limits_of
 from diffthrust.plans._plan import Plan
 from diffthrust.plans._settling import settling_time

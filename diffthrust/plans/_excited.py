@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from diffthrust._log import Log
+from diffthrust.logs._log import Log
 
 _PARTS = 8
 """Parts of the band, evenly spaced in the logarithm of frequency."""

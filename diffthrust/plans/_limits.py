@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from diffthrust._errors import InputError
+from diffthrust._support.errors import InputError
 
 
 def limits_of(who: str, limits: Any, what: str = "command") -> tuple[float, float]:

@@ -10,10 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diffthrust._channels import listing
-from diffthrust._errors import InputError
-from diffthrust._files import made_folder, write_whole
-from diffthrust._log import Log
+from diffthrust._support.errors import InputError
+from diffthrust._support.files import made_folder, write_whole
+from diffthrust._support.names import listing
+from diffthrust.logs._log import Log
 from diffthrust.papers._steady import stretches
 from diffthrust.plans._excited import excited
 
@@ -77,7 +77,7 @@ class PlanCheck:
         """The findings as a table, as text."""
         from rich.table import Table
 
-        from diffthrust._display import rendered
+        from diffthrust._support.tables import rendered
 
         table = Table("Run", "Planned", "Found", "")
         for finding in self.findings:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from diffthrust._errors import InputError
-from diffthrust._log import Log
-from diffthrust.control._reference import number
+from diffthrust._support.errors import InputError
+from diffthrust._support.validation import number
+from diffthrust.logs._log import Log
 from diffthrust.models import LinearSensor
 from diffthrust.papers._commands import staircase
 from diffthrust.plans._limits import limits_of

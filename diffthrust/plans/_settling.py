@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from diffthrust._errors import InputError
-from diffthrust._log import Log
-from diffthrust._model import Model
-from diffthrust._simulate import simulate
+from diffthrust._support.errors import InputError
+from diffthrust.logs._log import Log
+from diffthrust.models._base.model import Model
+from diffthrust.simulation._simulate import simulate
 
 _LEFT = 0.01
 """Share of the change that may be left."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from diffthrust._errors import InputError
-from diffthrust._log import Log
+from diffthrust._support.errors import InputError
+from diffthrust._support.validation import number
 from diffthrust.control import Loop, Step
-from diffthrust.control._reference import number
+from diffthrust.logs._log import Log
 from diffthrust.papers._commands import staircase
 from diffthrust.plans._limits import limits_of
 from diffthrust.plans._plan import Plan

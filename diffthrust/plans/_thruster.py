@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from diffthrust._errors import InputError
-from diffthrust._log import Log
-from diffthrust._model import Model
-from diffthrust.control._reference import number
+from diffthrust._support.errors import InputError
+from diffthrust._support.validation import number
+from diffthrust.logs._log import Log
 from diffthrust.models import DCMotorThruster
+from diffthrust.models._base.model import Model
 from diffthrust.papers._commands import lowpass_noise, staircase
 from diffthrust.papers.aras import steady_map as aras_map
 from diffthrust.plans._limits import limits_of

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from diffthrust._errors import InputError
-from diffthrust._log import Log
-from diffthrust.control._reference import number
+from diffthrust._support.errors import InputError
+from diffthrust._support.validation import number
+from diffthrust.logs._log import Log
 from diffthrust.models import Vessel
 from diffthrust.plans._plan import Plan
 from diffthrust.plans._settling import settling_time

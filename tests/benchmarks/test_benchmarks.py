@@ -10,28 +10,26 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from places import ROOT
 from rich.console import Console
 from rich.table import Table
 
 import diffthrust as dft
 from benchmarks.peers._numba import best_fit, numba_rk4, peer_fit
 from benchmarks.peers._problem import GUESS, TRUTH, guesses, record
-from diffthrust import _simulate
-from diffthrust._arrange import build
-from diffthrust._likelihood import evaluate
-from diffthrust._solver import solve
 from diffthrust.effects import ActuatorLag, CommandDeadband, ReverseThrustAsymmetry
+from diffthrust.estimation._arrange import build
+from diffthrust.estimation._likelihood import evaluate
+from diffthrust.estimation._solver import solve
+from diffthrust.simulation import _simulate
 
 pytestmark = pytest.mark.benchmark
-
-ROOT = Path(__file__).parents[2]
 
 
 def make_log(count: int = 10_000, seed: int = 0) -> dft.Log:
@@ -147,8 +145,8 @@ LONG = """
 import os, sys, time
 import numpy as np
 import diffthrust as dft
-from diffthrust._arrange import build
-from diffthrust._solver import solve
+from diffthrust.estimation._arrange import build
+from diffthrust.estimation._solver import solve
 n = int(sys.argv[1])
 rng = np.random.default_rng(0)
 t = 0.01 * np.arange(n)
@@ -201,7 +199,7 @@ def test_processes_from_cold(tmp_path):
     gap = float(np.median(package) - np.median(jax_alone))
     rows = [("import diffthrust over import jax", f"{gap:.2f} s", "< 0.7 s")]
     spec = ROOT / "fits" / "jason_thruster" / "fit.toml"
-    entry = "import sys; from diffthrust._cli import main; sys.exit(main())"
+    entry = "import sys; from diffthrust.cli._app import main; sys.exit(main())"
     if spec.exists():
         env = {"DIFFTHRUST_CACHE": str(tmp_path / "cache")}
         command = ["-c", entry, "fit", str(spec)]

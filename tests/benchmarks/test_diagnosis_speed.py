@@ -13,17 +13,17 @@ import time
 from pathlib import Path
 
 import pytest
+from places import TESTS
 from rich.console import Console
 from rich.table import Table
 
 pytestmark = pytest.mark.benchmark
 
-TESTS = Path(__file__).parents[1]
 WORK = """
 import json, sys, time
 begin = time.perf_counter()
 import diffthrust as dft
-from diffthrust._cache import enable_compilation_cache
+from diffthrust._support._running.cache import enable_compilation_cache
 from hidden import sets
 
 enable_compilation_cache()

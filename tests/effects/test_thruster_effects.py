@@ -8,10 +8,10 @@ from marks import slow_but
 from reference import inputs, noise, thruster
 
 import diffthrust as dft
-from diffthrust._intake import hold_of
-from diffthrust._parameters import Relative
-from diffthrust._simulate import Grid, trajectory
-from diffthrust._units import convert
+from diffthrust.logs._units import convert
+from diffthrust.models._base.parameter import Relative
+from diffthrust.simulation._inputs import hold_of
+from diffthrust.simulation._simulate import Grid, trajectory
 
 PLACES = {**dft.Thruster.inputs, **dft.Thruster.ports, **dft.Thruster.outputs}
 CATALOGUE = {n: e for n, e in dft.effects.EFFECTS.items() if all(p in PLACES for p in e.ports)}
@@ -121,8 +121,8 @@ def test_effects_on_a_channel_say_whether_they_read_other_samples(name):
         assert not effect.memory
         return
     values = jnp.asarray(COMMAND)
-    s = dft.Signals({"time": jnp.asarray(TIME)})
-    half = dft.Signals({"time": jnp.asarray(TIME[::2])})
+    s = dft.models.Signals({"time": jnp.asarray(TIME)})
+    half = dft.models.Signals({"time": jnp.asarray(TIME[::2])})
     same = np.array_equal(effect(values, s)[::2], effect(values[::2], half))
     assert same is not effect.memory
 

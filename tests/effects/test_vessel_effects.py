@@ -8,9 +8,9 @@ from marks import slow_but
 from reference import inputs, noise, vessel
 
 import diffthrust as dft
-from diffthrust._parameters import Relative
-from diffthrust._simulate import Grid, trajectory
 from diffthrust.effects import EFFECTS, _drive, _environment, _hull
+from diffthrust.models._base.parameter import Relative
+from diffthrust.simulation._simulate import Grid, trajectory
 
 CATALOGUE = {
     "quadratic_surge_drag",

@@ -9,11 +9,10 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from places import FITS
 
 from . import inputs, noise, thruster, vessel
 from .records import Column, Record, write_csv, write_rows
-
-FITS = Path(__file__).resolve().parents[2] / "fits"
 
 RPM = 30.0 / np.pi
 DEGREES = 180.0 / np.pi

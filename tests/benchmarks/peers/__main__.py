@@ -55,7 +55,7 @@ def arguments(given: Sequence[str] | None = None) -> argparse.Namespace:
 
 def main(given: Sequence[str] | None = None, console: Console | None = None) -> list[Cell]:
     """Measure, print the table, write the file."""
-    from diffthrust._files import write_whole  # JAX with it: not for every worker
+    from diffthrust._support.files import write_whole  # JAX with it: not for every worker
 
     asked = arguments(given)
     console = console or Console(width=WIDTH)

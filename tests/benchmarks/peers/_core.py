@@ -8,9 +8,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from diffthrust import _simulate
-from diffthrust._arrange import build
-from diffthrust._solver import solve
+from diffthrust.estimation._arrange import build
+from diffthrust.estimation._solver import solve
+from diffthrust.simulation import _simulate
 
 from . import _problem
 from ._diffthrust import NAMES, log_of, thruster

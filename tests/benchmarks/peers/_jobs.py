@@ -45,7 +45,7 @@ def over_scale(ours: Any, theirs: Any) -> float:
 
 def effective(draws: np.ndarray) -> np.ndarray:
     """Effective samples of each parameter by ArviZ's bulk estimate; draws are (chains, n, d)."""
-    from diffthrust._arviz import arviz  # slow to import
+    from diffthrust.uncertainty._sampling.arviz import arviz  # slow to import
 
     az = arviz()
     names = [str(i) for i in range(draws.shape[-1])]

@@ -1,0 +1,1 @@
+"""Programs run together: in rows, in processes, in workers of their own."""

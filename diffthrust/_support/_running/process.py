@@ -1,0 +1,191 @@
+"""A Python process of its own that answers questions, one line of JSON each.
+
+JAX and a fork do not agree, so that it is a fresh interpreter. It is started with the environment
+that it needs, which the start methods of ``multiprocessing`` do not allow: the number of threads is
+read when NumPy and XLA are imported. Nothing is imported from the caller's script.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+from concurrent.futures import CancelledError
+from contextlib import suppress
+from typing import Any
+
+_START_LIMIT = 300.0
+"""Seconds that a process may take to import the library, on a machine with much to do."""
+_DEATH_LIMIT = 5.0
+"""Seconds that a process may take to end when it has closed its pipe, so that it says how."""
+_ONE_THREAD = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NPROC"), "1"
+)
+"""So that processes do not fight for processors; NPROC is the number of threads of XLA."""
+
+
+class ProcessDied(Exception):
+    """A process ended instead of answering; the message says how."""
+
+
+class ProcessLate(ProcessDied):
+    """It was killed at the time limit."""
+
+
+class ProcessNotStarted(ProcessDied):
+    """It ended before it could be asked."""
+
+
+class LineProcess:
+    """A process with one thread for its arithmetic, kept from question to question.
+
+    It ends with the process that it belongs to, even if that is killed, and when it has had nothing
+    to do for a while; the next question starts another. One that dies takes one question with it.
+
+    Args:
+        answer: the function that answers, as ``"module:function"``: plain data in, plain data out.
+        quiet: keep what it says on standard error off the terminal; its last line is told when it
+            dies.
+    """
+
+    def __init__(self, answer: str, quiet: bool = False) -> None:
+        self._answer = answer
+        self._quiet = quiet
+        self._process: subprocess.Popen[str] | None = None
+        self._said = None
+        self._stopped = False
+
+    @property
+    def pid(self) -> int | None:
+        """The number of the process, where there is one."""
+        return self._process.pid if self._process else None
+
+    def ask(self, question: Any, limit: float | None = None) -> Any:
+        """The answer to a question.
+
+        Args:
+            question: plain data.
+            limit: seconds after which the process is killed.
+
+        Raises:
+            ProcessDied: it ended instead, such as for want of memory.
+            ProcessLate: it was killed at the limit.
+            ProcessNotStarted: it could not be started.
+            CancelledError: `stop` was called meanwhile.
+        """
+        process = self._started()
+        assert process.stdin is not None
+        with suppress(OSError):  # of a process that is dead: there is no line to read either
+            process.stdin.write(f"{json.dumps(question)}\n")
+            process.stdin.flush()
+        return json.loads(self._line(process, limit))
+
+    def stop(self) -> None:
+        """Kill the process from another thread, and start no other; `close` cleans up."""
+        self._stopped = True
+        if process := self._process:
+            process.kill()
+
+    def close(self) -> None:
+        """End the process, from the thread that uses it or when that has ended."""
+        self._end()
+
+    __del__ = close
+
+    def _started(self) -> subprocess.Popen[str]:
+        """A process that has said that it is ready."""
+        if self._stopped:
+            raise CancelledError
+        if self._process is not None and self._process.poll() is None:
+            return self._process
+        self._end()
+        if self._quiet:
+            self._said = tempfile.TemporaryFile()  # noqa: SIM115  (closed with the process)
+        process = self._process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "diffthrust._support._running.server", self._answer],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._said,
+            text=True,
+            encoding="utf-8",
+            env=_environment(),
+            start_new_session=True,  # Ctrl-C is for the owner, which ends its processes
+        )
+        if self._stopped:  # while it was being started
+            process.kill()
+        try:
+            self._line(process, _START_LIMIT)
+        except ProcessDied as error:
+            raise ProcessNotStarted(*error.args) from None
+        return process
+
+    def _line(self, process: subprocess.Popen[str], limit: float | None) -> str:
+        """The next line that the process writes."""
+        assert process.stdout is not None
+        late = threading.Event()
+
+        def expire() -> None:
+            late.set()
+            process.kill()
+
+        timer = threading.Timer(limit, expire) if limit is not None else None
+        if timer:
+            timer.start()
+        try:
+            line = process.stdout.readline()
+        finally:
+            if timer:
+                timer.cancel()
+        if line.endswith("\n"):
+            return line
+        how = self._end(_DEATH_LIMIT)
+        if self._stopped:
+            raise CancelledError
+        raise ProcessLate(how) if late.is_set() else ProcessDied(how)
+
+    def _end(self, patience: float = 0.0) -> str:
+        """Kill the process if it lives after so many seconds, and say how it ended."""
+        process, said = self._process, self._said
+        self._process = self._said = None
+        if process is None:
+            return ""
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(patience)
+        process.kill()
+        code = process.wait()
+        for pipe in (process.stdin, process.stdout):
+            if pipe:
+                with suppress(OSError):  # of what was not yet sent
+                    pipe.close()
+        how = [f"exit status {code}" if code >= 0 else f"signal {_signal(-code)}"]
+        if said is not None:
+            with said:
+                said.seek(0)
+                how += said.read().decode(errors="replace").strip().splitlines()[-1:]
+        return ", ".join(how)
+
+
+def _environment() -> dict[str, str]:
+    """That of this process, with its modules and its compilation cache, and with one thread."""
+    import jax
+
+    cache = jax.config.values["jax_compilation_cache_dir"]
+    flags = f"--xla_cpu_multi_thread_eigen=false {os.environ.get('XLA_FLAGS', '')}"
+    return {
+        **os.environ,
+        **_ONE_THREAD,
+        **({"DIFFTHRUST_CACHE": cache} if cache else {}),
+        "XLA_FLAGS": flags.strip(),
+        "PYTHONPATH": os.pathsep.join(folder or os.getcwd() for folder in sys.path),
+    }
+
+
+def _signal(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return str(number)

@@ -1,0 +1,99 @@
+"""Files written whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from diffthrust._support.errors import InputError
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write a file under a temporary name beside it, then rename: never a half-written file.
+
+    Raises:
+        InputError: the folder does not exist or cannot be written to.
+    """
+    target = path.resolve()
+    temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+    try:
+        temporary.write_bytes(data)
+        if target.exists():
+            shutil.copymode(target, temporary)
+        os.replace(temporary, target)
+    except OSError as error:
+        temporary.unlink(missing_ok=True) if temporary.parent.is_dir() else None
+        raise InputError(
+            f"{path}: the file cannot be written ({error.strerror or error}).",
+            "Name a file in a folder that exists and that you may write to.",
+        ) from None
+
+
+def ending(path: Path, *kinds: str) -> str:
+    """The ending of a file to write, of those that its content may have.
+
+    Raises:
+        InputError: another ending; what is written would not be what the name says, and it might be
+            the name of a log or a spec.
+    """
+    found = path.suffix.lower()
+    if found not in kinds:
+        raise InputError(
+            f"{path}: expected a file ending in {' or '.join(kinds)}.", "Change the ending."
+        )
+    return found
+
+
+def write_page(path: Path, text: str) -> None:
+    """Write a page of HTML.
+
+    Raises:
+        InputError: another ending than ``.html``, or a folder that cannot be written to.
+    """
+    ending(path, ".html", ".htm")
+    write_whole(path, text.encode())
+
+
+def write_json(path: Path, data: Mapping[str, Any]) -> None:
+    """Write plain data as JSON, with ``null`` where a number is not finite."""
+    ending(path, ".json")
+    text = json.dumps(plain(data), indent=2, allow_nan=False, ensure_ascii=False)
+    write_whole(path, f"{text}\n".encode())
+
+
+def plain(data: Any) -> Any:
+    """The same data in the types of JSON: NaN and infinities become ``None``.
+
+    Example:
+        >>> plain({"a": (1, float("nan"))})
+        {'a': [1, None]}
+    """
+    if isinstance(data, Mapping):
+        return {str(key): plain(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [plain(value) for value in data]
+    if hasattr(data, "tolist"):  # numbers and arrays of NumPy
+        return plain(data.tolist())
+    if isinstance(data, float) and not math.isfinite(data):
+        return None
+    return data
+
+
+def made_folder(folder: Path, mend: str) -> Path:
+    """The folder, made with those above it where it does not exist.
+
+    Raises:
+        InputError: it cannot be made; with the mend that suits the caller.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"{folder}: the folder cannot be made ({error.strerror or error}).", mend
+        ) from None
+    return folder

@@ -1,0 +1,40 @@
+"""Names from outside: the nearest known one, and lists of them that stay short."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+def nearest(word: str, options: Iterable[str]) -> str:
+    """Name the option that a misspelt word most likely meant.
+
+    Args:
+        word: what was written.
+        options: what could have been written.
+
+    Returns:
+        ``"the nearest is 'speed'"``, or an empty string where nothing is near.
+
+    Example:
+        >>> nearest("sped", ["speed", "thrust"])
+        "the nearest is 'speed'"
+    """
+    known = list(dict.fromkeys(options))
+    lowered: dict[str, str] = {}
+    for option in known:
+        lowered.setdefault(option.lower().strip(), option)
+    match = get_close_matches(word.lower().strip(), list(lowered), n=1, cutoff=0.5)
+    return f"the nearest is {lowered[match[0]]!r}" if match else ""
+
+
+def listing(names: Iterable[str], limit: int = 30) -> str:
+    """Write names as ``'a', 'b' and 3 more``, so that a wide table does not flood the message.
+
+    Example:
+        >>> listing(["a", "b"])
+        "'a', 'b'"
+    """
+    known = [repr(name) for name in names]
+    if not known:
+        return "none"
+    more = len(known) - limit
+    return ", ".join(known[:limit]) + (f" and {more} more" if more > 0 else "")

@@ -1,0 +1,70 @@
+"""Small pieces of English from which sentences about results are made."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from diffthrust._support.tables import number
+
+_SPELT = {"deadband": "dead band", "coulomb": "Coulomb", "dc": "DC"}
+_UNCOUNTED = (
+    *("cavitation", "coupling", "damping", "degradation", "drag", "flow", "friction", "inflow"),
+    *("relief", "thrusters", "wind"),
+)
+
+
+def spelt(name: str) -> str:
+    """A name of the code in words.
+
+    Example:
+        >>> spelt("command_deadband")
+        'command dead band'
+    """
+    return " ".join(_SPELT.get(word, word) for word in name.split("_"))
+
+
+def an(words: str) -> str:
+    """The words with their article, where they take one.
+
+    Example:
+        >>> an("actuator lag"), an("Coulomb friction")
+        ('an actuator lag', 'Coulomb friction')
+    """
+    if words.endswith(_UNCOUNTED):
+        return words
+    return f"{'an' if words[0].lower() in 'aeiou' else 'a'} {words}"
+
+
+def joined(words: Iterable[str], last: str = "and") -> str:
+    """Words in a row: ``a``, ``a and b``, ``a, b and c``."""
+    *first, final = [*words] or [""]
+    return f"{', '.join(first)} {last} {final}" if first else final
+
+
+def apart(first: float, second: float) -> tuple[str, str]:
+    """Two numbers with as many digits (two to four) as it takes to tell them apart."""
+    for digits in (2, 3):
+        shown = number(first, digits), number(second, digits)
+        if shown[0] != shown[1]:
+            return shown
+    return number(first, 4), number(second, 4)
+
+
+def probability(p_value: float) -> str:
+    """A p-value in words."""
+    return "p < 0.001" if p_value < 0.001 else f"p = {number(p_value, 2)}"
+
+
+def percent(share: float) -> str:
+    """A share as a percentage that never rounds something to nothing.
+
+    Example:
+        >>> percent(0.617), percent(0.0042)
+        ('62 %', '0.4 %')
+    """
+    return f"{100 * share:.{0 if share >= 0.0095 or share == 0 else 1}f} %"
+
+
+def capitalised(words: str) -> str:
+    """The words as the start of a sentence."""
+    return words[:1].upper() + words[1:]

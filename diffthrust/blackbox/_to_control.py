@@ -1,0 +1,67 @@
+"""Black-box models as objects of python-control, where that library is there."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from diffthrust._support.errors import InputError
+
+if TYPE_CHECKING:
+    from diffthrust.blackbox._model import BlackBox
+
+
+def control_object(model: BlackBox, form: str) -> Any:
+    """The sampled model from inputs to outputs; see `BlackBox.to_control`."""
+    try:
+        import control
+    except ImportError:
+        raise InputError(
+            "to_control: python-control is not installed.",
+            "Install it: python -m pip install control. BlackBox.transfer() needs no more than "
+            "this library.",
+        ) from None
+    if form not in ("transfer", "states"):
+        raise InputError(
+            f"to_control, form: expected 'transfer' or 'states', found {form!r}.", "Correct it."
+        )
+    channels = model.channels
+    lags = model.plain.lags or (0,) * len(channels.inputs)
+    if form == "transfer":
+        num, den = model._rational(*model._pair(None, None))
+        return control.TransferFunction(
+            num,
+            np.concatenate([den, np.zeros(lags[0])]),
+            model.step,
+            inputs=list(channels.inputs),
+            outputs=list(channels.outputs),
+        )
+    return control.StateSpace(
+        *_with_lags(model, lags),
+        model.step,
+        inputs=list(channels.inputs),
+        outputs=list(channels.outputs),
+    )
+
+
+def _with_lags(model: BlackBox, lags: tuple[int, ...]) -> tuple[np.ndarray, ...]:
+    """The matrices with a chain of states for each input that is late; without an offset."""
+    m = len(model.channels.inputs)
+    s = model.plain
+    n, more = s.order, sum(lags[:m])
+    a, b = np.zeros((n + more, n + more)), np.zeros((n + more, m))
+    c, d = np.zeros((len(s.c), n + more)), np.zeros((len(s.c), m))
+    a[:n, :n], c[:, :n] = s.a, s.c
+    first = n
+    for j, lag in enumerate(lags[:m]):
+        if not lag:
+            b[:n, j], d[:, j] = s.b[:, j], s.d[:, j]
+            continue
+        last = first + lag - 1
+        b[first, j] = 1.0
+        for k in range(first, last):
+            a[k + 1, k] = 1.0
+        a[:n, last], c[:, last] = s.b[:, j], s.d[:, j]
+        first = last + 1
+    return a, b, c, d

@@ -1,0 +1,5 @@
+"""Stored fits run again and compared with what they are expected to give."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

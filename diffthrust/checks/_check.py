@@ -1,0 +1,182 @@
+"""Regression fits: every stored fit is run again and held against what it gave before."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NoReturn
+
+from diffthrust._support._running.pool import processors
+from diffthrust._support.errors import InputError
+from diffthrust.checks._expected import Row
+from diffthrust.checks._parallel import Task, run_all
+from diffthrust.checks._run import Run, run_again
+from diffthrust.specs._file import NAME
+
+FEWEST = 3
+"""Fits below which another process is not worth its start."""
+
+
+@dataclass(frozen=True)
+class Checked:
+    """The outcome of a check.
+
+    Args:
+        runs: one for each fit, in the order of their names.
+    """
+
+    runs: tuple[Run, ...]
+
+    @property
+    def rows(self) -> tuple[Row, ...]:
+        """One for each quantity of each fit."""
+        return tuple(row for run in self.runs for row in run.rows)
+
+    @property
+    def ok(self) -> bool:
+        """Whether every row agrees."""
+        return all(run.ok for run in self.runs)
+
+    @property
+    def fits(self) -> tuple[str, ...]:
+        """Names of the fits, in order."""
+        return tuple(run.fit for run in self.runs)
+
+    @property
+    def updated(self) -> tuple[str, ...]:
+        """Names of the fits whose [expected] block was written anew."""
+        return tuple(run.fit for run in self.runs if run.updated)
+
+    def to_json(self) -> dict[str, Any]:
+        """The rows as plain data."""
+        return {
+            "schema": 1,
+            "ok": self.ok,
+            "updated": list(self.updated),
+            "rows": [row.to_json() for row in self.rows],
+            "fits": [run.to_json() for run in self.runs],
+        }
+
+
+def check(
+    directory: Path | str,
+    update: bool = False,
+    progress: Callable[[str, float], None] | None = None,
+    *,
+    jobs: int | None = None,
+    junit: Path | str | None = None,
+) -> Checked:
+    """Run every ``fit.toml`` below a folder and compare with its [expected] block.
+
+    A parameter has moved where it differs by more than a tenth of its stored standard error, an
+    error of the fit where it differs by more than a ten-thousandth, unless the block gives a
+    tolerance of its own. Refits of the same data stay far within both, also on another processor.
+
+    Args:
+        directory: a folder of fits, at any depth, or the folder of one fit.
+        update: write the [expected] blocks of fits that moved, or that have none.
+        progress: called with the name of a fit and the share done.
+        jobs: how many fits at a time, each in a process of its own with one thread and some 300 MB;
+            1 runs all in this process. By default as many as there are processors, at most one for
+            three fits.
+        junit: a file to write, ending in ``.xml``, in the JUnit format that CI services read.
+
+    Returns:
+        A row for each quantity. A fit that cannot be run, or that expects nothing, is a row that
+        failed, so that the other fits are still checked.
+
+    Raises:
+        InputError: there are no fits, a number of jobs below one, or a file that cannot be written.
+
+    Example:
+        >>> check("fits").ok
+        True
+    """
+    if jobs is not None and jobs < 1:
+        raise InputError(f"jobs: expected 1 or more, found {jobs}.", "Give how many at a time.")
+    if junit is not None:
+        from diffthrust._support.files import ending
+
+        ending(Path(junit), ".xml")
+    tasks = tasks_in(Path(directory), update)
+    runs = _runs(tasks, min(len(tasks), jobs or _default_jobs(len(tasks))), progress)
+    _warn(runs)
+    checked = Checked(tuple(runs))
+    if junit is not None:
+        from diffthrust.checks._junit import write_junit
+
+        write_junit(Path(junit), checked, Path(directory))
+    return checked
+
+
+def tasks_in(directory: Path, update: bool = False) -> list[Task]:
+    """The fits at and below a folder, in the order of their names.
+
+    Folders whose names begin with a dot are left out; links are followed, each folder once.
+
+    Raises:
+        InputError: there are none, or a folder cannot be read.
+    """
+    found: list[Task] = []
+    seen: set[str] = set()
+    for folder, below, files in os.walk(directory, followlinks=True, onerror=_unreadable):
+        real = os.path.realpath(folder)
+        if real in seen:
+            below.clear()
+            continue
+        seen.add(real)
+        below[:] = sorted(name for name in below if not name.startswith("."))
+        if NAME in files:
+            path = Path(folder)
+            whole = path == directory
+            name = path.resolve().name if whole else path.relative_to(directory).as_posix()
+            found.append(Task(name, path / NAME, update))
+    if not found:
+        raise InputError(
+            f"{directory}: expected fits as {directory / 'NAME' / NAME}, found none.",
+            "Name the folder that holds the folders of the fits; diffthrust new NAME makes one.",
+        )
+    return sorted(found)
+
+
+def _unreadable(error: OSError) -> NoReturn:
+    absent = isinstance(error, FileNotFoundError)
+    found = "no such folder" if absent else error.strerror or error
+    raise InputError(
+        f"{error.filename}: expected fits in a folder, found {found}.",
+        "Name the folder that holds the folders of the fits.",
+    )
+
+
+def _default_jobs(count: int) -> int:
+    return max(1, min(processors(), -(-count // FEWEST)))
+
+
+def _runs(
+    tasks: Sequence[Task], jobs: int, progress: Callable[[str, float], None] | None
+) -> list[Run]:
+    """Run all; the outcomes come in the order of the tasks, whatever finishes first."""
+    if jobs == 1:
+        each = ((i, run_again(*task)) for i, task in enumerate(tasks))
+    else:
+        each = run_all(tasks, jobs)
+    found: dict[int, Run] = {}
+    if progress:
+        progress(tasks[0].fit, 0.0)
+    for i, run in each:
+        found[i] = run
+        if progress:
+            progress(run.fit, len(found) / len(tasks))
+    return [found[i] for i in range(len(tasks))]
+
+
+def _warn(runs: Sequence[Run]) -> None:
+    """Warn of what the fits warned of, each named."""
+    from diffthrust.simulation._step_size import CoarseStepWarning
+
+    for run in runs:
+        for text in run.warnings:
+            warnings.warn(f"{run.fit}: {text}", CoarseStepWarning, stacklevel=3)

@@ -1,0 +1,111 @@
+"""The command ``diffthrust campaign``: a task over every spec of a folder."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from diffthrust.cli._options import JsonPath, names_in, show, written
+from diffthrust.cli._session import CHECK_FAILED, session
+
+_EVERY = 30.0
+"""Seconds between two lines of progress where there is no terminal."""
+
+
+class Task(StrEnum):
+    """The tasks, by the names of the option."""
+
+    fit = "fit"
+    diagnose = "diagnose"
+    sample = "sample"
+
+
+def campaign(
+    directory: Annotated[
+        Path, typer.Argument(metavar="DIR", help="A folder, searched with all that is below it.")
+    ],
+    task: Annotated[
+        Task, typer.Option("--task", help="What to do with each spec that is found.")
+    ] = Task.fit,
+    output: Annotated[
+        Path, typer.Option("--output", metavar="OUT", help="Where the results go.")
+    ] = Path("campaign_output"),
+    jobs: Annotated[
+        int | None,
+        typer.Option(
+            "--jobs", metavar="N", min=1, help="Processes; as many as processors by default."
+        ),
+    ] = None,
+    cluster: Annotated[
+        str | None,
+        typer.Option("--cluster", metavar="ADDRESS", help="The scheduler of a Dask cluster."),
+    ] = None,
+    time_limit: Annotated[
+        float | None,
+        typer.Option("--time-limit", metavar="S", help="Kill a task after so many seconds."),
+    ] = None,
+    candidates: Annotated[
+        str | None,
+        typer.Option("--candidates", metavar="A,B,...", help="Effects that a diagnosis tries."),
+    ] = None,
+    method: Annotated[
+        str | None, typer.Option("--method", help="Of sampling: emcee or nuts.")
+    ] = None,
+    draws: Annotated[int | None, typer.Option("--draws", metavar="N", help="Of sampling.")] = None,
+    warmup: Annotated[int | None, typer.Option("--warmup", metavar="N", help="Likewise.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", metavar="N", help="Likewise.")] = None,
+    report: Annotated[
+        bool, typer.Option("--report", help="Write a page into the folder of each spec.")
+    ] = False,
+    json: JsonPath = None,
+) -> None:
+    """Fit, diagnose or sample every spec below DIR in parallel; run again, it does what is left.
+
+    Exit status 1 where a spec has no result: it failed, ran out of time, or lost its worker.
+    """
+    with session() as progress:
+        from diffthrust.many import campaign as run
+        from diffthrust.many._campaign.tables import campaign_table
+
+        done = run(
+            directory,
+            task=task.value,
+            output=output,
+            executor=cluster,
+            jobs=jobs,
+            time_limit=time_limit,
+            report=report,
+            progress=progress or _lines(),
+            candidates=names_in(candidates),
+            method=method,
+            draws=draws,
+            warmup=warmup,
+            seed=seed,
+        )
+        if json:
+            from diffthrust._support.files import write_json
+
+            write_json(json, done.to_json())
+        table = campaign_table(done)
+    show(table)
+    written(done.path, json)
+    if not done.ok:
+        raise typer.Exit(CHECK_FAILED)
+
+
+def _lines() -> Callable[[str, float], None]:
+    """Progress as a line on standard error from time to time, for the files of batch systems."""
+    last = time.monotonic()
+
+    def say(message: str, share: float) -> None:
+        nonlocal last
+        if time.monotonic() - last > _EVERY:
+            last = time.monotonic()
+            typer.echo(message, err=True)
+
+    return say

@@ -1,0 +1,84 @@
+"""The command ``diffthrust check``: the gate of a repository with fits."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from diffthrust.cli._options import JsonPath, ends, show, written
+from diffthrust.cli._session import CHECK_FAILED, session
+
+if TYPE_CHECKING:
+    from diffthrust.checks._check import Checked
+
+MOST = 10
+"""Annotations of one kind that GitHub shows for a step."""
+
+
+def check_command(
+    directory: Annotated[Path, typer.Argument(metavar="DIR", help="The folder of the fits.")],
+    update: Annotated[
+        bool, typer.Option("--update", help="Write what was found as what is expected.")
+    ] = False,
+    everything: Annotated[
+        bool, typer.Option("--all", help="Show every quantity, not only what moved.")
+    ] = False,
+    jobs: Annotated[
+        int | None,
+        typer.Option(
+            "--jobs",
+            metavar="N",
+            min=1,
+            help="Fits at a time, each in a process of its own; by default by the processors.",
+        ),
+    ] = None,
+    junit: Annotated[
+        Path | None,
+        typer.Option(
+            "--junit",
+            metavar="FILE.xml",
+            help="Write the results as JUnit XML, for CI services.",
+            callback=ends(".xml"),
+        ),
+    ] = None,
+    json: JsonPath = None,
+) -> None:
+    """Run every fit.toml below DIR again; exit status 1 where one has moved."""
+    with session() as progress:
+        from diffthrust.checks._check import check
+
+        checked = check(directory, update, progress, jobs=jobs, junit=junit)
+        if json:
+            from diffthrust._support.files import write_json
+
+            write_json(json, checked.to_json())
+    from diffthrust.checks._tables import check_table
+
+    show(check_table(checked, everything))
+    if os.environ.get("GITHUB_ACTIONS") == "true":
+        for line in error_lines(checked):
+            typer.echo(line)
+    written(json, junit)
+    if not checked.ok:
+        raise typer.Exit(CHECK_FAILED)
+
+
+def error_lines(checked: Checked) -> list[str]:
+    """What GitHub shows at the spec files of fits that failed: a workflow command for each."""
+    from diffthrust.checks._tables import by_size, sentence
+
+    lines = []
+    for run in [run for run in checked.runs if not run.ok][:MOST]:
+        file, title = (_escaped(str(part), ":,") for part in (run.file, run.fit))
+        told = "\n".join(map(sentence, by_size(row for row in run.rows if not row.ok)))
+        lines.append(f"::error file={file},title={title}::{_escaped(told)}")
+    return lines
+
+
+def _escaped(text: str, more: str = "") -> str:
+    for char in f"%\r\n{more}":
+        text = text.replace(char, f"%{ord(char):02X}")
+    return text

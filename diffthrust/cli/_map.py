@@ -1,0 +1,175 @@
+"""The command ``diffthrust map``: gain and phase of a fitted model under a sinusoid."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from diffthrust._support.errors import InputError
+from diffthrust.cli._options import JsonPath, SpecPath, ends, show, written
+from diffthrust.cli._session import session
+
+POINTS = 24
+"""Amplitudes and frequencies of a map, where these are not given."""
+SPAN = 50.0
+"""The largest amplitude over the smallest, where these are not given."""
+
+
+class Method(StrEnum):
+    """How the map is worked out, by the names of the option."""
+
+    simulation = "simulation"
+    harmonic_balance = "harmonic_balance"
+    paper = "paper"
+    consistent = "consistent"
+
+
+def map_command(
+    spec: SpecPath,
+    amplitudes: Annotated[
+        str | None,
+        typer.Option(
+            "--amplitudes",
+            metavar="A,B,... or MIN:MAX:N",
+            help="Of the input, in its unit; N evenly in the logarithm. By default up to the "
+            "largest input in the logs.",
+        ),
+    ] = None,
+    frequencies: Annotated[
+        str,
+        typer.Option("--frequencies", metavar="A,B,... or MIN:MAX:N", help="In rad/s; N as above."),
+    ] = f"0.1:30:{POINTS}",
+    method: Annotated[
+        Method,
+        typer.Option(
+            "--method",
+            help="simulation and harmonic_balance take any model; paper and consistent are the "
+            "closed forms of the plain thruster.",
+        ),
+    ] = Method.simulation,
+    harmonics: Annotated[
+        int, typer.Option("--harmonics", metavar="N", min=1, help="Of the harmonic balance.")
+    ] = 15,
+    input: Annotated[
+        str, typer.Option("--input", metavar="NAME", help="The input that is a sinusoid.")
+    ] = "command",
+    output: Annotated[
+        str, typer.Option("--output", metavar="NAME", help="The output that is looked at.")
+    ] = "thrust",
+    bias: Annotated[
+        float, typer.Option("--bias", metavar="X", help="What the input swings about.")
+    ] = 0.0,
+    no_fit: Annotated[
+        bool, typer.Option("--no-fit", help="Take the parameters as the spec gives them.")
+    ] = False,
+    draws: Annotated[
+        int | None,
+        typer.Option(
+            "--draws",
+            metavar="N",
+            min=20,
+            help="Give intervals of 95 %, by N draws from the covariance of the fit; 100 serve.",
+        ),
+    ] = None,
+    json: JsonPath = None,
+    figure: Annotated[
+        Path | None,
+        typer.Option(
+            "--figure",
+            metavar="FILE.png",
+            help="Draw gain and phase.",
+            callback=ends(".png", ".svg", ".pdf"),
+        ),
+    ] = None,
+) -> None:
+    """Map gain and phase over amplitude and frequency, of the model that the logs give."""
+    with session() as progress:
+        from diffthrust.describing._band import uncertainty
+        from diffthrust.describing._describe import describing_function
+        from diffthrust.describing._tables import band_table, describing_table
+        from diffthrust.specs._spec import load_spec
+
+        if draws is not None and no_fit:
+            raise InputError(
+                "--draws: expected a fit, whose covariance is drawn from, found --no-fit.",
+                "Leave one of the two out.",
+            )
+        grids = {"frequencies": numbers("--frequencies", frequencies)}
+        if amplitudes is not None:
+            grids["amplitudes"] = numbers("--amplitudes", amplitudes)
+        loaded = load_spec(spec)
+        train, unseen = loaded.train_logs(), loaded.holdout_logs()
+        if amplitudes is None:
+            grids["amplitudes"] = _within(loaded.model, input, train, bias)
+        fit = None if no_fit else loaded.fit(progress, train=train, holdout=unseen)
+        asked: Any = {
+            **{"input": input, "output": output, "bias": bias},
+            **{"method": method.value, "harmonics": harmonics},
+        }
+        if draws is None:
+            found = describing_function(fit or loaded.model, **grids, **asked)
+            table = describing_table(found)
+        else:
+            found = uncertainty(fit, **grids, **asked, draws=draws)
+            table = band_table(found)
+        if json:
+            from diffthrust._support.files import write_json
+
+            status = {"status": fit.status.value, "message": fit.message} if fit else None
+            write_json(json, {**found.to_json(), "fit": status})
+        if figure:
+            _write_figure(figure, found)
+    if fit:
+        show(f"Status: {fit.status.value}. {fit.message}")
+    show(table)
+    written(json, figure)
+
+
+def numbers(option: str, text: str) -> np.ndarray:
+    """The numbers in ``a,b,c``, or the N evenly in the logarithm in ``min:max:n``.
+
+    Raises:
+        InputError: neither.
+    """
+    try:
+        if ":" in text:
+            low, high, count = text.split(":")
+            first, last, size = float(low), float(high), int(count)
+            if not (0 < first < last < np.inf and size >= 2):
+                raise ValueError
+            return np.geomspace(first, last, size)
+        return np.unique([float(part) for part in text.split(",") if part.strip()])
+    except ValueError:
+        raise InputError(
+            f"{option}: expected numbers as 0.5,1,2 or as 0.1:10:24 (from, to, how many), found "
+            f"{text!r}.",
+            "Correct it; amplitudes and frequencies are positive.",
+        ) from None
+
+
+def _within(model: Any, name: str, logs: Any, bias: float) -> np.ndarray:
+    """Amplitudes up to the largest that the logs show, for a map of what was identified."""
+    from diffthrust.simulation._inputs import inputs_of
+
+    given = [inputs_of(model, log).get(name, np.zeros(1)) for log in logs]
+    largest = max((float(np.nanmax(np.abs(series - bias))) for series in given), default=0.0)
+    if not largest > 0:
+        raise InputError(
+            f"The logs do not tell how far {name!r} swings.", "Give --amplitudes, as 0.1:10:24."
+        )
+    return np.geomspace(largest / SPAN, largest, POINTS)
+
+
+def _write_figure(path: Path, found: Any) -> None:
+    from io import BytesIO
+
+    from diffthrust._support.files import ending, write_whole
+
+    kind = ending(path, ".png", ".svg", ".pdf").removeprefix(".")
+    out = BytesIO()
+    found.plot().savefig(out, format=kind, dpi=120)
+    write_whole(path, out.getvalue())

@@ -1,0 +1,246 @@
+"""Does a channel mean what its name says? Measured against modelled, and against each other.
+
+A model with wrong parameters still moves to the right side. Where a channel moves to the other
+side, its sign is not what its name says, or that of an input is not, or two inputs are exchanged.
+A simulation with the inputs changed tells which changes would mend it, and the kinematics of the
+log (a heading must turn at the yaw rate) whether the channel itself is to blame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from diffthrust.comparison._residual_tests import cross_correlation
+from diffthrust.logs._log import Log
+from diffthrust.simulation._simulate import simulate
+
+if TYPE_CHECKING:
+    from diffthrust.models._base.model import Model
+    from diffthrust.simulation._runs import Run
+
+Pair = tuple[np.ndarray, np.ndarray]
+
+# Correlation above which two series move together (and below minus which they oppose each other),
+# above which they do so firmly, and the ratio of swings from which on a scale is doubted.
+_TOGETHER, _FIRMLY, _SCALE = 0.5, 0.8, 2.5
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How a measured channel follows the modelled one, over all runs.
+
+    Args:
+        channel: name of the channel.
+        correlation: of measured and modelled, about their means.
+        band: unrelated series of the same correlation in time stay within plus or minus this in
+            95 % of cases.
+        gain: slope of the measured on the modelled.
+        lag: by how much the measured one follows the modelled one [s] where they agree best.
+        runs: number of runs.
+    """
+
+    channel: str
+    correlation: float
+    band: float
+    gain: float
+    lag: float
+    runs: int
+
+    @property
+    def opposed(self) -> bool:
+        """Whether the measurement moves opposite to the model."""
+        return self.correlation < -max(_TOGETHER, 1.5 * self.band)
+
+    @property
+    def sentence(self) -> str:
+        """What is odd, in plain words; empty where nothing is."""
+        seen = f"(correlation {self.correlation:+.2f} over {_runs(self.runs)})"
+        if self.opposed:
+            return f"{self.channel}: the measurement moves opposite to the model {seen}."
+        if self.correlation > _FIRMLY and not 1 / _SCALE < self.gain < _SCALE:
+            return (
+                f"{self.channel}: the measurement moves with the model, but {self.gain:.2g} times "
+                f"as far {seen}: the unit or scale of the channel or of an input may not be what "
+                "its name says."
+            )
+        return ""
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {**vars(self), "opposed": self.opposed}
+
+
+def agreement(model: Model, runs: Sequence[Run], channel: str) -> Agreement | None:
+    """Hold a measured channel against the modelled one; ``None`` where either does not move."""
+    having = [run for run in runs if _measured(run, channel)]
+    if not having:
+        return None
+    if not all(np.all(np.isfinite(run.signals[channel])) for run in having):
+        return None
+    pairs = [_pair(model, run, channel, run.signals[channel]) for run in having]
+    together, gain = _together(pairs)
+    if not np.isfinite(together):
+        return None
+    step = float(np.median(np.concatenate([np.diff(run.time) for run in having])))
+    measured, modelled = ([pair[i] for pair in pairs] for i in (0, 1))
+    reach = max(1, min(max(x.size for x in measured) // 4, 200))
+    crossed = cross_correlation(channel, measured, modelled, reach, step)
+    return Agreement(channel, together, crossed.band, gain, crossed.lag, len(having))
+
+
+def hints(model: Model, runs: Sequence[Run], found: Iterable[Agreement]) -> tuple[str, ...]:
+    """Sentences on channels that may not mean what their names say.
+
+    For each channel that opposes the model: which changes of the inputs would make it agree, and
+    what the kinematics of the log say of the channel itself.
+    """
+    found = tuple(found)
+    opposed = [a.channel for a in found if a.opposed]
+    kinematic = _kinematics(runs)
+    sentences = [a.sentence for a in found if a.sentence]
+    if opposed:
+        names = [a.channel for a in found if a.correlation > _FIRMLY]
+        sentences += _mends(model, runs, opposed, names)
+    for channel, (words, together) in kinematic.items():
+        if together < -_TOGETHER:
+            sentences.append(
+                f"{channel}: it opposes {words} of the same log (correlation {together:+.2f}): the "
+                "sign of one of them is not what its name says."
+            )
+        elif together > _TOGETHER and channel in opposed:
+            sentences.append(
+                f"{channel}: it agrees with {words} of the same log (correlation {together:+.2f}), "
+                "so not this channel but an input is the odd one."
+            )
+    unknown = [name for name in opposed if name not in kinematic and name in _BORNE_OUT]
+    sentences += [
+        f"{name}: whether this channel or an input is the odd one, a measured "
+        f"{_BORNE_OUT[name]} would tell."
+        for name in unknown
+    ]
+    return tuple(sentences)
+
+
+_BORNE_OUT = {
+    "yaw_rate": "'heading'",
+    "surge": "'north', 'east' and 'heading'",
+    "sway": "'north', 'east' and 'heading'",
+}
+
+
+def _mends(
+    model: Model, runs: Sequence[Run], opposed: Sequence[str], agreeing: Sequence[str]
+) -> list[str]:
+    """The changes of inputs that make opposed channels agree and spoil no other, best first."""
+    found = []
+    for words, changed in _changes(model, runs):
+        after = _after(model, runs, changed, [*opposed, *agreeing])
+        if all(value > _TOGETHER for value in after.values()):
+            listed = ", ".join(f"{name} {after[name]:+.2f}" for name in opposed)
+            found.append(
+                (-min(after.values()), f"{words} turns the correlation positive: {listed}.")
+            )
+    return [sentence for _, sentence in sorted(found)]
+
+
+def _changes(model: Model, runs: Sequence[Run]) -> Iterable[tuple[str, Callable[[Log], Log]]]:
+    names = [name for name in model.inputs if all(name in run.log.inputs for run in runs)]
+    for one, two in combinations(names, 2):
+        if model.inputs[one] == model.inputs[two]:
+            yield f"Exchanging the inputs {one} and {two}", _taking({one: (1, two), two: (1, one)})
+    for name in names:
+        yield f"Reversing the sign of the input {name}", _taking({name: (-1, name)})
+
+
+def _taking(taken: Mapping[str, tuple[int, str]]) -> Callable[[Log], Log]:
+    """A change of logs: each named input becomes plus or minus another."""
+
+    def changed(log: Log) -> Log:
+        fields = {key: getattr(log, key) for key in log.__dataclass_fields__}
+        for key in ("units", "hold"):
+            new = {name: fields[key][source] for name, (_, source) in taken.items()}
+            fields[key] = {**fields[key], **new}
+        new = {name: sign * log.inputs[source] for name, (sign, source) in taken.items()}
+        fields["inputs"] = {**log.inputs, **new}
+        return Log._of(fields)
+
+    return changed
+
+
+def _after(
+    model: Model, runs: Sequence[Run], changed: Callable[[Log], Log], channels: Iterable[str]
+) -> dict[str, float]:
+    """Correlation of each channel with a simulation over changed logs."""
+    pairs: dict[str, list[Pair]] = {name: [] for name in channels}
+    for run in runs:
+        modelled = simulate(model, changed(run.log), initial=run.start, substeps=run.substeps)
+        for name in pairs:
+            if _measured(run, name):
+                pairs[name].append(_pair(model, run, name, modelled[name]))
+    return {name: _together(found)[0] for name, found in pairs.items()}
+
+
+def _measured(run: Run, channel: str) -> bool:
+    return channel in run.channels and bool(np.isfinite(run.channels[channel].measured).any())
+
+
+def _pair(model: Model, run: Run, channel: str, modelled: np.ndarray) -> Pair:
+    """Measured, NaN where missing, and modelled, as they are to be held against each other."""
+    measured = run.channels[channel].measured
+    if channel in model.angles:  # whole turns and the start are not what is compared
+        ours = np.unwrap(modelled)
+        return measured - np.nanmean(measured), ours - ours.mean()
+    return measured, np.abs(modelled) if channel in run.log.unsigned else modelled
+
+
+def _together(pairs: Sequence[Pair]) -> tuple[float, float]:
+    """Correlation, and slope of the first on the second; NaN where one does not move."""
+    one, two = (np.concatenate(x) for x in zip(*pairs, strict=True))
+    seen = np.isfinite(one) & np.isfinite(two)
+    if seen.sum() < 10 or not (np.ptp(one[seen]) > 0 and np.ptp(two[seen]) > 0):
+        return np.nan, np.nan
+    together = float(np.corrcoef(one[seen], two[seen])[0, 1])
+    return together, together * float(np.std(one[seen]) / np.std(two[seen]))
+
+
+def _kinematics(runs: Sequence[Run]) -> dict[str, tuple[str, float]]:
+    """What a velocity channel must equal by geometry alone, and its correlation with that."""
+    pairs: dict[str, list[Pair]] = {}
+    for run in runs:
+        seen = {name: trace.measured for name, trace in run.channels.items()}
+        if "heading" not in seen:
+            continue
+        if "yaw_rate" in seen:
+            turned = _over_a_second(run.time, seen["heading"])
+            pairs.setdefault("yaw_rate", []).append((seen["yaw_rate"], turned))
+        if "north" in seen and "east" in seen:
+            north, east = (_over_a_second(run.time, seen[name]) for name in ("north", "east"))
+            cos, sin = np.cos(seen["heading"]), np.sin(seen["heading"])
+            for name, moved in (
+                ("surge", north * cos + east * sin),
+                ("sway", east * cos - north * sin),
+            ):
+                if name in seen:
+                    pairs.setdefault(name, []).append((seen[name], moved))
+    words = {"yaw_rate": "the rate of the measured heading"}
+    along = "the motion of the measured position"
+    return {name: (words.get(name, along), _together(found)[0]) for name, found in pairs.items()}
+
+
+def _over_a_second(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Rate of change over about a second about each sample, NaN at the ends and at gaps."""
+    half = max(1, round(0.5 / float(np.median(np.diff(time)))))
+    rate = np.full(values.size, np.nan)
+    if values.size > 2 * half:
+        rise = values[2 * half :] - values[: -2 * half]
+        rate[half:-half] = rise / (time[2 * half :] - time[: -2 * half])
+    return rate
+
+
+def _runs(count: int) -> str:
+    return "1 run" if count == 1 else f"{count} runs"

@@ -1,0 +1,265 @@
+"""A model held against logs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing
+from diffthrust.comparison._agreement import Agreement, agreement, hints
+from diffthrust.comparison._noise_advice import NoiseAdvice, noise_advice
+from diffthrust.comparison._regimes import Regime, percent, worst_regimes
+from diffthrust.comparison._residual_tests import ResidualTests, residual_tests
+from diffthrust.logs._log import Log
+from diffthrust.models._base.model import Model
+from diffthrust.simulation._errors import Errors, errors
+from diffthrust.simulation._runs import Run, are_tables, pooled_errors, runs_over
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from diffthrust.estimation._result import Fit
+
+_OUTSTANDING = 3.0
+"""A run stands out where its RMSE is so many times that of the median run."""
+_TELLING = 50
+"""Fewer samples do not tell laws of noise apart."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A model held against logs.
+
+    Args:
+        model: the model.
+        runs: one for each log, simulated over its whole length.
+        errors: errors by channel, pooled over the runs.
+        fit: the fit that the model is from, if it is from one.
+
+    What takes longer is worked out when it is first asked for: ``tests`` of the residuals, the
+    ``regimes`` in which the error sits, the ``agreement`` of measured and modelled, and ``hints``
+    on channels that do not mean what their names say.
+    """
+
+    model: Model
+    runs: tuple[Run, ...]
+    errors: Errors
+    fit: Fit | None = field(default=None, repr=False)
+
+    @cached_property
+    def one_step(self) -> Errors | None:
+        """Errors of predicting each sample from all earlier ones, by an "innovations" fit.
+
+        ``None`` for any other.
+
+        Raises:
+            InputError: no run measures a state.
+        """
+        if self.fit is None or self.fit.disturbance is None:
+            return None
+        from diffthrust.estimation._innovations import one_step
+
+        substeps = max(run.substeps for run in self.runs)
+        predicted = one_step(self.fit, [run.log for run in self.runs], substeps)
+        pairs: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
+        for run, rests in zip(self.runs, predicted, strict=True):
+            for name, rest in rests.items():
+                pairs.setdefault(name, []).append((run.channels[name].measured, rest))
+        return errors(pairs)
+
+    @cached_property
+    def tests(self) -> Mapping[str, ResidualTests]:
+        """Whiteness of the residual of each channel, and its correlation with the signals.
+
+        Empty for tables of readings, whose order means nothing.
+        """
+        found = {}
+        if self.tabular:
+            return found
+        for name in self.errors.channels:
+            runs = [run for run in self.runs if name in run.channels]
+            found[name] = residual_tests(
+                name,
+                [run.channels[name].residual for run in runs],
+                [self.signals_of(run) for run in runs],
+                step=float(np.median(np.concatenate([np.diff(run.time) for run in runs]))),
+                unit=self.model.outputs[name],
+            )
+        return {name: tests for name, tests in found.items() if tests is not None}
+
+    @cached_property
+    def regimes(self) -> tuple[Regime, ...]:
+        """Where the squared error of each channel gathers; at most two regimes a channel.
+
+        Over all channels, noise alone gets a regime named in at most 5 % of comparisons.
+        """
+        found: list[Regime] = []
+        for name in self.errors.channels:
+            runs = [run for run in self.runs if name in run.channels]
+            found += worst_regimes(
+                name,
+                [run.channels[name].residual for run in runs],
+                [None if self.tabular else run.time for run in runs],
+                [self.signals_of(run) for run in runs],
+                runs[0].units,
+                plain=self.model.angles,
+                channels=len(self.errors.channels),
+            )
+        return tuple(found)
+
+    @cached_property
+    def agreement(self) -> Mapping[str, Agreement]:
+        """How each measured channel follows the modelled one: correlation, gain and lag."""
+        found = {name: agreement(self.model, self.runs, name) for name in self.errors.channels}
+        return {name: a for name, a in found.items() if a is not None}
+
+    @cached_property
+    def hints(self) -> tuple[str, ...]:
+        """Sentences on channels that may not mean what their names say; mostly none."""
+        return hints(self.model, self.runs, self.agreement.values())
+
+    @cached_property
+    def outstanding(self) -> tuple[str, ...]:
+        """Sentences on runs whose errors stand out from those of the others; mostly none."""
+        return tuple(self._outstanding())
+
+    @cached_property
+    def noise_advice(self) -> NoiseAdvice | None:
+        """Which noise the residuals look like, as arguments of `fit`.
+
+        ``None`` for tables of readings, and for runs too short to tell.
+        """
+        if self.tabular or sum(e.samples for e in self.errors.channels.values()) < _TELLING:
+            return None
+        chosen = {n: [r for r in self.runs if n in r.channels] for n in self.errors.channels}
+        return noise_advice(
+            {n: [run.channels[n].residual for run in runs] for n, runs in chosen.items()},
+            {n: [run.time for run in runs] for n, runs in chosen.items()},
+        )
+
+    @property
+    def tabular(self) -> bool:
+        """Whether the logs are tables of readings, without a time of their own."""
+        return are_tables(self.model, self.runs)
+
+    def _outstanding(self) -> Iterator[str]:
+        for name, pooled in self.errors.channels.items():
+            found = [(run.name, run.errors.channels.get(name)) for run in self.runs]
+            rmse = {run: error.rmse for run, error in found if error is not None}
+            usual = float(np.median(list(rmse.values())))
+            for run, error in found:
+                if error is None or len(rmse) < 3 or not _OUTSTANDING * usual < error.rmse < np.inf:
+                    continue
+                unit = f" {self.model.outputs[name]}".rstrip()
+                share = error.rmse**2 * error.samples / (pooled.rmse**2 * pooled.samples)
+                yield (
+                    f"{run}: its {name} error (RMSE {error.rmse:.3g}{unit}) is "
+                    f"{error.rmse / usual:.2g} times that of the median run and makes up "
+                    f"{percent(share)} of the squared error of all runs."
+                )
+
+    def signals_of(self, run: Run) -> dict[str, np.ndarray]:
+        """The signals that an error may depend on.
+
+        Not where the vessel is, and where it points only if that is measured: a modelled heading
+        with nothing to hold it is little more than a clock.
+        """
+        found = {n: v for n, v in run.signals.items() if np.all(np.isfinite(v))}
+        for name, unit in self.model.states.items():
+            if unit == "m" or (name in self.model.angles and name not in run.channels):
+                found.pop(name, None)
+            elif name in self.model.angles and name in found:
+                found[name] = np.angle(np.exp(1j * found[name]))
+        return found
+
+    def plot(self, runs: Sequence[str] | None = None) -> Figure:
+        """Measured and modelled on top, residual below, for each channel.
+
+        Args:
+            runs: names of the runs to show; all by default.
+
+        Raises:
+            InputError: a run that does not exist.
+        """
+        from diffthrust.comparison._figures_runs import comparison_figure
+
+        known = [run.name for run in self.runs]
+        unknown = [name for name in runs or () if name not in known]
+        if unknown:
+            raise InputError(
+                f"The comparison has no run {listing(unknown)}; it has {listing(known)}.",
+                "Correct the name.",
+            )
+        shown = self.runs if runs is None else tuple(r for r in self.runs if r.name in runs)
+        return comparison_figure(Comparison(self.model, shown, self.errors))
+
+    def plot_residuals(self) -> Figure:
+        """For each channel the residual with its worst regime, and its correlations.
+
+        One row for each channel: the residual against time with the regime shaded, against the
+        signal of the regime, its autocorrelation, and its correlation with the signal to which it
+        is most related.
+        """
+        from diffthrust.comparison._figures import residual_figure
+
+        return residual_figure(self)
+
+    def report(self) -> str:
+        """Errors of each run, where the error sits, residual tests and hints, for people."""
+        from diffthrust._support.tables import rendered
+        from diffthrust.comparison._tables import comparison_table
+
+        return rendered(comparison_table(self))
+
+    def to_json(self) -> dict[str, Any]:
+        """Errors, pooled and by run, regimes, residual tests and hints as plain data."""
+        return {
+            "schema": 1,
+            "model": self.model.name,
+            "effects": [effect.name for effect in self.model.effects],
+            "errors": self.errors.to_json(),
+            "runs": [{"name": run.name, **run.errors.to_json()} for run in self.runs],
+            "regimes": [regime.to_json() for regime in self.regimes],
+            "tests": {name: tests.to_json() for name, tests in self.tests.items()},
+            "agreement": {name: a.to_json() for name, a in self.agreement.items()},
+            "hints": [*self.hints, *self.outstanding],
+            "noise": self.noise_advice.to_json() if self.noise_advice else None,
+        }
+
+
+def compare(
+    fit: Fit | Model,
+    logs: Log | Sequence[Log],
+    *,
+    initial: Sequence[Mapping[str, float]] | None = None,
+    substeps: int | None = None,
+) -> Comparison:
+    """Hold a model against logs: simulate each whole run and compare it with the measurement.
+
+    Args:
+        fit: a fit, or a model at its present parameter values.
+        logs: one or several logs.
+        initial: initial states for each log; by default measured states start from their first
+            measurement.
+        substeps: integrator steps per sample; chosen for each log where ``None``.
+
+    Returns:
+        A `Comparison`: errors, residual tests, the regimes in which the error sits, and figures by
+        ``.plot()`` and ``.plot_residuals()``.
+
+    Raises:
+        InputError: a log without a channel that the model needs or puts out.
+
+    Example:
+        >>> dft.compare(fit, unseen).errors.nrmse
+        0.041
+    """
+    model = fit if isinstance(fit, Model) else fit.model
+    logs = (logs,) if isinstance(logs, Log) else tuple(logs)
+    runs = runs_over(model, logs, initial=initial, substeps=substeps)
+    return Comparison(model, runs, pooled_errors(runs), None if isinstance(fit, Model) else fit)

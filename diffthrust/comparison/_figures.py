@@ -1,0 +1,147 @@
+"""A figure of residuals: where they are large, and whether they are noise."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from diffthrust._support.figures import BLUE, GREY, VERMILLION, literal, styled, thinned
+from diffthrust.comparison._derived_signals import derived_signals
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from diffthrust.comparison._compare import Comparison
+    from diffthrust.comparison._regimes import Regime
+    from diffthrust.comparison._residual_tests import ResidualTests
+    from diffthrust.simulation._runs import Run
+
+SHADE = "#F0E442"  # Okabe & Ito's yellow, behind everything
+_SHOWN = 4000
+
+
+def residual_figure(comparison: Comparison) -> Figure:
+    """One row for each channel: residual in time, against a signal, and its correlations.
+
+    The worst regime of the channel is shaded. The run in time is the one with the largest error.
+    """
+    from matplotlib.figure import Figure
+
+    channels = list(comparison.errors.channels)
+    across = 2 if comparison.tabular else 4
+    figure = Figure(figsize=(4.4 * across, 0.9 + 3.5 * len(channels)), layout="constrained")
+    figure.get_layout_engine().set(w_pad=0.08, h_pad=0.08)  # pyright: ignore
+    panels = figure.subplots(len(channels), across, squeeze=False)
+    for row, name in zip(panels, channels, strict=True):
+        regime = next((r for r in comparison.regimes if r.channel == name), None)
+        _in_time(row[0], comparison, name, regime)
+        _against_signal(row[1], comparison, name, regime)
+        tests = comparison.tests.get(name)
+        for axes, draw in zip(row[2:], (_autocorrelation, _cross_correlation), strict=False):
+            if tests is None:
+                axes.set_axis_off()
+            else:
+                draw(axes, tests)
+    figure.suptitle(
+        textwrap.fill(f"{comparison.model}: residuals (measured - modelled)", 100),
+        x=0.01,
+        horizontalalignment="left",
+        fontsize=12,
+        fontweight="bold",
+    )
+    return figure
+
+
+def _in_time(axes: Axes, comparison: Comparison, name: str, regime: Regime | None) -> None:
+    runs = [run for run in comparison.runs if name in run.errors.channels]
+    run = max(runs, key=lambda r: r.errors.channels[name].rmse)
+    axes.axhline(0.0, color="0.4", linewidth=0.8)
+    if regime is not None:
+        _shade(axes, run.time, _inside(comparison, run, regime))
+    time, rest = thinned(run.time, run.channels[name].residual)
+    axes.plot(time, rest, color=BLUE, linewidth=0.9)
+    which = f"{literal(run.name)}{', the worst run' if len(runs) > 1 else ''}"
+    label = "sample" if comparison.tabular else "time [s]"
+    styled(axes, f"{name}\n{which}", label, _labelled("residual", run.channels[name].unit))
+
+
+def _against_signal(axes: Axes, comparison: Comparison, name: str, regime: Regime | None) -> None:
+    runs = [run for run in comparison.runs if name in run.channels]
+    signal = regime.signal if regime else next(iter(comparison.signals_of(runs[0])))
+    x, y, unit = [], [], ""
+    for run in runs:
+        values, unit = _derived(comparison, run)[signal]
+        x.append(values)
+        y.append(run.channels[name].residual)
+    across, rest = np.concatenate(x), np.concatenate(y)
+    stride = -(-across.size // _SHOWN)
+    axes.axhline(0.0, color="0.4", linewidth=0.8)
+    title = "no regime stands out from chance"
+    if regime is not None:
+        low, high = (
+            float(np.clip(end, across.min(), across.max())) for end in (regime.low, regime.high)
+        )
+        axes.axvspan(low, high, color=SHADE, alpha=0.45, linewidth=0, zorder=0)
+        title = textwrap.fill(regime.sentence, 46)
+    kept = np.isfinite(rest)
+    axes.plot(across[kept][::stride], rest[kept][::stride], ".", color=BLUE, markersize=2.5)
+    styled(axes, title, _labelled(signal, unit), _labelled("residual", runs[0].channels[name].unit))
+
+
+def _autocorrelation(axes: Axes, tests: ResidualTests) -> None:
+    whole = np.arange(tests.autocorrelation.size) * tests.step
+    shown = max(20, int(np.ceil(4 * tests.correlation_time / tests.step)))
+    lags, values = whole[: shown + 1], tests.autocorrelation[: shown + 1]
+    band = 1.96 / np.sqrt(tests.samples)
+    axes.axhspan(-band, band, color="0.85", linewidth=0, label="95 % of white noise")
+    axes.axhline(0.0, color="0.4", linewidth=0.8)
+    axes.plot(lags, values, color=BLUE, linewidth=1.2)
+    axes.legend(fontsize=8, frameon=False, loc="upper right")
+    axes.set_ylim(min(-0.3, 1.1 * float(values.min())), 1.08)
+    title = f"correlated over {tests.correlation_time:.2g} s" if not tests.white else "white"
+    styled(axes, f"Autocorrelation: {title}", "lag [s]", "correlation")
+
+
+def _cross_correlation(axes: Axes, tests: ResidualTests) -> None:
+    if not tests.signals:
+        axes.set_axis_off()
+        return
+    most = max(tests.signals.values(), key=lambda s: abs(s.peak) / s.band)
+    axes.axhspan(-most.band, most.band, color="0.85", linewidth=0, label="95 % where unrelated")
+    axes.axhline(0.0, color="0.4", linewidth=0.8)
+    axes.axvline(0.0, color=GREY, linewidth=0.8)
+    axes.plot(most.lags, most.values, color=VERMILLION, linewidth=1.2)
+    axes.legend(fontsize=8, frameon=False, loc="upper right")
+    reach = 1.25 * max(abs(most.peak), most.band)
+    axes.set_ylim(-reach, 1.2 * reach)
+    title = "related" if most.related else "no signal is related"
+    label = f"lag of the residual behind {most.signal} [s]"
+    styled(axes, f"Correlation with {most.signal}:\n{title}", label, "correlation")
+
+
+def _derived(comparison: Comparison, run: Run) -> dict[str, tuple[np.ndarray, str]]:
+    time = None if comparison.tabular else run.time
+    plain = comparison.model.angles
+    return derived_signals(time, comparison.signals_of(run), run.units, plain)
+
+
+def _inside(comparison: Comparison, run: Run, regime: Regime) -> np.ndarray:
+    derived = _derived(comparison, run)
+    inside = [interval.holds(derived[interval.signal][0]) for interval in regime.where]
+    return np.logical_and.reduce(inside)
+
+
+def _shade(axes: Axes, time: np.ndarray, inside: np.ndarray) -> None:
+    """Shade each stretch of time in which the regime holds."""
+    steps = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(int), [0]])))
+    after = np.append(time[1:], time[-1])
+    for begin, end in zip(steps[::2], steps[1::2], strict=True):
+        span = (float(time[begin]), float(after[end - 1]))
+        axes.axvspan(*span, color=SHADE, alpha=0.45, linewidth=0, zorder=0)
+
+
+def _labelled(name: str, unit: str) -> str:
+    return f"{name} [{unit}]" if unit else name

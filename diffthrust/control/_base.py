@@ -1,0 +1,105 @@
+"""What controllers and compensators have in common: gains, memory, and what they read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar, Self
+
+import jax.numpy as jnp
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing, nearest
+from diffthrust.models._base.component import Component, changed
+from diffthrust.models._base.parameter import Parameter
+from diffthrust.models._base.signals import Signals
+
+Kept = Mapping[str, Any]
+"""What a block remembers from sample to sample, by the names in its ``states``."""
+
+
+class Block(Component):
+    """Something that is worked out at every sample of the controller.
+
+    A subclass names the measured channels that it ``reads``, what it remembers from one sample to
+    the next in ``states`` (name to unit), and declares its gains with `parameter`. It is evaluated
+    with traced numbers: functions of ``jax.numpy`` only, ``jnp.where`` rather than ``if``.
+    """
+
+    reads: ClassVar[tuple[str, ...]] = ()
+    states: ClassVar[Mapping[str, str]] = {}
+
+    def start(self) -> Kept:
+        """What is remembered at the first sample; zero by default."""
+        return {}
+
+    @property
+    def parameters(self) -> dict[str, Parameter]:
+        """The gains by name."""
+        return {k: p.with_value(getattr(self, k)) for k, p in self._parameters.items()}
+
+    def replace(self, **more: Any) -> Self:
+        """The block with some gains changed: by a value, a `Parameter`, or some fields.
+
+        Raises:
+            InputError: a name that the block does not have, or a value outside its bounds.
+        """
+        named = self.parameters
+        for name, new in more.items():
+            if name not in named:
+                near = nearest(name, named)
+                raise InputError(
+                    f"{type(self).__name__} has no gain '{name}'{f' ({near})' if near else ''}; "
+                    f"it has {listing(named)}.",
+                    "Correct the name.",
+                )
+            named[name] = changed(named[name], new)
+            named[name].check(name)
+        return self._copy(_parameters=named, **{k: p.value for k, p in named.items()})
+
+    def __repr__(self) -> str:
+        listed = ", ".join(f"{k}={getattr(self, k):.4g}" for k in self._parameters)
+        return f"{type(self).__name__}({listed})"
+
+
+class Controller(Block):
+    """From the reference and the measurements to the thrust that is wanted, or to a command.
+
+    ``gives`` says which: ``"thrust"`` [N], which a `Compensator` turns into the command, or
+    ``"command"`` [V], which goes to the thruster as it is. ``of`` is the channel that the
+    reference is for.
+    """
+
+    of: str = "position"
+    gives: str = "thrust"
+
+    def __call__(self, s: Signals, kept: Kept, period: Any) -> tuple[Any, Kept]:
+        """What is wanted at this sample, and what is to be remembered.
+
+        Args:
+            s: the measured channels by name, the reference ``wanted`` with its derivatives
+                ``wanted_rate`` and ``wanted_acceleration``, and ``time`` [s].
+            kept: what was remembered at the last sample.
+            period: time between two samples [s].
+        """
+        raise InputError(
+            f"Controller '{type(self).__name__}' has no __call__.",
+            "Define def __call__(self, s, kept, period): return thrust, {}.",
+        )
+
+
+def rate_of(value: Any, last: Any, begun: Any, smoothing: Any, period: Any) -> tuple[Any, Any]:
+    """The rate of a sampled signal through a first-order low-pass, by backward differences.
+
+    Args:
+        value: the present sample.
+        last: the low-passed signal at the last sample.
+        begun: 0 at the first sample, where the rate is unknown and taken as zero; 1 after it.
+        smoothing: time constant of the low-pass [s]; at zero the difference of two samples.
+        period: time between two samples [s].
+
+    Returns:
+        The rate, and the low-passed signal to remember.
+    """
+    ahead = (value - last) / (smoothing + period)
+    rate = begun * ahead
+    return rate, jnp.where(begun > 0, last + period * ahead, value)

@@ -1,0 +1,108 @@
+"""Effects on the command, sample by sample: what `effects._series` does to whole records.
+
+Both give the same numbers, so that a loop's record, simulated anew from its commands, moves as it
+did in the loop.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import jax.numpy as jnp
+
+from diffthrust._support.errors import InputError
+from diffthrust.effects import CommandDelay, CommandRateLimit
+from diffthrust.models._base.effect import Effect
+from diffthrust.models._base.model import Model
+from diffthrust.models._base.signals import Ports, Signals
+
+
+def delayed(line: Any, value: Any, first: Any, samples: Any) -> tuple[Any, Any]:
+    """A sample some samples later, linear between them; before the first, the first.
+
+    Args:
+        line: the last samples, the newest in front, ``(n,)``; ``samples`` must be below n.
+        value: the present sample.
+        first: whether it is the first one.
+        samples: the delay, as a number of samples.
+
+    Returns:
+        The delayed sample, and the line to remember.
+    """
+    line = jnp.where(first, value, jnp.concatenate([value[None], line[:-1]]))
+    weights = jnp.maximum(1.0 - jnp.abs(samples - jnp.arange(line.shape[0], dtype=float)), 0.0)
+    return jnp.sum(weights * line), line
+
+
+class CommandPath:
+    """The effects on the channel ``command`` of a thruster, as they act within a loop.
+
+    Args:
+        thruster: the thruster with its effects.
+        step: time between two recorded samples [s].
+
+    Raises:
+        InputError: an effect that reads other samples than the present one, and of which no form
+            is known that runs sample by sample.
+    """
+
+    def __init__(self, thruster: Model, step: float) -> None:
+        self.lengths: dict[str, int] = {}
+        for effect in thruster.effects:
+            at = [port for port in effect.ports if port in thruster.inputs]
+            if not at or not effect.memory:
+                continue
+            if isinstance(effect, CommandDelay):
+                samples = math.ceil(float(effect.delay) / step + 1e-6) + 1
+                # powers of two: another delay seldom needs another compilation
+                self.lengths[effect.name] = 2 ** max(1, math.ceil(math.log2(samples)))
+            elif isinstance(effect, CommandRateLimit):
+                self.lengths[effect.name] = 0
+            else:
+                raise InputError(
+                    f"The effect '{effect.name}' acts on whole records of '{at[0]}' and reads "
+                    "other samples than the present one: it cannot run within a loop, where the "
+                    "later samples are not known yet.",
+                    "Leave it out, or give it states at a port inside the model.",
+                )
+
+    @property
+    def structure(self) -> tuple[Any, ...]:
+        """What fixes the compiled code."""
+        return tuple(self.lengths.items())
+
+    def start(self) -> dict[str, Any]:
+        """What is remembered before the first sample."""
+        return {name: jnp.zeros((n,) if n else ()) for name, n in self.lengths.items()}
+
+    def __call__(
+        self,
+        effects: tuple[Effect, ...],
+        given: Mapping[str, Any],
+        kept: Mapping[str, Any],
+        first: Any,
+        step: Any,
+    ) -> tuple[Any, dict[str, Any]]:
+        """The command that reaches the model.
+
+        Args:
+            effects: those of the thruster, with their present parameters.
+            given: the inputs at this sample, ``command`` and ``time`` among them.
+            kept: what was remembered.
+            first: whether this is the first sample.
+            step: time since the last one [s].
+        """
+        value, after = given["command"], {}
+        for effect in effects:
+            if isinstance(effect, CommandDelay):
+                line = kept[effect.name]
+                value, after[effect.name] = delayed(line, value, first, effect.delay / step)
+            elif isinstance(effect, CommandRateLimit):
+                last, reach = kept[effect.name], effect.rate * step
+                value = jnp.where(first, value, jnp.clip(value, last - reach, last + reach))
+                after[effect.name] = value
+            else:
+                value = Ports((effect,), Signals({**given, "command": value}))("command", value)
+        return value, after

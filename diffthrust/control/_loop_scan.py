@@ -1,0 +1,222 @@
+"""A whole loop in one scan: sampled control, the command's way, and the plant's next step.
+
+Every step of the integrator is one turn of the scan; what is done less often (the controller, the
+motor controller) is worked out at every turn and taken over at its own samples. That keeps the body
+elementwise, so XLA compiles the loop as one kernel, and forward derivatives pass through it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from diffthrust.control._base import Block, Controller, Kept
+from diffthrust.control._command_path import CommandPath
+from diffthrust.control._compensators import Compensator
+from diffthrust.control._faults import Numbers
+from diffthrust.control._plant import Plant
+from diffthrust.models._base.signals import Relaxing, Signals, elementwise, expect
+from diffthrust.simulation._integrate import advance, exponential_weights
+
+
+@dataclass(frozen=True)
+class Timing:
+    """How often things happen within a loop; fixes the compiled code.
+
+    Args:
+        samples: recorded samples in one period of the controller.
+        substeps: integrator steps in one recorded sample.
+        late: the computational delay, in recorded samples.
+    """
+
+    samples: int
+    substeps: int
+    late: int
+
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """What a loop is made of, as a static argument: equal where the structure is equal."""
+
+    plant: Plant
+    controller: Controller
+    compensator: Compensator | None
+    path: CommandPath
+    timing: Timing
+
+    @property
+    def structure(self) -> tuple[Any, ...]:
+        """What fixes the compiled code."""
+        parts = (self.plant.thruster, self.plant.vehicle, self.controller, self.compensator)
+        classes = tuple(part.structure if part else None for part in parts)
+        return (*classes, tuple(self.plant.given), self.path.structure, self.timing)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Parts) and self.structure == other.structure
+
+    def __hash__(self) -> int:
+        return hash(self.structure)
+
+
+def march(
+    parts: Parts,
+    values: Mapping[str, Any],
+    given: Mapping[str, Any],
+    faults: Numbers,
+    rows: Mapping[str, Any],
+    start: Mapping[str, Any],
+) -> dict[str, Any]:
+    """Run a loop; traceable.
+
+    Args:
+        parts: the structure.
+        values: all parameters and gains by full name.
+        given: constant inputs of the thruster.
+        faults: what breaks, and when.
+        rows: over the recorded samples, ``(T,)`` each: ``time`` [s] (evenly spaced), ``wanted``,
+            ``wanted_rate``, ``wanted_acceleration``, and ``noise.CHANNEL`` for noisy channels.
+        start: initial states by name; others as the models have them at rest.
+
+    Returns:
+        Over the recorded samples, ``(T,)`` each: the states, ``command`` (as it is sent),
+        ``motor_command`` (after faults and the effects on it), ``wanted_thrust``, the memories of
+        controller and compensator, outputs by name, and ``measured.CHANNEL``.
+    """
+    sound = Plant(parts.plant.thruster, parts.plant.vehicle, given).bind(values)
+    blocks = {
+        name: block._bound(_named(values, f"{name}."))
+        for name, block in (("controller", parts.controller), ("compensator", parts.compensator))
+        if block is not None
+    }
+    timing = parts.timing
+    time, step = rows["time"], rows["time"][1] - rows["time"][0]
+    short, period = step / timing.substeps, step * timing.samples
+
+    def plant_at(instant: Any) -> Plant:
+        factors = faults.factors(instant)
+        return sound.bind({n: values[n] * f for n, f in factors.items()}) if factors else sound
+
+    first = {name: jnp.asarray(value, float) for name, value in sound.start(start).items()}
+    settling = [name for name in first if "." in name]
+
+    def decays(instant: Any) -> dict[str, Any]:
+        rates, _, _ = plant_at(instant).equations(first, jnp.zeros(()), instant)
+        return {n: jnp.asarray(k.decay) for n, k in rates.items() if isinstance(k, Relaxing)}
+
+    x: dict[str, Any] = {name: jnp.repeat(row, timing.substeps) for name, row in rows.items()}
+    index = jnp.arange(x["time"].shape[0])
+    x["time"] = time[0] + short * index.astype(float)
+    x["mark"] = index % timing.substeps == 0
+    x["tick"] = index % (timing.substeps * timing.samples) == 0
+    x["first"] = index == 0
+    fixed = {} if faults.changes else decays(time[0])
+    weights = {name: exponential_weights(short, decay) for name, decay in fixed.items()}
+    if faults.changes:  # time constants may jump with the parameters
+        each = jax.vmap(decays)(x["time"])
+        x["weights"] = {name: exponential_weights(short, decay) for name, decay in each.items()}
+
+    def body(carry: dict[str, Any], x: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+        state, now = carry["state"], x["time"]
+        plant = plant_at(now)
+        _, _, told = plant.equations(state, carry["motor_command"], now)
+        noisy = {n: v + x[f"noise.{n}"] if f"noise.{n}" in x else v for n, v in told.items()}
+        wanted = {n: x[n] for n in ("wanted", "wanted_rate", "wanted_acceleration")}
+        s = Signals({**noisy, **wanted, "time": now})
+        kept = {n: carry[n] for n in ("kept", "output", "wanted_thrust")}
+        control = _when(
+            x["tick"], timing.samples * timing.substeps, _controlled(blocks, s, kept, period), kept
+        )
+        before = {n: carry[n] for n in ("line", "command", "taken", "motor_command", "path")}
+        line = jnp.concatenate([control["output"][None], before["line"][:-1]])
+        command = line[timing.late]
+        taken = faults.command(command, before["taken"], now)
+        inflow = {"inflow": state["velocity"]} if "velocity" in state else {}
+        inputs = {**inflow, **given, "time": now, "command": taken}
+        motor, path = parts.path(plant.thruster.effects, inputs, before["path"], x["first"], step)
+        sent = {"line": line, "command": command, "taken": taken, "motor_command": motor}
+        sent = _when(x["mark"], timing.substeps, {**sent, "path": path}, before)
+        if settling:  # a record of the loop, simulated anew, begins settled at its first command
+            settled = plant.start(start, sent["motor_command"])
+            state = {**state, **{n: jnp.where(x["first"], settled[n], state[n]) for n in settling}}
+        row = {
+            **state,
+            "command": sent["command"],
+            "motor_command": sent["motor_command"],
+            "wanted_thrust": control["wanted_thrust"],
+            **{f"{b}.{n}": v for b, memory in control["kept"].items() for n, v in memory.items()},
+        }
+        held = {"motor": (sent["motor_command"],), "time": (now, now + short)}
+        state = advance(
+            lambda state, u: plant.equations(state, u["motor"], u["time"])[0],
+            state,
+            held,
+            short,
+            x.get("weights", weights),
+        )
+        return {"state": state, **control, **sent}, row
+
+    zero = jnp.zeros(())
+    begin = {
+        "state": first,
+        "kept": {name: _memory(block) for name, block in blocks.items()},
+        **dict.fromkeys(("output", "wanted_thrust", "command", "taken", "motor_command"), zero),
+        "line": jnp.zeros((timing.late + 1,)),
+        "path": parts.path.start(),
+    }
+    _, path = jax.lax.scan(body, begin, x)
+    path = {name: value[:: timing.substeps] for name, value in path.items()}
+    return {**path, **_read(plant_at(time), path, rows)}
+
+
+def _controlled(
+    blocks: Mapping[str, Any], s: Signals, kept: Mapping[str, Any], period: Any
+) -> dict[str, Any]:
+    """What controller and compensator make of one sample."""
+    memory: dict[str, Kept] = {}
+
+    def evaluate(name: str, *before: Any) -> Any:
+        where = type(blocks[name]).__name__
+        with elementwise(where):
+            value, after = blocks[name](*before, s, kept["kept"][name], period)
+        expect(where, "value to remember for", blocks[name].states, after)
+        memory[name] = {n: jnp.asarray(after[n], float) for n in blocks[name].states}
+        return jnp.asarray(value, float)
+
+    value = evaluate("controller")
+    gives = blocks["controller"].gives
+    output = evaluate("compensator", value) if "compensator" in blocks else value
+    wanted = value if gives == "thrust" else jnp.zeros(())
+    return {"kept": memory, "output": output, "wanted_thrust": wanted}
+
+
+def _read(plant: Plant, path: Mapping[str, Any], rows: Mapping[str, Any]) -> dict[str, Any]:
+    """Outputs over a whole record, as they are and as the sensors report them."""
+    _, outputs, told = plant.equations(path, path["motor_command"], rows["time"])
+    noisy = {
+        f"measured.{name}": value + rows.get(f"noise.{name}", 0.0) for name, value in told.items()
+    }
+    return {**outputs, **noisy}
+
+
+def _when(flag: Any, every: int, new: Any, old: Any) -> Any:
+    if every == 1:
+        return new
+    return jax.tree.map(lambda a, b: jnp.where(flag, a, b), new, old)
+
+
+def _memory(block: Block) -> dict[str, Any]:
+    start = block.start()
+    return {name: jnp.asarray(start.get(name, 0.0), float) for name in block.states}
+
+
+def _named(values: Mapping[str, Any], prefix: str) -> dict[str, Any]:
+    return {k.removeprefix(prefix): v for k, v in values.items() if k.startswith(prefix)}
+
+
+compiled = partial(jax.jit, static_argnums=0)(march)
+"""`march`, compiled once for each structure and number of samples."""

@@ -1,0 +1,86 @@
+"""What the records of closed loops have in common: signals by name, stretches, and running away."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing, nearest
+from diffthrust._support.validation import number
+
+LARGEST = 1e9
+"""A signal beyond this, in SI units, has run away."""
+
+
+class Record:
+    """Signals by name over the samples of a run.
+
+    Args:
+        time: [s], ``(n,)``.
+        signals: ``(n,)`` each.
+    """
+
+    time: np.ndarray
+    signals: Mapping[str, np.ndarray]
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        if name not in self.signals:
+            near = nearest(name, self.signals)
+            raise InputError(
+                f"The run has no signal '{name}'{f' ({near})' if near else ''}; it has "
+                f"{listing(self.signals)}.",
+                "Correct the name.",
+            )
+        return self.signals[name]
+
+    def within(self, what: str, start: float | None, stop: float | None) -> np.ndarray:
+        """Which samples lie from one time to another; by default the last two thirds.
+
+        Raises:
+            InputError: none does, or a time that is no number.
+        """
+        end = float(self.time[-1])
+        first = end / 3.0 if start is None else number(f"{what}, start", start, _any, "seconds")
+        last = end if stop is None else number(f"{what}, stop", stop, _any, "seconds")
+        inside = (self.time >= first - 1e-9) & (self.time <= last + 1e-9)
+        if not inside.any():
+            raise InputError(
+                f"{what}: expected samples from {first:g} to {last:g} s, found none; the run lasts "
+                f"{end:g} s.",
+                "Choose start and stop inside the run.",
+            )
+        return inside
+
+
+def _any(value: float) -> bool:
+    return True
+
+
+def bounded(
+    time: np.ndarray, signals: Mapping[str, np.ndarray], mend: str
+) -> tuple[np.ndarray, dict[str, np.ndarray], float | None]:
+    """A run up to where it ran away, read-only, and when that was.
+
+    Args:
+        time: [s], ``(n,)``.
+        signals: ``(n,)`` each.
+        mend: what to look at where there is nothing left.
+
+    Raises:
+        InputError: it ran away before a second sample.
+    """
+    with np.errstate(invalid="ignore"):
+        fine = np.all([np.abs(values) < LARGEST for values in signals.values()], axis=0)
+    diverged, found = None, dict(signals)
+    if not fine.all():
+        end = int(np.argmin(fine))
+        diverged = float(time[end])
+        if end < 2:
+            raise InputError(f"The loop ran away at {diverged:g} s, at its first samples.", mend)
+        time = time[:end]
+        found = {name: values[:end] for name, values in signals.items()}
+    for array in (time, *found.values()):
+        array.flags.writeable = False
+    return time, found, diverged

@@ -1,0 +1,167 @@
+"""What came of a vessel's run along a path: errors, solution times, and its log."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from diffthrust.control._path import Path
+from diffthrust.control._recorded import Record, bounded
+from diffthrust.logs._log import Log
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from diffthrust.control._vessel_loop import VesselLoop
+
+
+class PathError(NamedTuple):
+    """How well a path was followed over a stretch of time, in metres.
+
+    Args:
+        rms: root mean square.
+        mean: the mean: what a steady disturbance leaves.
+        largest: the largest, whatever its sign.
+    """
+
+    rms: float
+    mean: float
+    largest: float
+
+
+class SolveTime(NamedTuple):
+    """Seconds that the controller took for a sample; the first call compiles and does not count.
+
+    Args:
+        median: over the samples.
+        largest: over the samples.
+        period: between two samples: what a solution may take.
+    """
+
+    median: float
+    largest: float
+    period: float
+
+    def __str__(self) -> str:
+        return (
+            f"{1e3 * self.median:.2f} ms a step (median; largest {1e3 * self.largest:.2f} ms) of a "
+            f"period of {1e3 * self.period:g} ms"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class TrackRun(Record):
+    """A vessel's run along a path.
+
+    Args:
+        loop: what was run.
+        path: what was to be followed.
+        time: samples of the controller [s], ``(n,)``.
+        signals: at these samples, ``(n,)`` each: states, outputs, inputs, ``measured.CHANNEL``,
+            ``reference.north`` and ``reference.east`` [m], ``along`` and ``across`` (errors of what
+            is, not of what was measured, ahead of the wanted place and to starboard of it [m]),
+            ``push.north``, ``push.east`` and ``push.yaw`` (accelerations estimated by the
+            controller), ``cost``, ``iterations``, ``settled`` and ``solve_time`` [s].
+        diverged: the time [s] of the first sample at which a signal was no longer finite, or
+            larger than any that can be meant; ``None`` where the run stayed bounded.
+
+    Example:
+        >>> run.across(start=20.0).mean, run.solve_time.median
+    """
+
+    loop: VesselLoop
+    path: Path
+    time: np.ndarray
+    signals: Mapping[str, np.ndarray]
+    diverged: float | None
+
+    def along(self, start: float | None = None, stop: float | None = None) -> PathError:
+        """Errors along the path, positive ahead of the wanted place.
+
+        Args:
+            start: when the approach counts as over [s]; by default a third of the run.
+            stop: the end [s]; by default that of the run.
+
+        Raises:
+            InputError: no sample lies between them.
+        """
+        return self._error("along", start, stop)
+
+    def across(self, start: float | None = None, stop: float | None = None) -> PathError:
+        """Errors across the path, positive to starboard; arguments as of `along`."""
+        return self._error("across", start, stop)
+
+    def _error(self, name: str, start: float | None, stop: float | None) -> PathError:
+        error = self[name][self.within(name, start, stop)]
+        root = float(np.sqrt(np.mean(error**2)))
+        return PathError(root, float(np.mean(error)), float(np.max(np.abs(error))))
+
+    @property
+    def solve_time(self) -> SolveTime:
+        """How long the controller took for each sample, by the clock of this machine."""
+        took = self["solve_time"][1:] if self.time.size > 1 else self["solve_time"]
+        period = 1.0 / self.loop.controller.rate
+        return SolveTime(float(np.median(took)), float(np.max(took)), period)
+
+    @cached_property
+    def log(self) -> Log:
+        """The run as a recorded experiment on the vessel; everything that reads a log reads it.
+
+        Inputs as they were sent, held between samples; measured channels with their noise.
+        """
+        vessel = self.loop.vessel
+        inputs = {name: self[name] for name in (*vessel.inputs, *self.loop.given)}
+        measured = {name: self[f"measured.{name}"] for name in vessel.outputs}
+        units = {**vessel.inputs, **vessel.optional_inputs, **vessel.outputs}
+        notes = ["Simulated in a closed loop with MPC."]
+        if self.diverged is not None:
+            notes.append(f"The loop ran away at {self.diverged:.3g} s.")
+        return Log(
+            time=self.time,
+            inputs=inputs,
+            measured=measured,
+            units={name: units[name] for name in (*inputs, *measured)},
+            hold="zero",
+            name="tracking",
+            notes=tuple(notes),
+        )
+
+    def plot(self) -> Figure:
+        """The path over the water; errors, inputs with their limits, and estimates over time."""
+        from diffthrust.control._track_figures import track_figure
+
+        return track_figure(self)
+
+    def __repr__(self) -> str:
+        end = "" if self.diverged is None else f", ran away at {self.diverged:.3g} s"
+        return f"TrackRun({self.time[-1]:g} s, {self.time.size} samples{end})"
+
+
+def track_run_of(
+    loop: VesselLoop, path: Path, time: np.ndarray, signals: Mapping[str, np.ndarray]
+) -> TrackRun:
+    """The run with its errors, cut where it ran away.
+
+    Raises:
+        InputError: it ran away before a second sample.
+    """
+    wanted = path.at(time)
+    north, east = signals["north"] - wanted.north, signals["east"] - wanted.east
+    cos, sin = np.cos(wanted.course), np.sin(wanted.course)
+    found = {
+        **signals,
+        "reference.north": wanted.north,
+        "reference.east": wanted.east,
+        "along": north * cos + east * sin,
+        "across": east * cos - north * sin,
+    }
+    cost = found.pop("cost")  # of a start far away it is large, and nothing has run away
+    time, found, diverged = bounded(
+        time, found, "Look at the units of the initial states and inputs, and at the path."
+    )
+    found["cost"] = cost[: time.size]
+    return TrackRun(loop, path, time, found, diverged)

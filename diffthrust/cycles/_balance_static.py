@@ -1,0 +1,232 @@
+"""Harmonic balance of a whole loop around a static element: the cycle beyond its fundamental.
+
+Unknown are the Fourier coefficients of the element's input and the frequency; the fundamental's
+phase is held. The output's coefficients are integrals over pieces between the jumps, bends and
+turns of the input, so that a switching instant is as exact as the series itself.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from diffthrust._support.transfer import Transfer
+from diffthrust.cycles._element import Static
+from diffthrust.cycles._oscillation import Harmonics
+
+_PIECES = 180
+_POINTS = np.polynomial.legendre.leggauss(3)
+_ITERATIONS = 25
+_TAIL = 5e-4
+"""Share of the fundamental that the last harmonic of the input may have."""
+
+
+def balanced(
+    transfer: Transfer, element: Static, amplitude: float, frequency: float, harmonics: int
+) -> Harmonics | None:
+    """The cycle near a solution of the describing function.
+
+    Where Newton's method fails with all harmonics at once they are added little by little; where
+    the last one is not small yet (a relay before a first-order lag), four times as many are taken.
+
+    Args:
+        transfer: the linear part.
+        element: the static element.
+        amplitude: of the fundamental, the first guess.
+        frequency: [rad/s], the first guess.
+        harmonics: the highest harmonic.
+
+    Returns:
+        ``None`` where Newton's method does not converge near the guess.
+    """
+    sine = Harmonics(frequency, np.array([1]), np.array([amplitude + 0j]), np.zeros(1, complex))
+    found = _solved(transfer, element, sine, sine, harmonics)
+    if found is None:
+        found = sine
+        for highest in sorted({*(n for n in (1, 3, 9) if n < harmonics), harmonics}):
+            found = _solved(transfer, element, sine, found, highest)
+            if found is None:
+                return None
+    tail = np.abs(found.input[-2:]).max() / np.abs(found.input).max()
+    if tail > _TAIL and harmonics > 1:
+        more = _solved(transfer, element, sine, found, 4 * harmonics + 1)
+        found = found if more is None else more
+    return found
+
+
+def _solved(
+    transfer: Transfer, element: Static, sine: Harmonics, guess: Harmonics, harmonics: int
+) -> Harmonics | None:
+    """Newton's method with so many harmonics; ``None`` where it ends far from the sine."""
+    order = np.arange(1, harmonics + 1, 2) if element.odd else np.arange(harmonics + 1)
+    amplitude, frequency = float(sine.input[0].real), sine.frequency
+    unknowns = _Unknowns(order, amplitude, frequency)
+    z = unknowns.start(guess)
+    r = _residual(transfer, element, unknowns, z)
+    jacobian = None
+    for _ in range(_ITERATIONS):
+        if not np.isfinite(r).all():
+            return None
+        if jacobian is None:
+            jacobian = _slopes(transfer, element, unknowns, z, r)
+        try:
+            step = np.linalg.solve(jacobian, -r)
+        except np.linalg.LinAlgError:
+            return None
+        step *= min(1.0, 0.3 / max(np.abs(step).max(), 1e-300))
+        z, r, before = _shortened(transfer, element, unknowns, z, r, step)
+        now = np.abs(r).max()
+        if np.abs(step).max() < 1e-9 or now < 1e-10 or 1e-7 > now > 0.999 * before:
+            break
+        if now > 0.2 * before:  # the slopes are kept while they serve
+            jacobian = None
+    e, w = unknowns.taken(z)
+    if np.abs(r).max() > 1e-6 or not 0.5 < w / frequency < 2.0:
+        return None
+    first = int(np.flatnonzero(order == 1)[0])
+    if not 0.3 < abs(e[first]) / amplitude < 3.0:
+        return None
+    return Harmonics(float(w), order, e, output_of(element, order, e))
+
+
+class _Unknowns:
+    """The coefficients over the first amplitude, and the logarithm of the frequency's change."""
+
+    def __init__(self, order: np.ndarray, amplitude: float, frequency: float) -> None:
+        self.order, self.amplitude, self.frequency = order, amplitude, frequency
+        self.mean = int(order[0] == 0)
+        self.turning = order[self.mean :]
+
+    def start(self, guess: Harmonics) -> np.ndarray:
+        """The unknowns of a cycle that may have fewer harmonics."""
+        m, count = self.mean, self.turning.size
+        z = np.zeros(m + 2 * count)
+        for i, k in enumerate(self.order):
+            known = np.flatnonzero(guess.order == k)
+            c = guess.input[known[0]] / self.amplitude if known.size else 0j
+            z[i] = c.real
+            if i >= m:
+                z[count + i] = c.imag
+        z[m + count] = math.log(guess.frequency / self.frequency)
+        return z
+
+    def taken(self, z: np.ndarray) -> tuple[np.ndarray, float]:
+        """Complex coefficients and frequency; the fundamental's imaginary part gives its place."""
+        m, count = self.mean, self.turning.size
+        imaginary = z[m + count :].copy()
+        log_w, imaginary[0] = imaginary[0], 0.0
+        e = np.concatenate([z[:m] + 0j, z[m : m + count] + 1j * imaginary])
+        return self.amplitude * e, self.frequency * math.exp(log_w)
+
+
+def _slopes(
+    transfer: Transfer, element: Static, unknowns: _Unknowns, z: np.ndarray, r: np.ndarray
+) -> np.ndarray:
+    found = np.empty((r.size, z.size))
+    for i in range(z.size):
+        moved = z.copy()
+        moved[i] += 1e-6
+        found[:, i] = (_residual(transfer, element, unknowns, moved) - r) / 1e-6
+    return found
+
+
+def _shortened(
+    transfer: Transfer,
+    element: Static,
+    unknowns: _Unknowns,
+    z: np.ndarray,
+    r: np.ndarray,
+    step: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """A step as long as it helps."""
+    before = float(np.abs(r).max())
+    share, moved, new = 1.0, z + step, r
+    for _ in range(6):
+        moved = z + share * step
+        new = _residual(transfer, element, unknowns, moved)
+        if np.isfinite(new).all() and np.linalg.norm(new) <= np.linalg.norm(r):
+            break
+        share *= 0.5
+    return moved, new, before
+
+
+def _residual(
+    transfer: Transfer, element: Static, unknowns: _Unknowns, z: np.ndarray
+) -> np.ndarray:
+    e, w = unknowns.taken(z)
+    y = output_of(element, unknowns.order, e)
+    s = 1j * w * unknowns.order
+    num, den = np.polyval(transfer.num, s), np.polyval(transfer.den, s)
+    # at a pole of G (k = 0 with an integrator) the output itself must vanish
+    size = np.maximum(np.abs(den), 1e-9 * np.abs(num))
+    size = np.where(np.abs(den) > 1e-12 * np.abs(num), size, np.abs(num))
+    found = (den * e + num * np.exp(-transfer.delay * s) * y) / size / unknowns.amplitude
+    m = unknowns.mean
+    return np.concatenate([found[:m].real, found[m:].real, found[m:].imag])
+
+
+def output_of(element: Static, order: np.ndarray, e: np.ndarray) -> np.ndarray:
+    """Fourier coefficients of the settled output for those of the input.
+
+    Args:
+        element: the static element.
+        order: the harmonics k, ``(m,)``.
+        e: coefficients of the input, complex ``(m,)``.
+
+    Returns:
+        Coefficients of the output, complex ``(m,)``.
+    """
+
+    def value(angle: np.ndarray) -> np.ndarray:
+        return (_turns(angle, order) * e).sum(axis=1).real
+
+    def slope(angle: np.ndarray) -> np.ndarray:
+        return (_turns(angle, order) * (1j * order * e)).sum(axis=1).real
+
+    pieces = max(_PIECES, 6 * int(order[-1]))
+    grid = np.linspace(0.0, 2.0 * math.pi, pieces + 1)
+    at, rising = value(grid), slope(grid)
+    cuts = [_zeros(slope, grid, rising)]
+    cuts += [_zeros(lambda a, b=b: value(a) - b, grid, at - b) for b in element.bends]
+    nodes = np.sort(np.concatenate([grid, *cuts]))
+    half = 0.5 * np.diff(nodes)[:, None]
+    inner = nodes[:-1, None] + half * (1.0 + _POINTS[0])
+    # the nodes go along: an element with memory must see the turns of its input
+    places = np.concatenate([nodes[:-1, None], inner], axis=1).reshape(-1)
+    turns = _turns(places, order)
+    y = element.over((turns * e).sum(axis=1).real)
+    weight = np.concatenate([0.0 * half, half * _POINTS[1]], axis=1).reshape(-1)
+    found = ((weight * y)[:, None] * turns.conj()).sum(axis=0) / math.pi
+    return np.where(order == 0, 0.5 * found, found)
+
+
+def _turns(angle: np.ndarray, order: np.ndarray) -> np.ndarray:
+    """exp(j k angle) for evenly spaced k, complex ``(n, m)``; by products, which are fast."""
+    out = np.empty((angle.size, order.size), complex)
+    out[:, 0] = np.exp(1j * order[0] * angle)
+    if order.size > 1:
+        step = np.exp(1j * (order[1] - order[0]) * angle)
+        for i in range(1, order.size):
+            np.multiply(out[:, i - 1], step, out=out[:, i])
+    return out
+
+
+def _zeros(
+    function: Callable[[np.ndarray], np.ndarray], grid: np.ndarray, values: np.ndarray
+) -> np.ndarray:
+    """Where a smooth function changes its sign: by the rule of Illinois, all places at once."""
+    i = np.flatnonzero(values[:-1] * values[1:] < 0)
+    left, right, f, g = grid[i], grid[i + 1], values[i], values[i + 1]
+    for _ in range(8):
+        if not i.size:
+            break
+        middle = right - g * (right - left) / np.where(g == f, 1.0, g - f)
+        h = function(middle)
+        turned = h * g < 0
+        left, f = np.where(turned, right, left), np.where(turned, g, 0.5 * f)
+        right, g = middle, h
+        if np.abs(h).max(initial=0.0) == 0.0:
+            break
+    return right

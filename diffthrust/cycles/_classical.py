@@ -1,0 +1,235 @@
+"""Relay, saturation, dead zone and backlash, with their describing functions in closed form.
+
+Source: Gelb & Vander Velde 1968, appendix B; Slotine & Li 1991, section 5.2.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust.cycles._element import Static, positive, straight
+
+
+def _amplitudes(amplitude: Any, frequency: Any) -> np.ndarray:
+    return np.broadcast_arrays(np.asarray(amplitude, float), np.asarray(frequency, float))[0]
+
+
+class Relay(Static):
+    """A switch: ``level`` times the sign of the input.
+
+    Args:
+        level: size of the output.
+        hysteresis: the output changes its sign only when the input has passed zero by so much.
+        dead_zone: half the width of the band around zero in which the output is zero.
+
+    Raises:
+        InputError: a size that is not positive, or hysteresis and dead zone at once.
+
+    Example:
+        >>> Relay(1.0, hysteresis=0.1).describing(1.0, 2.0)
+    """
+
+    def __init__(self, level: float, *, hysteresis: float = 0.0, dead_zone: float = 0.0) -> None:
+        self.level = positive("level", level)
+        self.hysteresis = positive("hysteresis", hysteresis, zero=True)
+        self.dead_zone = positive("dead_zone", dead_zone, zero=True)
+        if hysteresis and dead_zone:
+            raise InputError(
+                "A relay with both hysteresis and a dead zone is not provided.",
+                "Leave one of them out.",
+            )
+        self.least = self.hysteresis or self.dead_zone
+        self.jumps = () if hysteresis else tuple({-self.dead_zone, self.dead_zone})
+        self.bends = self.jumps or (-self.hysteresis, self.hysteresis)
+
+    @property
+    def scale(self) -> float | None:
+        """Hysteresis or half the dead zone; none for an ideal relay."""
+        return self.least or None
+
+    def describing(self, amplitude: Any, frequency: Any) -> np.ndarray:
+        """4 level / (pi A) (sqrt(1 - (b/A)^2) - j h/A), with b the hysteresis h or dead zone."""
+        a = _amplitudes(amplitude, frequency)
+        share = self.least / a
+        cosine = np.sqrt(np.maximum(0.0, 1.0 - share**2))
+        turned = share if self.hysteresis else 0.0
+        silent = np.nan if self.hysteresis else 0.0  # it does not switch: its sign is unknown
+        found = 4.0 * self.level / (math.pi * a) * (cosine - 1j * turned)
+        return np.where(a > self.least, found, silent)
+
+    def over(self, e: np.ndarray) -> np.ndarray:
+        """The output over a settled period."""
+        if not self.hysteresis:
+            return self.level * np.where(np.abs(e) > self.dead_zone, np.sign(e), 0.0)
+        twice = np.concatenate([e, e])
+        decided = np.abs(twice) > self.hysteresis
+        last = np.maximum.accumulate(np.where(decided, np.arange(twice.size), 0))
+        return self.level * np.sign(twice[last])[e.size :]
+
+    def at(self, e: float) -> float:
+        """The output of a relay without hysteresis."""
+        return math.copysign(self.level, e) if abs(e) > self.dead_zone else 0.0
+
+    def rest(self, e: float) -> float:
+        """The present output."""
+        return self.level if e >= 0 else -self.level
+
+    def passage(self, before: float, after: float, memory: Any) -> tuple[float, float, Any]:
+        """The output as the input goes straight from one value to another."""
+        if not self.hysteresis:
+            return super().passage(before, after, memory)
+        edge = math.copysign(self.hysteresis, -memory)
+        if (after - edge) * memory >= 0:
+            return memory, memory, memory
+        share = min(1.0, max(0.0, (edge - before) / (after - before))) if after != before else 0.0
+        line = straight([(0.0, share, memory, memory), (share, 1.0, -memory, -memory)])
+        return (*line, -memory)
+
+    def __str__(self) -> str:
+        more = f", hysteresis {self.hysteresis:.4g}" if self.hysteresis else ""
+        more += f", dead zone {self.dead_zone:.4g}" if self.dead_zone else ""
+        return f"relay of level {self.level:.4g}{more}"
+
+
+class Saturation(Static):
+    """Proportional up to a largest output.
+
+    Args:
+        limit: largest output.
+        slope: gain of small inputs.
+
+    Example:
+        >>> Saturation(1.0, slope=2.0).describing(5.0, 1.0)
+    """
+
+    def __init__(self, limit: float, *, slope: float = 1.0) -> None:
+        self.limit, self.slope = positive("limit", limit), positive("slope", slope)
+        self.bends = (-self.scale, self.scale)
+
+    @property
+    def scale(self) -> float:
+        """The input at which the output stops to rise."""
+        return self.limit / self.slope
+
+    def describing(self, amplitude: Any, frequency: Any) -> np.ndarray:
+        """2 k/pi (asin(d/A) + d/A sqrt(1 - (d/A)^2)), d = limit / k; k below d."""
+        share = np.minimum(1.0, self.scale / _amplitudes(amplitude, frequency))
+        return (self.slope * _kept(share)).astype(complex)
+
+    def over(self, e: np.ndarray) -> np.ndarray:
+        """The output."""
+        return np.clip(self.slope * e, -self.limit, self.limit)
+
+    def at(self, e: float) -> float:
+        """The output."""
+        return max(-self.limit, min(self.limit, self.slope * e))
+
+    def __str__(self) -> str:
+        return f"saturation at {self.limit:.4g}, slope {self.slope:.4g}"
+
+
+class DeadZone(Static):
+    """Nothing within a band around zero, proportional to what lies beyond it.
+
+    Args:
+        width: half the width of the band.
+        slope: gain beyond it.
+
+    Example:
+        >>> DeadZone(0.5).describing(1.0, 1.0)
+    """
+
+    def __init__(self, width: float, *, slope: float = 1.0) -> None:
+        self.width, self.slope = positive("width", width), positive("slope", slope)
+        self.least = self.width
+        self.bends = (-self.width, self.width)
+
+    @property
+    def scale(self) -> float:
+        """Half the width of the band."""
+        return self.width
+
+    def describing(self, amplitude: Any, frequency: Any) -> np.ndarray:
+        """The slope less the describing function of a saturation at the band; zero within it."""
+        share = np.minimum(1.0, self.width / _amplitudes(amplitude, frequency))
+        return (self.slope * (1.0 - _kept(share))).astype(complex)
+
+    def over(self, e: np.ndarray) -> np.ndarray:
+        """The output."""
+        return self.slope * (e - np.clip(e, -self.width, self.width))
+
+    def at(self, e: float) -> float:
+        """The output."""
+        return self.slope * (e - max(-self.width, min(self.width, e)))
+
+    def __str__(self) -> str:
+        return f"dead zone of {self.width:.4g}, slope {self.slope:.4g}"
+
+
+class Backlash(Static):
+    """Play of a gear: the output follows when the input has crossed the gap, and else stands.
+
+    Args:
+        gap: half the width of the play, in units of the input.
+        slope: gain while in contact.
+
+    Example:
+        >>> Backlash(0.1).describing(1.0, 1.0)
+    """
+
+    def __init__(self, gap: float, *, slope: float = 1.0) -> None:
+        self.gap, self.slope = positive("gap", gap), positive("slope", slope)
+        self.least = self.gap
+
+    @property
+    def scale(self) -> float:
+        """Half the width of the play."""
+        return self.gap
+
+    def describing(self, amplitude: Any, frequency: Any) -> np.ndarray:
+        """k/2 (1 + 2/pi (asin x + x sqrt(1-x^2))) - j 4 k b/(pi A) (1 - b/A), x = 1 - 2 b/A."""
+        a = _amplitudes(amplitude, frequency)
+        share = np.minimum(1.0, self.gap / a)
+        real = 0.5 * self.slope * (1.0 + _kept(1.0 - 2.0 * share))
+        lag = 4.0 * self.slope / math.pi * share * (1.0 - share)
+        return np.where(a > self.gap, real - 1j * lag, 0.0)
+
+    def over(self, e: np.ndarray) -> np.ndarray:
+        """The output over a settled period, piece by piece between the turns of the input."""
+        start = int(np.argmax(e))
+        twice = np.concatenate([e[start:], e, e[: start + 1]])
+        # a turn ends the piece that it belongs to: there the output has moved farthest
+        turns = np.flatnonzero(np.diff(np.sign(np.diff(twice)))) + 2
+        out = np.empty_like(twice)
+        held = twice[0] - self.gap
+        for first, last in zip([0, *turns], [*turns, twice.size], strict=True):
+            piece = twice[first:last]
+            rising = piece[-1] > twice[max(first - 1, 0)]
+            out[first:last] = (
+                np.maximum(held, piece - self.gap) if rising else np.minimum(held, piece + self.gap)
+            )
+            held = out[last - 1]
+        shifted = out[e.size : 2 * e.size]
+        return self.slope * np.roll(shifted, start)
+
+    def rest(self, e: float) -> float:
+        """The present output."""
+        return self.slope * e
+
+    def passage(self, before: float, after: float, memory: Any) -> tuple[float, float, Any]:
+        """The output as the input goes straight from one value to another."""
+        low, high = self.slope * (after - self.gap), self.slope * (after + self.gap)
+        moved = max(low, min(high, memory))
+        return memory, moved, moved
+
+    def __str__(self) -> str:
+        return f"backlash of {self.gap:.4g}, slope {self.slope:.4g}"
+
+
+def _kept(share: np.ndarray) -> np.ndarray:
+    """2/pi (asin x + x sqrt(1 - x^2)): what a saturation at x of the amplitude lets through."""
+    return 2.0 / math.pi * (np.arcsin(share) + share * np.sqrt(np.maximum(0.0, 1.0 - share**2)))

@@ -1,0 +1,208 @@
+"""Limit cycles of a loop of a linear part and a nonlinear element under negative feedback.
+
+    e = - G y,   y = element(e)
+
+The describing function finds them, a balance of harmonics refines them, a full simulation decides.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.transfer import Transfer, transfer_of
+from diffthrust.cycles._balance_model import balanced_states
+from diffthrust.cycles._balance_static import balanced
+from diffthrust.cycles._crossings import Crossing, crossings, grid_of, loop_poles
+from diffthrust.cycles._element import Nonlinearity, Static, StaticNonlinearity
+from diffthrust.cycles._model_element import ModelElement
+from diffthrust.cycles._oscillation import Harmonics
+from diffthrust.cycles._result import LimitCycle, LimitCycles
+from diffthrust.cycles._verify import verified
+from diffthrust.models._base.model import Model
+
+_STATIC_HARMONICS, _MODEL_HARMONICS = 25, 15
+
+
+def limit_cycles(
+    linear: Any,
+    nonlinearity: Any,
+    *,
+    amplitudes: Any = None,
+    frequencies: Any = None,
+    verify: bool = True,
+    harmonics: int | None = None,
+) -> LimitCycles:
+    """All limit cycles of a loop in a range of amplitude and frequency, and what they are worth.
+
+    Each solution of 1 + N(A, w) G(jw) = 0 is found on a grid and polished, judged stable or not by
+    the quasi-static criterion (Loeb), refined by a balance of more harmonics over the whole loop,
+    and simulated from the cycle and from 10 % below and above it. The search takes the element's
+    input without a mean; a mean (of an element that is not odd) comes with the refinement.
+
+    Args:
+        linear: G(s) under negative feedback: ``(num, den)``, ``(num, den, delay)`` with the dead
+            time [s], or an object of python-control or SciPy.
+        nonlinearity: an element such as `Relay`; a function of your own; or a model or fit with
+            its effects, from its command to its thrust (`ModelElement` for others). A delay of
+            its command is counted with the dead time of the linear part.
+        amplitudes: lowest and highest amplitude at the element's input, in its unit, or a rising
+            grid. By default a wide range around the element's own scale; for a model 0.001 to 100.
+        frequencies: the same [rad/s]. By default around the corners of G; with a dead time up to
+            its first turn.
+        verify: refine and simulate each; otherwise the describing function alone speaks.
+        harmonics: the highest in the refinement; 25, for a model 15.
+
+    Returns:
+        The cycles with `LimitCycles.report` and `LimitCycles.plot`; none is an answer too.
+
+    Raises:
+        InputError: a linear part that is improper, discrete or has several inputs; ranges that are
+            not positive and rising; something that is no nonlinear element.
+
+    Source: Gelb & Vander Velde 1968, chapter 3; Yoerger, Cooke & Slotine 1990, section IV.
+
+    Example:
+        >>> found = limit_cycles(([6.0], [1, 3, 2, 0]), Relay(1.0))
+        >>> print(found.report())
+    """
+    element = element_of(nonlinearity)
+    transfer = transfer_of(linear).later(element.delay)
+    high = _harmonics(harmonics, element)
+    a, w = grid_of(
+        transfer,
+        element,
+        range_of("amplitudes", amplitudes, element.least),
+        range_of("frequencies", frequencies, 0.0),
+    )
+    found, f = crossings(transfer, element, a, w)
+    cycles = tuple(_followed(transfer, element, c, high, verify) for c in found)
+    size = np.where(np.isfinite(f), np.abs(f), np.inf)
+    i, j = np.unravel_index(int(np.argmin(size)), size.shape)
+    return LimitCycles(
+        transfer=transfer,
+        element=element,
+        cycles=cycles,
+        amplitudes=(float(a[0]), float(a[-1])),
+        frequencies=(float(w[0]), float(w[-1])),
+        nearest=(float(size[i, j]), float(a[i]), float(w[j])),
+        nearest_at_edge=_falling_outwards(size, int(i), int(j)),
+        ends=(_rightmost(transfer, element, a, w), _rightmost(transfer, element, a[::-1], w)),
+        unknown=float(np.mean(~np.isfinite(f))),
+        verified=verify,
+    )
+
+
+def _falling_outwards(size: np.ndarray, i: int, j: int) -> bool:
+    """Whether a smallest value at the edge of the grid would become smaller beyond it."""
+    inward = []
+    if i in (0, size.shape[0] - 1):
+        inward.append(size[abs(i - min(3, size.shape[0] - 1)), j])
+    if j in (0, size.shape[1] - 1):
+        inward.append(size[i, abs(j - min(3, size.shape[1] - 1))])
+    return any(bool(value > 1.001 * size[i, j] + 1e-12) for value in inward)
+
+
+def element_of(nonlinearity: Any) -> Nonlinearity:
+    """An element as it is, a model or a fit from command to thrust, or a function.
+
+    Raises:
+        InputError: none of these.
+    """
+    if isinstance(nonlinearity, Nonlinearity):
+        return nonlinearity
+    if isinstance(getattr(nonlinearity, "model", nonlinearity), Model):
+        return ModelElement(nonlinearity)
+    if callable(nonlinearity) and not isinstance(nonlinearity, type):
+        return StaticNonlinearity(nonlinearity)
+    raise InputError(
+        f"Expected a nonlinear element, a model, a fit or a function, found {nonlinearity!r}.",
+        "Give dft.cycles.Relay(1.0), dft.cycles.Saturation(1.0), dft.Thruster(), or a function "
+        "of an array.",
+    )
+
+
+def _followed(
+    transfer: Transfer, element: Nonlinearity, c: Crossing, harmonics: int, verify: bool
+) -> LimitCycle:
+    cycle, states, checked = None, None, None
+    if verify and isinstance(element, Static):
+        cycle = balanced(transfer, element, c.amplitude, c.frequency, harmonics)
+    elif verify and isinstance(element, ModelElement):
+        both = balanced_states(transfer, element, c.amplitude, c.frequency, harmonics)
+        cycle, states = both if both is not None else (None, None)
+    if verify:
+        begin = cycle or _sine(element, c)
+        checked = verified(transfer, element, begin, states, c.growth)
+    return LimitCycle(
+        amplitude=c.amplitude,
+        frequency=c.frequency,
+        stable=c.stable,
+        growth=c.growth,
+        at_edge=c.edge,
+        refined=cycle.oscillation if cycle is not None else None,
+        simulated=checked.oscillation if checked else None,
+        lasts=checked.lasts if checked else None,
+        simulation=checked.words if checked else "not simulated",
+        harmonics=cycle,
+        states=states,
+    )
+
+
+def _sine(element: Nonlinearity, c: Crossing) -> Harmonics:
+    n = complex(element.describing(c.amplitude, c.frequency))
+    coefficients = np.array([0.0, c.amplitude], complex)
+    return Harmonics(c.frequency, np.array([0, 1]), coefficients, n * coefficients)
+
+
+def _rightmost(transfer: Transfer, element: Nonlinearity, a: np.ndarray, w: np.ndarray) -> float:
+    """Largest real part of the quasi-linear loop's poles at the first amplitude that has an N."""
+    middle = float(np.sqrt(w[0] * w[-1]))
+    known = np.isfinite(element.describing(a, middle))
+    if not known.any():
+        return float("nan")
+    poles = loop_poles(transfer, element, float(a[int(np.argmax(known))]), middle)
+    return float(np.real(poles).max()) if poles.size else float("-inf")
+
+
+def _harmonics(harmonics: Any, element: Nonlinearity) -> int:
+    if harmonics is None:
+        return _STATIC_HARMONICS if isinstance(element, Static) else _MODEL_HARMONICS
+    if isinstance(harmonics, bool) or not isinstance(harmonics, int) or not 1 <= harmonics <= 200:
+        raise InputError(
+            f"harmonics: expected a whole number from 1 to 200, found {harmonics!r}.", "Correct it."
+        )
+    return harmonics
+
+
+def range_of(what: str, given: Any, least: float) -> np.ndarray | None:
+    """A range or grid as given, cut where the element begins to have an output.
+
+    Raises:
+        InputError: it is not positive and rising, or ends below that.
+    """
+    if given is None:
+        return None
+    try:
+        found = np.atleast_1d(np.asarray(given, float))
+    except (TypeError, ValueError):
+        found = np.array([np.nan])
+    fine = found.ndim == 1 and found.size >= 2 and np.isfinite(found).all()
+    if not (fine and found[0] > 0 and (np.diff(found) > 0).all()):
+        raise InputError(
+            f"{what}: expected a lowest and a highest value above zero, or a rising grid of them; "
+            f"found {given!r}.",
+            f"Write {what}=(0.01, 10.0).",
+        )
+    if found[-1] <= least:
+        raise InputError(
+            f"{what}: the element has no output up to an input of {least:.4g}, and the range ends "
+            f"at {found[-1]:.4g}.",
+            "Raise the end of the range.",
+        )
+    if found[0] <= least:
+        start = least + 1e-6 * (found[-1] - least)
+        found = np.concatenate([[start], found[found > start]])
+    return found

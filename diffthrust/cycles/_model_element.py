@@ -1,0 +1,205 @@
+"""A fitted model as the nonlinear element of a loop: a describing function of two arguments."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing
+from diffthrust.cycles._element import Nonlinearity
+from diffthrust.describing._periodic.period import Cycle, Lane
+from diffthrust.describing._periodic.respond import Reason, respond, some
+from diffthrust.describing._periodic.solvers import HarmonicBalance, Shooting
+from diffthrust.effects import CommandDelay
+from diffthrust.models._base.model import Model
+from diffthrust.models._base.signals import Ports, Relaxing, Signals
+from diffthrust.simulation._bare import bare
+from diffthrust.simulation._simulate import equations_of
+
+_STEPS = (256, 3072)
+"""Steps per period while a describing function is mapped, then those for a model that is too fast
+for them. They are fixed: a search that follows slopes must not see them change."""
+
+
+class ModelElement(Nonlinearity):
+    """From a model's input to one of its outputs, with all its effects but those of the sensors.
+
+    Its describing function is the fundamental of the settled answer to a sine, found by shooting:
+    Newton's method on the states after one period. It reads the true output that acts on the
+    vehicle, not what a sensor makes of it.
+
+    Args:
+        model: the model, with its effects and at its parameter values.
+        input: the input that the loop drives; others the model cannot have.
+        output: what goes on to the linear part.
+
+    A `CommandDelay` is taken out and kept as ``delay`` [s]: a loop counts it with the dead time of
+    its linear part, which is the same, for whatever else acts on the command does not care when it
+    comes.
+
+    Raises:
+        InputError: an input or output that the model does not have, a model without states, or an
+            effect that reads earlier samples of the input.
+
+    Example:
+        >>> ModelElement(fit.model).describing(1.0, 0.5)
+    """
+
+    odd = False  # effects may tell forward from reverse
+
+    def __init__(self, model: Any, *, input: str = "command", output: str = "thrust") -> None:
+        self.model, self.delay = _without_delay(checked_model(model), input)
+        self.input, self.output = input, output
+        for what, name, known in (
+            ("input", input, self.model.inputs),
+            ("output", output, self.model.outputs),
+        ):
+            if name not in known:
+                raise InputError(
+                    f"The model '{self.model}' has no {what} '{name}'; it has {listing(known)}.",
+                    f"Name one of them: {what}='{next(iter(known), '')}'.",
+                )
+        others = [name for name in self.model.inputs if name != input]
+        if others:
+            raise InputError(
+                f"The model '{self.model}' needs {listing(others)} besides '{input}'; a loop with "
+                "one nonlinear element drives one input only.",
+                "Use a model with one input.",
+            )
+        if not self.model.all_states:
+            raise InputError(
+                f"The model '{self.model}' has no states.",
+                "Give its curve as a dft.cycles.StaticNonlinearity.",
+            )
+        late = [e.name for e in self.model.effects if e.memory and input in e.ports]
+        if late:
+            raise InputError(
+                f"The effect {listing(late)} reads earlier samples of '{input}', which a loop in "
+                "continuous time does not have.",
+                f'Take it out (model - "{late[0]}") and let an effect with a state stand for it, '
+                "such as dft.effects.ActuatorLag; or simulate the loop with its samples: "
+                "dft.control.",
+            )
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states that are integrated."""
+        return tuple(self.model.all_states)
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """The parameter values, by full name."""
+        return {name: jnp.asarray(p.value, float) for name, p in self.model.parameters.items()}
+
+    @property
+    def structure(self) -> tuple[Any, ...]:
+        """What fixes the compiled code."""
+        return (type(self), self.model.structure, self.input, self.output)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, ModelElement) and self.structure == other.structure
+
+    def __hash__(self) -> int:
+        return hash(self.structure)
+
+    def evaluate(
+        self, values: Mapping[str, Any], states: Mapping[str, Any], command: Any, time: Any
+    ) -> tuple[dict[str, Any], Any]:
+        """Rates of the states and the output; traceable, elementwise.
+
+        Args:
+            values: parameter values by full name.
+            states: by name.
+            command: the input, in the model's unit.
+            time: [s].
+        """
+        model = self.model.bind(values)
+        outer = Ports(model.effects, Signals({self.input: command, "time": time}))
+        s = Signals({**states, self.input: outer(self.input, command), "time": time})
+        port = Ports(model.effects, s)
+        rates, outputs = equations_of(model, s, port)
+        return {**rates, **port.rates}, outputs[self.output]
+
+    def describing(self, amplitude: Any, frequency: Any) -> np.ndarray:
+        """The describing function by shooting; NaN where no settled answer was found."""
+        a, w = np.broadcast_arrays(np.asarray(amplitude, float), np.asarray(frequency, float))
+        lanes = self._lanes(a.reshape(-1), w.reshape(-1))
+        solver, found = (
+            Shooting(self._driven, len(self.model.all_states)),
+            np.full(a.size, np.nan + 0j),
+        )
+        for steps in _STEPS:
+            left = np.flatnonzero(np.isnan(found))
+            if left.size:
+                answers = respond(solver, self._cycle, some(lanes, left), samples=steps)
+                found[left] = np.where(answers.reason == Reason.SETTLED, answers.first, np.nan)
+        return found.reshape(a.shape)
+
+    def answer(self, amplitude: float, frequency: float, harmonics: int) -> np.ndarray:
+        """The states' answer to a sine: coefficients, complex ``(states, harmonics + 1)``.
+
+        The real part of sum c_k exp(j k w t); NaN where none was found.
+        """
+        lanes = self._lanes(np.array([amplitude]), np.array([frequency]))
+        solver = HarmonicBalance(self._driven, len(self.model.all_states), harmonics)
+        found = respond(solver, self._cycle, lanes)
+        x = np.where(found.reason[0] == Reason.SETTLED, found.x[0], np.nan)
+        return np.concatenate([x[:, :1], x[:, 1::2] - 1j * x[:, 2::2]], axis=1)
+
+    @property
+    def _driven(self) -> Model:
+        """The model without the effects of its sensors: what acts is the true output."""
+        return bare(self.model)
+
+    @property
+    def _cycle(self) -> Cycle:
+        return Cycle(self.input, self.output, 1, states=tuple(self.model.all_states))
+
+    def _lanes(self, a: np.ndarray, w: np.ndarray) -> Lane:
+        values = {n: np.full(a.size, p.value) for n, p in self._driven.parameters.items()}
+        return Lane(a, w, values, np.zeros(a.size), {}, np.zeros(a.size))
+
+    def quasi_linear(
+        self, n: complex, amplitude: float, frequency: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """A gain with a first-order lag, as in Yoerger et al. 1990, where the phase allows it."""
+        if not (n.real > 0 > n.imag):
+            return super().quasi_linear(n, amplitude, frequency)
+        pole = frequency * n.real / -n.imag
+        gain = abs(n) * math.hypot(1.0, frequency / pole)
+        return np.array([gain * pole]), np.array([1.0, pole])
+
+    def __str__(self) -> str:
+        return str(self.model)
+
+
+def checked_model(model: Any) -> Model:
+    """A model, or the model of a fit.
+
+    Raises:
+        InputError: neither.
+    """
+    found = getattr(model, "model", model)
+    if not isinstance(found, Model):
+        raise InputError(
+            f"Expected a model or a fit, found {model!r}.", "Give dft.Thruster() or a fit."
+        )
+    return found
+
+
+def _without_delay(model: Model, input: str) -> tuple[Model, float]:
+    """A model without the delays of an input, and the dead time [s] that they amount to."""
+    found = [e for e in model.effects if isinstance(e, CommandDelay) and input in e.ports]
+    for effect in found:
+        model = model - effect.name
+    return model, float(sum(effect.delay for effect in found))
+
+
+def plain_rate(rate: Any) -> Any:
+    """The number in a rate that may be `Relaxing`."""
+    return rate.rate if isinstance(rate, Relaxing) else rate

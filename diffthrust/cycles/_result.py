@@ -1,0 +1,223 @@
+"""The limit cycles of a loop, in numbers and in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from diffthrust._support.transfer import Transfer
+from diffthrust.cycles._element import Nonlinearity
+from diffthrust.cycles._model_element import ModelElement
+from diffthrust.cycles._oscillation import Harmonics, Oscillation
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class LimitCycle:
+    """One limit cycle.
+
+    Args:
+        amplitude: of the fundamental at the element's input, by the describing function.
+        frequency: [rad/s], by the describing function.
+        stable: whether it lasts by the quasi-static criterion; ``None``: undecided.
+        growth: how fast a relative deviation of the amplitude grows [1/s] by that criterion.
+        at_edge: it lies at the edge of the range that was searched.
+        refined: the same by a balance of more harmonics; ``None`` where that was not asked for or
+            did not converge near it.
+        simulated: the same as measured in a full simulation; of an unstable one its first turns.
+        lasts: whether simulations from 10 % below and above come back; ``None``: undecided.
+        simulation: what they did, in words.
+        harmonics: Fourier coefficients of the refined cycle.
+        states: those of a model's states, complex ``(states, m)``.
+    """
+
+    amplitude: float
+    frequency: float
+    stable: bool | None
+    growth: float
+    at_edge: bool
+    refined: Oscillation | None
+    simulated: Oscillation | None
+    lasts: bool | None
+    simulation: str
+    harmonics: Harmonics | None = field(repr=False, default=None)
+    states: np.ndarray | None = field(repr=False, default=None)
+
+    @property
+    def best(self) -> Oscillation:
+        """The most faithful numbers there are: refined, simulated, or the describing function's."""
+        own = Oscillation(self.amplitude, self.amplitude, self.frequency, 0.0)
+        return self.refined or self.simulated or own
+
+    @property
+    def verdict(self) -> str:
+        """``"stable"``, ``"unstable"`` or ``"undecided"``: the simulation's word before others."""
+        word = self.lasts if self.lasts is not None else self.stable
+        return "undecided" if word is None else "stable" if word else "unstable"
+
+
+@dataclass(frozen=True, repr=False)
+class LimitCycles:
+    """All limit cycles found in a range.
+
+    Args:
+        transfer: the linear part.
+        element: the nonlinear element.
+        cycles: from small to large amplitude.
+        amplitudes: the range that was searched.
+        frequencies: the same [rad/s].
+        nearest: smallest |1 + N G| on the grid, and its amplitude and frequency.
+        nearest_at_edge: that place lies at the edge of the range.
+        ends: largest real part [1/s] of the quasi-linear loop's poles at the smallest and the
+            largest amplitude.
+        unknown: share of the grid without a describing function.
+        verified: refinement and simulation were asked for.
+    """
+
+    transfer: Transfer
+    element: Nonlinearity
+    cycles: tuple[LimitCycle, ...]
+    amplitudes: tuple[float, float]
+    frequencies: tuple[float, float]
+    nearest: tuple[float, float, float]
+    nearest_at_edge: bool
+    ends: tuple[float, float]
+    unknown: float
+    verified: bool
+
+    def __len__(self) -> int:
+        return len(self.cycles)
+
+    def __iter__(self) -> Iterator[LimitCycle]:
+        return iter(self.cycles)
+
+    def __getitem__(self, index: int) -> LimitCycle:
+        return self.cycles[index]
+
+    def __repr__(self) -> str:
+        return f"LimitCycles: {self.sentence}"
+
+    @property
+    def unit(self) -> str:
+        """Unit of the amplitudes, with a space in front; empty where there is none."""
+        if not isinstance(self.element, ModelElement):
+            return ""
+        unit = self.element.model.inputs[self.element.input]
+        return f" {unit}" if unit else ""
+
+    @property
+    def sentence(self) -> str:
+        """The answer in one sentence."""
+        ranges = (
+            f"amplitudes of {self.amplitudes[0]:.3g} to {self.amplitudes[1]:.3g}{self.unit} and "
+            f"{self.frequencies[0]:.3g} to {self.frequencies[1]:.3g} rad/s"
+        )
+        if not self.cycles:
+            return f"No limit cycle for {ranges}: {self._without()}"
+        told = "; ".join(
+            f"{c.verdict}, amplitude {c.best.amplitude:.4g}{self.unit}, {c.best.frequency:.4g} "
+            f"rad/s (period {c.best.period:.4g} s)"
+            for c in self.cycles
+        )
+        count = "One limit cycle" if len(self) == 1 else f"{len(self)} limit cycles"
+        return f"{count} for {ranges}: {told}."
+
+    def _without(self) -> str:
+        small, large = self.ends
+        if small < 0 and large < 0:
+            return "the loop is stable at both ends of the amplitudes, oscillations die out."
+        if small > 0 and large > 0:
+            return "the loop is unstable at both ends of the amplitudes, oscillations grow."
+        if small > 0 > large or small < 0 < large:
+            calm = "large" if large < 0 else "small"
+            return (
+                f"the loop is stable at {calm} amplitudes only; between, its poles cross the "
+                "imaginary axis at a frequency outside the range, or at rest."
+            )
+        return "the loop is at the limit of stability at an end of the amplitudes."
+
+    @property
+    def notes(self) -> list[str]:
+        """What should be known besides."""
+        said = []
+        poles = self.transfer.poles
+        right = poles[np.real(poles) > 1e-9 * max(1e-300, np.abs(poles).max(initial=0.0))]
+        if right.size:
+            worst = complex(right[int(np.argmax(np.real(right)))])
+            said.append(
+                f"The linear part by itself is unstable (a pole at {worst.real:.4g} 1/s): where "
+                "the element gives little, the loop is not held."
+            )
+        if not self.cycles and _lossless(self.transfer):
+            said.append(
+                "G(jw) is real at all frequencies: with a real N every amplitude may oscillate, "
+                "and none is singled out."
+            )
+        elif not self.cycles and self.nearest_at_edge:
+            said.append(
+                f"1 + N G is smallest ({self.nearest[0]:.3g}) at the edge of the range, at "
+                f"{self.nearest[1]:.3g}{self.unit} and {self.nearest[2]:.3g} rad/s: widen the "
+                "range to see whether one lies beyond."
+            )
+        if any(c.at_edge for c in self.cycles):
+            said.append("A cycle lies at the edge of the range: widen it to see its neighbours.")
+        if self.unknown > 0:
+            said.append(
+                f"There is no settled answer to a sine in {100 * self.unknown:.2g} % of the range; "
+                "nothing can be found there."
+            )
+        if self.element.delay:
+            said.append(
+                f"The delay of the command, {self.element.delay:.4g} s, is counted with G: the "
+                "element's input is the command that arrives."
+            )
+        if self.transfer.delay:
+            said.append(
+                "A dead time turns G round and round: cycles of higher frequencies than the range "
+                "may exist; they are found by asking for their frequencies."
+            )
+        return said
+
+    def report(self) -> str:
+        """The answer, a table of the cycles with what simulation made of each, and notes."""
+        lines = [f"G = {self.transfer}", f"N: {self.element}", "", self.sentence]
+        for number, c in enumerate(self.cycles, 1):
+            lines += ["", f"{number}. {c.verdict}: {c.simulation}"]
+            if c.lasts is not None and c.stable is not None and c.lasts != c.stable:
+                word = "stable" if c.stable else "unstable"
+                lines.append(f"   the quasi-static criterion says {word}: trust the simulation")
+            lines.append(f"   {'':22}{'fundamental':>12}{'peak':>12}{'rad/s':>12}{'offset':>12}")
+            own = Oscillation(c.amplitude, c.amplitude, c.frequency, 0.0)
+            rows = {
+                "describing function": own,
+                "balance of harmonics": c.refined,
+                "simulation": c.simulated,
+            }
+            for name, o in rows.items():
+                if o is not None:
+                    offset = 0.0 if abs(o.offset) < 1e-4 * o.amplitude else o.offset
+                    figures = (o.amplitude, o.peak, o.frequency, offset)
+                    lines.append(f"   {name:22}" + "".join(f"{x:12.5g}" for x in figures))
+            if self.verified and c.refined is None:
+                lines.append("   the balance of harmonics did not converge near it")
+        if self.notes:
+            lines += ["", *self.notes]
+        return "\n".join(lines)
+
+    def plot(self) -> Figure:
+        """G(jw) and -1/N(A, w) in the complex plane, with the cycles at their intersections."""
+        from diffthrust.cycles._nyquist_figure import nyquist_figure
+
+        return nyquist_figure(self)
+
+
+def _lossless(transfer: Transfer) -> bool:
+    if transfer.delay:
+        return False
+    g = transfer(1j * np.geomspace(0.1, 10.0, 9) * transfer.corners[0])
+    return bool(np.all(np.abs(np.imag(g)) <= 1e-12 * np.abs(g)))

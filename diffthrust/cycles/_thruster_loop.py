@@ -1,0 +1,251 @@
+"""The limit cycle of a vehicle under position control that does not know of its thruster."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust.cycles._element import positive
+from diffthrust.cycles._find import limit_cycles
+from diffthrust.cycles._model_element import ModelElement, checked_model
+from diffthrust.cycles._propelled import PropelledAxis
+from diffthrust.cycles._result import LimitCycle, LimitCycles
+from diffthrust.cycles._run_model import course_of
+from diffthrust.cycles._run_static import Course
+from diffthrust.models._base.model import Model
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+PAPER = {"simulated": 15.6, "predicted": 15.7}
+"""Amplitude of the command [N] in Yoerger et al. 1990, section IV and figure 14."""
+
+
+@dataclass(frozen=True)
+class ThrusterLoop:
+    """The limit cycle of a thruster loop, by two formulas, by balance, and by simulation.
+
+    Args:
+        model: the thruster.
+        mass: of the vehicle [kg].
+        drag: [N s^2/m^2].
+        natural_frequency: that the position controller was designed for [rad/s].
+        damping: the same, of critical.
+        found: the limit cycles, with the command in the model's unit.
+        newton: steady thrust for a unit of command [N/V].
+    """
+
+    model: Model
+    mass: float
+    drag: float
+    natural_frequency: float
+    damping: float
+    found: LimitCycles
+    newton: float
+
+    @property
+    def break_frequency(self) -> float:
+        """The thruster's lag on the cycle of a pure inertia: wn / (2 zeta) [rad/s]."""
+        return self.natural_frequency / (2.0 * self.damping)
+
+    @property
+    def printed(self) -> float:
+        """Amplitude of the command [N] by the paper's printed formula, for a pure inertia.
+
+        Like `consistent` it knows of alpha and ct only, not of effects.
+        """
+        return self._by(self._gamma**2)
+
+    @property
+    def consistent(self) -> float:
+        """The same with the fundamental of the thrust taken consistently."""
+        return self._by(self._gamma * self.model.parameters["alpha"].value)
+
+    @property
+    def _gamma(self) -> float:
+        return 8.0 / (3.0 * math.pi) * self.model.parameters["alpha"].value
+
+    def _by(self, square: float) -> float:
+        """lambda^2 = (-w^2 + sqrt(w^4 + 4 square^2 (F/ct)^2)) / 2, solved for F."""
+        lag, w = self.break_frequency, self.natural_frequency
+        return self.model.parameters["ct"].value * lag * math.hypot(lag, w) / square
+
+    @property
+    def cycle(self) -> LimitCycle:
+        """The limit cycle; the stable one if there are several.
+
+        Raises:
+            InputError: there is none.
+        """
+        if not len(self.found):
+            raise InputError(self.found.sentence, "Look at .found for where it was sought.")
+        lasting = [c for c in self.found if c.verdict == "stable"]
+        return (lasting or [*self.found])[0]
+
+    @property
+    def as_in_paper(self) -> bool:
+        """Whether vehicle and design are those of the paper's figure 14."""
+        ours = (self.mass, self.drag, self.natural_frequency, self.damping)
+        theirs = (340.0, 67.0, 1.0, 0.707)
+        return all(math.isclose(a, b, rel_tol=2e-3) for a, b in zip(ours, theirs, strict=True))
+
+    def report(self) -> str:
+        """All predictions beside the simulation, the paper's figures where they apply, in words."""
+        lines = [
+            f"Vehicle of {self.mass:.4g} kg, drag {self.drag:.4g} N s^2/m^2; controller designed "
+            f"for {self.natural_frequency:.4g} rad/s, damping {self.damping:.4g}",
+            f"Thruster: {self.model}, {self.newton:.4g} N of thrust for a volt of command",
+            "",
+            f"{'command on the limit cycle':44}{'fundamental N':>14}{'peak N':>9}{'rad/s':>9}",
+            _row("printed formula, pure inertia", self.printed, None, self.natural_frequency),
+            _row("consistent formula, pure inertia", self.consistent, None, self.natural_frequency),
+        ]
+        if len(self.found):
+            c, k = self.cycle, self.newton
+            lines.append(_row("describing function", k * c.amplitude, None, c.frequency))
+            for name, o in (
+                ("balance of harmonics", c.refined),
+                ("simulation", c.simulated),
+            ):
+                if o is not None:
+                    lines.append(_row(name, k * o.amplitude, k * o.peak, o.frequency))
+        if self.as_in_paper:
+            lines.append(_row("paper, predicted", PAPER["predicted"], None, 1.0))
+            lines.append(_row("paper, simulated", None, PAPER["simulated"], 1.0))
+        words = [self.found.sentence]
+        if len(self.found):
+            words = [f"The cycle is {self.cycle.verdict}: {self.cycle.simulation}."]
+        return "\n".join([*lines, "", *words, *self._paper_words(), *self.found.notes])
+
+    def _paper_words(self) -> list[str]:
+        seen = self.cycle.simulated if self.as_in_paper and len(self.found) else None
+        if seen is None:
+            return []
+        off = self.newton * seen.peak / PAPER["simulated"] - 1.0
+        away = self.printed / PAPER["predicted"] - 1.0
+        also = self.consistent / PAPER["predicted"] - 1.0
+        simulated = "is reproduced" if abs(off) <= 0.01 else "is not reproduced"
+        predicted = "is reproduced" if abs(away) <= 0.01 else "is not reproduced"
+        return [
+            f"The paper's simulation {simulated} within 1 % (peak {100 * off:+.1f} %).",
+            f"Its printed prediction {predicted}: its formula with these parameters gives "
+            f"{100 * away:+.0f} %, the consistent one {100 * also:+.1f} %.",
+        ]
+
+    def course(self, displacement: float = 0.02, duration: float = 60.0) -> Course:
+        """Simulate the loop from rest beside its set point.
+
+        Args:
+            displacement: at the start [m].
+            duration: [s].
+
+        Returns:
+            Time [s], command and thrust [N], ``(n,)`` each.
+
+        Raises:
+            InputError: something that is no positive number.
+        """
+        x, end = positive("displacement", displacement), positive("duration", duration)
+        element, k = self.found.element, self.newton
+        assert isinstance(element, ModelElement)
+        force = self.mass * self.natural_frequency**2 * x
+        period = 2.0 * math.pi / self.natural_frequency
+        run = course_of(self.found.transfer, element, {}, force / k, period, end)
+        thrust = run.output
+        if self.drag:  # the element's output is the velocity
+            rise = np.gradient(thrust, run.time)
+            thrust = self.mass * rise + self.drag * thrust * np.abs(thrust)
+        return Course(run.time, k * run.input, thrust, run.fled)
+
+    def plot(self, displacement: float = 0.02, duration: float = 60.0) -> Figure:
+        """Command and thrust from rest beside the set point (the paper's figure 14)."""
+        from diffthrust.cycles._nyquist_figure import course_figure
+
+        return course_figure(self, self.course(displacement, duration))
+
+    def plot_poles(self) -> Figure:
+        """How the closed loop's poles move as the command grows (the paper's figure 13)."""
+        from diffthrust.cycles._pole_figure import pole_figure
+
+        f = self.found
+        top = 8.0 * max([c.amplitude for c in f], default=self.consistent / self.newton)
+        return pole_figure(
+            f.transfer, f.element, (2e-3 * top, top), factor=self.newton, label="command [N]"
+        )
+
+
+def thruster_loop_cycle(
+    model: Any,
+    *,
+    mass: float = 340.0,
+    drag: float = 67.0,
+    natural_frequency: float = 1.0,
+    damping: float = 0.707,
+    amplitudes: Any = None,
+    frequencies: Any = None,
+    verify: bool = True,
+) -> ThrusterLoop:
+    """The limit cycle that a thruster causes in a vehicle's position control.
+
+    The controller is proportional and derivative, designed for a pure inertia with an ideal
+    thruster: command = (ct beta / alpha)^-1 M (-2 zeta wn x' - wn^2 x).
+
+    Args:
+        model: a thruster with parameters ``alpha``, ``beta`` and ``ct``, with its effects, or a
+            fit of one.
+        mass: of the vehicle, with the water that moves along [kg]; Jason Jr. by default.
+        drag: quadratic drag [N s^2/m^2]; zero for a pure inertia.
+        natural_frequency: that the controller is designed for [rad/s].
+        damping: the same, of critical.
+        amplitudes: range of the command to search, in the model's unit; see `limit_cycles`.
+        frequencies: range to search [rad/s].
+        verify: refine and simulate.
+
+    Raises:
+        InputError: a number that is not positive, or a model without these parameters.
+
+    Source: Yoerger, Cooke & Slotine 1990, section IV and figures 13 and 14.
+
+    Example:
+        >>> loop = thruster_loop_cycle(dft.Thruster(alpha=0.037, ct=0.022))
+        >>> print(loop.report())
+    """
+    thruster = checked_model(model)
+    named = thruster.parameters
+    lacking = [name for name in ("alpha", "beta", "ct") if name not in named]
+    if lacking or thruster.inputs.keys() != {"command"} or "thrust" not in thruster.outputs:
+        raise InputError(
+            f"The loop needs a thruster with the parameters alpha, beta and ct, from command to "
+            f"thrust; found '{thruster}'.",
+            "Give a dft.Thruster, or use dft.cycles.limit_cycles for the loop of another model.",
+        )
+    mass, wn = positive("mass", mass), positive("natural_frequency", natural_frequency)
+    zeta, drag = positive("damping", damping), positive("drag", drag, zero=True)
+    alpha, beta, ct = (positive(name, named[name].value) for name in ("alpha", "beta", "ct"))
+    newton = ct * beta / alpha
+    gains = [2.0 * zeta * wn * mass / newton, wn**2 * mass / newton]
+    if drag:  # the element ends at the velocity: what is left of the loop is linear
+        element = PropelledAxis(thruster, mass=mass, drag=drag)
+        linear = (gains, [1.0, 0.0])
+    else:
+        element, linear = ModelElement(thruster), (gains, [mass, 0.0, 0.0])
+    if frequencies is None:
+        frequencies = (0.1 * wn, 10.0 * wn)
+    if amplitudes is None:  # around what the formula says for a pure inertia
+        lag = wn / (2.0 * zeta)
+        size = ct * lag * math.hypot(lag, wn) / (8.0 / (3.0 * math.pi) * alpha**2) / newton
+        amplitudes = (0.02 * size, 20.0 * size)
+    found = limit_cycles(
+        linear, element, amplitudes=amplitudes, frequencies=frequencies, verify=verify
+    )
+    return ThrusterLoop(thruster, mass, drag, wn, zeta, found, newton)
+
+
+def _row(name: str, fundamental: float | None, peak: float | None, frequency: float) -> str:
+    first = f"{fundamental:14.2f}" if fundamental is not None else f"{'':14}"
+    second = f"{peak:9.2f}" if peak is not None else f"{'':9}"
+    return f"{name:44}{first}{second}{frequency:9.4f}"

@@ -1,0 +1,110 @@
+"""What a full simulation makes of a cycle: does it stay, and where does it go if not?"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from diffthrust._support.transfer import Transfer
+from diffthrust.cycles._element import Nonlinearity, Static
+from diffthrust.cycles._model_element import ModelElement
+from diffthrust.cycles._oscillation import Harmonics, Oscillation, envelope, measured
+from diffthrust.cycles._run_model import simulated_states
+from diffthrust.cycles._run_static import Course, simulated
+
+_LENGTHS = (16, 32, 64, 128, 256)
+_FACTORS = (1.0, 0.9, 1.1)
+_BACK, _AWAY = 0.05, 0.15
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What simulations from near the cycle did.
+
+    Args:
+        oscillation: the course that began on the cycle, in numbers; ``None`` if it is no
+            oscillation, or nothing was simulated.
+        lasts: simulations from 10 % below and above came back (``True``) or left (``False``);
+            ``None`` where they were still under way, differed, or nothing was simulated.
+        words: the same as a sentence.
+    """
+
+    oscillation: Oscillation | None
+    lasts: bool | None
+    words: str
+
+
+def verified(
+    transfer: Transfer,
+    element: Nonlinearity,
+    cycle: Harmonics,
+    states: np.ndarray | None,
+    growth: float,
+) -> Verification:
+    """Simulate the whole loop from a cycle and from 10 % below and above it.
+
+    Args:
+        transfer: the linear part.
+        element: the nonlinear element.
+        cycle: the cycle.
+        states: coefficients of a model's states on it, complex ``(states, m)``.
+        growth: of a deviation [1/s], which sets how long to simulate.
+    """
+    period = cycle.oscillation.period
+    wanted = 4.0 / max(abs(growth) * period, 1e-9)
+    periods = next((n for n in _LENGTHS if n >= wanted), _LENGTHS[-1])
+    if isinstance(element, Static):
+        if transfer.direct:
+            words = "not simulated: the linear part passes a step at once to an element that does"
+            return Verification(None, None, words)
+        runs = [simulated(transfer, element, cycle, factor, periods) for factor in _FACTORS]
+    elif isinstance(element, ModelElement) and states is not None:
+        runs = simulated_states(transfer, element, cycle, states, _FACTORS, periods)
+    else:
+        return Verification(None, None, "not simulated: the balance of harmonics did not converge")
+    return _judged(runs, cycle.oscillation, periods)
+
+
+def _judged(runs: list[Course], cycle: Oscillation, periods: int) -> Verification:
+    on, *sides = runs
+    ends = [_end(run, cycle) for run in sides]
+    back = [abs(end - 1.0) < _BACK for end in ends]
+    away = [abs(end - 1.0) > _AWAY for end in ends]
+    lasts = True if all(back) else False if all(away) else None
+    # an unstable cycle is left sooner or later: only its first turns show it
+    count = on.time.size if lasts else math.ceil(3.5 * cycle.period / on.time[1]) + 1
+    seen = measured(on.time[:count], on.input[:count], turns=4 if lasts else 2)
+    if seen and not lasts and abs(seen.peak / cycle.peak - 1.0) > 0.1:
+        seen = None  # it had left already: these would be the figures of something else
+    if lasts:
+        words = "simulations from 10 % below and above come back to it"
+    else:
+        told = [
+            f"from 10 % {side} it {_fate(run, end, cycle, periods)}"
+            for side, run, end in zip(("below", "above"), sides, ends, strict=True)
+        ]
+        words = ("the simulation leaves it: " if lasts is False else "") + ", ".join(told)
+    return Verification(seen, lasts, words)
+
+
+def _end(run: Course, cycle: Oscillation) -> float:
+    """Height of the last two turns over that of the cycle; inf where it fled."""
+    if run.fled:
+        return math.inf
+    return float(envelope(run.time, run.input, cycle.period)[-2:].mean()) / cycle.peak
+
+
+def _fate(run: Course, end: float, cycle: Oscillation, periods: int) -> str:
+    if run.fled:
+        return "grows a thousandfold"
+    if end < 0.1:
+        return "dies out"
+    if abs(end - 1.0) < _BACK:
+        return "comes back"
+    height = envelope(run.time, run.input, cycle.period)
+    settled = abs(height[-1] / height[-3] - 1.0) < 1e-3
+    if settled:
+        return f"goes to a peak of {height[-1]:.4g}"
+    return f"has a peak of {height[-1]:.4g} after {periods} periods"

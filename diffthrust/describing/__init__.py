@@ -1,0 +1,5 @@
+"""Gain and phase of a model over amplitude and frequency."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

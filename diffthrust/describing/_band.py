@@ -1,0 +1,192 @@
+"""How well the logs determine a describing function: its interval over draws of the parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from diffthrust.describing._describe import formula_values, found_values
+from diffthrust.describing._formulas import FORMULAS
+from diffthrust.describing._map import followed_phase, ratio_unit
+from diffthrust.describing._notes import notes_of
+from diffthrust.describing._periodic.respond import Reason
+from diffthrust.describing._request import request
+from diffthrust.uncertainty._prediction.draws import draws_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class DescribingBand:
+    """Gain and phase of a describing function with intervals, point by point.
+
+    Args:
+        model: words for the model.
+        method: see `describing_function`.
+        input: the channel that is a sinusoid.
+        output: whose first harmonic it is.
+        input_unit: of the amplitudes.
+        gain_unit: of the gain.
+        amplitudes: of the input, ``(A,)``.
+        frequencies: [rad/s], ``(F,)``.
+        gain: median, lower and upper end, ``(3, A, F)``; NaN where fewer than half of the draws
+            have an answer.
+        phase: the same of the phase [deg].
+        settled: share of the draws that have an answer, ``(A, F)``.
+        level: probability of the intervals, with equal tails.
+        kind: "posterior" or "covariance": where the draws are from.
+        draws: the describing function by draw, complex, ``(n, A, F)``.
+        notes: what the user should know besides.
+    """
+
+    model: str
+    method: str
+    input: str
+    output: str
+    input_unit: str
+    gain_unit: str
+    amplitudes: np.ndarray
+    frequencies: np.ndarray
+    gain: np.ndarray = field(repr=False)
+    phase: np.ndarray = field(repr=False)
+    settled: np.ndarray = field(repr=False)
+    level: float
+    kind: str
+    draws: np.ndarray = field(repr=False)
+    notes: tuple[str, ...] = ()
+
+    def plot(self) -> Figure:
+        """Gain and phase over frequency with their bands, for some of the amplitudes."""
+        from diffthrust.describing._figures import band_figure
+
+        return band_figure(self)
+
+    def report(self) -> str:
+        """The intervals as text for people."""
+        from diffthrust.describing._tables import band_table, rendered
+
+        return rendered(band_table(self))
+
+    def to_json(self) -> dict[str, Any]:
+        """The intervals as plain data, ``null`` where there is none."""
+        from diffthrust._support.files import plain
+
+        parts = ("median", "low", "high")
+        return plain(
+            {
+                "schema": 1,
+                "model": self.model,
+                "method": self.method,
+                "input": {"name": self.input, "unit": self.input_unit},
+                "output": {"name": self.output},
+                "amplitudes": self.amplitudes,
+                "frequencies": self.frequencies,
+                "gain": dict(zip(parts, self.gain, strict=True)) | {"unit": self.gain_unit},
+                "phase": dict(zip(parts, self.phase, strict=True)) | {"unit": "deg"},
+                "settled": self.settled,
+                "level": self.level,
+                "draws_from": self.kind,
+                "draws": self.draws.shape[0],
+                "notes": self.notes,
+            }
+        )
+
+
+def uncertainty(
+    source: Any,
+    model: Any = None,
+    *,
+    amplitudes: Sequence[float] | np.ndarray,
+    frequencies: Sequence[float] | np.ndarray,
+    input: str = "command",
+    output: str = "thrust",
+    method: str = "simulation",
+    harmonics: int = 15,
+    samples: int | None = None,
+    bias: float = 0.0,
+    others: Mapping[str, float] | None = None,
+    sensors: bool = False,
+    draws: int = 100,
+    level: float = 0.95,
+    seed: int = 0,
+) -> DescribingBand:
+    """The describing function with intervals, by draws of the parameters.
+
+    Args:
+        source: a posterior that `sample` gives, or a `Fit`, whose covariance is drawn from.
+        model: the model or the fit that was sampled; not needed where the source is a fit.
+        amplitudes: of the input, in its unit, ``(A,)``.
+        frequencies: [rad/s], ``(F,)``.
+        input: as for `describing_function`, and so are all up to ``sensors``.
+        output: see there.
+        method: see there.
+        harmonics: see there.
+        samples: see there.
+        bias: see there.
+        others: see there.
+        sensors: see there.
+        draws: number of draws; with 100 the ends of a 95 % interval lie at 2.5 % +- 1.6 %.
+        level: probability of the intervals.
+        seed: of the draws.
+
+    Returns:
+        A `DescribingBand`.
+
+    Raises:
+        InputError: an argument that cannot be meant, an empty posterior or a failed fit.
+
+    Example:
+        >>> band = dft.describing.uncertainty(
+        ...     post, fit, amplitudes=[0.5, 2.0], frequencies=np.geomspace(0.1, 10, 16))
+        >>> band.plot()
+    """
+    drawn = draws_of(source, model, count=draws, seed=seed, level=level)
+    asked = request(
+        drawn.model, amplitudes, frequencies, input=input, output=output, method=method,
+        harmonics=harmonics, samples=samples, bias=bias, others=others, sensors=sensors,
+    )  # fmt: skip
+    given = {name: np.asarray(drawn.values[name]) for name in asked.model.parameters}
+    shape = len(drawn), asked.amplitudes.size, asked.frequencies.size
+    notes = list(drawn.notes)
+    if method in FORMULAS:
+        values = formula_values(asked, given)
+        reason = np.zeros(shape, int)
+    else:
+        found, _ = found_values(asked, given)
+        settled = found.reason == Reason.SETTLED
+        values = np.where(settled, found.first, np.nan).reshape(shape)
+        reason = found.reason.reshape(shape)
+        notes += notes_of(asked, drawn.model, reason)
+    share = np.mean(reason == Reason.SETTLED, axis=0)
+    phase = np.stack([followed_phase(v) for v in values])
+    ends = [0.5, 0.5 * (1 - level), 0.5 * (1 + level)]
+    units = asked.units
+    return DescribingBand(
+        model=str(asked.model),
+        method=method,
+        input=input,
+        output=output,
+        input_unit=units[0],
+        gain_unit=ratio_unit(*units),
+        amplitudes=asked.amplitudes,
+        frequencies=asked.frequencies,
+        gain=_quantiles(np.abs(values), ends),
+        phase=_quantiles(phase, ends),
+        settled=share,
+        level=level,
+        kind=drawn.kind,
+        draws=values,
+        notes=tuple(notes),
+    )
+
+
+def _quantiles(values: np.ndarray, ends: list[float]) -> np.ndarray:
+    """Over the draws that have an answer, where these are at least half."""
+    known = np.isfinite(values)
+    enough = known.mean(axis=0) >= 0.5
+    found = np.nanquantile(np.where(enough, values, 0.0), ends, axis=0)
+    return np.where(enough, found, np.nan)

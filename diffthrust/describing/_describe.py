@@ -1,0 +1,196 @@
+"""Describing functions: what a model makes of a sinusoid, over its amplitude and frequency."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from diffthrust.describing._formulas import FORMULAS, quasi_linear
+from diffthrust.describing._map import DescribingMap
+from diffthrust.describing._notes import notes_of
+from diffthrust.describing._periodic.continuation import continued
+from diffthrust.describing._periodic.period import Cycle, Lane, remembers
+from diffthrust.describing._periodic.respond import Reason, Responses
+from diffthrust.describing._periodic.solvers import HarmonicBalance, Shooting
+from diffthrust.describing._periodic.truncation import left_out, more_than, too_few
+from diffthrust.describing._request import Request, request
+from diffthrust.simulation._dependence import states_behind
+
+
+def describing_function(
+    model: Any,
+    amplitudes: Sequence[float] | np.ndarray | float,
+    frequencies: Sequence[float] | np.ndarray | float,
+    *,
+    input: str = "command",
+    output: str = "thrust",
+    method: str = "simulation",
+    harmonics: int = 15,
+    samples: int | None = None,
+    bias: float = 0.0,
+    others: Mapping[str, float] | None = None,
+    sensors: bool = False,
+) -> DescribingMap:
+    """Gain and phase of a model under a sinusoid, over amplitude and frequency.
+
+    The input is ``bias + A sin(w t)`` for ever; the describing function is the first harmonic of
+    the output over that of the input. Methods:
+
+    - ``"simulation"``: the model and its effects are simulated to their periodic steady state,
+      which shooting finds and one further period confirms.
+    - ``"harmonic_balance"``: the states are Fourier series of so many harmonics that satisfy the
+      equations in the Galerkin sense. It does not tell whether the response is stable. What
+      it leaves out is judged by more harmonics and many more instants (``left_out``).
+    - ``"paper"``: the quasi-linear lag of Yoerger et al. as printed; the plain thruster only.
+    - ``"consistent"``: the same with the amplitude of the thrust's fundamental throughout.
+
+    The first two work for every model, effect, input and output. The period is divided ever more
+    finely until the first harmonic is known to 2e-4. Points without an answer (a response
+    that diverges, drifts, is unstable, has not settled, or would change by more than 0.1 % or 0.1
+    degree with more harmonics) are marked in ``settled`` with their ``reason``. A model may have
+    several responses to one input, as where static friction catches a shaft whose speed swings
+    about a mean; each method gives one of them. Effects act on the input as on a command that is
+    known at every instant: a rate limit or a delay sees a smooth sinusoid and not the samples of a
+    log.
+
+    Args:
+        model: a model with its effects, or a fit.
+        amplitudes: of the input, in its unit, ``(A,)``; positive and increasing.
+        frequencies: [rad/s], ``(F,)``; positive and increasing.
+        input: the channel that is a sinusoid.
+        output: the output that is looked at.
+        method: see above.
+        harmonics: of the states, for the harmonic balance.
+        samples: steps to the period; ``None`` chooses them point by point.
+        bias: what the input swings about, in its unit.
+        others: constant values of other inputs that the model or its effects read.
+        sensors: count the effects on what the sensors report. They are left out by default: what
+            acts on a vehicle is the thrust, and not its measurement.
+
+    Returns:
+        A `DescribingMap`.
+
+    Raises:
+        InputError: an argument that cannot be meant, or a formula for another model than its own.
+
+    Source: Yoerger, Cooke & Slotine 1990, section IV; Gelb & Vander Velde 1968, Multiple-Input
+    Describing Functions, chapter 2.
+
+    Example:
+        >>> amplitudes, frequencies = np.geomspace(0.1, 10, 32), np.geomspace(0.1, 30, 32)
+        >>> found = dft.describing_function(fit, amplitudes, frequencies)
+        >>> print(found.report())
+        >>> found.at(2.0, 1.0)
+    """
+    asked = request(
+        model, amplitudes, frequencies, input=input, output=output, method=method,
+        harmonics=harmonics, samples=samples, bias=bias, others=others, sensors=sensors,
+    )  # fmt: skip
+    return maps_of([asked], [model])[0]
+
+
+def maps_of(asked: Sequence[Request], models: Sequence[Any]) -> list[DescribingMap]:
+    """The maps of models of one structure, worked out together.
+
+    Args:
+        asked: of each, the same but for the values of the parameters.
+        models: as the user gave them, for the notes.
+    """
+    first = asked[0]
+    given = {
+        name: np.array([one.model.parameters[name].value for one in asked])
+        for name in first.model.parameters
+    }
+    shape = len(asked), first.amplitudes.size, first.frequencies.size
+    common: list[dict[str, Any]] = [
+        {
+            "model": one.model,
+            "method": one.method,
+            "input": one.input,
+            "output": one.output,
+            "input_unit": one.units[0],
+            "output_unit": one.units[1],
+            "bias": one.bias,
+            "amplitudes": one.amplitudes,
+            "frequencies": one.frequencies,
+        }
+        for one in asked
+    ]
+    if first.method in FORMULAS:
+        values = formula_values(first, given).reshape(shape)
+        reason = np.zeros(shape[1:], int)
+        return [
+            DescribingMap(complex=value, reason=reason, **told)
+            for value, told in zip(values, common, strict=True)
+        ]
+    found, error = found_values(first, given)
+    settled = found.reason == Reason.SETTLED
+
+    def shown(values: np.ndarray) -> np.ndarray:
+        return np.where(settled, values, np.nan).reshape(shape)
+
+    first_harmonic, distortion, mean = map(shown, (found.first, found.distortion, found.mean))
+    reason, samples = found.reason.reshape(shape), found.samples.reshape(shape)
+    error = None if error is None else error.reshape(shape)
+    return [
+        DescribingMap(
+            complex=first_harmonic[i],
+            reason=reason[i],
+            distortion=distortion[i],
+            mean=mean[i],
+            samples=samples[i],
+            harmonics=first.harmonics if first.method == "harmonic_balance" else None,
+            left_out=None if error is None else error[i],
+            notes=notes_of(asked[i], models[i], reason[i]),
+            **common[i],
+        )
+        for i in range(len(asked))
+    ]
+
+
+def formula_values(asked: Request, given: Mapping[str, np.ndarray]) -> np.ndarray:
+    """The closed form by draw and point, ``(D, A, F)``, of parameters ``(D,)``."""
+    values = {name: value[:, None, None] for name, value in given.items()}
+    a, w = asked.amplitudes[None, :, None], asked.frequencies[None, None, :]
+    return quasi_linear(values, a, w, asked.output, paper=asked.method == "paper")
+
+
+def found_values(
+    asked: Request, given: Mapping[str, np.ndarray]
+) -> tuple[Responses, np.ndarray | None]:
+    """Periodic responses by draw and point, of parameters ``(D,)``, and what they leave out.
+
+    Returns:
+        The responses, ``(D * A * F,)``; and of a harmonic balance the error of `left_out`.
+    """
+    draws = next((value.size for value in given.values()), 1)
+    shape = (draws, asked.amplitudes.size, asked.frequencies.size)
+
+    def spread(values: Any, axis: int) -> np.ndarray:
+        place = [1, 1, 1]
+        place[axis] = -1
+        return np.broadcast_to(np.asarray(values, float).reshape(place), shape).reshape(-1)
+
+    lanes = Lane(
+        amplitude=spread(asked.amplitudes, 1),
+        frequency=spread(asked.frequencies, 2),
+        values={name: spread(value, 0) for name, value in given.items()},
+        bias=spread(asked.bias, 0),
+        others={name: spread(value, 0) for name, value in sorted(asked.others.items())},
+        clock=spread(0.0, 0),
+    )
+    signals = {asked.input: asked.bias + 0.5, **asked.others, "time": 0.5}
+    states = states_behind(asked.model, asked.output, asked.states, signals)
+    count = len(states)
+    cycle = Cycle(asked.input, asked.output, 1, 4 if remembers(asked.model) else 1, states=states)
+    if asked.method != "harmonic_balance" or not count:
+        solver = Shooting(asked.model, count)
+        return continued(solver, cycle, lanes, shape, samples=asked.samples), None
+    solver = HarmonicBalance(asked.model, count, asked.harmonics)
+    found = continued(solver, cycle, lanes, shape, samples=asked.samples)
+    richer = HarmonicBalance(asked.model, count, more_than(asked.harmonics))
+    error = left_out(richer, cycle, lanes, found)
+    found.reason[too_few(error)] = Reason.FEW_HARMONICS
+    return found, error

@@ -1,0 +1,206 @@
+"""Figures of describing functions."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from diffthrust._support.figures import literal, styled
+from diffthrust._support.words import percent
+from diffthrust.uncertainty._prediction.figures import bracketed
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from diffthrust.describing._band import DescribingBand
+    from diffthrust.describing._map import DescribingMap
+
+CURVES = 6
+"""Curves in one panel."""
+_FEW = 3
+"""With fewer amplitudes or frequencies there are curves and no map."""
+
+
+def map_figure(found: DescribingMap) -> Figure:
+    """Gain and phase: maps with contours, or curves where there are few amplitudes."""
+    gain = np.where(found.settled, found.gain, np.nan)
+    gain = np.where(gain > 0, gain, np.nan)
+    title = f"{found.model}: {found.input} to {found.output}, {found.method.replace('_', ' ')}"
+    labels = bracketed("gain", found.gain_unit), "phase [deg]"
+    if min(gain.shape) < _FEW:
+        return _curves_figure(found, title, (gain, found.phase), labels)
+    figure = _figure(11.0, 4.4, title)
+    left, right = figure.subplots(1, 2)
+    empty = "output does not move"
+    _map(figure, left, found, gain, labels[0], empty, logarithmic=True)
+    _map(figure, right, found, found.phase, labels[1], empty, logarithmic=False)
+    return figure
+
+
+def break_figure(found: DescribingMap) -> Figure:
+    """The break frequency as a map, and over frequency for several amplitudes."""
+    values = found.break_frequency
+    label = "break frequency [rad/s]"
+    title = f"{found.model}: break frequency, {found.method.replace('_', ' ')}"
+    if min(values.shape) < _FEW:
+        return _curves_figure(found, title, (values,), (label,))
+    figure = _figure(11.0, 4.4, title)
+    left, right = figure.subplots(1, 2)
+    _map(figure, left, found, values, label, "no such lag", logarithmic=True)
+    _curves(right, found, values, label)
+    return figure
+
+
+def band_figure(found: DescribingBand) -> Figure:
+    """Gain and phase over frequency for some amplitudes: medians, with bands behind."""
+    from matplotlib import colormaps
+
+    title = f"{found.model}: {found.input} to {found.output}, {percent(found.level)} band"
+    figure = _figure(11.0, 4.2, title)
+    rows = _rows(found.amplitudes.size, 4)
+    parts = (found.gain, bracketed("gain", found.gain_unit)), (found.phase, "phase [deg]")
+    for axes, (values, label) in zip(np.ravel(figure.subplots(1, 2)), parts, strict=True):
+        for j, i in enumerate(rows):
+            colour = colormaps["cividis"](0.85 * j / max(rows.size - 1, 1))
+            median, low, high = values[:, i]
+            axes.fill_between(found.frequencies, low, high, color=colour, alpha=0.3, linewidth=0)
+            told = f"{found.amplitudes[i]:.3g} {found.input_unit}".rstrip()
+            axes.plot(found.frequencies, median, color=colour, linewidth=1.2, label=told)
+        _scales(axes, found, values[:, rows], label)
+    return figure
+
+
+def _figure(width: float, height: float, title: str) -> Figure:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    figure.suptitle(literal(title), fontsize=11, fontweight="bold", x=0.01, ha="left")
+    return figure
+
+
+def _curves_figure(found: DescribingMap, title: str, parts: Any, labels: Any) -> Figure:
+    figure = _figure(5.6 * len(parts), 4.0, title)
+    panels = np.ravel(figure.subplots(1, len(parts)))
+    for axes, values, label in zip(panels, parts, labels, strict=True):
+        _curves(axes, found, values, label)
+    return figure
+
+
+def _map(
+    figure: Figure, axes: Axes, found: DescribingMap, values: np.ndarray, label: str, empty: str,
+    *, logarithmic: bool,
+) -> None:  # fmt: skip
+    from matplotlib.colors import LogNorm, Normalize
+
+    seen = values[np.isfinite(values)]
+    x, y = found.frequencies, found.amplitudes
+    unit = bracketed(f"amplitude of the {found.input}", found.input_unit)
+    styled(axes, literal(label), "frequency [rad/s]", unit)
+    axes.grid(False)
+    for axis, grid in ((axes.xaxis, x), (axes.yaxis, y)):  # before the labels of contours are set
+        _logarithmic(axes, axis, grid[-1] / grid[0])
+    _hatched(axes, found, values, empty)
+    if seen.size:
+        low, high = float(seen.min()), float(seen.max())
+        levels = _levels(low, high, logarithmic)
+        norm = LogNorm(levels[0], levels[-1]) if logarithmic else Normalize(levels[0], levels[-1])
+        shown = np.ma.masked_invalid(values)
+        # cividis reads the same with every kind of colour vision, and in grey
+        mesh = axes.pcolormesh(_edges(x), _edges(y), shown, norm=norm, cmap="cividis")
+        inner = [v for v in levels if low < v < high]
+        if inner and min(shown.shape) >= 2:
+            lines = axes.contour(x, y, shown, levels=inner, colors="white", linewidths=0.8)
+            axes.clabel(lines, fmt=lambda v: f"{v:g}", fontsize=7)
+        bar = figure.colorbar(mesh, ax=axes, ticks=levels, format=lambda v, _: f"{v:g}")
+        bar.ax.minorticks_off()
+        bar.ax.tick_params(labelsize=8)
+
+
+def _hatched(axes: Axes, found: DescribingMap, values: np.ndarray, empty: str) -> None:
+    """Points without an answer, and those where the output does not move or does not lag."""
+    from matplotlib.patches import Patch
+
+    handles = []
+    silent = found.settled & ~np.isfinite(values)
+    for where, hatch, words in ((~found.settled, "xxxx", "not settled"), (silent, "....", empty)):
+        if where.any():
+            axes.pcolor(
+                _edges(found.frequencies), _edges(found.amplitudes),
+                np.ma.masked_where(~where, where * 1.0), hatch=hatch, facecolor="0.92",
+                edgecolor="0.55", linewidth=0,
+                cmap="Greys_r", vmin=0, vmax=1,
+            )  # fmt: skip
+            handles.append(Patch(facecolor="0.95", edgecolor="0.55", hatch=hatch, label=words))
+    if handles:
+        axes.legend(handles=handles, fontsize=8, loc="lower right")
+
+
+def _edges(grid: np.ndarray) -> np.ndarray:
+    """Borders of cells about the points, half way between them in the logarithm."""
+    inner = np.sqrt(grid[:-1] * grid[1:])
+    return np.concatenate([[grid[0] ** 2 / inner[0]], inner, [grid[-1] ** 2 / inner[-1]]])
+
+
+def _curves(axes: Axes, found: DescribingMap, values: np.ndarray, label: str) -> None:
+    from matplotlib import colormaps
+
+    rows = _rows(found.amplitudes.size, CURVES)
+    static = found.static_gain
+    for j, i in enumerate(rows):
+        colour = colormaps["cividis"](0.9 * j / max(rows.size - 1, 1))
+        told = f"{found.amplitudes[i]:.3g} {found.input_unit}".rstrip()
+        if np.isfinite(static[i]) and found.output_unit:
+            told += f" (static {static[i] * found.amplitudes[i]:.3g} {found.output_unit})"
+        dots: dict[str, Any] = {"marker": "o", "markersize": 3} if values.shape[1] <= 20 else {}
+        axes.plot(found.frequencies, values[i], color=colour, linewidth=1.4, label=told, **dots)
+    _scales(axes, found, values[rows], label)
+
+
+def _rows(size: int, most: int) -> np.ndarray:
+    """Some of the amplitudes, evenly."""
+    return np.unique(np.linspace(0, size - 1, min(size, most)).round().astype(int))
+
+
+def _scales(axes: Axes, found: DescribingMap | DescribingBand, values: Any, label: str) -> None:
+    """Labels, scales and legend of curves over the frequency."""
+    styled(axes, literal(label), "frequency [rad/s]", literal(label))
+    w = found.frequencies
+    _logarithmic(axes, axes.xaxis, w[-1] / w[0])
+    seen = values[np.isfinite(values)]
+    if "phase" not in label and seen.size and seen.min() > 0:
+        _logarithmic(axes, axes.yaxis, float(seen.max() / seen.min()))
+    axes.legend(fontsize=7, frameon=False, title=f"amplitude of the {literal(found.input)}",
+                title_fontsize=8)  # fmt: skip
+
+
+def _levels(low: float, high: float, logarithmic: bool) -> np.ndarray:
+    """Round values that reach from the lowest to the highest."""
+    from matplotlib.ticker import MaxNLocator
+
+    if not logarithmic:
+        if high - low < 1e-9 * max(abs(low), abs(high), 1e-9):
+            return np.array([low - 1.0, high + 1.0])
+        return np.asarray(MaxNLocator(9, steps=[1, 1.5, 2, 3, 5, 10]).tick_values(low, high))
+    if high < 1.5 * low:
+        found = np.asarray(MaxNLocator(8).tick_values(low, max(high, low * 1.001)))
+        return found[found > 0]
+    tens = np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
+    parts = (1.0, 2.0, 5.0) if high / low < 2000 else (1.0,)
+    all_of = np.sort(np.ravel(10.0 ** tens[:, None] * np.array(parts)))
+    first = max(int(np.searchsorted(all_of, low, "right")) - 1, 0)
+    last = min(int(np.searchsorted(all_of, high)), all_of.size - 1)
+    return all_of[first : last + 1] if last > first else all_of[:2]
+
+
+def _logarithmic(axes: Axes, axis: Any, span: float) -> None:
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    if span <= 1.0:
+        return
+    (axes.set_xscale if axis is axes.xaxis else axes.set_yscale)("log")
+    dense = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0) if span < 10 else (1.0, 2.0, 5.0)
+    axis.set_major_locator(LogLocator(10, dense if span < 1000 else (1.0,)))
+    axis.set_major_formatter(lambda value, _: f"{value:g}")
+    axis.set_minor_formatter(NullFormatter())

@@ -1,0 +1,92 @@
+"""The quasi-linear describing function of the torque-driven thruster, in closed form.
+
+With the speed taken as a sinusoid, speed |speed| is replaced by (8 / 3 pi) times its amplitude
+times the speed. From commanded to delivered thrust the thruster is then a first-order lag, whose
+break frequency depends on amplitude and frequency.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust.models import Thruster
+from diffthrust.models._base.effect import Effect
+from diffthrust.models._base.model import Model
+
+FORMULAS = ("paper", "consistent")
+
+
+def check_plain(method: str, model: Model, input: str, output: str, bias: float) -> None:
+    """Raise `InputError` for a model, or a way to look at it, that the formulas do not cover."""
+    found: list[str] = []
+    if type(model) is not Thruster:
+        found.append(f"the model '{model.name}'")
+    elif model.effects:
+        found.append(f"the effects {', '.join(_name(e) for e in model.effects)}")
+    if input != "command" or output not in ("thrust", "speed"):
+        found.append(f"the path from {input!r} to {output!r}")
+    if bias != 0:
+        found.append(f"a bias of {bias:g}")
+    if found:
+        raise InputError(
+            f"describing_function: the formula '{method}' is that of the plain thruster, from "
+            f"'command' to 'thrust' or 'speed' about zero; it does not cover {', '.join(found)}.",
+            "Use method='simulation' or method='harmonic_balance'.",
+        )
+
+
+def _name(effect: Effect) -> str:
+    return f"'{effect.name}'"
+
+
+def break_frequency(
+    values: Mapping[str, Any], amplitudes: Any, frequencies: Any, *, paper: bool
+) -> np.ndarray:
+    """The break frequency of the quasi-linear lag [rad/s].
+
+        lambda^2 = (-w^2 + sqrt(w^4 + 4 g (Fc / ct)^2)) / 2
+
+    with Fc = ct (beta / alpha) c and gamma = 8 alpha / (3 pi). The paper has g = gamma^4, having
+    taken the amplitude of the thrust as ct times the squared amplitude of the speed. With the
+    amplitude of the fundamental of the thrust throughout, g = (gamma alpha)^2.
+
+    Args:
+        values: parameters of the thruster; numbers, or arrays that broadcast.
+        amplitudes: of the command [V].
+        frequencies: [rad/s].
+        paper: the formula as printed.
+
+    Source: Yoerger, Cooke & Slotine 1990, section IV, figure 12.
+    """
+    alpha, beta = np.asarray(values["alpha"]), np.asarray(values["beta"])
+    gamma = 8.0 * alpha / (3.0 * np.pi)
+    weight = gamma**4 if paper else (gamma * alpha) ** 2
+    level = 4.0 * weight * (beta / alpha * np.asarray(amplitudes)) ** 2
+    square = np.asarray(frequencies) ** 2
+    # (-a + sqrt(a^2 + b)) / 2 loses its digits where b is small; this does not
+    return np.sqrt(0.5 * level / (square + np.sqrt(square**2 + level)))
+
+
+def quasi_linear(
+    values: Mapping[str, Any], amplitudes: Any, frequencies: Any, output: str, *, paper: bool
+) -> np.ndarray:
+    """The describing function, complex: from the command to the thrust [N/V] or speed [rad/(s V)].
+
+    Args:
+        values: parameters of the thruster; numbers, or arrays that broadcast.
+        amplitudes: of the command [V].
+        frequencies: [rad/s].
+        output: "thrust", a lag of static gain ct beta / alpha; or "speed", for which the static
+            gain is beta over the break frequency.
+        paper: see `break_frequency`.
+    """
+    pace = break_frequency(values, amplitudes, frequencies, paper=paper)
+    beta = np.asarray(values["beta"])
+    if output == "speed":
+        return beta / (pace + 1j * np.asarray(frequencies))
+    static = np.asarray(values["ct"]) * beta / np.asarray(values["alpha"])
+    return static * pace / (pace + 1j * np.asarray(frequencies))

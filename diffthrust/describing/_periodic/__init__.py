@@ -1,0 +1,1 @@
+"""Periodic responses: integrated, shot for, or balanced by harmonics."""

@@ -1,0 +1,68 @@
+"""Searches that found nothing start anew from their neighbours in amplitude and frequency."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+
+from diffthrust.describing._periodic.period import Cycle, Lane
+from diffthrust.describing._periodic.respond import Reason, Responses, Solver, respond, some
+
+SWEEPS = 12
+"""Answers spread by at most so many points of the map."""
+_LOST = (Reason.NOT_CLOSED, Reason.DIVERGES)
+
+
+def continued(
+    solver: Solver,
+    cycle: Cycle,
+    lanes: Lane,
+    shape: tuple[int, int, int],
+    *,
+    samples: int | None = None,
+) -> Responses:
+    """`respond`, and again for lanes that found nothing beside some that did.
+
+    The orbit of the neighbour in amplitude, scaled by the ratio of both, is where such a lane
+    starts; without one, that of the neighbour in frequency.
+
+    Args:
+        solver: how orbits are found.
+        cycle: as for `respond`.
+        lanes: all lanes, of the shape of ``shape`` made flat.
+        shape: draws, amplitudes and frequencies.
+        samples: as for `respond`.
+    """
+    found = respond(solver, cycle, lanes, samples=samples)
+    for _ in range(SWEEPS):
+        lost = np.isin(found.reason, _LOST)
+        beside = _neighbours((found.reason == Reason.SETTLED).reshape(shape))
+        again = np.flatnonzero(lost & (beside >= 0))
+        if not again.size:
+            break
+        source = beside[again]
+        ratio = lanes.amplitude[again] / lanes.amplitude[source]
+        guess = found.x[source] * ratio.reshape(-1, *([1] * (found.x.ndim - 1)))
+        more = respond(solver, cycle, some(lanes, again), samples=samples, guess=guess)
+        better = more.reason == Reason.SETTLED
+        if not better.any():
+            break
+        for field in fields(Responses):
+            getattr(found, field.name)[again[better]] = getattr(more, field.name)[better]
+    return found
+
+
+def _neighbours(settled: np.ndarray) -> np.ndarray:
+    """For each lane one beside it that settled, or -1; ``(D * A * F,)``."""
+    index = np.arange(settled.size).reshape(settled.shape)
+    found = np.full(settled.shape, -1)
+    for axis in (2, 1):  # a neighbour in amplitude overrides one in frequency
+        for shift in (-1, 1):
+            at = np.roll(index, shift, axis)
+            there = np.roll(settled, shift, axis)
+            edge = [slice(None)] * 3
+            edge[axis] = slice(0, 1) if shift == 1 else slice(-1, None)
+            there[tuple(edge)] = False
+            found = np.where(there, at, found)
+    return found.reshape(-1)

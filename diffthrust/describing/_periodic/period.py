@@ -1,0 +1,259 @@
+"""One period of a model under a sinusoid: its inputs, its output, and the harmonics of that.
+
+Traceable pieces that periodic responses are made of, however their states are found. One of them
+is a *lane*: an amplitude, a frequency and values of the parameters. Lanes are worked through in
+blocks of a few; how many there are is a number and not a shape, so that maps of every size share
+one compilation.
+
+Effects with memory act on a whole series. They are given several periods, in the first half of
+which the amplitude grows from nothing. The last one counts, and it is told how much it differs from
+the one before, and from that after a sudden start: what has settled has forgotten how it began. A
+rate limit that acts all the time hardly forgets at all: then the value is sought from which its
+series repeats (`repeating_start`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from diffthrust.describing._periodic.repeating import APART, repeating_start
+from diffthrust.models._base.model import Model
+from diffthrust.models._base.signals import Signals
+from diffthrust.simulation._simulate import driven, read_out, starting_point
+
+BLOCK = 8
+"""Lanes that are worked out together."""
+LENIENT = 1e-3
+"""What two starts leave between them counts this much less than a change from period to period."""
+TINY = 1e-300
+"""Keeps a ratio finite where nothing moves."""
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """How a period is worked out; fixes the compiled code.
+
+    Args:
+        input: the channel that is a sinusoid.
+        output: the output whose harmonics are taken.
+        samples: steps of the period; the input is known twice as densely.
+        periods: how many effects with memory are given to settle.
+        sought: the value with which their series begins is sought, and not left to settle.
+        harmonics: of the states, where these are found by harmonic balance.
+        states: those that are followed; others stay where they begin, for the output does not
+            feel them.
+    """
+
+    input: str
+    output: str
+    samples: int
+    periods: int = 1
+    sought: bool = False
+    harmonics: int = 0
+    states: tuple[str, ...] = ()
+
+
+class Lane(NamedTuple):
+    """One point of a map; or many, with a leading axis in every leaf.
+
+    Args:
+        amplitude: of the input, in its unit.
+        frequency: of the input [rad/s].
+        values: parameters by full name.
+        bias: what the input swings about.
+        others: constant values of other inputs.
+        clock: the time [s] at which the period begins.
+    """
+
+    amplitude: Any
+    frequency: Any
+    values: dict[str, Any]
+    bias: Any
+    others: dict[str, Any]
+    clock: Any
+
+
+class Harmonics(NamedTuple):
+    """What the output of a period shows.
+
+    Args:
+        in_phase: the part of its first harmonic that goes with the input, in the output's unit.
+        ahead: the part that is a quarter of a period ahead of the input.
+        mean: over the period.
+        distortion: root sum square of the higher harmonics over the first.
+        swing: largest less least value.
+        unsettled: change of the series that effects with memory give, from the last but one period
+            to the last, over their swing.
+    """
+
+    in_phase: Any
+    ahead: Any
+    mean: Any
+    distortion: Any
+    swing: Any
+    unsettled: Any
+
+
+class Series(NamedTuple):
+    """The signals that reach the model over a period, at its ``2 samples + 1`` instants."""
+
+    time: Any
+    inputs: dict[str, Any]
+    unsettled: Any
+
+
+def remembers(model: Model) -> bool:
+    """Whether some effect reads other samples than the present one."""
+    return any(effect.memory for effect in model.effects)
+
+
+def driven_period(model: Model, cycle: Cycle, lane: Lane) -> Series:
+    """The inputs as they reach the model in the last of the periods."""
+    dense = 2 * cycle.samples
+    count = jnp.arange(cycle.periods * dense + 1)
+    length = 2.0 * jnp.pi / lane.frequency
+    time = lane.clock + length * (count.astype(float) / dense)
+    turn = (count % dense).astype(float) * (2.0 * jnp.pi / dense)
+    whole = lane.amplitude * jnp.sin(turn)
+
+    def reaching(swing: Any) -> dict[str, Any]:
+        size = swing.shape
+        series = {name: jnp.full(size, value) for name, value in lane.others.items()}
+        series[cycle.input] = lane.bias + swing
+        series, _ = driven(model, time[: size[0]], series)
+        return {name: jnp.broadcast_to(value, size) for name, value in series.items()}
+
+    if cycle.periods == 1:
+        return Series(time, reaching(whole), jnp.asarray(0.0))
+    if cycle.sought:
+        some = whole[: 2 * dense + 1]
+        begin, known = repeating_start(
+            lambda x: reaching(some.at[0].set(x))[cycle.input], lane.amplitude, dense
+        )
+        series = reaching(whole.at[0].set(begin))
+        last = {name: value[-dense - 1 :] for name, value in series.items()}
+        known = known & (_change(series, dense, cycle.periods) <= APART)
+        return Series(time[-dense - 1 :], last, jnp.where(known, 0.0, 1.0))
+    growing = jnp.minimum(count.astype(float) / (0.5 * dense * cycle.periods), 1.0)
+    series, sudden = reaching(growing * whole), reaching(whole)
+    last = {name: value[-dense - 1 :] for name, value in series.items()}
+    apart = {n: jnp.concatenate([sudden[n][-dense:], v[-dense:]]) for n, v in series.items()}
+    unsettled = jnp.maximum(
+        _change(series, dense, cycle.periods), LENIENT * _change(apart, dense, cycle.periods)
+    )
+    return Series(time[-dense - 1 :], last, unsettled)
+
+
+def start_of(model: Model, series: Series) -> dict[str, Any]:
+    """The states with which a log would begin at the start of the period."""
+    first = {name: value[0] for name, value in series.inputs.items()}
+    found = starting_point(model, Signals({**first, "time": series.time[0]}), {})
+    return {name: jnp.asarray(value, float) for name, value in found.items()}
+
+
+def harmonics_of(
+    model: Model, cycle: Cycle, lane: Lane, series: Series, states: Mapping[str, Any]
+) -> Harmonics:
+    """The harmonics of the output, from the states at evenly spaced instants of the period.
+
+    Args:
+        model: the model.
+        cycle: names, and periods for effects with memory on the output.
+        lane: amplitude and frequency.
+        series: the inputs, ``(2 samples + 1,)``.
+        states: the states at every instant or at every second one, the end included; for a model
+            without states, none.
+    """
+    size = next((value.shape[0] for value in states.values()), series.time.shape[0])
+    stride = (series.time.shape[0] - 1) // (size - 1)
+    points = size - 1
+    signals = {n: v[::stride][:-1] for n, v in series.inputs.items()}
+    signals |= {n: v[:-1] for n, v in states.items()}
+    tiled = {n: jnp.tile(v, cycle.periods) for n, v in signals.items()}
+    length = 2.0 * jnp.pi / lane.frequency
+    count = jnp.arange(cycle.periods * points).astype(float)
+    time = series.time[0] + length * (count / points)
+    y = read_out(model, Signals({**tiled, "time": time}))[cycle.output]
+    change = jnp.maximum(series.unsettled, _change({cycle.output: y}, points, cycle.periods))
+    y = y[-points:]
+    turn = jnp.arange(points).astype(float) * (2.0 * jnp.pi / points)
+    in_phase = 2.0 * jnp.mean(y * jnp.sin(turn))
+    ahead = 2.0 * jnp.mean(y * jnp.cos(turn))
+    mean = jnp.mean(y)
+    first = 0.5 * (in_phase**2 + ahead**2)
+    higher = jnp.maximum(jnp.mean((y - mean) ** 2) - first, 0.0)
+    distortion = jnp.where(first > 0, jnp.sqrt(higher / jnp.maximum(first, TINY)), 0.0)
+    swing = jnp.max(y) - jnp.min(y)
+    return Harmonics(in_phase, ahead, mean, distortion, swing, change)
+
+
+def in_blocks(function: Callable[[Any], Any], count: Any, lanes: Any) -> Any:
+    """A function of each of the first ``count`` lanes, block by block; zeros for the others.
+
+    Args:
+        function: from one lane to a tree of arrays.
+        count: how many lanes there are; may be traced.
+        lanes: a tree of arrays with a leading axis that is a multiple of `BLOCK`.
+    """
+    every = jax.vmap(function)
+
+    def part(i: Any) -> Any:
+        return jax.tree.map(lambda x: jax.lax.dynamic_slice_in_dim(x, i * BLOCK, BLOCK), lanes)
+
+    size = jax.tree.leaves(lanes)[0].shape[0]
+    shapes = jax.eval_shape(every, part(0))
+    begin = jax.tree.map(lambda s: jnp.zeros((size, *s.shape[1:]), s.dtype), shapes)
+
+    def body(i: Any, out: Any) -> Any:
+        found = every(part(i))
+        return jax.tree.map(
+            lambda o, f: jax.lax.dynamic_update_slice_in_dim(o, f, i * BLOCK, 0), out, found
+        )
+
+    return jax.lax.fori_loop(0, (count + BLOCK - 1) // BLOCK, body, begin)
+
+
+def idle(matrix: np.ndarray, least: Any) -> np.ndarray:
+    """Unknowns that no equation depends on but those of others like it, ``(lanes, m)``.
+
+    Such is the position of a vehicle that nothing pulls back: its own equation says only how fast
+    it drifts, and is to be left out with it.
+
+    Args:
+        matrix: derivative of the equations (rows) by the unknowns, ``(lanes, m, m)``.
+        least: size up to which a derivative counts as none; a number, or ``(lanes, 1)``.
+    """
+    found = np.zeros(matrix.shape[:2], bool)
+    size = np.abs(matrix)
+    while True:
+        rest = np.where(found[:, :, None], 0.0, size).max(axis=1, initial=0.0)
+        more = (rest <= least) & ~found
+        if not more.any():
+            return found
+        found |= more
+
+
+def held_fast(matrix: np.ndarray, rest: np.ndarray, which: np.ndarray) -> None:
+    """Change equations such that the unknowns of ``which`` stay where they are; in place."""
+    lane, place = np.nonzero(which)
+    matrix[lane, place, :] = 0.0
+    matrix[lane, place, place] = 1.0
+    rest[lane, place] = 0.0
+
+
+def _change(series: Mapping[str, Any], period: int, periods: int) -> Any:
+    """The largest change from the last but one period to the last, over the swing."""
+    if periods < 2:
+        return jnp.asarray(0.0)
+    changes = []
+    for value in series.values():
+        last, before = value[-period:], value[-2 * period : -period]
+        swing = jnp.max(last) - jnp.min(last)
+        changes.append(jnp.max(jnp.abs(last - before)) / jnp.maximum(swing, TINY))
+    return jnp.max(jnp.stack(changes))

@@ -1,0 +1,297 @@
+"""Periodic responses of many lanes, each with steps as fine as it needs.
+
+Every lane begins with few steps to the period. They are multiplied until its first harmonic stays
+where it is, and an effect with memory goes through stages until its series repeats. Then the orbit
+is run through once more on a later clock: what has settled gives the same again. A lane that fails
+one of these checks is marked with the reason, never passed on as an answer.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from enum import IntEnum
+from functools import lru_cache
+from typing import Any, Protocol
+
+import numpy as np
+
+from diffthrust.describing._periodic.period import BLOCK, Cycle, Harmonics, Lane
+
+FINE = 2e-4
+"""The error that is left in a first harmonic. It is judged by the change as the steps get finer, as
+if it fell with their first power, which is so where an effect has corners; elsewhere it falls with
+the second to the fourth and is far smaller."""
+LARGEST = 2**20
+"""Instants of a series with all its periods, at most: what the memory holds."""
+REPEATED = 1e-6
+"""An effect with memory has settled where its series changes less over a period, of its swing."""
+SAME = 1e-4
+"""A further period may change the first harmonic and the mean by no more than this."""
+STAGES = ((4, False), (4, True), (32, False), (256, False), (4, True))
+"""What an effect with memory that has not settled gets, in this order: periods, and whether its
+start is sought. A rate limit settles in the second, a long delay in the third or fourth; in the
+last the steps get finer until a rate limit feels small offsets."""
+LONGEST = max(periods for periods, _ in STAGES)
+STILL = 1e-6
+"""An output that swings less, of its mean, does not move."""
+LATER = 1e5
+"""Clock [s] of the further period: a model that changes with the time of a log shows itself."""
+FAILURES = 3
+"""Step lengths at which the search for an orbit may end without one: while the steps are too long
+for the model, there may be none."""
+
+
+class Reason(IntEnum):
+    """Why a lane has no answer."""
+
+    SETTLED = 0
+    DIVERGES = 1
+    NOT_CLOSED = 2
+    UNSTABLE = 3
+    COARSE = 4
+    MEMORY = 5
+    CLOCK = 6
+    FEW_HARMONICS = 7
+
+    @property
+    def words(self) -> str:
+        """The reason in words."""
+        return _WORDS[self]
+
+
+_WORDS = {
+    Reason.SETTLED: "settled",
+    Reason.DIVERGES: "the response diverges",
+    Reason.NOT_CLOSED: "no response that repeats was found",
+    Reason.UNSTABLE: "the response that repeats is unstable",
+    Reason.COARSE: "the first harmonic still moves as the steps get finer",
+    Reason.MEMORY: "an effect with memory does not forget how it began",
+    Reason.CLOCK: "the response drifts, or changes with the time of the log",
+    Reason.FEW_HARMONICS: "more harmonics would change the first one by more than it may err",
+}
+
+
+@dataclass(frozen=True)
+class Solved:
+    """What a search at one step length gave, by lane.
+
+    Args:
+        x: what it searched for.
+        harmonics: of the output.
+        reason: ``SETTLED`` where it found an orbit.
+    """
+
+    x: np.ndarray
+    harmonics: Harmonics
+    reason: np.ndarray
+
+
+class Solver(Protocol):
+    """A way to find periodic orbits."""
+
+    capacity: int
+    """Lanes of one call."""
+    coarsest: int
+    """Steps to the period at first."""
+    finest: int
+    growth: int
+    """Finer steps are finer by this factor."""
+
+    def begin(self, cycle: Cycle, count: int, lanes: Lane) -> np.ndarray:
+        """Where the search starts, by lane."""
+        ...
+
+    def solve(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> Solved:
+        """Search from ``x``."""
+        ...
+
+    def again(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> Solved:
+        """One further period of orbits that were found."""
+        ...
+
+
+@dataclass(frozen=True)
+class Responses:
+    """Periodic responses by lane, ``(L,)`` each.
+
+    Args:
+        first: first harmonic of the output over the amplitude of the input, complex.
+        mean: of the output.
+        distortion: higher harmonics over the first.
+        reason: see `Reason`.
+        samples: steps to the period.
+        stage: of `STAGES`, in which effects with memory settled.
+        x: the orbits, as the solver knows them.
+    """
+
+    first: np.ndarray
+    mean: np.ndarray
+    distortion: np.ndarray
+    reason: np.ndarray
+    samples: np.ndarray
+    stage: np.ndarray
+    x: np.ndarray
+
+
+def respond(
+    solver: Solver,
+    cycle: Cycle,
+    lanes: Lane,
+    *,
+    samples: int | None = None,
+    guess: np.ndarray | None = None,
+) -> Responses:
+    """The periodic responses of all lanes.
+
+    Args:
+        solver: how orbits are found.
+        cycle: names; its samples are where the search starts.
+        lanes: amplitudes, frequencies and parameters, ``(L,)`` each.
+        samples: steps to the period, where these are not to be chosen.
+        guess: where to start from, instead of the model's own initial states.
+    """
+    size = lanes.amplitude.size
+    steps = np.full(size, samples or max(cycle.samples, solver.coarsest))
+    last_steps = samples or solver.finest
+    stage = np.zeros(size, int)
+    own = guess is None
+    origin = over(solver, cycle, lanes, np.arange(size), solver.begin) if own else guess
+    x: np.ndarray = np.array(origin)
+    mean, distortion, first = np.zeros(size), np.zeros(size), np.zeros(size, complex)
+    before = np.full(size, np.nan, complex)
+    reason, failed = np.full(size, -1), np.zeros(size, int)
+    while (active := np.flatnonzero(reason < 0)).size:
+        for n, k in sorted(set(zip(steps[active], stage[active], strict=True))):
+            who = active[(steps[active] == n) & (stage[active] == k)]
+            at = staged(cycle, n, k)
+            found = over(solver, at, lanes, who, solver.solve, x)
+            h = found.harmonics
+            first[who] = first_harmonic(h, lanes.amplitude[who])
+            mean[who], distortion[who] = h.mean, h.distortion
+            bad = found.reason != Reason.SETTLED
+            x[who] = np.where(_like(bad, x), np.asarray(origin)[who], found.x)
+            failed[who] += found.reason == Reason.NOT_CLOSED
+            # all stages first, then finer steps
+            # an output that does not move may still wait for the end of a delay
+            still = (at.periods > 1) & (h.swing <= STILL * np.abs(h.mean))
+            restless = ~bad & (~(h.unsettled <= REPEATED) | still & (at.periods < LONGEST))
+            later = [i for i in range(k + 1, len(STAGES)) if 2 * n * STAGES[i][0] <= LARGEST]
+            stage[who] = np.where(restless, later[0] if later else k, k)
+            floor = 1e-3 * h.swing / lanes.amplitude[who]
+            change = np.abs(first[who] - before[who])
+            near = change <= FINE * (solver.growth - 1) * np.maximum(np.abs(first[who]), floor)
+            near = near | still | (samples is not None)
+            reason[who[~bad & ~restless & near]] = Reason.SETTLED
+            finer = bad | (~restless & ~near) | (restless & (not later))
+            before[who] = np.where(bad | restless, np.nan, first[who])
+            finer_steps = solver.growth * n
+            last = min(last_steps, LARGEST // (2 * at.periods))
+            gone = finer & ((finer_steps > last) | (failed[who] >= FAILURES))
+            unclear = np.where(restless, Reason.MEMORY, Reason.COARSE)
+            reason[who[gone]] = np.where(bad, found.reason, unclear)[gone]
+            steps[who[finer & ~gone]] = finer_steps
+    _check_again(solver, cycle, lanes, x, first, mean, reason, steps, stage)
+    return Responses(first, mean, distortion, reason, steps, stage, x)
+
+
+def _check_again(
+    solver: Solver, cycle: Cycle, lanes: Lane, x: Any, first: Any, mean: Any, reason: Any,
+    steps: Any, stage: Any,
+) -> None:  # fmt: skip
+    """Mark the lanes that a further period, on a later clock, shows not to have settled."""
+    later = lanes._replace(clock=np.full_like(lanes.amplitude, LATER))
+    settled = np.flatnonzero(reason == Reason.SETTLED)
+    for n, k in sorted(set(zip(steps[settled], stage[settled], strict=True))):
+        who = settled[(steps[settled] == n) & (stage[settled] == k)]
+        at = staged(cycle, n, k)
+        found = over(solver, at, later, who, solver.again, x)
+        h = found.harmonics
+        amplitude = lanes.amplitude[who]
+        change = np.abs(first_harmonic(h, amplitude) - first[who])
+        swing = np.maximum(h.swing / amplitude, np.abs(first[who]))
+        moved = np.abs(h.mean - mean[who]) / amplitude
+        same = (change <= SAME * np.maximum(np.abs(first[who]), 1e-3 * swing)) & (
+            moved <= SAME * swing
+        )
+        reason[who] = np.where(found.reason == Reason.SETTLED, reason[who], found.reason)
+        reason[who[(found.reason == Reason.SETTLED) & ~same]] = Reason.CLOCK
+
+
+def staged(cycle: Cycle, samples: Any, stage: Any) -> Cycle:
+    """The cycle with so many steps, at a stage of `STAGES`; only effects with memory have any."""
+    if cycle.periods == 1:
+        return replace(cycle, samples=int(samples))
+    periods, sought = STAGES[stage]
+    return replace(cycle, samples=int(samples), periods=periods, sought=sought)
+
+
+def first_harmonic(found: Harmonics, amplitude: np.ndarray) -> np.ndarray:
+    """The first harmonic of the output over that of the input, complex ``(L,)``."""
+    return (found.in_phase + 1j * found.ahead) / amplitude
+
+
+def _like(flags: np.ndarray, x: np.ndarray) -> np.ndarray:
+    return flags.reshape(flags.size, *([1] * (x.ndim - 1)))
+
+
+def over(
+    solver: Solver,
+    cycle: Cycle,
+    lanes: Lane,
+    who: np.ndarray,
+    act: Callable[..., Any],
+    x: Any = None,
+) -> Any:
+    """An act of the solver on some lanes, in portions that the cores of the machine share."""
+    portions = [*_portions(who, solver.capacity)]
+
+    def one(part: np.ndarray) -> Any:
+        given = () if x is None else (_padded(x[part], solver.capacity),)
+        return act(cycle, part.size, some(lanes, _padded(part, solver.capacity)), *given)
+
+    done = [one(portions[0])] if len(portions) == 1 else [*pool().map(one, portions)]
+    order = np.argsort(np.concatenate(portions), kind="stable")
+    first = done[0]
+    if isinstance(first, np.ndarray):
+        return np.concatenate(done)[order]
+    fields = [np.concatenate([d.harmonics[i] for d in done])[order] for i in range(6)]
+    return Solved(
+        np.concatenate([d.x for d in done])[order],
+        Harmonics(*fields),
+        np.concatenate([d.reason for d in done])[order],
+    )
+
+
+def _portions(who: np.ndarray, capacity: int) -> Iterator[np.ndarray]:
+    """Lanes in portions of equal work: neighbours, who are equally slow, are dealt out in turn."""
+    cores = os.cpu_count() or 1
+    least = -(-who.size // BLOCK) if who.size else 1
+    count = max(-(-who.size // capacity), min(cores, least))
+    for i in range(count):
+        yield who[i::count]
+
+
+def _padded(values: np.ndarray, size: int) -> np.ndarray:
+    """Filled up to ``size`` with the last lane, which is worked out again at most."""
+    return np.concatenate([values, np.repeat(values[-1:], size - values.shape[0], axis=0)])
+
+
+def some(lanes: Lane, who: np.ndarray) -> Lane:
+    """Some of the lanes."""
+    return Lane(
+        lanes.amplitude[who],
+        lanes.frequency[who],
+        {name: value[who] for name, value in lanes.values.items()},
+        lanes.bias[who],
+        {name: value[who] for name, value in lanes.others.items()},
+        lanes.clock[who],
+    )
+
+
+@lru_cache(maxsize=1)
+def pool() -> ThreadPoolExecutor:
+    """The threads that share the portions."""
+    return ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="diffthrust-map")

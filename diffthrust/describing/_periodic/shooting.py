@@ -1,0 +1,168 @@
+"""The periodic orbit of a model under a sinusoid, by shooting.
+
+The states after one period are a function of those before it; the orbit is where both are equal.
+Newton's method finds it with the forward-mode Jacobian of that function, which the integration
+gives along the way. Waiting for the transient instead would take thousands of periods where a
+thruster turns slowly under a fast command: its damping vanishes with its speed.
+
+Source: Nayfeh & Balachandran 1995, Applied Nonlinear Dynamics, section 6.1 (shooting); section 3.2
+(stability by the multipliers of the period map).
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from diffthrust.describing._periodic.period import (
+    TINY,
+    Cycle,
+    Harmonics,
+    Lane,
+    driven_period,
+    harmonics_of,
+    held_fast,
+    idle,
+    in_blocks,
+    start_of,
+)
+from diffthrust.models._base.model import Model
+from diffthrust.simulation._integrate import integrate
+from diffthrust.simulation._simulate import Key, rates_of
+
+ROUNDS = 40
+"""Periods that may be integrated for one orbit, at one step length."""
+CLOSED = 1e-7
+"""An orbit is found where Newton's next step is so short against the swing of the states."""
+FREE = 1e-9
+"""A direction in which the period map changes this little of a displacement is not held by the
+model, as the position of a vehicle that nothing pulls back."""
+UNSTABLE = 1e-6
+"""A multiplier of the period map may exceed one by so much; rounding, and free directions."""
+
+
+class Orbit(NamedTuple):
+    """What one period shows, by lane.
+
+    Args:
+        start: states at its start, ``(n,)``.
+        end: states at its end, ``(n,)``.
+        slope: derivative of the end with respect to the start, ``(n, n)``.
+        swing: largest less least value of each state, ``(n,)``.
+        harmonics: of the output.
+    """
+
+    start: Any
+    end: Any
+    slope: Any
+    swing: Any
+    harmonics: Harmonics
+
+
+def one_period(model: Model, cycle: Cycle, lane: Lane, start: Any) -> Orbit:
+    """Integrate over one period, with the derivative with respect to the start.
+
+    Args:
+        model: the model with the lane's parameters.
+        cycle: how.
+        lane: amplitude and frequency.
+        start: the states that are followed, in their order, ``(n,)``.
+    """
+    series = driven_period(model, cycle, lane)
+    names, others = cycle.states, start_of(model, series)
+    inputs = {n: (v[:-1:2], v[1::2], v[2::2]) for n, v in series.inputs.items()}
+    inputs["time"] = series.time[:-1:2], series.time[1::2], series.time[2::2]
+    steps = jnp.full(cycle.samples, 2.0 * jnp.pi / lane.frequency / cycle.samples)
+
+    def rates(state: Any, u: Any) -> dict[str, Any]:
+        return {
+            n: k for n, k in rates_of(model, names, {**others, **state}, u).items() if n in names
+        }
+
+    def end_of(x: Any) -> tuple[Any, dict[str, Any]]:
+        begin = {name: x[i] for i, name in enumerate(names)}
+        path = integrate(rates, begin, inputs, steps, {}, uniform=True)
+        return jnp.stack([path[name][-1] for name in names]), path
+
+    if not names:
+        empty = jnp.zeros(0)
+        seen = harmonics_of(model, cycle, lane, series, _still(others, 2 * cycle.samples + 1))
+        return Orbit(empty, empty, jnp.zeros((0, 0)), empty, seen)
+    along, path = jax.jacfwd(end_of, has_aux=True)(start)
+    swing = jnp.stack([jnp.max(path[n]) - jnp.min(path[n]) for n in names])
+    end = jnp.stack([path[n][-1] for n in names])
+    whole = {**_still(others, cycle.samples + 1), **path}
+    return Orbit(start, end, along, swing, harmonics_of(model, cycle, lane, series, whole))
+
+
+def _still(states: dict[str, Any], size: int) -> dict[str, Any]:
+    return {name: jnp.full(size, value) for name, value in states.items()}
+
+
+@partial(jax.jit, static_argnums=(0, 1))
+def periods(key: Key, cycle: Cycle, count: Any, lanes: Lane, start: Any) -> Orbit:
+    """`one_period` of the first ``count`` lanes, from ``start`` ``(lanes, n)``."""
+
+    def one(lane_and_start: tuple[Lane, Any]) -> Orbit:
+        lane, begin = lane_and_start
+        return one_period(key.model.bind(lane.values), cycle, lane, begin)
+
+    return in_blocks(one, count, (lanes, start))
+
+
+@partial(jax.jit, static_argnums=(0, 1))
+def starts(key: Key, cycle: Cycle, count: Any, lanes: Lane) -> Any:
+    """Where the states that are followed begin by themselves, of the first ``count`` lanes."""
+
+    def one(lane: Lane) -> Any:
+        model = key.model.bind(lane.values)
+        found = start_of(model, driven_period(model, cycle, lane))
+        return jnp.stack([found[n] for n in cycle.states]) if cycle.states else jnp.zeros(0)
+
+    return in_blocks(one, count, lanes)
+
+
+def newton_step(orbit: Orbit) -> np.ndarray:
+    """The step that would close each orbit, in units of the swing of its states, ``(lanes, n)``.
+
+    Directions that the model does not hold are left alone. NaN where the period diverges.
+    """
+    scale = scale_of(orbit)
+    rest = (np.asarray(orbit.end) - np.asarray(orbit.start)) / scale
+    slope = np.asarray(orbit.slope) * scale[:, None, :] / scale[:, :, None]
+    matrix = np.eye(rest.shape[1]) - slope
+    fine = np.asarray(np.isfinite(rest).all(axis=1) & np.isfinite(matrix).all(axis=(1, 2)))
+    held_fast(matrix, rest, idle(matrix, FREE) & fine[:, None])
+    step = np.full(rest.shape, np.nan)
+    if rest.shape[1] == 1:
+        held = fine & (np.abs(matrix[:, 0, 0]) > FREE)
+        step[fine] = 0.0
+        step[held, 0] = rest[held, 0] / matrix[held, 0, 0]
+    elif fine.any():
+        u, s, vh = np.linalg.svd(matrix[fine])
+        inverse = np.where(s > FREE, 1.0 / np.maximum(s, FREE), 0.0)
+        along = inverse * np.einsum("lji,lj->li", u, rest[fine])
+        step[fine] = np.einsum("lij,li->lj", vh, along)
+    return step
+
+
+def scale_of(orbit: Orbit) -> np.ndarray:
+    """The swing of each state, or its size where it does not swing, ``(lanes, n)``."""
+    swing, size = np.asarray(orbit.swing), np.abs(np.asarray(orbit.start))
+    with np.errstate(invalid="ignore"):
+        return np.where(swing > 1e-9 * size, swing, np.where(size > 0, size, 1.0)) + TINY
+
+
+def unstable(orbit: Orbit) -> np.ndarray:
+    """Whether a small displacement from each orbit grows from period to period, ``(lanes,)``."""
+    slope = np.asarray(orbit.slope)
+    if not slope.shape[-1]:
+        return np.zeros(slope.shape[0], bool)
+    fine = np.isfinite(slope).all(axis=(1, 2))
+    grows = np.zeros(slope.shape[0], bool)
+    grows[fine] = np.abs(np.linalg.eigvals(slope[fine])).max(axis=1) > 1.0 + UNSTABLE
+    return grows

@@ -1,0 +1,226 @@
+"""The searches for periodic orbits: Newton's method by shooting, and by harmonic balance."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from diffthrust.describing._periodic import harmonic_balance as hb
+from diffthrust.describing._periodic import shooting as shooting
+from diffthrust.describing._periodic.period import BLOCK, TINY, Cycle, Lane, remembers
+from diffthrust.describing._periodic.respond import LARGEST, Reason, Solved
+from diffthrust.models._base.model import Model
+from diffthrust.simulation._simulate import Key
+
+COARSEST_SERIES = 1024
+"""Steps to the period at first, with an effect that has memory. A rate limit that always acts turns
+its series half a step late on the average: twice as many steps then keep it within 0.1 degree."""
+FINEST_SERIES = 16384
+"""Steps to the period at last, with such an effect."""
+LANES = 512
+"""Lanes of one call."""
+NUMBERS = 2_000_000
+"""A call of the harmonic balance holds Jacobians of so many numbers in all."""
+
+
+class Shooting:
+    """Orbits by shooting: simulation to the periodic steady state."""
+
+    def __init__(self, model: Model, states: int) -> None:
+        self.key = Key(model)
+        self.capacity = LANES
+        # few different lengths: each is a program to compile, which takes longer than to run it
+        self.coarsest, self.finest, self.growth = (128, 8192, 4) if states else (256, 65536, 4)
+        if remembers(model):
+            self.coarsest, self.finest = COARSEST_SERIES, max(self.finest, FINEST_SERIES)
+
+    def begin(self, cycle: Cycle, count: int, lanes: Lane) -> np.ndarray:
+        """The model's own initial states, ``(count, n)``."""
+        return np.asarray(shooting.starts(self.key, cycle, count, lanes))[:count]
+
+    def solve(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> Solved:
+        """Newton's method on the period map; where it leads astray, one more period instead."""
+        x = np.array(x)
+        best = np.full(count, np.inf)  # how far from closed, at the last point that was kept
+        after = x[:count].copy()  # one period after that point
+        reason = np.full(count, Reason.NOT_CLOSED)
+        kept = None
+        active = np.arange(count)
+        for _ in range(shooting.ROUNDS):
+            orbit = self._run(cycle, active, lanes, x)
+            step = shooting.newton_step(orbit)
+            far = np.abs(step).max(axis=1, initial=0.0)
+            kept = _merged(kept, orbit, active, count)
+            closed = far <= shooting.CLOSED
+            broken = ~np.isfinite(far) & ~np.isfinite(best[active])
+            reason[active[closed]] = Reason.SETTLED
+            reason[active[broken]] = Reason.DIVERGES
+            worse = ~(far < best[active])
+            scale = shooting.scale_of(orbit)
+            with np.errstate(invalid="ignore"):
+                onward = np.asarray(orbit.start) + scale * step
+            onward = np.where(worse[:, None], after[active], onward)
+            best[active] = np.where(worse, np.inf, far)
+            after[active] = np.where(worse[:, None], after[active], np.asarray(orbit.end))
+            go = ~closed & ~broken
+            active = active[go]
+            if not active.size:
+                break
+            x[active] = onward[go]
+        assert kept is not None
+        grows = shooting.unstable(kept)
+        reason = np.where((reason == Reason.SETTLED) & grows, Reason.UNSTABLE, reason)
+        return Solved(kept.start, kept.harmonics, reason)
+
+    def again(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> Solved:
+        """One more period from where the orbits ended."""
+        now = self._run(cycle, np.arange(count), lanes, x)
+        following = np.array(x)
+        following[:count] = now.end
+        found = self._run(cycle, np.arange(count), lanes, following)
+        return Solved(found.start, found.harmonics, np.full(count, Reason.SETTLED))
+
+    def _run(self, cycle: Cycle, who: np.ndarray, lanes: Lane, x: np.ndarray) -> shooting.Orbit:
+        own, begin = _front(lanes, x, who)
+        found = shooting.periods(self.key, cycle, who.size, own, begin)
+        return _cut(found, who.size)
+
+
+class HarmonicBalance:
+    """Orbits by harmonic balance."""
+
+    def __init__(self, model: Model, states: int, harmonics: int) -> None:
+        self.key = Key(model)
+        self.harmonics = harmonics
+        unknowns = (states * (2 * harmonics + 1)) ** 2
+        self.capacity = max(BLOCK, min(LANES, NUMBERS // unknowns) // BLOCK * BLOCK)
+        self.coarsest = max(32, 1 << (4 * harmonics - 1).bit_length())
+        if remembers(model):
+            self.coarsest = max(self.coarsest, COARSEST_SERIES)
+        self.finest, self.growth = max(4096, self.coarsest), 2
+
+    def begin(self, cycle: Cycle, count: int, lanes: Lane) -> np.ndarray:
+        """Constant states, the model's own initial ones, ``(count, n, c)``."""
+        first = np.asarray(shooting.starts(self.key, cycle, count, lanes))[:count]
+        x = np.zeros((*first.shape, 2 * self.harmonics + 1))
+        x[:, :, 0] = first
+        return x
+
+    def solve(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> Solved:
+        """Newton's method, its step halved where it would lead further away.
+
+        Further in Deuflhard's natural measure: by the length of the step that the Jacobian of the
+        last point would take from the new one. The rest itself will not do, for its parts have
+        the units of different states.
+        """
+        x = np.array(x)
+        point, step = x[:count].copy(), np.zeros_like(x[:count])
+        share, length = np.ones(count), np.full(count, np.inf)
+        reason = np.full(count, Reason.NOT_CLOSED)
+        kept: hb.Balance | None = None
+        active = np.arange(count)
+        for _ in range(hb.ROUNDS):
+            found = self._run(cycle, active, lanes, x)
+            keep = np.isfinite(found.rest).all(axis=(1, 2))
+            if kept is None:
+                reason[~keep] = Reason.DIVERGES
+                kept = _merged(None, found, active, count)
+            else:
+                unit = _size(point[active] + step[active])
+                old = np.asarray(kept.slope)[active]
+                bar = hb.newton_step(old, found.rest) / unit[:, :, None]
+                with np.errstate(invalid="ignore"):
+                    keep &= np.abs(bar).max(axis=(1, 2)) <= length[active]
+                keep |= share[active] <= hb.SHORTEST
+            new = active[keep]
+            kept = _merged(kept, found, new, count, keep)
+            point[new], share[new] = x[new], np.minimum(1.0, 4.0 * share[new])
+            step[new] = hb.newton_step(found.slope[keep], found.rest[keep])
+            share[active[~keep]] *= 0.5
+            unit = _size(point[active] + step[active])
+            length[active] = (np.abs(step[active]) / unit[:, :, None]).max(axis=(1, 2))
+            closed = keep & (length[active] <= hb.CLOSED)
+            reason[active[closed]] = Reason.SETTLED
+            broken = ~np.isfinite(length[active])
+            reason[active[broken]] = Reason.DIVERGES
+            active = active[~closed & ~broken]
+            if not active.size:
+                break
+            x[active] = point[active] + share[active][:, None, None] * step[active]
+        assert kept is not None
+        return Solved(point, kept.harmonics, reason)
+
+    def again(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> Solved:
+        """The same coefficients on a later clock, those that drift a period further."""
+        every = np.arange(count)
+        now = self._run(cycle, every, lanes, x)
+        drifts = hb.drifting(np.asarray(now.slope)).reshape(now.rest.shape)
+        period = (2.0 * np.pi / lanes.frequency[:count])[:, None, None]
+        x = np.array(x)
+        x[:count] -= np.where(drifts, now.rest * period, 0.0)
+        found = self._run(cycle, every, lanes, x)
+        return Solved(x[:count], found.harmonics, np.full(count, Reason.SETTLED))
+
+    def judge(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> Solved:
+        """One step towards the balance that many more instants than the cycle's ask for.
+
+        The slope is that at the cycle's own instants: a step needs to be right in its first digits.
+        """
+        every, x = np.arange(count), np.array(x)
+        dense = min(max(hb.DENSE, cycle.samples), LARGEST // (2 * cycle.periods))
+        many = replace(cycle, samples=dense)
+        slope = self._run(cycle, every, lanes, x).slope
+        x[:count] += hb.newton_step(slope, self._run(many, every, lanes, x, sloped=False).rest)
+        seen = self._run(many, every, lanes, x, sloped=False).harmonics
+        fine = np.isfinite(x[:count]).all(axis=(1, 2))
+        return Solved(x[:count], seen, np.where(fine, Reason.SETTLED, Reason.NOT_CLOSED))
+
+    def _run(
+        self, cycle: Cycle, who: np.ndarray, lanes: Lane, x: np.ndarray, sloped: bool = True
+    ) -> hb.Balance:
+        own, begin = _front(lanes, x, who)
+        cycle = _with_harmonics(cycle, self.harmonics)
+        return _cut(hb.balances(self.key, cycle, who.size, own, begin, sloped), who.size)
+
+
+def _size(x: np.ndarray) -> np.ndarray:
+    """The largest coefficient of each state, ``(lanes, n)``."""
+    return np.abs(x).max(axis=2) + TINY
+
+
+def _with_harmonics(cycle: Cycle, harmonics: int) -> Cycle:
+    return replace(cycle, harmonics=harmonics)
+
+
+def _front(lanes: Lane, x: np.ndarray, who: np.ndarray) -> tuple[Lane, np.ndarray]:
+    """Some lanes moved to the front, the last of them repeated behind."""
+    order = np.concatenate([who, np.full(x.shape[0] - who.size, who[-1])])
+    take = {"values": {n: v[order] for n, v in lanes.values.items()}}
+    take["others"] = {n: v[order] for n, v in lanes.others.items()}
+    plain = {n: getattr(lanes, n)[order] for n in ("amplitude", "frequency", "bias", "clock")}
+    return Lane(**plain, **take), x[order]
+
+
+def _tree(function: Any, *things: Any) -> Any:
+    first = things[0]
+    if isinstance(first, tuple):
+        return type(first)(*(_tree(function, *parts) for parts in zip(*things, strict=True)))  # pyright: ignore
+    return function(*things)
+
+
+def _cut(found: Any, count: int) -> Any:
+    return _tree(lambda a: np.asarray(a)[:count], found)
+
+
+def _merged(kept: Any, found: Any, who: np.ndarray, count: int, flags: Any = slice(None)) -> Any:
+    """What was kept of all lanes, with those of ``who`` anew."""
+    if kept is None:
+        kept = _tree(lambda a: np.zeros((count, *a.shape[1:])), found)
+
+    def put(old: np.ndarray, new: np.ndarray) -> np.ndarray:
+        old[who] = new[flags]
+        return old
+
+    return _tree(put, kept, found)

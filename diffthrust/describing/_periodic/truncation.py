@@ -1,0 +1,85 @@
+"""What a harmonic balance leaves out: how much more harmonics would change the first one.
+
+From the coefficients that were found, one step of Newton's method is taken with at least twice as
+many harmonics, and with the equations seen at far more instants. A corner of the equations (a dead
+band, a saturation, dry friction) has harmonics without end, and nothing but those beyond the ones
+kept tells what they are worth. Where that step is not short, the balance is found anew first. The
+change is enlarged by what would still be to come if it fell with the first power of the number of
+harmonics; as a rule it falls faster.
+
+Source: Krack & Gross 2019, Harmonic Balance for Nonlinear Vibration Problems, chapter 2.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from diffthrust.describing._periodic.period import TINY, Cycle, Harmonics, Lane
+from diffthrust.describing._periodic.respond import Reason, Responses, first_harmonic, over, staged
+from diffthrust.describing._periodic.solvers import HarmonicBalance
+
+GAIN, PHASE = 1e-3, 0.1
+"""Error of the gain (relative) and of the phase [deg] that an answer may have."""
+DOUBTFUL = 10.0
+"""One step will do where it shows an error so many times smaller."""
+LEAST = 15
+"""Fewer harmonics would not do to judge others: between three and seven the change may be nothing
+by chance."""
+
+
+def more_than(harmonics: int) -> int:
+    """How many harmonics judge so many."""
+    return max(2 * harmonics + 1, LEAST)
+
+
+def left_out(richer: HarmonicBalance, cycle: Cycle, lanes: Lane, found: Responses) -> np.ndarray:
+    """The error of each first harmonic, relative to it, complex ``(L,)``.
+
+    Args:
+        richer: a balance with more harmonics.
+        cycle: names, as for `respond`.
+        lanes: amplitudes, frequencies and parameters, ``(L,)`` each.
+        found: what was found with fewer harmonics.
+
+    Returns:
+        The real part is that of the gain, the imaginary one that of the phase [rad]. NaN where
+        there is no answer, infinite where more harmonics lead nowhere.
+    """
+    error = np.full(lanes.amplitude.size, np.nan, complex)
+    more = 2 * richer.harmonics + 1 - found.x.shape[-1]
+    share = more / (2 * richer.harmonics)  # of the error, if that falls with the first power
+    x = np.pad(found.x, ((0, 0), (0, 0), (0, more)))
+
+    def judged(who: np.ndarray, at: Cycle) -> np.ndarray:
+        seen = over(richer, at, lanes, who, richer.judge, x)
+        change = _relative_change(seen.harmonics, lanes.amplitude[who], found.first[who])
+        return np.where(seen.reason == Reason.SETTLED, change / share, np.inf)
+
+    settled = np.flatnonzero(found.reason == Reason.SETTLED)
+    for n, k in sorted(set(zip(found.samples[settled], found.stage[settled], strict=True))):
+        who = settled[(found.samples[settled] == n) & (found.stage[settled] == k)]
+        at = staged(cycle, max(n, richer.coarsest), k)
+        error[who] = judged(who, at)
+        doubtful = who[too_few(DOUBTFUL * error[who])]
+        if doubtful.size:
+            solved = over(richer, at, lanes, doubtful, richer.solve, x)
+            x[doubtful] = solved.x
+            error[doubtful] = judged(doubtful, at)
+            error[doubtful[solved.reason != Reason.SETTLED]] = np.inf
+    return error
+
+
+def too_few(error: np.ndarray) -> np.ndarray:
+    """Whether an error of `left_out` is beyond what an answer may have, ``(L,)``."""
+    with np.errstate(invalid="ignore"):
+        gain, phase = np.abs(np.real(error)), np.degrees(np.abs(np.imag(error)))
+        return (gain > GAIN) | (phase > PHASE)
+
+
+def _relative_change(now: Harmonics, amplitude: np.ndarray, before: np.ndarray) -> np.ndarray:
+    """From a first harmonic to that of ``now``, over its size, turned into its direction."""
+    size = np.maximum(np.abs(before), 1e-3 * now.swing / amplitude)
+    along = np.where(np.abs(before) > 0, before, 1.0) / np.maximum(np.abs(before), TINY)
+    change = (first_harmonic(now, amplitude) - before) * along.conj()
+    # an output that does not move has no error
+    return np.where(size > 0, change / np.where(size > 0, size, 1.0), 0.0)

@@ -1,0 +1,210 @@
+"""What a describing function is asked for, checked before the work."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing, nearest
+from diffthrust.describing._formulas import FORMULAS, check_plain
+from diffthrust.estimation._result import Fit
+from diffthrust.logs._channels import CHANNELS
+from diffthrust.models._base.model import Model
+from diffthrust.simulation._bare import bare
+
+METHODS = ("simulation", "harmonic_balance", *FORMULAS)
+WHERE = "describing_function"
+
+
+@dataclass(frozen=True)
+class Request:
+    """A describing function to be worked out.
+
+    Args:
+        model: the model, without the effects on what its sensors report unless these count.
+        amplitudes: of the input, in its unit, ``(A,)``, increasing.
+        frequencies: [rad/s], ``(F,)``, increasing.
+        input: the channel that is a sinusoid.
+        output: whose first harmonic is taken.
+        method: one of `METHODS`.
+        harmonics: of the states, for the harmonic balance.
+        samples: steps to the period, or ``None`` where these are chosen.
+        bias: what the input swings about.
+        others: constant values of other inputs.
+        states: names of the states that are integrated.
+    """
+
+    model: Model
+    amplitudes: np.ndarray
+    frequencies: np.ndarray
+    input: str
+    output: str
+    method: str
+    harmonics: int
+    samples: int | None
+    bias: float
+    others: Mapping[str, float]
+    states: tuple[str, ...]
+
+    @property
+    def units(self) -> tuple[str, str]:
+        """Units of input and output."""
+        return known_inputs(self.model)[self.input], self.model.outputs[self.output]
+
+
+def known_inputs(model: Model) -> dict[str, str]:
+    """Every channel that can be given to a model and its effects, with its unit."""
+    found = {**model.inputs, **model.optional_inputs}
+    needed = [name for effect in model.effects for name in effect.needs if name not in found]
+    return found | {n: CHANNELS[n].unit if n in CHANNELS else "" for n in needed}
+
+
+def request(
+    model: Any,
+    amplitudes: Any,
+    frequencies: Any,
+    *,
+    input: str,
+    output: str,
+    method: str,
+    harmonics: Any,
+    samples: Any,
+    bias: Any,
+    others: Any,
+    sensors: bool,
+) -> Request:
+    """The arguments of `describing_function`, checked.
+
+    Raises:
+        InputError: one that cannot be meant.
+    """
+    model = model.model if isinstance(model, Fit) else model
+    if not isinstance(model, Model):
+        raise InputError(
+            f"{WHERE}: expected a model or a fit, found {model!r}.",
+            "Give an instance, such as dft.Thruster().",
+        )
+    if not sensors:
+        model = bare(model)
+    known = known_inputs(model)
+    for what, name, names in (
+        ("input", input, known),
+        ("output", output, model.outputs),
+        ("method", method, METHODS),
+    ):
+        if name not in names:
+            near = nearest(name, names) if isinstance(name, str) else ""
+            raise InputError(
+                f"{WHERE}: {what}: expected one of {listing(names)}, found {name!r}"
+                f"{f' ({near})' if near else ''}.",
+                f"Correct the {what}.",
+            )
+    constant = _constants(model, input, others, known)
+    swing = {input, *constant}
+    states = tuple(n for n in model.all_states if n not in swing)
+    found = Request(
+        model=model,
+        amplitudes=points("amplitudes", amplitudes),
+        frequencies=points("frequencies", frequencies),
+        input=input,
+        output=output,
+        method=method,
+        harmonics=_whole("harmonics", harmonics, 1),
+        samples=None if samples is None else _whole("samples", samples, 16),
+        bias=_number("bias", bias),
+        others=constant,
+        states=states,
+    )
+    if method == "harmonic_balance" and found.samples and found.samples < 2 * found.harmonics:
+        raise InputError(
+            f"{WHERE}: samples: {found.harmonics} harmonics need at least {2 * found.harmonics} "
+            f"steps to the period, found {found.samples}.",
+            "Give more samples, or leave them out.",
+        )
+    if method in FORMULAS:
+        check_plain(method, model, input, output, found.bias)
+    return found
+
+
+def points(what: str, given: Any) -> np.ndarray:
+    """Positive and increasing numbers as an array.
+
+    Raises:
+        InputError: others.
+    """
+    try:
+        found = np.atleast_1d(np.asarray(given, float))
+    except (TypeError, ValueError):
+        found = np.empty(0)
+    if found.ndim != 1 or not found.size or not np.all(np.isfinite(found)):
+        raise InputError(
+            f"{WHERE}: {what}: expected finite numbers in one row, found {given!r}.",
+            f"Write {what}=np.geomspace(0.1, 10, 32).",
+        )
+    if np.any(found <= 0):
+        raise InputError(
+            f"{WHERE}: {what}: expected positive numbers, found {found[found <= 0][0]:g}.",
+            "A sinusoid has a positive amplitude and frequency; give a level as bias.",
+        )
+    if np.any(np.diff(found) <= 0):
+        raise InputError(
+            f"{WHERE}: {what}: expected increasing numbers, each once, found {given!r}.",
+            f"Sort them: np.unique({what}).",
+        )
+    return found
+
+
+def _constants(model: Model, input: str, others: Any, known: Mapping[str, str]) -> dict[str, float]:
+    if others is not None and not isinstance(others, Mapping):
+        raise InputError(
+            f"{WHERE}: others: expected a dictionary by the names of inputs, found {others!r}.",
+            "Write others={'supply_voltage': 24.0}.",
+        )
+    found = {str(name): _number(f"others: {name}", v) for name, v in (others or {}).items()}
+    unknown = [name for name in found if name not in known]
+    if unknown or input in found:
+        raise InputError(
+            f"{WHERE}: others: '{model}' has no further input {listing(unknown or [input])}; "
+            f"it has {listing(n for n in known if n != input)}.",
+            "Correct the names under others.",
+        )
+    prescribed = [n for n in (input, *found) if n in model.states]
+    wanted = [] if prescribed else list(model.inputs)
+    wanted += [n for e in model.effects for n in e.needs]
+    missing = [n for n in wanted if n != input and n not in found]
+    if missing:
+        raise InputError(
+            f"{WHERE}: '{model}' also reads {listing(dict.fromkeys(missing))}, which has no value.",
+            f"Give a constant one: others={{'{missing[0]}': ...}}.",
+        )
+    return found
+
+
+def _number(what: str, given: Any) -> float:
+    try:
+        found = float("nan") if isinstance(given, bool | str) else float(given)
+    except (TypeError, ValueError):
+        found = float("nan")
+    if not np.isfinite(found):
+        raise InputError(
+            f"{WHERE}: {what}: expected a finite number, found {given!r}.", f"Write {what}=0.0."
+        )
+    return found
+
+
+def _whole(what: str, given: Any, least: int) -> int:
+    try:
+        found = 0 if isinstance(given, bool) else operator.index(given)
+    except TypeError:
+        found = 0
+    if found < least:
+        raise InputError(
+            f"{WHERE}: {what}: expected a whole number of at least {least}, found {given!r}.",
+            "Correct it.",
+        )
+    return found

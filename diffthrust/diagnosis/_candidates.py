@@ -1,0 +1,107 @@
+"""Which effects a diagnosis tries on a model and its logs, and which these logs cannot test."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing, nearest
+from diffthrust.diagnosis._ports import unseen_at
+from diffthrust.logs._log import Log
+from diffthrust.models._base.effect import Effect
+from diffthrust.models._base.model import Model
+from diffthrust.models._base.registry import catalogue
+
+EVERY = "all"
+"""The word for the whole catalogue."""
+
+Candidates = str | Effect | type[Effect] | Sequence[str | Effect | type[Effect]]
+
+
+def candidates_of(
+    model: Model,
+    logs: Sequence[Log],
+    wanted: Candidates | None = None,
+) -> tuple[list[Effect], dict[str, str]]:
+    """The effects to try, and those that cannot be tried on these logs, with the reason.
+
+    Args:
+        model: the model; effects that it has, and those made for other ports, are left out.
+        logs: all logs, training and unseen.
+        wanted: name, effect or class of effect, or several; "all" is the whole catalogue, which is
+            tried where ``None``.
+
+    Raises:
+        InputError: a wanted effect that does not exist or that the model has no port for.
+    """
+    known = catalogue()
+    chosen: list[Effect] = []
+    asked: set[str] = set()
+    if wanted is None or isinstance(wanted, str | Effect | type):
+        wanted = (EVERY if wanted is None else wanted,)
+    for one in wanted:
+        if isinstance(one, str) and one == EVERY:
+            names = {other.name for other in chosen}
+            chosen += [effect() for name, effect in known.items() if name not in names]
+            continue
+        if isinstance(one, str):
+            if one not in known:
+                near = nearest(one, known)
+                raise InputError(
+                    f"candidates: the effect {one!r} is not known{f' ({near})' if near else ''}; "
+                    f"there are {listing(known)}.",
+                    "Correct the name. An effect of your own is given as an object, on the command "
+                    "line as my_effect.py:MyEffect; 'all' stands for the catalogue.",
+                )
+            one = known[one]
+        if isinstance(one, type) and issubclass(one, Effect):
+            one = one()
+        if not isinstance(one, Effect):
+            raise InputError(
+                f"candidates: expected names, effects or classes of effects, found {one!r}.",
+                "Give for example 'command_deadband', or an effect of your own.",
+            )
+        if one.name not in asked:  # what is named by itself replaces its like in the catalogue
+            asked.add(one.name)
+            chosen = [other for other in chosen if other.name != one.name] + [one]
+    measured = {name for log in logs for name in log.measured}
+    inputs = set.intersection(*(set(log.inputs) for log in logs))
+    has = {effect.name for effect in model.effects}
+    places = {*model.ports, *inputs, *model.outputs}
+    unseen = unseen_at(model, logs[0], measured)
+    given = [name for name in model.states if name in logs[0].inputs]
+    tried: list[Effect] = []
+    untestable: dict[str, str] = {}
+    for effect in chosen:
+        lacking = [name for name in effect.needs if name not in inputs]
+        elsewhere = [port for port in effect.ports if port not in places]
+        if effect.name in has:
+            continue
+        remembered = [p for p in effect.ports if effect.memory and p in model.states]
+        if elsewhere:
+            if effect.name in asked:
+                _ = model + effect  # says what is wrong
+                untestable[effect.name] = f"needs the input {listing(elsewhere)}"
+            continue
+        if lacking:
+            untestable[effect.name] = f"needs the channel {listing(lacking)}, which no log has"
+        elif all(p in model.outputs and p not in measured for p in effect.ports):
+            untestable[effect.name] = f"the channel {listing(effect.ports)} is not measured"
+        elif remembered:
+            untestable[effect.name] = (
+                f"reads the past of {listing(remembered)}, by which the trials correct the model"
+            )
+        elif all(p.null is None for p in effect._parameters.values()):
+            if effect.name in asked:
+                raise InputError(
+                    f"candidates: the effect {effect.name!r} has no parameter with a null value: "
+                    "at which value does it leave the model unchanged?",
+                    "Give one in its declaration, such as parameter(0.3, null=0.0).",
+                )
+            untestable[effect.name] = "no parameter of it has a null value"
+        elif all(port in unseen for port in effect.ports):
+            why = f" while the logs prescribe {listing(given)}" if given else ""
+            untestable[effect.name] = f"nothing that is measured depends on it{why}"
+        else:
+            tried.append(effect)
+    return tried, untestable

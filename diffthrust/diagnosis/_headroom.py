@@ -1,0 +1,265 @@
+"""Headroom: how much of what the physics leaves could any model explain, on unseen records."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust.comparison._compare import Comparison, compare
+from diffthrust.comparison._regimes import percent
+from diffthrust.diagnosis._regressions import RUNGS, Flexible, Record, chosen, features_for
+from diffthrust.logs._log import Log
+from diffthrust.models._base.model import Model
+from diffthrust.simulation._runs import Run
+
+if TYPE_CHECKING:
+    from diffthrust.estimation._result import Fit
+
+_BLOCKS = 4
+"""Stretches that a lone record is cut into, so that one can be left out."""
+_PIECES = 12
+"""Blocks of a record for the bootstrap: errors last, but for less than a block."""
+_DRAWS = 1000
+_LEVEL = 0.9
+_MOST = 20_000
+"""Samples that are used; more are thinned."""
+_WORTH = 0.1
+"""A share that is surely below this is not worth a search."""
+
+
+@dataclass(frozen=True)
+class ChannelHeadroom:
+    """What a flexible correction explains of one channel's error on records it has not seen.
+
+    Args:
+        physics: NRMSE of the model on those records.
+        corrected: NRMSE with the correction.
+        share: of the squared error that the correction explains; below zero where it harms.
+        low: lower end of the 90 % interval of the share, by bootstrap over blocks of time.
+        high: upper end.
+        rung: the form of the correction: "nothing", "static, linear", "static, curved", "dynamic,
+            linear" or "dynamic, curved"; where several were chosen for several records, the most
+            flexible of them.
+        signals: what it was given.
+    """
+
+    physics: float
+    corrected: float
+    share: float
+    low: float
+    high: float
+    rung: str
+    signals: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Headroom:
+    """How much a search for missing physics can find at most, and whether to stop.
+
+    Args:
+        channels: by measured channel.
+        judged_on: "unseen" records, or "left-out" ones, each predicted from the others.
+        model: words for the model.
+    """
+
+    channels: Mapping[str, ChannelHeadroom] = field(repr=False)
+    judged_on: str
+    model: str
+
+    @property
+    def worth(self) -> bool:
+        """Whether a channel has a tenth of its squared error, or may have, for a model to find."""
+        return any(c.high >= _WORTH and c.low > 0 for c in self.channels.values())
+
+    @property
+    def summary(self) -> str:
+        """The answer in a sentence for each channel."""
+        return " ".join(_words(name, c, self.judged_on) for name, c in self.channels.items())
+
+    def report(self) -> str:
+        """A table and the summary, as text."""
+        from rich.table import Table
+
+        from diffthrust._support.tables import rendered
+
+        table = Table("Channel", "Physics (NRMSE)", "With a correction", "Share explained",
+                      "90 % interval", "Form")  # fmt: skip
+        for name, c in self.channels.items():
+            table.add_row(name, f"{c.physics:.3g}", f"{c.corrected:.3g}", _share(c.share),
+                          f"{_share(c.low)} to {_share(c.high)}", c.rung)  # fmt: skip
+        return f"{rendered(table)}\n{self.summary}"
+
+    def to_json(self) -> dict[str, Any]:
+        """The headroom as plain data."""
+        from diffthrust._support.files import plain
+
+        channels = {name: vars(c) for name, c in self.channels.items()}
+        return plain({"schema": 1, "model": self.model, "judged_on": self.judged_on,
+                      "worth": self.worth, "channels": channels})  # fmt: skip
+
+
+def headroom(
+    fit: Fit | Model,
+    logs: Log | Sequence[Log],
+    *,
+    holdout: Log | Sequence[Log] | None = None,
+    seed: int = 0,
+) -> Headroom:
+    """How much of the errors of a model could any model of moderate flexibility explain.
+
+    The model is simulated over each whole record. A regression from its inputs, and from its own
+    states and outputs, to the error is learned on ``logs`` and judged on records it has not seen:
+    those under ``holdout``, or each of ``logs`` in turn by the regression of the others (a lone
+    record is cut into four). What it explains there is structure that repeats, whatever its form:
+    a search for missing physics can find about as much. What it does not explain is noise, or what
+    these signals do not tell.
+
+    Args:
+        fit: a fit, or a model at its present values.
+        logs: one or several.
+        holdout: unseen ones.
+        seed: of the random features and of the bootstrap.
+
+    Returns:
+        For each measured channel the share of the squared error, with an interval; a sentence.
+
+    Raises:
+        InputError: a log without a channel that the model needs, or too few samples.
+
+    Example:
+        >>> print(dft.diagnosis.headroom(fit, train, holdout=unseen).summary)
+    """
+    return headroom_of(compare(fit, logs), compare(fit, holdout) if holdout else None, seed)
+
+
+def headroom_of(learn: Comparison, judge: Comparison | None, seed: int = 0) -> Headroom:
+    """`headroom` from comparisons with the logs to learn from, and with unseen ones."""
+    model, runs, unseen = learn.model, learn.runs, judge.runs if judge else None
+    found = {}
+    for name in dict.fromkeys(n for run in (unseen or runs) for n in run.channels):
+        train = [_record(model, run, name) for run in runs if name in run.channels]
+        test = [_record(model, run, name) for run in unseen or () if name in run.channels]
+        measured = [r.channels[name].measured for r in (unseen or runs) if name in r.channels]
+        if train:
+            found[name] = _channel(_thinned(train), test, np.concatenate(measured), seed)
+    if not found:
+        raise InputError(
+            "headroom: the logs to learn from and the unseen ones have no channel in common.",
+            "Give logs that measure the same channels.",
+        )
+    return Headroom(found, "unseen" if unseen else "left-out", str(model))
+
+
+def _record(model: Model, run: Run, name: str) -> Record:
+    signals: dict[str, np.ndarray] = {}
+    for key, values in run.signals.items():
+        if key in model.angles:  # a turn more is the same direction
+            signals |= {f"cos {key}": np.cos(values), f"sin {key}": np.sin(values)}
+        elif run.units.get(key) != "m":  # where it is over ground, nothing depends on
+            signals[key] = values
+    return Record(run.time, signals, run.channels[name].residual)
+
+
+def _thinned(records: list[Record]) -> list[Record]:
+    """Fewer samples of what is measured; signals keep theirs, for the filters."""
+    every = -(-sum(r.time.size for r in records) // _MOST)
+    kept = [np.arange(r.time.size) % every == 0 for r in records]
+    return [
+        r._replace(error=np.where(k, r.error, np.nan)) for r, k in zip(records, kept, strict=True)
+    ]
+
+
+def _channel(
+    train: list[Record], test: list[Record], measured: np.ndarray, seed: int
+) -> ChannelHeadroom:
+    if len(train) == 1:
+        train = _cut(train[0])
+    if sum(int(np.isfinite(r.error).sum()) for r in train) < 100:
+        raise InputError(
+            "headroom: expected 100 or more samples to learn from, found fewer.",
+            "Give longer logs.",
+        )
+    features = features_for(train, seed)
+    used: list[Flexible] = []
+    if test:
+        used.append(chosen(train, features))
+        rests = [(r.error, r.error - used[0](r)) for r in test]
+    else:
+        rests = []
+        for k, own in enumerate(train):
+            others = [r for i, r in enumerate(train) if i != k]
+            used.append(chosen(others if len(others) > 1 else _cut(others[0]), features))
+            rests.append((own.error, own.error - used[-1](own)))
+    before, after = (np.concatenate(parts) for parts in zip(*rests, strict=True))
+    seen = np.isfinite(before)
+    spread = float(np.nanstd(measured))
+    low, high = _interval(rests, seed)
+    rung = max((one.rung for one in used), key=RUNGS.index)
+    return ChannelHeadroom(
+        float(np.sqrt(np.mean(before[seen] ** 2))) / spread,
+        float(np.sqrt(np.mean(after[seen] ** 2))) / spread,
+        float(_explained(np.sum(before[seen] ** 2), np.sum(after[seen] ** 2))),
+        low,
+        high,
+        rung,
+        features.names,
+    )
+
+
+def _cut(record: Record) -> list[Record]:
+    """A record in stretches, one after the other."""
+    edges = np.linspace(0, record.time.size, _BLOCKS + 1).astype(int)
+    return [
+        Record(record.time[a:b], {n: v[a:b] for n, v in record.signals.items()}, record.error[a:b])
+        for a, b in pairwise(edges)
+    ]
+
+
+def _interval(rests: list[tuple[np.ndarray, np.ndarray]], seed: int) -> tuple[float, float]:
+    """The share over resampled blocks of time."""
+    sums = []
+    for before, after in rests:
+        seen = np.isfinite(before)
+        pieces = min(_PIECES, int(seen.sum()))
+        for block in np.array_split(np.flatnonzero(seen), max(pieces, 1)):
+            sums.append((np.sum(before[block] ** 2), np.sum(after[block] ** 2)))
+    table = np.array(sums)
+    rng = np.random.default_rng(seed)
+    drawn = table[rng.integers(0, len(table), (_DRAWS, len(table)))].sum(axis=1)
+    shares = _explained(drawn[:, 0], drawn[:, 1])
+    ends = np.quantile(shares, [0.5 * (1 - _LEVEL), 0.5 * (1 + _LEVEL)])
+    return float(ends[0]), float(ends[1])
+
+
+def _explained(before: Any, after: Any) -> np.ndarray:
+    """The share of squared errors that a correction takes away; none where there is no error."""
+    before, after = np.asarray(before), np.asarray(after)
+    return 1.0 - np.divide(after, before, out=np.ones_like(before), where=before > 0)
+
+
+def _share(value: float) -> str:
+    return percent(max(value, 0.0))
+
+
+def _words(name: str, c: ChannelHeadroom, judged_on: str) -> str:
+    where, interval = f"on {judged_on} logs", f"{_share(c.low)} to {_share(c.high)}"
+    if c.high < _WORTH:
+        return (
+            f"Of the squared error of {name} {where}, a flexible model explains {_share(c.share)} "
+            f"({interval}): what is left does not repeat, or these signals do not tell it."
+        )
+    if c.low <= 0:
+        return (
+            f"Of the squared error of {name} {where}, these logs are too few to tell what a "
+            f"flexible model could explain ({_share(c.share)}, {interval})."
+        )
+    return (
+        f"Of the squared error of {name} {where}, a flexible model ({c.rung}) explains "
+        f"{_share(c.share)} ({interval}): the NRMSE could fall from {c.physics:.3g} to about "
+        f"{c.corrected:.3g}, or further by the right physics."
+    )

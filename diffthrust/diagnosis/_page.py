@@ -1,0 +1,114 @@
+"""The report of a diagnosis: one HTML page that a colleague reads without the library."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from diffthrust._support.files import write_page
+from diffthrust._support.page import STYLE, image
+from diffthrust._support.words import capitalised
+from diffthrust.diagnosis._skeleton import HOW, skeleton
+from diffthrust.diagnosis._tables import (
+    check_rows,
+    headroom_rows,
+    headroom_words,
+    log_rows,
+    meaning_rows,
+    parameter_rows,
+    ranking_rows,
+    stage_rows,
+    untestable_rows,
+)
+from diffthrust.diagnosis._words import (
+    caution_words,
+    dropped_words,
+    failure_words,
+    group_words,
+    missing_words,
+    model_words,
+    refused_words,
+    remaining_words,
+    silent_words,
+    summary,
+    verdict_words,
+)
+
+if TYPE_CHECKING:
+    from diffthrust.diagnosis._result import Diagnosis
+
+_TEMPLATE = "page.html"
+
+
+def write_report(diag: Diagnosis, path: Path | str, *, title: str = "", spec: str = "") -> None:
+    """Write a diagnosis as one page, with everything it needs inside.
+
+    Args:
+        diag: the diagnosis.
+        path: the file to write.
+        title: heading of the page; by default it names the model.
+        spec: text of a spec file, shown at the end.
+
+    Raises:
+        InputError: a file that does not end in ``.html``, or cannot be written.
+    """
+    write_page(Path(path), page(diag, title=title, spec=spec))
+
+
+def page(diag: Diagnosis, *, title: str = "", spec: str = "") -> str:
+    """The page as text; arguments as in `write_report`."""
+    import jinja2
+    from markupsafe import Markup
+
+    environment = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    template = files("diffthrust.diagnosis").joinpath(_TEMPLATE).read_text(encoding="utf-8")
+    model = model_words(diag.model)
+    return environment.from_string(template).render(
+        style=Markup(STYLE),
+        title=title or f"Diagnosis of the {model}",
+        model=model,
+        diag=diag,
+        verdict=capitalised(verdict_words(diag)),
+        summary=summary(diag),
+        stages=stage_rows(diag),
+        dropped=dropped_words(diag),
+        room=headroom_rows(diag) if diag.headroom else None,
+        findable=headroom_words(diag),
+        logs=log_rows(diag),
+        failures=failure_words(diag.before),
+        still=failure_words(diag.after) if len(diag.stages) > 1 else [],
+        missing=[missing_words(missing, diag.model) for missing in diag.missing],
+        ranking=ranking_rows(diag),
+        refused=refused_words(diag),
+        silent=silent_words(diag),
+        left=[missing_words(missing, diag.model) for missing in diag.left[:1]],
+        meanings=meaning_rows(diag),
+        groups=group_words(diag),
+        remaining=remaining_words(diag),
+        how=HOW,
+        skeleton=skeleton(diag),
+        parameters=parameter_rows(diag),
+        untestable=untestable_rows(diag),
+        checks=check_rows(diag),
+        notes=caution_words(diag),
+        figures=_figures(diag),
+        spec=spec,
+    )
+
+
+def _figures(diag: Diagnosis) -> dict[str, str]:
+    """The figures that this diagnosis has, as PNG in base64."""
+    from diffthrust.diagnosis._figures import missing_figure, ranking_figure, stages_figure
+
+    drawn = {"stages": stages_figure(diag), "residuals": diag.before.plot_residuals()}
+    if any(missing.shows for missing in diag.missing):
+        drawn["missing"] = missing_figure(diag)
+    if diag.ranking:
+        drawn["ranking"] = ranking_figure(diag)
+    if diag.experiment:
+        drawn["experiment"] = diag.experiment.plot()
+        drawn["experiment"].suptitle("")  # the page says it in its text
+    return {name: image(figure) for name, figure in drawn.items()}

@@ -1,0 +1,141 @@
+"""Where in a model something may be missing: ports, what they drive, and the signals there."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from diffthrust.logs._log import Log
+from diffthrust.models._base.effect import Effect
+from diffthrust.models._base.model import Model
+from diffthrust.models._base.parameter import parameter
+from diffthrust.models._base.signals import Signals
+from diffthrust.simulation._inputs import inputs_of
+from diffthrust.simulation._linearise import Reading, slopes_at
+from diffthrust.simulation._simulate import equations_of
+
+KNOTS = 7
+"""A signal of unknown form is a sum of so many given series."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """One port at which an unknown signal is tried.
+
+    Args:
+        port: the port.
+        state: the state whose rate it drives, or ``None``.
+        output: the measured output that it drives without a state between, or ``None``.
+    """
+
+    port: str
+    state: str | None
+    output: str | None
+
+    @property
+    def target(self) -> str:
+        """What it drives: a state or an output."""
+        return self.state or self.output or ""
+
+
+def unseen_at(model: Model, log: Log, channels: Collection[str]) -> set[str]:
+    """Ports and inputs through which nothing reaches a measured channel.
+
+    Where a state is prescribed by the log, what would drive it drives nothing.
+    """
+    rates, outputs = slopes_at(model, log)
+    seen = [rates[n] for n in model.states if n not in log.inputs]
+    seen += [outputs[n] for n in outputs if n in channels and n not in log.inputs]
+    names = [(1, port) for port in model.ports]
+    names += [(2, name) for name in inputs_of(model, log) if name not in model.states]
+    return {name for part, name in names if all(one[part][name] == 0 for one in seen)}
+
+
+def places_of(model: Model, log: Log, channels: Sequence[str]) -> tuple[Place, ...]:
+    """One port for every state that a port drives, and one for every measured output that one does.
+
+    States that the log prescribes are driven by nothing.
+
+    Of several ports that come to the same, the last: the sum of all that acts there.
+    """
+    rates, outputs = slopes_at(model, log)
+    places: list[Place] = []
+    for state in model.states:
+        if state in log.inputs:
+            continue  # it is given: nothing drives it
+        pushing = [p for p in model.ports if state in rates and rates[state][1][p] != 0]
+        if pushing:
+            # the port nearest to the state: it drives no other as well, if there is such a one
+            alone = [p for p in pushing if sum(bool(r[1][p] != 0) for r in rates.values()) == 1]
+            places.append(Place((alone or pushing)[-1], state, None))
+    taken = {place.port for place in places}
+    for output in outputs:
+        pushing = [p for p in model.ports if outputs[output][1][p] != 0 and p not in taken]
+        if pushing and output in channels:
+            places.append(Place(pushing[-1], None, output))
+    return tuple(places)
+
+
+def readings(model: Model, series: Mapping[str, Any]) -> dict[str, np.ndarray]:
+    """What passes each port over a log, given its input and state series."""
+    s = Signals({name: jnp.asarray(value) for name, value in series.items()})
+    port = Reading(model.effects, s)
+    equations_of(model, s, port)
+    shape = np.shape(series["time"])
+    return {name: np.broadcast_to(np.asarray(value), shape) for name, value in port.seen.items()}
+
+
+def slopes_along(
+    model: Model, series: Mapping[str, Any], place: Place
+) -> tuple[np.ndarray, np.ndarray]:
+    """Derivatives of what a place drives, by its own state (zero of an output) and by its port.
+
+    Of the rate of the place's state, or of its output, at every sample of a log, ``(T,)`` each.
+    """
+    given = {name: jnp.asarray(value, float) for name, value in series.items()}
+    own, still = given.get(place.state or "", jnp.zeros(())), jnp.zeros_like(given["time"])
+
+    def driven(x: Any, push: Any) -> Any:
+        s = Signals({**given, place.state: x} if place.state else given)
+        rates, outputs = equations_of(model, s, Reading(model.effects, s, {place.port: push}))
+        value = (rates if place.state else outputs)[place.target]
+        return jnp.broadcast_to(value, still.shape)
+
+    ones, zeros = jnp.ones_like(own), jnp.zeros_like(own)
+    _, by_state = jax.jvp(driven, (own, still), (ones, jnp.zeros_like(still)))
+    _, by_port = jax.jvp(driven, (own, still), (zeros, jnp.ones_like(still)))
+    return np.asarray(by_state if place.state else still), np.asarray(by_port)
+
+
+@cache
+def unknown_at(port: str) -> type[Effect]:
+    """An effect that adds given series to what passes a port, each times a free coefficient."""
+    series = tuple(f"unknown.{port}.{i}" for i in range(KNOTS))
+
+    def call(self: Effect, value: Any, s: Signals) -> Any:
+        for i, one in enumerate(series):
+            value = value + getattr(self, f"c{i}") * s[one]
+        return value
+
+    body = {f"c{i}": parameter(0.0, null=0.0, size=1.0) for i in range(KNOTS)}
+    place = {"name": f"unknown_{port}", "port": port, "needs": series, "__call__": call}
+    return type("Unknown", (Effect,), {**body, **place})
+
+
+def knots_of(values: np.ndarray) -> np.ndarray:
+    """Knots over a signal, between even spacing and even shares of the samples, ``(KNOTS,)``."""
+    low, high = np.quantile(values, [0.01, 0.99])
+    even = np.linspace(low, high, KNOTS)
+    knots = 0.5 * (even + np.quantile(values, np.linspace(0.01, 0.99, KNOTS)))
+    return knots + 1e-9 * (high - low) * np.arange(KNOTS)
+
+
+def hats(values: np.ndarray, knots: np.ndarray) -> np.ndarray:
+    """Piecewise-linear basis over a signal, ``(KNOTS, T)``; its rows sum to one."""
+    return np.stack([np.interp(values, knots, row) for row in np.eye(KNOTS)])

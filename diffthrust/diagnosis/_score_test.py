@@ -1,0 +1,59 @@
+"""What one forward-mode pass says of parameters that were not estimated: the score test."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from diffthrust.estimation._likelihood import Quadratic
+
+MOST_REMOVED = 0.9
+"""No step is taken to remove more of the squared errors than this, whatever it promises."""
+
+
+def score_test(q: Quadratic, base: int, more: int) -> tuple[float, np.ndarray, np.ndarray]:
+    """Robust score test of ``more`` coordinates at zero, after ``base`` estimated ones.
+
+    The gradient is made orthogonal to that of the estimated coordinates (Neyman 1959). Its square
+    in units of the information is divided by the scatter of the gradient over blocks of time in the
+    same units, so that errors that last for less than a block raise no alarm. Also the one-step
+    estimate of the coordinates and its covariance.
+    """
+    from scipy.special import fdtrc  # slow to import
+
+    information = np.asarray(q.information)[: base + more, : base + more]
+    scores = np.asarray(q.scores)[: base + more]
+    nuisance, cross = information[:base, :base], information[base:, :base]
+    through = cross @ np.linalg.pinv(nuisance, rcond=1e-11, hermitian=True)
+    left = information[base:, base:] - through @ cross.T
+    clear = scores[base:] - through @ scores[:base]
+    values, vectors = np.linalg.eigh(left)
+    own = np.diagonal(information)[base:]
+    kept = values > 1e-8 * max(own.max(initial=0.0), 1e-300)
+    rank = int(kept.sum())
+    blocks = int(np.sum(np.any(scores != 0, axis=0)))
+    if rank == 0 or blocks < 3:
+        return 1.0, np.zeros(more), np.full((more, more), np.nan)
+    basis = vectors[:, kept] / np.sqrt(values[kept])
+    seen = basis.T @ clear
+    scatter = max(1.0, float(np.sum(seen**2)) / rank)
+    ratio = float(np.sum(seen.sum(axis=1) ** 2)) / rank / scatter
+    inverse = basis @ basis.T
+    found = -inverse @ clear.sum(axis=1)
+    return float(fdtrc(rank, rank * (blocks - 1), ratio)), found, inverse
+
+
+def promise(q: Quadratic, movable: np.ndarray) -> float:
+    """What a full Gauss-Newton step promises to gain in log-likelihood.
+
+    The likelihood goes with the logarithm of the squared errors: a step that is to remove most of
+    them promises more than its quadratic says.
+    """
+    length = np.sqrt(np.diagonal(q.information))
+    live = (length > 0) & movable
+    scaled = q.information[np.ix_(live, live)] / np.outer(length[live], length[live])
+    slope = q.gradient[live] / length[live]
+    if not live.any() or not q.energy > 0:
+        return 0.0
+    removed = float(slope @ np.linalg.pinv(scaled, rcond=1e-9, hermitian=True) @ slope)
+    energy = float(q.energy) / len(q.sigma)
+    return -0.5 * energy * float(np.log1p(-min(removed / energy, MOST_REMOVED)))

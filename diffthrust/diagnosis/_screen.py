@@ -1,0 +1,222 @@
+"""Which effects are worth a fit: score tests next to their nulls, and probes at several sizes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from diffthrust.diagnosis._probes import is_limit, probes
+from diffthrust.diagnosis._score_test import promise
+from diffthrust.diagnosis._trials import Trial, Trials, side_by_side
+from diffthrust.estimation._solver import solve
+
+HOPE = 2.0
+"""Likelihood ratio that a probe must promise to be followed."""
+SILENT = 0.1
+"""Where the score next to the null says less than this, the effect may have a threshold: the
+weakest probe that acts is followed, whatever it promises."""
+KEEP = 3.0
+"""Likelihood ratio that must be promised after `FEW` steps: less, nothing would come of it."""
+FEW = 6
+"""Steps from each of the best probes, before it is known which effects matter."""
+MANY = 20
+"""Steps across a threshold, where a search creeps."""
+IDLE = 1e-6
+"""A probe that changes the cost by less does nothing: a limit that nothing reaches."""
+HALVINGS = 10
+"""So often the gap is halved between a limit that acts and one that nothing reaches."""
+INSIDE = (0.999, 0.997, 0.99, 0.97)
+"""A limit is tried at these shares of the least that nothing reaches: faint ones lie there."""
+FAR = 0.25
+"""A probe whose cost rises by more than this times the samples is no start."""
+
+Point = Mapping[str, float]
+
+
+def screened(
+    trials: Trials,
+    names: Sequence[str],
+    present: Trial,
+    levels: Mapping[str, float],
+    say: Callable[[str], None] = lambda name: None,
+    given: Mapping[str, float] | None = None,
+) -> dict[str, Trial]:
+    """The present model with each of some effects, carried a few steps from its best probes.
+
+    Args:
+        trials: the fits.
+        names: the candidates.
+        present: the model as it is so far.
+        levels: `Trials.levels`.
+        say: told each name as its turn comes.
+        given: values of the model's parameters from which far probes are tried as well.
+
+    Returns:
+        Trials by name; candidates of which nothing is to be hoped are left out.
+    """
+    points = {name: probes(trials.candidates[name], levels) for name in names}
+    scored = scores(trials, present, {name: near for name, (near, _) in points.items()})
+
+    def one(name: str) -> Trial | None:
+        say(name)
+        effects = (*present.effects, name)
+
+        def followed(point: Point, budget: int) -> Trial:
+            return trials.solve(effects, {**present.values, **point}, present.begin, budget)
+
+        # next to the null nothing tells where a place or a direction should move: it waits until
+        # the effect has a size
+        waiting = {
+            f"{name}.{n}"
+            for n, p in trials.candidates[name]._parameters.items()
+            if p.null is None and not p.fixed
+        }
+
+        def risen(point: Point, budget: int) -> Trial:
+            if not waiting:
+                return followed(point, budget)
+            values = {**present.values, **point}
+            sized = trials.solve(effects, values, present.begin, FEW, still=waiting)
+            return trials.solve(effects, sized.values, sized.begin, budget)
+
+        def gain(expected: float) -> float:
+            return 2 * (present.cost - expected)
+
+        starts = list(scored[name])
+        far = _far(trials, name, present, points[name][1], followed)
+        silent = all(gain(expected) < SILENT for expected, _ in starts)
+        if far and silent:
+            far[0] = (min(far[0][0], present.cost - HOPE), far[0][1])
+        starts = [pair for pair in starts + far if gain(pair[0]) >= HOPE]
+        starts = sorted(starts, key=lambda pair: pair[0])[:2]
+        ends = [risen(point, MANY if silent else FEW) for _, point in starts]
+        if given is not None:
+            ends += _anew(trials, name, present, points[name][1], given)
+        best = min(ends, key=lambda trial: trial.expected, default=None)
+        return best if best is not None and gain(best.expected) > KEEP else None
+
+    found = zip(names, side_by_side(one, names), strict=True)
+    return {name: trial for name, trial in found if trial is not None}
+
+
+def scores(
+    trials: Trials, present: Trial, near: Mapping[str, Sequence[Point]]
+) -> dict[str, list[tuple[float, Point]]]:
+    """For each point next to a null the cost that a full step from there promises.
+
+    As many effects as there is room for are there at once: so near to their nulls none feels the
+    others, and one forward-mode pass scores them all.
+    """
+    found: dict[str, list[tuple[float, Point]]] = {name: [] for name in near}
+    turns = max(map(len, near.values()), default=0)
+    groups = [
+        group
+        for turn in range(turns)
+        for group in _packed({n: p[turn] for n, p in near.items() if len(p) > turn}, trials.room)
+    ]
+
+    def scored(group: Mapping[str, Point]) -> list[float]:
+        effects = (*present.effects, *group)
+        values = {**present.values, **{k: v for point in group.values() for k, v in point.items()}}
+        names = trials.moved(effects)
+        problem = trials.problem.focus(names, values, present.begin)
+        q = solve(problem, problem.start(), budget=1).quadratic
+        if not np.isfinite(q.cost):
+            return [np.inf] * len(group)
+        costs = []
+        barred = np.array([_barred(trials, n, g) for n, g in zip(names, q.gradient, strict=False)])
+        for name in group:
+            others = tuple(f"{other}." for other in group if other != name)
+            movable = np.ones(q.gradient.size, bool)
+            movable[: len(names)] = [not n.startswith(others) for n in names] if others else True
+            movable[: len(names)] &= ~barred
+            costs.append(float(q.cost) - promise(q, movable))
+        return costs
+
+    for group, costs in zip(groups, side_by_side(scored, groups), strict=True):
+        for (name, point), cost in zip(group.items(), costs, strict=True):
+            found[name].append((cost, point))
+    return found
+
+
+def _barred(trials: Trials, name: str, slope: float) -> bool:
+    """Whether a parameter of an effect would have to leave its null beyond a bound."""
+    p = trials.problem.named.get(name)
+    if p is None or p.null is None:
+        return False
+    low, high = p.limits
+    return bool((p.null <= low and slope > 0) or (p.null >= high and slope < 0))
+
+
+def _packed(points: Mapping[str, Point], room: int) -> list[dict[str, Point]]:
+    """The points in groups of no more parameters than there is room for; at least one each."""
+    groups: list[dict[str, Point]] = []
+    free = 0
+    for name, point in points.items():
+        if not groups or len(point) > free:
+            groups.append({})
+            free = room
+        groups[-1][name] = point
+        free -= len(point)
+    return groups
+
+
+def _far(
+    trials: Trials,
+    name: str,
+    present: Trial,
+    points: Sequence[Point],
+    followed: Callable[[Point, int], Trial],
+) -> list[tuple[float, Point]]:
+    """Of points far from the null the two with the least cost, with the cost that they promise."""
+    effects = (*present.effects, name)
+
+    def cost(point: Point) -> float:
+        return trials.cost(effects, {**present.values, **point}, present.begin)
+
+    def acts(cost: float) -> bool:
+        return abs(cost - present.cost) > IDLE
+
+    found = [(cost(point), point) for point in points]
+    if is_limit(trials.candidates[name]) and len(points[0]) == 1:
+        (key,) = points[0]
+        below = max((point[key] for at, point in found if acts(at)), default=np.inf)
+        above = min((point[key] for at, point in found if not acts(at)), default=0.0)
+        if below < above:
+            edge = edge_of(below, above, lambda value: acts(cost({key: value})))
+            found += [(cost({key: share * edge}), {key: share * edge}) for share in INSIDE]
+    worth = present.cost + FAR * trials.samples  # NaN and infinite costs are worth nothing
+    found = [(at, point) for at, point in found if acts(at) and at < worth]
+    chosen = sorted(found, key=lambda pair: pair[0])[:2]
+    return [(followed(point, 1).expected, point) for _, point in chosen]
+
+
+def _anew(
+    trials: Trials, name: str, present: Trial, points: Sequence[Point], given: Point
+) -> list[Trial]:
+    """The best of points far from the null, with the model's parameters as they were given.
+
+    The fit of a model that is wrong at heart may have run to where its effect shows no more.
+    """
+    effects, values = (*present.effects, name), {**present.values, **given}
+    found = [(trials.cost(effects, {**values, **point}, None), point) for point in points]
+    found = [pair for pair in found if np.isfinite(pair[0])]
+    cost, point = min(found, key=lambda pair: pair[0], default=(np.inf, {}))
+    without = trials.cost(effects, values, None)
+    if 2 * (without - cost) < HOPE or not found:
+        return []
+    return [trials.solve(effects, {**values, **point}, None, MANY)]
+
+
+def edge_of(low: float, high: float, acts: Callable[[float], bool]) -> float:
+    """The largest value, about, at which a limit still acts, between one that does and one not.
+
+    Example:
+        >>> round(edge_of(1.0, 2.0, lambda value: value < 1.5), 2)
+        1.5
+    """
+    for _ in range(HALVINGS):
+        middle = float(np.sqrt(low * high))
+        low, high = (middle, high) if acts(middle) else (low, middle)
+    return low

@@ -1,0 +1,315 @@
+"""A diagnosis in plain sentences."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from diffthrust._support.tables import number
+from diffthrust._support.words import an, apart, capitalised, joined, percent, probability, spelt
+from diffthrust.estimation._tables import units
+from diffthrust.models._base.effect import Effect
+from diffthrust.models._base.model import Model
+
+if TYPE_CHECKING:
+    from diffthrust.comparison._compare import Comparison
+    from diffthrust.diagnosis._result import Diagnosis, Missing
+    from diffthrust.estimation._result import Estimate, Fit
+    from diffthrust.simulation._errors import Errors
+
+_GROWN = 4.0
+"""Errors over whole runs are told apart from one-step errors where they are so much larger."""
+_NAMED = 2
+"""Channels that the summary names (more are told by their mean), and hints that it repeats."""
+
+
+def summary(diag: Diagnosis) -> str:
+    """The outcome in a few sentences: what lacks, what it gains, what stays open.
+
+    Example:
+        >>> summary(diag)
+        'The basic thruster lacks a command dead band of 0.40 V: with it the speed error on unseen
+        logs falls from 5.6 to 0.30 rad/s (NRMSE 0.33 to 0.018).'
+    """
+    model = model_words(diag.model)
+    if diag.best:
+        them = "it" if len(diag.best) == 1 else "them"
+        sentences = [f"The {model} lacks {joined(_found(diag))}: with {them} {gain_words(diag)}."]
+    elif diag.verdict == "adequate" and not (diag.ranking or diag.silent):
+        sentences = [
+            f"These logs can test none of the effects: whether the {model} lacks one, they do not "
+            "tell."
+        ]
+    elif diag.verdict == "adequate":
+        tried = len({c.effect for c in diag.ranking} | {*diag.silent})
+        all_tried = f"none of the {tried} effects that were tried" if tried > 1 else "no effect"
+        sentences = [f"The {model} is adequate: {all_tried} helps on these logs."]
+        errors = _errors(diag)[2].channels
+        blind = [spelt(name) for name, e in errors.items() if e.nrmse >= 1.0]
+        if blind:
+            sentences = [
+                f"These logs tell of nothing that the {model} lacks, and yet it follows "
+                f"{joined(blind)} no better than a constant would: do they move what drives it?"
+            ]
+    else:
+        sentences = [f"The {model} lacks something that no known effect explains."]
+    if diag.verdict == "unexplained":
+        sentences.append(remaining_words(diag))
+    if not diag.best:
+        sentences.append(f"{capitalised(level_words(diag))}.")
+    sentences += forced_words(diag)
+    if diag.before.hints:
+        sentences.append("A channel may not mean what its name says:")
+        sentences += diag.before.hints[:_NAMED]
+    return " ".join(sentences)
+
+
+def verdict_words(diag: Diagnosis) -> str:
+    """The verdict as a person would say it."""
+    return {
+        "adequate": "adequate",
+        "effects_found": "effects found",
+        "unexplained": "something remains unexplained",
+    }[diag.verdict]
+
+
+def model_words(model: Model) -> str:
+    """The model in words: "basic thruster", "thruster with command dead band"."""
+    with_ = joined(spelt(effect.name) for effect in model.effects)
+    return f"{spelt(model.name)} with {with_}" if with_ else f"basic {spelt(model.name)}"
+
+
+def sized_words(name: str, fit: Fit) -> str:
+    """An effect with the values that the fit found.
+
+    Example:
+        >>> sized_words("command_deadband", fit)
+        'a command dead band of 0.40 V'
+    """
+    estimates = {
+        full.removeprefix(f"{name}."): e
+        for full, e in fit.parameters.items()
+        if full.startswith(f"{name}.") and not e.fixed
+    }
+    values = {key: _measured(e) for key, e in estimates.items()}
+    if len(values) == 1:
+        return f"{an(spelt(name))} of {next(iter(values.values()))}"
+    listed = ", ".join(f"{spelt(key)} {value}" for key, value in values.items())
+    return f"{an(spelt(name))} ({listed})" if listed else an(spelt(name))
+
+
+def gain_words(diag: Diagnosis) -> str:
+    """How the error of each channel changed from the first stage to the last."""
+    logs, before, after = _errors(diag)
+    unit = units(diag.model)
+    worst = sorted(before.channels, key=lambda name: -_rank(before.channels[name].nrmse))[:_NAMED]
+    names = [name for name in before.channels if name in worst]
+    parts = []
+    for i, name in enumerate(names):
+        old, new = before.channels[name], after.channels[name]
+        first, last = apart(old.rmse, new.rmse)
+        low, high = apart(old.nrmse, new.nrmse)
+        verb = "stays at" if first == last else "falls" if new.rmse < old.rmse else "rises"
+        size = f"{verb} {first}" if first == last else f"{verb} from {first} to {last}"
+        where = f" on {logs}" if i == 0 else ""
+        parts.append(f"the {spelt(name)} error{where} {size} {unit.get(name, '')}".rstrip())
+        parts[-1] += f" (NRMSE {low} to {high})"
+    if len(before.channels) > _NAMED:
+        low, high = apart(before.nrmse, after.nrmse)
+        parts.append(
+            f"the NRMSE over all {len(before.channels)} channels goes from {low} to {high}"
+        )
+    return joined(parts)
+
+
+def level_words(diag: Diagnosis) -> str:
+    """How large the error of each channel is at the last stage."""
+    logs, _, after = _errors(diag)
+    unit = units(diag.model)
+    parts = [
+        f"the {spelt(name)} error{f' on {logs}' if i == 0 else ''} is "
+        f"{number(e.rmse, 2)} {unit.get(name, '')}".rstrip()
+        + f" (NRMSE {number(e.nrmse, 2)})"
+        for i, (name, e) in enumerate(after.channels.items())
+    ]
+    return joined(parts)
+
+
+def forced_words(diag: Diagnosis) -> list[str]:
+    """How much of the error over whole runs is left to random forces and lasting sensor errors."""
+    logs, _, after = _errors(diag)
+    unit = units(diag.model)
+    grown = {n: e.rmse / diag.one_step[n] for n, e in after.channels.items() if n in diag.one_step}
+    name = max(grown, key=lambda n: _rank(grown[n]), default="")
+    if not name or not grown[name] > _GROWN:
+        return []
+    whole, step = (
+        f"{number(size, 2)} {unit.get(name, '')}".rstrip()
+        for size in (after.channels[name].rmse, diag.one_step[name])
+    )
+    return [
+        f"From one sample to the next the {spelt(name)} is predicted to {step}, over whole runs of "
+        f"{logs} to {whole}: the rest the diagnosis leaves to random forces and lasting errors of "
+        "sensors, which no signal of these logs explains."
+    ]
+
+
+def refused_words(diag: Diagnosis) -> list[str]:
+    """Effects that were not added although they fit the training logs better, and why."""
+    return [
+        f"{capitalised(an(spelt(name)))} was not added: it {why}."
+        for name, why in diag.refused.items()
+    ]
+
+
+def silent_words(diag: Diagnosis) -> str:
+    """The effects that were tried in vain."""
+    names = joined(an(spelt(name)) for name in diag.silent)
+    return f"Tried in vain: {names}." if diag.silent else ""
+
+
+def group_words(diag: Diagnosis) -> list[str]:
+    """For each added effect that has rivals: what these logs cannot tell it from."""
+    return [
+        f"These logs cannot tell {an(spelt(added))} from "
+        f"{joined((an(spelt(name)) for name in group if name != added), 'or')}."
+        for added, group in zip(diag.added, diag.groups, strict=True)
+        if len(group) > 1
+    ]
+
+
+def missing_words(missing: Missing, model: Model) -> str:
+    """The missing signal at a port: its size, and on what it depends."""
+    here = place_words(model, missing.port)
+    if not missing.shows:
+        return f"At {here} nothing is missing that shows."
+    size = f"{number(missing.size, 2)} {missing.unit}".rstrip()
+    words = f"At {here} a signal of {size} (RMS) is missing; "
+    if missing.depends_on is None and missing.p_value < 0.05:
+        return f"{words}no signal of the model on which it depends explains a hundredth of it."
+    if missing.depends_on is None:
+        return f"{words}it depends on none of the model's signals ({probability(missing.p_value)})."
+    return (
+        f"{words}it depends most on {missing.depends_on}, which explains "
+        f"{percent(missing.share)} of its variance ({probability(missing.p_value)})."
+    )
+
+
+def failure_words(comparison: Comparison) -> list[str]:
+    """Where the error of a model sits, and whether what is left is noise."""
+    return [
+        *(regime.sentence for regime in comparison.regimes),
+        *(capitalised(tests.sentence) for tests in comparison.tests.values()),
+    ]
+
+
+def remaining_words(diag: Diagnosis) -> str:
+    """What no known effect explains: where it enters and on what it depends."""
+    left = diag.remaining
+    if left is None:
+        if diag.verdict == "unexplained":
+            return "Structure remains that no known effect explains; its place is not clear."
+        return "Nothing that can be told from noise remains."
+    enters = "it enters at" if left.manner == "adds" else "it scales what passes"
+    still = "Structure still remains" if diag.best else "Structure remains"
+    return (
+        f"{still} that no known effect explains: {enters} {place_words(diag.model, left.port)} "
+        f"and depends on {left.depends_on}, which explains {percent(left.share)} of the "
+        "squared one-step errors there."
+    )
+
+
+def place_words(model: Model, port: str) -> str:
+    """A port in words: its name, and what the signal there is."""
+    if port in model.ports:
+        described = re.sub(r" *\[[^]]*\]$", "", model.ports[port])  # less its unit
+        return f"the port '{port}' ({described})"
+    if port in model.outputs:
+        return f"the measured {port} (its sensor)"
+    return f"the recorded {port}"
+
+
+def dropped_words(diag: Diagnosis) -> str:
+    """The effects that were taken out again."""
+    names = joined(an(spelt(name)) for name in diag.dropped)
+    was = "was" if len(diag.dropped) == 1 else "were"
+    return (
+        f"{capitalised(names)} {was} added on the way and taken out again: a later effect made "
+        f"{'it' if was == 'was' else 'them'} superfluous."
+        if names
+        else ""
+    )
+
+
+def caution_words(diag: Diagnosis) -> list[str]:
+    """What weakens the outcome: fits that may not claim what they print, and their notes."""
+    words = [
+        f"The fit of stage {i} ({stage_words(diag, i)}) has the status "
+        f"'{stage.fit.status.value}': {stage.fit.message}"
+        for i, stage in enumerate(diag.stages)
+        if not stage.fit.status.ok
+    ]
+    if diag.stages[-1].holdout is None:
+        words.append(
+            "No log was kept unseen: the errors are those of the logs that the models were fitted "
+            "to, which every effect lowers. Give holdout logs."
+        )
+    for trained in (diag.trained or (diag.before,))[:1]:
+        words += trained.outstanding
+    return [*words, *diag.fit.notes]
+
+
+def stage_words(diag: Diagnosis, index: int) -> str:
+    """What a stage added: "as given", "+ command dead band"; "- ..." for what was dropped."""
+    if index == 0:
+        return "as given"
+    now, before = diag.stages[index].effects, diag.stages[index - 1].effects
+    changes = [f"+ {spelt(name)}" for name in now if name not in before]
+    changes += [f"- {spelt(name)}" for name in before if name not in now]
+    return ", ".join(changes)
+
+
+def _found(diag: Diagnosis) -> list[str]:
+    """The added effects with their values, and what each cannot be told from."""
+    words = []
+    for name, group in zip(diag.added, diag.groups, strict=True):
+        rivals = joined((an(spelt(other)) for other in group if other != name), "or")
+        untold = f" (these logs cannot tell it from {rivals})" if rivals else ""
+        words.append(sized_words(name, diag.fit) + untold)
+    return words
+
+
+def _errors(diag: Diagnosis) -> tuple[str, Errors, Errors]:
+    """Name of the logs that count, and the errors on them at the first and the last stage."""
+    first, last = diag.stages[0], diag.stages[-1]
+    if first.holdout is not None and last.holdout is not None:
+        return "unseen logs", first.holdout, last.holdout
+    return "the training logs", first.train, last.train
+
+
+def _measured(estimate: Estimate) -> str:
+    """A value to the digits that its standard error allows, two or three."""
+    known = estimate.std_error is not None and estimate.std_error < 0.003 * abs(estimate.value)
+    return f"{number(estimate.value, 3 if known else 2)} {estimate.unit}".rstrip()
+
+
+def _rank(value: float) -> float:
+    return -math.inf if math.isnan(value) else value
+
+
+def effects_known(diag: Diagnosis) -> dict[str, type[Effect]]:
+    """The classes of effects by name: those of the catalogue and those that the models have."""
+    from diffthrust.models._base.registry import catalogue
+
+    return {
+        **catalogue(),
+        **{effect.name: type(effect) for effect in (*diag.model.effects, *diag.best)},
+    }
+
+
+def first_line(name: str, known: Mapping[str, type[Effect]]) -> str:
+    """The first line of an effect's docstring; "" where the effect is not known."""
+    doc = (known[name].__doc__ or "").strip() if name in known else ""
+    return doc.splitlines()[0] if doc else ""

@@ -1,0 +1,119 @@
+"""Measurement noise that lasts: a first-order autoregression for each channel.
+
+The noise of a sample is a share of that of the sample before it plus something new. A residual r at
+a gap of d steps after the one before it, p, is turned into what is new in it, scaled to the same
+level whatever the gap,
+
+    w = (r - phi p) / sqrt(1 - phi^2),    phi = lag_one ^ d,
+
+which is white where the model is right; the first residual of a run stands for itself. The density
+of the residuals has the factors 1 / sqrt(1 - phi^2) besides. They are taken into the residuals, all
+multiplied by the geometric mean of sqrt(1 - phi^2): with a level that is estimated this gives the
+exact likelihood (Box & Jenkins 1970, section 7.1, and a change of scale), for the Gaussian and for
+the Student-t law, as a sum of squares with a forward-mode derivative. In the correlation from one
+step to the next it is a linear regression, which a fit finds from anywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from diffthrust.models._base.parameter import Parameter
+
+DIGITS = 6
+"""Gaps of time are equal where they agree to so many digits."""
+FAR = 1e15
+"""The gap where there is no earlier sample: nothing lasts so long, and it has a derivative."""
+RANGE = (1e-3, 0.9999)
+"""Of the correlation from one step to the next: from white noise to a random walk."""
+
+
+def name_of(channel: str) -> str:
+    """The parameter of a channel's noise: its correlation from one step to the next."""
+    return f"noise.{channel}.lag_one"
+
+
+def parameters(channels: Sequence[str]) -> dict[str, Parameter]:
+    """The correlations of the channels' noise, by name, with a value to start from.
+
+    Example:
+        >>> parameters(["speed"])["noise.speed.lag_one"].value
+        0.5
+    """
+    return {name_of(c): Parameter(0.5, "", RANGE, size=0.3) for c in channels}
+
+
+def linked(
+    time: np.ndarray, measured: np.ndarray, anew: np.ndarray, step: float
+) -> dict[str, np.ndarray]:
+    """For each sample the one measured before it, and how long before.
+
+    Args:
+        time: ``(B, T)`` [s].
+        measured: ``(B, C, T)``; NaN where nothing was measured.
+        anew: ``(B, T)``, true where a simulation begins anew, and with it the noise.
+        step: in which gaps are counted [s].
+
+    Returns:
+        ``past``, its index, and ``gap`` [steps], `FAR` where there is none, ``(B, C, T)`` each.
+    """
+    seen = np.isfinite(measured)
+    place = np.arange(time.shape[1])
+    latest = np.maximum.accumulate(np.where(seen, place, -1), axis=2)
+    past = np.concatenate([np.full((*seen.shape[:2], 1), -1), latest[..., :-1]], axis=2)
+    segment = np.cumsum(anew, axis=1)
+    row = np.arange(time.shape[0])[:, None, None]
+    before = np.maximum(past, 0)
+    together = seen & (past >= 0) & (segment[row, before] == segment[:, None, :])
+    gap = np.where(together, (time[:, None, :] - time[row, before]) / step, FAR)
+    return {"past": np.where(together, past, 0), "gap": gap}
+
+
+def gaps(batches: Sequence[Mapping[str, Any]]) -> dict[str, np.ndarray]:
+    """The gaps of all logs: the ``steps`` that occur and how often, ``(C, U)`` each."""
+    found = []
+    for channel in zip(*(np.moveaxis(np.asarray(b["gap"]), 1, 0) for b in batches), strict=True):
+        all_gaps = np.concatenate([part.ravel() for part in channel])
+        finite = all_gaps[all_gaps < FAR]
+        size = 10.0 ** np.floor(np.log10(finite))
+        rounded = np.round(finite / size, DIGITS - 1) * size
+        _, first, counts = np.unique(rounded, return_index=True, return_counts=True)
+        found.append((finite[first], counts))
+    widest = max(steps.size for steps, _ in found)
+
+    def padded(values: np.ndarray, fill: float) -> np.ndarray:
+        return np.concatenate([values, np.full(widest - values.size, fill)])
+
+    return {
+        "steps": np.stack([padded(steps, FAR) for steps, _ in found]),
+        "counts": np.stack([padded(counts.astype(float), 0.0) for _, counts in found]),
+    }
+
+
+def level(lag_one: Any, gap: Any, often: Any, samples: Any) -> Any:
+    """Geometric mean of sqrt(1 - phi^2): the level of what is new over that of the noise."""
+    return jnp.exp(0.5 * jnp.sum(often * jnp.log1p(-(lag_one ** (2.0 * gap)))) / samples)
+
+
+def levels(channels: Sequence[str], arrays: Mapping[str, Any], values: Mapping[str, Any]) -> Any:
+    """The same of each channel of a problem, ``(C,)``, at some values of its parameters."""
+    gaps, counts = arrays["gaps"], arrays["counts"]
+    kept = jnp.stack([jnp.asarray(values[name_of(c)]) for c in channels])
+    return jnp.stack(
+        [
+            level(one, steps, often, samples)
+            for one, steps, often, samples in zip(
+                kept, gaps["steps"], gaps["counts"], counts, strict=True
+            )
+        ]
+    )
+
+
+def whitened(rest: Any, seen: Any, past: Any, gap: Any, lag_one: Any, scale: Any) -> Any:
+    """What is new in each residual of one channel, ``(T,)``; zero where nothing was measured."""
+    phi = lag_one**gap
+    return jnp.where(seen, scale * (rest - phi * rest[past]) / jnp.sqrt(1.0 - phi**2), 0.0)

@@ -1,0 +1,104 @@
+"""Checks of what a caller gives to a fit or a diagnosis, before any work is done."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from diffthrust._support.errors import InputError
+from diffthrust.logs._log import Log
+from diffthrust.models._base.model import Model
+from diffthrust.simulation._inputs import inputs_of
+
+
+def listed(logs: Any) -> tuple[Log, ...]:
+    """One log or several as a tuple.
+
+    Raises:
+        InputError: something else than logs.
+    """
+    found = (logs,) if isinstance(logs, Log) else logs
+    if not isinstance(found, Sequence) or not all(isinstance(log, Log) for log in found):
+        raise InputError(
+            f"Expected a Log or a sequence of them, found {type(logs).__name__}.",
+            "Read a file with dft.read_log, or make a dft.Log.",
+        )
+    return tuple(found)
+
+
+def by_input(what: str, given: Any, model: Model, example: str) -> dict[str, Any]:
+    """What was given for the inputs of a model, by their names.
+
+    Raises:
+        InputError: something else than a dictionary.
+    """
+    if given is not None and not isinstance(given, Mapping):
+        raise InputError(
+            f"{what}: expected a dictionary by the names of inputs, found {given!r}.",
+            f"Write {what}={{'{next(iter(model.inputs), 'input')}': {example}}}.",
+        )
+    return dict(given or {})
+
+
+def check_arguments(
+    model: Any,
+    logs: Sequence[Log],
+    unseen: Sequence[Log],
+    *,
+    seed: Any,
+    starts: Any = 1,
+    substeps: Any = None,
+    loss: str = "gaussian",
+    initial: str = "auto",
+    likelihood: str = "simulation",
+    noise_model: str = "white",
+    horizon: Any = None,
+) -> None:
+    """Raise `InputError` for an argument of `fit` or `diagnose` that cannot be meant."""
+    if not isinstance(model, Model):
+        raise InputError(
+            f"Expected a model, found {model!r}.", "Give an instance, such as dft.Thruster()."
+        )
+    for what, value, known in (
+        ("loss", loss, ("gaussian", "student_t")),
+        ("initial", initial, ("auto", "estimate", "measured")),
+        ("likelihood", likelihood, ("simulation", "innovations")),
+        ("noise_model", noise_model, ("white", "ar1")),
+    ):
+        if value not in known:
+            raise InputError(
+                f"{what}: expected one of {', '.join(known)}, found {value!r}.", "Correct it."
+            )
+    if likelihood == "innovations" and noise_model != "white":
+        raise InputError(
+            f"noise_model: expected 'white' with the innovations form, found {noise_model!r}: it "
+            "has lasting sensor errors of its own.",
+            "Leave noise_model out, or use likelihood='simulation'.",
+        )
+    if likelihood == "innovations" and horizon is not None and horizon != "auto":
+        raise InputError(  # every sample sets the states right: there is nothing else to set
+            f"horizon: the innovations form goes through whole runs, found {horizon!r}.",
+            "Leave the horizon out, or use likelihood='simulation'.",
+        )
+    for what, value, least in (("starts", starts, 1), ("seed", seed, 0), ("substeps", substeps, 1)):
+        if what == "substeps" and value is None:
+            continue
+        try:
+            fine = operator.index(value) >= least
+        except TypeError:
+            fine = False
+        if not fine:
+            raise InputError(
+                f"{what}: expected at least {least}, a whole number, found {value!r}.",
+                "Correct it.",
+            )
+    for log in unseen:  # before the work, not after it
+        inputs_of(model, log)
+    if not logs:
+        raise InputError("Expected at least one log to fit, found none.", "Give at least one log.")
+    if all(p.fixed for p in model.parameters.values()):
+        raise InputError(
+            f"Every parameter of '{model}' is fixed: there is nothing to fit.",
+            "Free at least one, or use compare.",
+        )

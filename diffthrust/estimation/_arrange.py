@@ -1,0 +1,277 @@
+"""Logs arranged for estimation: padded arrays in batches, and where simulations begin anew."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from diffthrust._support._running.batching import padded_length
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing
+from diffthrust.estimation._ar1 import gaps, linked, parameters
+from diffthrust.estimation._observer import Observer
+from diffthrust.estimation._problem import Layout, Problem
+from diffthrust.logs._log import Log
+from diffthrust.models._base.model import Model
+from diffthrust.models._base.parameter import Parameter
+from diffthrust.simulation._errors import unwrapped
+from diffthrust.simulation._inputs import bridged, hold_of, inputs_of
+from diffthrust.simulation._simulate import Grid, Key, starting_states
+from diffthrust.simulation._step_size import sensor_noise
+
+WASTE = 1.25
+"""Logs share a batch while the longest is at most this many times the shortest."""
+
+
+def build(
+    model: Model,
+    logs: Sequence[Log],
+    *,
+    substeps: int = 1,
+    initial: str = "estimate",
+    segmented: bool = False,
+    loss: str = "gaussian",
+    observer: Observer | None = None,
+    width: int | None = None,
+    lasting: bool = False,
+) -> Problem:
+    """Arrange a model and its logs for estimation.
+
+    With an ``observer`` the likelihood is that of the one-step predictions; with ``lasting`` noise
+    it is an autoregression, see `_ar1`.
+
+    Raises:
+        InputError: no measured channel that the model puts out, a missing input, or a unit of the
+            wrong dimension.
+    """
+    channels = channels_of(model, logs)
+    if not channels:
+        found = sorted({name for log in logs for name in log.measured})
+        raise InputError(
+            f"No log measures an output of '{model.name}': expected one of "
+            f"{listing(model.outputs)}, found {listing(found) or 'none'}.",
+            "Map a column to one of these channels.",
+        )
+    logs = tuple(bridged(log)[0] for log in logs)
+    nuisance: dict[str, Parameter] = {}
+    free_states = tuple(n for n in model.states if not any(n in log.inputs for log in logs))
+    if observer:
+        free_states = observer.fed
+        longest, step = max(log.duration for log in logs), min(log.step for log in logs)
+        nuisance = observer.parameters(longest, step)
+    elif lasting:
+        nuisance = parameters(channels)
+    named = {**model.parameters, **nuisance}
+    free = tuple(name for name, p in named.items() if not p.fixed)
+    starts = free_states if initial == "estimate" else ()
+    noise = _known_noise(model, logs, channels)
+    if nuisance:  # a given level is the sensor's: neither a prediction's nor that of what is new
+        noise = [None] * len(noise)
+    grids, batches, order = [], [], []
+    for indices, hold in _grouped(model, logs):
+        group = [logs[i] for i in indices]
+        restarted = tuple(
+            n for n in trusted(model) if segmented and any(_reads(log, n) for log in group)
+        )
+        uniform = all(log.even for log in group)
+        grids.append(Grid(hold, substeps, restarted, uniform))
+        batches.append(_batch(model, group, channels, starts, restarted))
+        order.append(tuple(indices))
+    counts = sum(np.isfinite(b["measured"]).sum(axis=(0, 2)) for b in batches)
+    spread = [_spread(model, logs, n) for n in channels]
+    layout = Layout(
+        key=Key(model.bind({})),
+        free=free,
+        transforms=tuple(named[n].transform for n in free),
+        channels=channels,
+        known_noise=tuple(s is not None for s in noise),
+        starts=starts,
+        grids=tuple(grids),
+        loss=loss,
+        observer=observer,
+        width=width,
+        lasting=lasting,
+    )
+    priors = {n: named[n].prior for n in free if named[n].prior is not None}
+    arrays = {
+        "batches": batches,
+        "values": {name: np.asarray(p.value, float) for name, p in named.items()},
+        "scales": np.array([named[n].scale for n in free], float),
+        "noise": np.array([1.0 if s is None else s for s in noise]),
+        "floor": np.array([(1e-8 * s) ** 2 for s in spread]),
+        "counts": np.asarray(counts, float),
+        "clip": np.full(len(channels), np.inf),
+        "reach": np.ones(()),
+        "prior": {
+            n: (np.asarray(p.mean, float), np.asarray(p.std, float)) for n, p in priors.items() if p
+        },
+    }
+    problem = Problem(model, tuple(logs), layout, arrays, tuple(order), nuisance=nuisance)
+    return _linked(problem) if lasting else problem
+
+
+def channels_of(model: Model, logs: Sequence[Log]) -> tuple[str, ...]:
+    """The outputs of a model that any of the logs measures."""
+    return tuple(n for n in model.outputs if any(n in log.measured for log in logs))
+
+
+def restarts(problem: Problem, horizon: float | None, *, hold: bool = False) -> Problem:
+    """The same problem with segments of another length; `None` simulates whole runs.
+
+    With ``hold`` the first segment begins at the measured state like every other.
+
+    Only numbers change, so the compiled code is used again. A restart falls on the first sample
+    at or after each multiple of the horizon at which every restarted state was measured.
+    """
+    if not any(grid.restarted for grid in problem.layout.grids) and hold == problem.held:
+        return problem
+    batches = []
+    for grid, batch, indices in zip(
+        problem.layout.grids, problem.arrays["batches"], problem.order, strict=True
+    ):
+        series = {name: np.array(batch["state_" + name]) for name in grid.restarted}
+        for row, index in enumerate(indices):
+            time = problem.logs[index].time
+            ours = [np.isfinite(s[row, : time.size]) for s in series.values()]
+            ours = [seen for seen in ours if seen.any()]
+            seen = np.all(ours, axis=0) if ours else np.zeros(time.size, bool)
+            chosen = np.zeros(batch["time"].shape[1], bool)
+            for begin in _multiples(time, horizon):
+                later = np.flatnonzero(seen & (time >= begin))
+                if later.size:
+                    chosen[later[0]] = True
+            for s in series.values():
+                s[row, ~chosen] = np.nan
+        anew = {"restart_" + name: s for name, s in series.items()}
+        batches.append({**batch, **anew})
+    arrays = {**problem.arrays, "batches": batches}
+    problem = replace(problem, arrays=arrays, held=hold)
+    return _linked(problem) if problem.layout.lasting else problem
+
+
+def _linked(problem: Problem) -> Problem:
+    """The problem with what noise that lasts needs to know of the samples' distances."""
+    batches, step = [], min(log.step for log in problem.logs)
+    for grid, batch in zip(problem.layout.grids, problem.arrays["batches"], strict=True):
+        time = np.asarray(batch["time"])
+        anew = np.zeros(time.shape, bool)
+        for name in grid.restarted:
+            anew |= np.isfinite(np.asarray(batch["restart_" + name]))
+        links = linked(time, np.asarray(batch["measured"]), anew, step)
+        batches.append({**batch, **links})
+    told = {"batches": batches, "gaps": gaps(batches)}
+    return replace(problem, arrays={**problem.arrays, **told})
+
+
+def _multiples(time: np.ndarray, horizon: float | None) -> np.ndarray:
+    if horizon is None:
+        return np.array([])
+    return np.arange(time[0] + horizon, time[-1], horizon)
+
+
+def trusted(model: Model) -> tuple[str, ...]:
+    """States that a sensor reads as they are: no effect acts between the state and its channel."""
+    return tuple(n for n in model.states if all(n not in effect.ports for effect in model.effects))
+
+
+def _reads(log: Log, state: str) -> bool:
+    return state in log.measured and state not in log.inputs
+
+
+def _spread(model: Model, logs: Sequence[Log], name: str) -> float:
+    seen = np.concatenate(
+        [lg.values(name, model.outputs[name]) for lg in logs if name in lg.measured]
+    )
+    seen = seen[np.isfinite(seen)]
+    return (float(np.std(seen)) if seen.size else float("nan")) or 1.0
+
+
+def _known_noise(model: Model, logs: Sequence[Log], channels: Sequence[str]) -> list[float | None]:
+    known: list[float | None] = []
+    for name in channels:
+        given = {log.noise_in(name, model.outputs[name]) for log in logs if name in log.measured}
+        if len(given) > 1:
+            raise InputError(
+                f"Channel '{name}': the logs give different noise levels "
+                f"({', '.join(map(str, sorted(given, key=str)))}).",
+                "Give every log the same noise, or none to have it estimated.",
+            )
+        known.append(given.pop())
+    return known
+
+
+def _grouped(
+    model: Model, logs: Sequence[Log]
+) -> list[tuple[list[int], tuple[tuple[str, str], ...]]]:
+    """Logs of the same inputs and of similar length, which are simulated as one batch."""
+    groups: list[tuple[list[int], tuple[tuple[str, str], ...], int]] = []
+    for index in sorted(range(len(logs)), key=lambda i: (len(logs[i]), i)):
+        log = logs[index]
+        hold = hold_of(log, inputs_of(model, log))
+        for members, theirs, shortest in groups:
+            if theirs == hold and len(log) <= WASTE * shortest:
+                members.append(index)
+                break
+        else:
+            groups.append(([index], hold, len(log)))
+    return [(members, hold) for members, hold, _ in groups]
+
+
+def _batch(
+    model: Model,
+    logs: Sequence[Log],
+    channels: Sequence[str],
+    starts: Sequence[str],
+    restarted: Sequence[str],
+) -> dict[str, Any]:
+    length = padded_length(max(len(log) for log in logs))
+
+    def padded(values: np.ndarray, fill: str) -> np.ndarray:
+        extra = length - values.shape[0]
+        if fill == "edge":  # a padded step has no length: the state rests
+            return np.concatenate([values, np.repeat(values[-1:], extra)])
+        return np.concatenate([values, np.full(extra, np.nan)])
+
+    given = [inputs_of(model, log) for log in logs]
+    measured = np.full((len(logs), len(channels), length), np.nan)
+    for row, log in enumerate(logs):
+        for column, name in enumerate(channels):
+            if name in log.measured:
+                measured[row, column, : len(log)] = log.values(name, model.outputs[name])
+    first = [starting_states(model, log) for log in logs]
+    batch: dict[str, Any] = {
+        "time": np.stack([padded(log.time, "edge") for log in logs]),
+        "inputs": {n: np.stack([padded(g[n], "edge") for g in given]) for n in given[0]},
+        "measured": measured,
+        "start": np.array([[f[n] for n in starts] for f in first]).reshape(len(logs), len(starts)),
+        "held": {n: np.array([f[n] for f in first]) for n in first[0] if n not in starts},
+        "unsigned": np.array([[n in log.unsigned for n in channels] for log in logs]),
+    }
+    for name in restarted:
+        batch["sign_" + name] = np.array([name in log.unsigned for log in logs])
+        series = [_restart_values(model, log, name) for log in logs]
+        batch["state_" + name] = np.stack([padded(s, "nan") for s in series])
+        batch["restart_" + name] = np.full((len(logs), length), np.nan)
+    return batch
+
+
+def _restart_values(model: Model, log: Log, name: str) -> np.ndarray:
+    if not _reads(log, name):
+        return np.full(len(log), np.nan)
+    values = log.values(name, model.states[name])
+    return smoothed(unwrapped(values) if name in model.angles else values)
+
+
+def smoothed(values: np.ndarray, half: int = 3) -> np.ndarray:
+    """Running median of the neighbours, so that a restart does not begin on a spike."""
+    if sensor_noise(values) <= 2e-4 * np.nanstd(values):  # no noise to be rid of
+        return values
+    wide = np.pad(values, half, constant_values=np.nan)
+    windows = np.lib.stride_tricks.sliding_window_view(wide, 2 * half + 1)
+    out = np.full(values.shape, np.nan)
+    seen = np.isfinite(values)
+    out[seen] = np.nanmedian(windows[seen], axis=1)
+    return out

@@ -1,0 +1,163 @@
+"""A fit in the innovations form: its observer, its one-step predictions and what it tells."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing
+from diffthrust.estimation._arrange import build, channels_of
+from diffthrust.estimation._multistart import Search
+from diffthrust.estimation._observer import CLIP, REAL, WIDE, Observer, is_memory, observer_of
+from diffthrust.estimation._one_step import passes, with_clip
+from diffthrust.estimation._problem import Problem
+from diffthrust.estimation._result import Estimate, Fit
+from diffthrust.estimation._solver import Solved, solve
+from diffthrust.logs._log import Log
+from diffthrust.models._base.model import Model
+from diffthrust.simulation._inputs import bridged
+
+NEWTON = 6
+"""At most so many steps of Newton's method end a search."""
+SHARE = 1e-3
+"""Gradients are compared so many standard errors to either side."""
+
+
+def observer_for(model: Model, logs: Sequence[Log]) -> Observer:
+    """The observer of a model for what the logs measure.
+
+    Raises:
+        InputError: no state is measured as it is, or the logs prescribe different states.
+    """
+    prescribed = {tuple(n for n in model.states if n in log.inputs) for log in logs}
+    if len(prescribed) > 1:
+        raise InputError(
+            f"The innovations form needs logs that drive the model alike; '{model}' is given "
+            f"{' and '.join(listing(names) or 'no state' for names in prescribed)} as an input.",
+            "Fit these logs apart, or use likelihood='simulation'.",
+        )
+    channels = channels_of(model, logs)
+    remembering = {port for effect in model.effects if effect.memory for port in effect.ports}
+    observer = observer_of(model, logs[0], channels, remembering)
+    if not observer.fed:
+        raise InputError(
+            f"The innovations form needs a measured state of '{model}': expected one of "
+            f"{listing(model.states) or 'none that it has'}, found {listing(channels) or 'none'}.",
+            "Map a column to one of these channels, or use likelihood='simulation'.",
+        )
+    return observer
+
+
+def clipped(found: Search, problem: Problem) -> tuple[Search, Problem]:
+    """The search carried on with errors limited to a few times what they are.
+
+    A spike then moves the states no further than a large error does. Where large errors are no
+    spikes, they move the states further.
+    """
+    for _ in range(2):
+        problem = with_clip(problem, CLIP * found.best.quadratic.sigma)
+        found = found.followed(problem)
+    wide = with_clip(problem, problem.arrays["clip"], reach=WIDE)
+    freer = found.followed(wide)
+    if freer.best.quadratic.cost < found.best.quadratic.cost - REAL:
+        return freer, wide
+    return found, problem
+
+
+def polished(found: Search, problem: Problem) -> Search:
+    """The search with its best optimum carried to the end by Newton's method.
+
+    Gains and memories lie on flat ridges, where the Gauss-Newton curvature is no guide and a search
+    creeps. The curvature is taken from differences of the gradient over a small share of an error.
+    """
+    (best, count), *others = found.optima
+    for _ in range(NEWTON):
+        if best.done or not np.isfinite(best.quadratic.cost):
+            break
+        further = _newton(problem, best)
+        if further is None:
+            break
+        best = further
+    return replace(found, optima=((best, count), *others))
+
+
+def _newton(problem: Problem, at: Solved) -> Solved | None:
+    """One step within the bounds; ``None`` where none falls further."""
+    q, (low, high) = at.quadratic, problem.limits()
+    length = np.sqrt(np.diagonal(q.information))
+    edge = ((at.z <= low + 1e-9) & (q.gradient > 0)) | ((at.z >= high - 1e-9) & (q.gradient < 0))
+    free = np.flatnonzero(~edge & (length > 0))
+    moves = np.zeros((free.size, at.z.size))
+    moves[np.arange(free.size), free] = 1 / length[free]
+
+    def slope(z: np.ndarray) -> np.ndarray:
+        return moves @ solve(problem, z, budget=1).quadratic.gradient
+
+    apart = [slope(at.z + SHARE * d) - slope(at.z - SHARE * d) for d in moves]
+    curvature = np.array(apart) / (2 * SHARE)
+    if not np.all(np.isfinite(curvature)):
+        return None
+    values, vectors = np.linalg.eigh(0.5 * (curvature + curvature.T))
+    along = vectors.T @ (moves @ q.gradient)
+    step = -(vectors @ (along / np.maximum(np.abs(values), 1e-9))) @ moves
+    for share in (1.0, 0.25, 0.05):
+        trial = solve(problem, np.clip(at.z + share * step, low, high), budget=1)
+        if float(trial.quadratic.cost) < float(q.cost):
+            return trial
+    return None
+
+
+def disturbance_of(problem: Problem, z: np.ndarray) -> dict[str, Estimate]:
+    """The observer's gains and memories, without standard errors."""
+    values = problem.values(z)
+    found = {}
+    for name, p in problem.nuisance.items():
+        touching = any(np.isclose(values[name], end, rtol=1e-9, atol=1e-9) for end in p.limits)
+        found[name] = Estimate(values[name], None, p.unit, fixed=False, at_bound=touching)
+    return found
+
+
+def limits_of(problem: Problem) -> dict[str, float]:
+    """By channel the size of a large error."""
+    return dict(zip(problem.layout.channels, map(float, problem.arrays["clip"]), strict=True))
+
+
+def one_step(fit: Fit, logs: Sequence[Log], substeps: int = 1) -> list[dict[str, np.ndarray]]:
+    """`one_step_errors` of a fit on any logs, from their measured states on.
+
+    A channel that the fit did not know corrects nothing.
+
+    Raises:
+        InputError: the logs measure no state.
+    """
+    found = fit.disturbance or {}
+    problem = build(
+        fit.model,
+        logs,
+        substeps=substeps,
+        initial="measured",
+        observer=observer_for(fit.model, logs),
+    )
+    nuisance = {}
+    for name, p in problem.nuisance.items():
+        absent = p.value if is_memory(name) else 0.0
+        nuisance[name] = p.with_value(found[name].value if name in found else absent)
+    problem = replace(problem, nuisance=nuisance)
+    if fit.limits is not None:
+        large = [fit.limits.get(name, np.inf) for name in problem.layout.channels]
+        problem = with_clip(problem, large, fit.reach)
+    rests = one_step_errors(problem, problem.start())
+    at = [bridged(log)[1] for log in logs]
+    return [{n: rest[i] for n, rest in run.items()} for run, i in zip(rests, at, strict=True)]
+
+
+def one_step_errors(problem: Problem, z: np.ndarray) -> list[dict[str, np.ndarray]]:
+    """Measured minus predicted, ``(T,)`` by log and channel; NaN where nothing was measured."""
+    channels = problem.layout.channels
+    return [
+        {c: one.errors[i] for i, c in enumerate(channels) if c in log.measured}
+        for one, log in zip(passes(problem, z), problem.logs, strict=True)
+    ]

@@ -1,0 +1,206 @@
+"""Several starts of one fit: which to try, how far to carry each, and whether they agree."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from diffthrust._support.progress import Progress
+from diffthrust.estimation._observer import guesses, is_memory
+from diffthrust.estimation._problem import Problem
+from diffthrust.estimation._solver import Solved, solve
+
+DECADES = 1.0
+"""Starts of a "log" parameter are drawn this many decades to either side of the guess."""
+FIRST_BUDGET = 12
+"""Steps given to every start before the best are carried on."""
+ENDED = 8
+"""At least so many starts are carried to the end: the first steps favour the near basin, which need
+not be the deep one, so that agreement among the best few alone would prove little."""
+SAME = 1e-4
+"""Log-likelihoods nearer than this are the same optimum."""
+AGREED = 3
+"""So many starts should end in the best optimum; with fewer, more are tried."""
+
+CARRIED = 3
+"""So many distinct optima are followed from one horizon to the next."""
+
+
+@dataclass(frozen=True)
+class Search:
+    """The outcome of a multi-start search.
+
+    Args:
+        optima: the distinct optima, the best first, each with the number of starts that led to it.
+        begun: starts that were begun.
+    """
+
+    optima: tuple[tuple[Solved, int], ...]
+    begun: int
+
+    @property
+    def best(self) -> Solved:
+        """The optimum of the highest likelihood."""
+        return self.optima[0][0]
+
+    @property
+    def agreeing(self) -> int:
+        """Starts that ended in it."""
+        return self.optima[0][1]
+
+    def agreeing_on(self, problem: Problem) -> int:
+        """Starts that ended in its parameters of the model, whatever an observer's gains.
+
+        Where no random forces act, many gains and memories do as well as none.
+        """
+        if not problem.nuisance:
+            return self.agreeing
+        k = len(problem.own)
+        length = np.sqrt(np.diagonal(self.best.quadratic.information))[:k]
+        away = [np.abs(solved.z - self.best.z)[:k] * length for solved, _ in self.optima]
+        return sum(n for (_, n), d in zip(self.optima, away, strict=True) if np.all(d <= 1.0))
+
+    def followed(self, problem: Problem) -> Search:
+        """The search carried on to a related problem from its best few optima."""
+        carried = [(solve(problem, solved.z), n) for solved, n in self.optima[:CARRIED]]
+        return Search(_distinct(carried), self.begun)
+
+    def rivals(self, problem: Problem) -> tuple[str, ...]:
+        """Parameters in which an equally good optimum differs from the best by over an error."""
+        length = np.sqrt(np.diagonal(self.best.quadratic.information))
+        names: dict[str, None] = {}
+        for solved, _ in self.optima[1:]:
+            if _cost(solved) <= _cost(self.best) + SAME:
+                away = np.abs(solved.z - self.best.z) * length
+                names |= {name: None for i, name in enumerate(problem.own) if away[i] > 1.0}
+        return tuple(names)
+
+
+def draw(problem: Problem, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Coordinates of ``count`` starts; the first is the user's own guess."""
+    low, high = problem.limits()
+    guess = problem.start()
+    out = np.repeat(guess[None], count, axis=0)
+    named = problem.named
+    gains = guesses(problem.nuisance)
+    for i, name in enumerate(problem.free):
+        p = named[name]
+        if name in problem.nuisance and not is_memory(name):
+            tried = [gain.get(name, p.value) / p.scale for gain in gains]
+            drawn = np.resize(tried, count)
+        elif p.transform == "log":
+            away = rng.uniform(-DECADES, DECADES, count) * np.log(10.0)
+            drawn = guess[i] + away
+        elif p.null is not None:  # an effect may be absent, faint or strong, whatever the guess
+            null = p.null / p.scale
+            sign = np.where(rng.random(count) < 0.5, -1.0, 1.0) if low[i] < null else 1.0
+            drawn = null + sign * 10 ** rng.uniform(-DECADES, 0.5 * DECADES, count)
+        elif np.all(np.isfinite([low[i], high[i]])):
+            drawn = rng.uniform(low[i], high[i], count)
+        else:
+            drawn = guess[i] + rng.normal(0.0, 1.0, count)
+        out[1:, i] = drawn[1:]
+    return np.clip(out, low, high)
+
+
+def search(
+    problem: Problem,
+    starts: int,
+    rng: np.random.Generator,
+    progress: Progress | None = None,
+    first: Solved | None = None,
+) -> Search:
+    """Minimise from several starts.
+
+    Every start is carried a few steps; the best quarter (at least `ENDED`) are carried to the end.
+    While the best optimum was found fewer than `AGREED` times, the next best are carried on too,
+    and then as many starts again are drawn, twice at most. ``first`` is the first start where it
+    was begun already.
+    """
+    tell = progress or (lambda message, done: None)
+    begun: list[Solved] = []
+    ended: list[Solved] = []
+    total = 0
+    for _ in range(3):
+        drawn = draw(problem, starts + 1, rng)
+        fresh = drawn[1:] if total else drawn[:starts]
+        total += starts
+        for i, z in enumerate(fresh):
+            known, first = first, None
+            begun.append(solve(problem, z, budget=FIRST_BUDGET) if known is None else known)
+            tell(f"start {len(begun)}", 0.5 * (i + 1) / len(fresh))
+        begun.sort(key=_rank)
+        wanted = max(ENDED, len(begun) // 4)
+        while begun and (wanted > 0 or _agreeing(ended) < AGREED):
+            one = begun.pop(0)
+            if np.isfinite(one.quadratic.cost):
+                ended.append(one if one.done else solve(problem, one.z))
+            wanted -= 1
+            tell(f"refining {len(ended)}", 1.0 - 0.5 * len(begun) / total)
+        if starts == 1 or _agreeing(ended) >= AGREED:
+            break
+    if not ended:  # not one start could be simulated
+        ended.append(solve(problem, problem.start(), budget=1))
+    found = _distinct([(solved, 1) for solved in ended])
+    return Search(_mirrored(problem, found), total)
+
+
+def _distinct(ended: list[tuple[Solved, int]]) -> tuple[tuple[Solved, int], ...]:
+    """Optima that differ in likelihood or by over an error in a coordinate, the best first.
+
+    Among equals stands first one that met the stopping rule rather than one stuck beside a kink.
+    """
+    lowest = min(_cost(solved) for solved, _ in ended)
+    ended = sorted(ended, key=lambda e: (_cost(e[0]) > lowest + SAME, not e[0].done, _rank(e[0])))
+    optima: list[tuple[Solved, int]] = []
+    for solved, count in ended:
+        for i, (other, seen) in enumerate(optima):
+            if _same(solved, other):
+                optima[i] = (other, seen + count)
+                break
+        else:
+            optima.append((solved, count))
+    return tuple(optima)
+
+
+def _same(one: Solved, other: Solved) -> bool:
+    """Equal likelihoods, and nothing between them that either of the two would notice."""
+    if not np.isfinite(_cost(other)):
+        return not np.isfinite(_cost(one))
+    if abs(_cost(one) - _cost(other)) > SAME + 1e-9 * abs(_cost(other)):
+        return False
+    away = one.z - other.z
+    return any(away @ s.quadratic.information @ away <= 1.0 for s in (one, other))
+
+
+def _mirrored(
+    problem: Problem, optima: tuple[tuple[Solved, int], ...]
+) -> tuple[tuple[Solved, int], ...]:
+    """Try the other sign of every initial state that only an unsigned sensor reads."""
+    best, count = optima[0]
+    for i in problem.sign_free():
+        turned = best.z.copy()
+        turned[i] = -turned[i]
+        trial = solve(problem, turned)
+        if _cost(trial) < _cost(best) - SAME:
+            best = trial
+    return _distinct([(best, count), *optima[1:]])
+
+
+def _rank(solved: Solved) -> float:
+    """The cost without what rounding changes: of equal optima the one begun first is taken."""
+    return round(_cost(solved), 6)
+
+
+def _cost(solved: Solved) -> float:
+    cost = float(solved.quadratic.cost)
+    return cost if np.isfinite(cost) else np.inf
+
+
+def _agreeing(ended: list[Solved]) -> int:
+    if not ended:
+        return 0
+    costs = np.array([_cost(s) for s in ended])
+    best = costs.min()
+    return int(np.sum(costs <= best + SAME + 1e-9 * abs(best))) if np.isfinite(best) else 0

@@ -1,0 +1,269 @@
+"""The innovations form of a simulation: at each sample the states are corrected by its error.
+
+A simulation over a whole run accumulates what random forces do, and its residuals are long and
+correlated. The innovations form (Ljung 1999, section 7.3; Kristensen, Madsen & Jorgensen 2004)
+predicts each sample from all earlier ones. Beside the model run, for each measured state,
+
+- a **drift**: a random acceleration with a memory, which the past errors reveal,
+- a **colour**: a part of the sensor's error that lasts from one sample to the next,
+
+and each error moves the state, its drift and its colour by constant gains. Gains and memories are
+estimated with the model's parameters by maximum likelihood, so that they come out as large as the
+logs ask: without random forces the gains vanish, and the simulation error is left. Outputs that
+are not states (a thrust) are read from the corrected states and have a colour only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from diffthrust.logs._log import Log
+from diffthrust.models._base.model import Model
+from diffthrust.models._base.parameter import Parameter
+from diffthrust.models._base.signals import Ports, Signals
+from diffthrust.simulation._linearise import slopes_at
+from diffthrust.simulation._simulate import Grid, equations_of, march, read_out
+
+CLIP = 4.0
+"""An error of more than so many standard deviations corrects as much as one of that size."""
+WIDE = 5.0
+"""As much as one of so many times that size, where large errors are no spikes of a sensor but tell
+how the states moved."""
+REAL = 10.0
+"""That is so where the logs are likelier with `WIDE` by more than this (log-likelihood)."""
+
+
+@dataclass(frozen=True)
+class Observer:
+    """What is corrected by what; fixes the compiled code.
+
+    Args:
+        channels: all measured channels.
+        fed: those that are states and correct them.
+        corrected: for each state, the channels that correct it.
+        forced: states on which random forces act.
+        still: nothing is corrected and no random force acts; what is left is a simulation whose
+            sensors have errors that last ("ar1" noise).
+    """
+
+    channels: tuple[str, ...]
+    fed: tuple[str, ...]
+    corrected: tuple[tuple[str, tuple[str, ...]], ...]
+    forced: tuple[str, ...]
+    still: bool = False
+
+    def parameters(self, duration: float, step: float) -> dict[str, Parameter]:
+        """The gains and memories, by name, with values to start from."""
+        found: dict[str, Parameter] = {}
+        longest = (0.5 * step, 10.0 * duration)
+
+        def gain(value: float, own: bool = True) -> Parameter:
+            low, value = (0.0, value) if own else (None, 0.0)
+            value = 0.0 if self.still else value
+            return Parameter(value, "", (low, 1.0), size=0.3, fixed=self.still)
+
+        def memory(seconds: float, still: bool = False) -> Parameter:
+            value = min(max(seconds, 2 * step), 0.5 * duration)
+            return Parameter(value, "s", longest, transform="log", fixed=still)
+
+        for state, sources in self.corrected:
+            for c in sources:
+                found[f"noise.{state}.gain.{c}"] = gain(0.2, state == c)
+                if state in self.forced:
+                    found[f"noise.{state}.drift.{c}"] = gain(0.05, state == c)
+            if state in self.forced:
+                found[f"noise.{state}.memory"] = memory(1.0, self.still)
+        for c in self.channels:
+            whole = Parameter(1.0, "", (0.0, 1.0), size=0.3, fixed=True)
+            found[f"noise.{c}.colour"] = whole if self.still else gain(0.2)
+            found[f"noise.{c}.correlation"] = memory(5 * step)
+        return found
+
+
+def observer_of(
+    model: Model,
+    log: Log,
+    channels: Sequence[str],
+    remembering: Collection[str] = (),
+    still: bool = False,
+) -> Observer:
+    """The observer of a model for some measured channels.
+
+    A measured state is corrected by its own channel. A state that is not measured, but drives one
+    that is, is corrected by all. Random forces act on the states whose rates pass a port (in a
+    model without ports: on all). Channels named in ``remembering`` correct nothing: an effect there
+    reads more than the present sample. Where no state is measured nothing is corrected, and the
+    errors of the outputs keep their colour.
+    """
+    own = [n for n in model.states if n not in log.inputs]
+    fed = tuple(n for n in own if n in channels and n not in remembering)
+    rates, _ = slopes_at(model, log)
+    corrected = tuple(
+        (n, (n,) if n in fed else fed)
+        for n in own
+        if n in fed or any(rates[m][0][n] != 0 for m in fed)
+    )
+    forced = tuple(
+        n for n, _ in corrected if not model.ports or any(v != 0 for v in rates[n][1].values())
+    )
+    return Observer(tuple(channels), fed, corrected, forced, still)
+
+
+def is_memory(name: str) -> bool:
+    """Whether a parameter of an observer is a memory [s]; all others are gains."""
+    return name.rpartition(".")[2] in ("memory", "correlation")
+
+
+def guesses(names: Collection[str]) -> tuple[dict[str, float], ...]:
+    """Gains from which to start: as given, nearly none, and errors that are mostly the sensor's."""
+    quiet = {n: 0.02 for n in names if not is_memory(n)}
+    if not quiet:
+        return ({},)
+    return {}, quiet, {**quiet, **{n: 0.9 for n in quiet if n.endswith(".colour")}}
+
+
+class Correction:
+    """One run of an observer over one log; the `Observe` of `march`."""
+
+    def __init__(
+        self, observer: Observer, model: Model, values: Mapping[str, Any], time: Any, log: Any
+    ) -> None:
+        self.observer, self.model, self.values = observer, model, values
+        self.unsigned, self.clip = log["unsigned"], log["clip"]
+        self.limit = log["reach"] * self.clip
+        step = jnp.diff(time, append=time[-1:])
+        kept = {f"drift.{n}": values[f"noise.{n}.memory"] for n in observer.forced}
+        kept |= {f"colour.{c}": values[f"noise.{c}.correlation"] for c in observer.channels}
+        self.rows: Mapping[str, Any] = {
+            name: jnp.exp(-step / memory) for name, memory in kept.items()
+        }
+        self.between: Mapping[str, float] = {**dict.fromkeys(kept, 1.0), "rate": 0.0}
+        rate = jnp.where(step > 0, 1.0 / jnp.where(step > 0, step, 1.0), 0.0)
+        measured = {c: log["measured"][i] for i, c in enumerate(observer.channels)}
+        self.rows = {**self.rows, **measured, "rate": rate}
+        self.start: Mapping[str, Any] = {f"drift.{n}": 0.0 for n in observer.forced}
+        self.start = {**self.start, **{f"colour.{c}": 0.0 for c in observer.fed}}
+
+    def rates(self, found: dict[str, Any], state: Mapping[str, Any]) -> dict[str, Any]:
+        """Random accelerations on the forced states; the observer's own states wait."""
+        pushed = {n: found[n] + state[f"drift.{n}"] for n in self.observer.forced}
+        return {**found, **pushed, **dict.fromkeys(self.start, 0.0)}
+
+    def error(self, channel: str, modelled: Any, measured: Any, colour: Any) -> Any:
+        """Measured minus predicted; zero where nothing was measured."""
+        i = self.observer.channels.index(channel)
+        # half a standard deviation of the errors: wider, it would bend what is read above zero
+        size = modelled * direction(modelled, 0.5 * self.clip[i] / CLIP)
+        modelled = jnp.where(self.unsigned[i], size, modelled)
+        rest = jnp.where(jnp.isnan(measured), 0.0, measured) - modelled - colour
+        if channel in self.model.angles:
+            rest = rest - 2 * jnp.pi * jnp.round(rest / (2 * jnp.pi))
+        return jnp.where(jnp.isnan(measured), 0.0, rest)
+
+    def correct(self, state: dict[str, Any], u: Mapping[str, Any], row: Any) -> dict[str, Any]:
+        """The states after a sample; elementwise, for one sample or a whole log."""
+        o, v = self.observer, self.values
+        s = Signals({**state, **u})
+        _, outputs = equations_of(self.model, s, Ports(self.model.effects, s))
+        sensor = Ports(self.model.effects, s.also(outputs))
+        told, errors = {}, {}
+        for c in o.fed:
+            modelled = sensor(c, outputs[c])
+            e = self.error(c, modelled, row[c], state[f"colour.{c}"])
+            i = o.channels.index(c)
+            told[c] = limited(e, self.limit[i])
+            toward = jnp.where(self.unsigned[i], direction(modelled, self.clip[i]), 1.0)
+            errors[c] = toward * told[c]
+        new = dict(state)
+        for name, sources in o.corrected:
+            own = name in o.fed
+            pace = 1.0 if own else row["rate"]
+            new[name] = new[name] + pace * sum(
+                v[f"noise.{name}.gain.{c}"] * errors[c] for c in sources
+            )
+            if name in o.forced:
+                pace = row["rate"] if own else row["rate"] ** 2
+                drift = sum(v[f"noise.{name}.drift.{c}"] * errors[c] for c in sources)
+                new[f"drift.{name}"] = row[f"drift.{name}"] * (
+                    state[f"drift.{name}"] + pace * drift
+                )
+        for c in o.fed:
+            held = state[f"colour.{c}"] + v[f"noise.{c}.colour"] * told[c]
+            new[f"colour.{c}"] = row[f"colour.{c}"] * held
+        return new
+
+
+def limited(error: Any, limit: Any) -> Any:
+    """What an error corrects: itself where it is small, no more than ``limit``.
+
+    The bend is smooth (half a per cent at 0.7 of the limit, 8 % at the limit). A corner would hold
+    fits: with some thousand samples there is always one that sits on it.
+    """
+    square = jnp.minimum((error / limit) ** 2, 1e30)
+    return error / jnp.sqrt(jnp.sqrt(jnp.sqrt(1.0 + square**4)))
+
+
+def direction(modelled: Any, width: Any) -> Any:
+    """The sign of what a sensor without one shows, smooth where it passes zero.
+
+    Next to zero such a sensor does not tell on which side the state is, and a correction that jumps
+    from one side to the other makes the likelihood jump with it.
+    """
+    smooth = jnp.tanh(modelled / jnp.where(jnp.isfinite(width), width, 1.0))
+    return jnp.where(jnp.isfinite(width), smooth, jnp.where(modelled < 0, -1.0, 1.0))
+
+
+def innovations(
+    observer: Observer, model: Model, grid: Grid, values: Mapping[str, Any], log: Any, start: Any
+) -> tuple[Any, dict[str, Any]]:
+    """Errors of the one-step predictions, ``(C, T)``, and the states before each correction.
+
+    The states come with ``moved.STATE``, what the correction adds to a corrected state, and
+    ``pushed.STATE``, the random acceleration until the next sample; and with ``rest.CHANNEL``, what
+    is left of a measurement before its own past has predicted it.
+
+    Args:
+        observer: what is corrected by what.
+        model: the model with (possibly traced) parameter values.
+        grid: how to integrate.
+        values: gains and memories by name.
+        log: arrays of one log: time, inputs, measured ``(C, T)``, unsigned and clip
+            ``(C,)``, and reach.
+        start: initial states.
+    """
+    run = Correction(observer, model, values, log["time"], log)
+    series, path = march(model, grid, log["time"], log["inputs"], start, {}, run)
+    signals = {**series, "time": log["time"]}
+    ahead = read_out(model, Signals({**path, **signals}))
+    corrected = run.correct(path, signals, run.rows)
+    after = read_out(model, Signals({**corrected, **signals}))
+    told = {f"moved.{n}": corrected[n] - path[n] for n, _ in observer.corrected}
+    told |= {f"pushed.{n}": corrected[f"drift.{n}"] for n in observer.forced}
+    errors = []
+    for c in observer.channels:
+        modelled = ahead[c] if c in observer.fed else after[c]
+        told[f"rest.{c}"] = rest = run.error(c, modelled, run.rows[c], 0.0)
+        if c in observer.fed:
+            errors.append(run.error(c, modelled, run.rows[c], path[f"colour.{c}"]))
+        else:
+            gain, limit = values[f"noise.{c}.colour"], run.limit[observer.channels.index(c)]
+            errors.append(_whitened(rest, run.rows[c], gain, run.rows[f"colour.{c}"], limit))
+    return jnp.stack(errors), {**path, **told}
+
+
+def _whitened(rest: Any, measured: Any, gain: Any, kept: Any, limit: Any) -> Any:
+    """What remains of a residual after its own past has predicted it."""
+
+    def body(colour: Any, x: Any) -> tuple[Any, Any]:
+        r, seen, keep = x
+        e = jnp.where(seen, r - colour, 0.0)
+        return keep * (colour + gain * limited(e, limit)), e
+
+    seen = ~jnp.isnan(measured)
+    _, errors = jax.lax.scan(body, jnp.zeros(()), (rest, seen, kept))
+    return errors

@@ -1,0 +1,143 @@
+"""Passes of an observer over logs: one-step errors and the path of the states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from diffthrust.estimation._likelihood import named_values, noise_of
+from diffthrust.estimation._observer import innovations
+from diffthrust.estimation._problem import Layout, Problem
+
+ROUNDS = 2
+"""Rounds of Gauss-Newton for initial states: the errors are nearly linear in them."""
+
+
+@dataclass(frozen=True)
+class Pass:
+    """One log.
+
+    Args:
+        errors: measured minus predicted, ``(C, T)``; NaN where nothing was measured.
+        measured: ``(C, T)``.
+        path: inputs and states before each correction, and what the observer notes, ``(T,)`` each.
+    """
+
+    errors: np.ndarray
+    measured: np.ndarray
+    path: dict[str, np.ndarray]
+
+
+def passes(problem: Problem, z: np.ndarray | None = None) -> list[Pass]:
+    """A pass over each log of a problem in the innovations form, in the order of ``logs``.
+
+    Args:
+        problem: the problem.
+        z: coordinates, initial states included; the problem's own values where ``None``.
+    """
+    z = problem.start() if z is None else z
+    found: dict[int, Pass] = {}
+    batches = problem.arrays["batches"]
+    done, _ = _pass(problem.layout, problem.arrays, jnp.asarray(z))
+    for batch, indices, (errors, path) in zip(batches, problem.order, done, strict=True):
+        measured = np.asarray(batch["measured"])
+        errors = np.where(np.isnan(measured), np.nan, errors)
+        series = {**batch["inputs"], **path, "time": batch["time"]}
+        series = {name: np.asarray(values) for name, values in series.items()}
+        for row, index in enumerate(indices):
+            size = len(problem.logs[index])
+            own = {name: values[row, :size] for name, values in series.items()}
+            found[index] = Pass(errors[row, :, :size], measured[row, :, :size], own)
+    return [found[index] for index in range(len(problem.logs))]
+
+
+def settled_start(problem: Problem) -> Problem:
+    """The problem with the initial states that fit it best, its parameters unchanged.
+
+    By differences: no other derivative of the passes is compiled. Errors beyond what the observer
+    follows count as much as those at that limit.
+    """
+    first, states = problem.shared, len(problem.layout.starts)
+    if not states:
+        return problem
+    z = problem.start()
+    limit = (problem.arrays["reach"] * np.asarray(problem.arrays["clip"]))[:, None]
+
+    def weighed(at: np.ndarray) -> list[np.ndarray]:
+        rests = [np.clip(one.errors / limit, -1.0, 1.0) for one in passes(problem, at)]
+        return [np.nan_to_num(rest).ravel() for rest in rests]
+
+    logs = [index for indices in problem.order for index in indices]  # in the order of z
+    for _ in range(ROUNDS):
+        now = weighed(z)
+        moves = 1e-4 * (1.0 + np.abs(z[first:]).reshape(-1, states)).max(axis=0)
+        columns = []
+        for j, move in enumerate(moves):
+            moved = z.copy()
+            moved[first + j :: states] += move
+            columns.append([(a - b) / move for a, b in zip(weighed(moved), now, strict=True)])
+        for place, index in enumerate(logs):
+            slopes = np.stack([column[index] for column in columns], axis=1)
+            length = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
+            step = np.linalg.lstsq(slopes / length, -now[index], rcond=1e-6)[0] / length
+            z[first + place * states :][:states] += step
+    return problem.focus(problem.free, problem.values(z), z[first:])
+
+
+def cost(problem: Problem) -> float:
+    """Negative log-likelihood at the problem's values."""
+    return float(_pass(problem.layout, problem.arrays, jnp.asarray(problem.start()))[1])
+
+
+def nrmse(problem: Problem) -> float:
+    """Root mean over the channels of squared errors over variance of the measurement."""
+    done = passes(problem)
+    ratios = []
+    for i in range(len(problem.layout.channels)):
+        errors = np.concatenate([one.errors[i] for one in done])
+        seen = np.isfinite(errors)
+        if seen.any():
+            measured = np.concatenate([one.measured[i] for one in done])[seen]
+            ratios.append(np.mean(errors[seen] ** 2) / np.var(measured))
+    return float(np.sqrt(np.mean(ratios)))
+
+
+def with_clip(problem: Problem, clip: Any, reach: Any = 1.0) -> Problem:
+    """The problem with errors limited where they correct states.
+
+    Args:
+        problem: in the innovations form.
+        clip: size of a large error, ``(C,)``.
+        reach: errors are limited at so many times that.
+    """
+    given = {"clip": np.asarray(clip, float), "reach": np.asarray(reach, float)}
+    return replace(problem, arrays={**problem.arrays, **given})
+
+
+@partial(jax.jit, static_argnums=0)
+def _pass(layout: Layout, arrays: Any, z: Any) -> Any:
+    """Errors ``(B, C, T)`` and the paths of each batch of logs; negative log-likelihood of all."""
+    observer = layout.observer
+    assert observer is not None
+    n, m = layout.width or len(layout.free), len(layout.starts)
+    values = named_values(layout, arrays, z[:n])
+    model = layout.key.model.bind(values)
+    at, out = n, []
+    for grid, batch in zip(layout.grids, arrays["batches"], strict=True):
+        count = batch["time"].shape[0]
+        starts = z[at : at + count * m].reshape(count, m)
+        at += count * m
+
+        def one(log: Any, grid: Any = grid) -> Any:
+            told = {**log, "clip": arrays["clip"], "reach": arrays["reach"]}
+            begin = {name: log["start"][i] for i, name in enumerate(layout.starts)}
+            states = {**log["held"], **begin}
+            return innovations(observer, model, grid, values, told, states)
+
+        out.append(jax.lax.map(one, {**batch, "start": starts}))
+    return out, noise_of(layout, arrays, [errors for errors, _ in out])[0]

@@ -1,0 +1,210 @@
+"""An estimation problem: what fixes its compiled code, and the coordinates of its parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from diffthrust.estimation._observer import Observer
+from diffthrust.logs._log import Log
+from diffthrust.models._base.model import Model
+from diffthrust.models._base.parameter import Parameter
+from diffthrust.simulation._simulate import Grid, Key
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What fixes the compiled code of a problem; equal layouts share it.
+
+    With an ``observer`` the likelihood is that of the innovations. With ``lasting`` noise that of
+    what is new in each residual. With a ``width`` only so many
+    coordinates are moved at a time, and which ones is a matter of numbers: many selections of
+    parameters (see `Problem.focus`) then share one compilation.
+    """
+
+    key: Key
+    free: tuple[str, ...]
+    transforms: tuple[str, ...]
+    channels: tuple[str, ...]
+    known_noise: tuple[bool, ...]
+    starts: tuple[str, ...]
+    grids: tuple[Grid, ...]
+    loss: str
+    observer: Observer | None = None
+    width: int | None = None
+    lasting: bool = False
+
+
+@dataclass(frozen=True)
+class Problem:
+    """An estimation problem.
+
+    Args:
+        model: the model; its values are where the fit starts.
+        logs: the logs as they were given, with gaps in time bridged.
+        layout: the static part.
+        arrays: the numeric part, a pytree of arrays.
+        order: for each batch, the indices of its logs.
+        held: initial states stay at their measured values.
+        nuisance: parameters of the observer or of the noise, estimated with the model's.
+        chosen: the coordinates that are moved, where the layout has a width.
+    """
+
+    model: Model
+    logs: tuple[Log, ...]
+    layout: Layout
+    arrays: Mapping[str, Any] = field(repr=False)
+    order: tuple[tuple[int, ...], ...] = ()
+    held: bool = False
+    nuisance: Mapping[str, Parameter] = field(default_factory=dict, repr=False)
+    chosen: tuple[str, ...] | None = None
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Full names of the estimated parameters."""
+        return self.layout.free if self.chosen is None else self.chosen
+
+    @property
+    def own(self) -> tuple[str, ...]:
+        """Those of them that are the model's; those of the noise come after them."""
+        return tuple(name for name in self.free if name not in self.nuisance)
+
+    @cached_property
+    def named(self) -> dict[str, Parameter]:
+        """The parameters of the model and of the noise, by full name."""
+        return {**self.model.parameters, **self.nuisance}
+
+    def focus(
+        self,
+        names: Sequence[str],
+        values: Mapping[str, float],
+        begin: np.ndarray | None = None,
+    ) -> Problem:
+        """The same problem with other values, in which only these parameters are moved.
+
+        ``begin`` gives the initial states, ``(local,)``, in the order of the coordinates.
+        """
+        layout, named = self.layout, self.named
+        assert layout.width is not None
+        assert len(names) <= layout.width
+        where = [layout.free.index(n) for n in names]
+        spare = len(layout.free)  # a coordinate that nothing depends on
+        chosen = where + [spare] * (layout.width - len(where))
+        nuisance = {n: p.with_value(values.get(n, p.value)) for n, p in self.nuisance.items()}
+        model = self.model.replace({n: values[n] for n in self.model.parameters if n in values})
+        # arrays of numpy: as many of jax would take as long as a pass over the logs
+        rest = {n: np.asarray(values.get(n, p.value), float) for n, p in named.items()}
+        moved = replace(self, model=model, nuisance=nuisance, chosen=tuple(names))
+        scales = np.array([moved.named[n].scale for n in layout.free])
+        numbers = {"chosen": np.array(chosen), "values": rest, "scales": scales}
+        batches = list(self.arrays["batches"])
+        if begin is not None and begin.size:
+            sizes = [batch["start"].size for batch in batches]
+            parts = np.split(begin, np.cumsum(sizes)[:-1])
+            batches = [
+                {**batch, "start": part.reshape(batch["start"].shape)}
+                for batch, part in zip(batches, parts, strict=True)
+            ]
+        return replace(moved, arrays={**self.arrays, **numbers, "batches": batches})
+
+    @property
+    def local(self) -> int:
+        """Number of estimated initial states over all logs."""
+        return len(self.layout.starts) * len(self.logs)
+
+    def sign_free(self) -> list[int]:
+        """Coordinates of initial states that only an unsigned sensor reads."""
+        at, out = self.shared, []
+        for indices in self.order:
+            for index in indices:
+                for state in self.layout.starts:
+                    if state in self.logs[index].unsigned:
+                        out.append(at)
+                    at += 1
+        return [] if self.held else out
+
+    def start(self) -> np.ndarray:
+        """Coordinates of the model's present values and of the measured initial states."""
+        named = self.named
+        ahead = [float(named[n].to_coordinate(named[n].value)) for n in self.free]
+        states = [np.asarray(batch["start"]).reshape(-1) for batch in self.arrays["batches"]]
+        spare = np.zeros(self.shared - len(ahead))
+        return np.concatenate([np.asarray(ahead, float), spare, *states])
+
+    def limits(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper limits of the coordinates."""
+        low, high = self._limits
+        return low.copy(), high.copy()
+
+    @cached_property
+    def _limits(self) -> tuple[np.ndarray, np.ndarray]:
+        named = self.named
+        pairs = [named[n].coordinate_limits() for n in self.free]
+        pairs += [(0.0, 0.0)] * (self.shared - len(pairs))
+        pairs += self._starting_range
+        low, high = np.array(pairs, float).reshape(-1, 2).T
+        if self.held:
+            low[self.shared :] = high[self.shared :] = self.start()[self.shared :]
+        return low, high
+
+    @cached_property
+    def _starting_range(self) -> list[tuple[float, float]]:
+        """Within what each initial state is sought: what was measured, and twice as far about it.
+
+        Where the first measurement comes long after the start nothing tells of it any more, and a
+        search would run off to values at which the simulation fails.
+        """
+        pairs = []
+        for log in (self.logs[index] for indices in self.order for index in indices):
+            for state in self.layout.starts:
+                seen = log.measured.get(state, np.array([]))
+                if state in self.model.angles or not np.isfinite(seen).any():
+                    pairs.append((-np.inf, np.inf))
+                    continue
+                seen = log.values(state, self.model.states[state])
+                low, high = float(np.nanmin(seen)), float(np.nanmax(seen))
+                if state in log.unsigned:
+                    low = -high
+                room = 2.0 * (high - low)
+                pairs.append((low - room, high + room) if room > 0 else (-np.inf, np.inf))
+        return pairs
+
+    @property
+    def shared(self) -> int:
+        """Number of coordinates before the initial states of the logs."""
+        return self.layout.width or len(self.free)
+
+    def values(self, z: np.ndarray) -> dict[str, float]:
+        """Values of all parameters at some coordinates."""
+        named = self.named
+        out = {name: p.value for name, p in named.items()}
+        for name, coordinate in zip(self.free, z, strict=False):
+            low, high = named[name].limits
+            out[name] = min(max(float(named[name].from_coordinate(coordinate)), low), high)
+        return out
+
+    def model_at(self, z: np.ndarray) -> Model:
+        """The model with its parameters at some coordinates."""
+        values = self.values(z)
+        return self.model.replace({name: values[name] for name in self.model.parameters})
+
+    def slopes(self, z: np.ndarray) -> np.ndarray:
+        """d(value)/d(coordinate) of the free parameters."""
+        named, values = self.named, self.values(z)
+        return np.array(
+            [values[n] if named[n].transform == "log" else named[n].scale for n in self.free]
+        )
+
+    def initial_states(self, z: np.ndarray) -> list[dict[str, float]]:
+        """Estimated initial states of each log, in the order of ``logs``."""
+        starts, at = self.layout.starts, self.shared
+        out: list[dict[str, float]] = [{} for _ in self.logs]
+        for indices in self.order:
+            for index in indices:
+                out[index] = dict(zip(starts, map(float, z[at : at + len(starts)]), strict=True))
+                at += len(starts)
+        return out

@@ -1,0 +1,103 @@
+"""The estimation problem of a fit, arranged once more from its logs."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust.estimation._arguments import listed
+from diffthrust.estimation._arrange import build, restarts
+from diffthrust.estimation._innovations import observer_for
+from diffthrust.estimation._one_step import with_clip
+from diffthrust.estimation._problem import Problem
+from diffthrust.estimation._result import Fit
+from diffthrust.estimation._solver import solve
+from diffthrust.estimation._status import Status
+from diffthrust.logs._log import Log
+
+SAME = 1e-6
+"""The likelihood is that of the fit where it differs by no more than this times its samples."""
+
+
+def mark_of(fit: Fit) -> str:
+    """A short mark of a fit, by which a posterior of it is known."""
+    told = [fit.log_likelihood, fit.likelihood, fit.loss, fit.noise_model]
+    told += [(n, e.value, e.fixed) for n, e in sorted(fit.parameters.items())]
+    return hashlib.sha256(repr((str(fit.model), told)).encode()).hexdigest()[:16]
+
+
+def check_mark(post: Any, fit: Fit, what: str) -> None:
+    """Raise `InputError` for a posterior of another fit; one without a mark is taken on trust."""
+    found = getattr(post.posterior, "attrs", {}).get("fit")
+    if found is not None and found != mark_of(fit):
+        raise InputError(
+            f"{what}: this posterior was drawn from another fit (other estimates, logs or noise).",
+            "Give the fit that was sampled, or sample this one.",
+        )
+
+
+def problem_of(fit: Fit, logs: Log | Sequence[Log]) -> tuple[Problem, np.ndarray]:
+    """The problem whose optimum a fit is, and the coordinates of that optimum.
+
+    The coordinates are the free parameters (those of the model first, then the noise's), followed
+    by the initial states of the logs; see `Problem`.
+
+    Args:
+        fit: a fit that could be simulated.
+        logs: the training logs of the fit, in their order.
+
+    Raises:
+        InputError: a failed fit, or logs that are not those of the fit.
+    """
+    logs = listed(logs)
+    if fit.status is Status.SIMULATION_FAILED:
+        raise InputError(
+            f"This fit failed, so that nothing can be said of its parameters. {fit.message}",
+            "Fit again, from other values or with narrower bounds.",
+        )
+    if len(logs) != len(fit.initial):
+        raise InputError(
+            f"The fit was made of {len(fit.initial)} training logs, given are {len(logs)}.",
+            "Give the training logs of the fit, in their order.",
+        )
+    silent = [n for n, p in fit.model.parameters.items() if not p.fixed and n not in fit.free]
+    estimated = any(states for states in fit.initial)
+    problem = build(
+        fit.model.fix(*silent) if silent else fit.model,
+        logs,
+        substeps=fit.substeps,
+        initial="estimate" if estimated else "measured",
+        segmented=fit.horizon is not None,
+        loss=fit.loss,
+        observer=observer_for(fit.model, logs) if fit.likelihood == "innovations" else None,
+        lasting=fit.noise_model == "ar1",
+    )
+    if fit.limits is not None:
+        problem = with_clip(problem, [fit.limits[c] for c in problem.layout.channels], fit.reach)
+    found = fit.disturbance or {}
+    nuisance = {
+        name: p.with_value(found[name].value) if name in found else p
+        for name, p in problem.nuisance.items()
+    }
+    problem = restarts(replace(problem, nuisance=nuisance), fit.horizon, hold=fit.held)
+    begin = [
+        [fit.initial[index].get(state, 0.0) for state in problem.layout.starts]
+        for indices in problem.order
+        for index in indices
+    ]
+    z = np.concatenate([problem.start()[: problem.shared], np.ravel(begin)])
+    cost = float(solve(problem, z, budget=1).quadratic.cost)
+    samples = float(np.sum(problem.arrays["counts"]))
+    if not math.isclose(cost, -fit.log_likelihood, rel_tol=0, abs_tol=SAME * samples):
+        raise InputError(
+            f"These are not the training logs of the fit: it reports a log-likelihood of "
+            f"{fit.log_likelihood:.6g}, on these logs it is {-cost:.6g}.",
+            "Give the training logs of the fit, in their order, or fit the model to these.",
+        )
+    return problem, z

@@ -1,0 +1,136 @@
+"""The result of a fit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from diffthrust.estimation._status import Checks, Status
+from diffthrust.models._base.model import Model
+from diffthrust.simulation._errors import Errors
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One parameter after a fit.
+
+    Args:
+        value: the value, in ``unit``.
+        std_error: standard deviation of the estimate; ``None`` where the parameter was fixed, lies
+            at a bound, or cannot be told apart from others.
+        unit: unit of both.
+        fixed: it was not estimated.
+        at_bound: the data hold it at one of its bounds.
+    """
+
+    value: float
+    std_error: float | None
+    unit: str
+    fixed: bool
+    at_bound: bool
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The result of a fit.
+
+    Args:
+        model: the model at the estimated parameters.
+        parameters: an `Estimate` for each parameter, by full name.
+        covariance: of the parameters in ``free``, ``(k, k)``, in their units; NaN where undefined.
+        free: names of the rows of the covariance.
+        status: what may be claimed; ``message`` says why in a sentence.
+        checks: the figures behind the status.
+        noise: standard deviation of each measured channel's noise, given or estimated; of an
+            "innovations" fit that of the one-step prediction's error.
+        train: errors on the training logs, each simulated over its whole length.
+        holdout: the same on unseen logs, or ``None``.
+        log_likelihood: of the training logs, with any priors, without constants of the noise law:
+            comparable between models on the same logs, not between losses.
+        initial: estimated initial states of each training log.
+        horizon: length [s] of the segments of the last stage; ``None`` for whole runs.
+        likelihood: "simulation" or "innovations".
+        loss: "gaussian" or "student_t".
+        noise_model: "white" or "ar1".
+        disturbance: gains and memories of the random forces and of lasting sensor errors, by name,
+            estimated with the parameters of an "innovations" fit, or the correlation of "ar1"
+            noise from one step to the next; ``None`` otherwise.
+        substeps: integrator steps per sample that were used.
+        held: initial states were taken as measured, not estimated.
+        limits: by channel the size of a large one-step error, for an "innovations" fit with
+            ``loss="student_t"``; ``None`` otherwise.
+        reach: errors of more than so many times these sizes correct the states no further.
+        guess: the values from which the search began, by full name.
+        notes: what the user should know besides.
+    """
+
+    model: Model
+    parameters: Mapping[str, Estimate]
+    covariance: np.ndarray = field(repr=False)
+    free: tuple[str, ...]
+    status: Status
+    message: str
+    checks: Checks
+    noise: Mapping[str, float]
+    train: Errors
+    holdout: Errors | None
+    log_likelihood: float
+    initial: tuple[Mapping[str, float], ...] = field(repr=False)
+    horizon: float | None
+    substeps: int
+    notes: tuple[str, ...]
+    likelihood: str = "simulation"
+    loss: str = "gaussian"
+    noise_model: str = "white"
+    disturbance: Mapping[str, Estimate] | None = field(default=None, repr=False)
+    held: bool = False
+    limits: Mapping[str, float] | None = field(default=None, repr=False)
+    reach: float = 1.0
+    guess: Mapping[str, float] = field(default_factory=dict, repr=False)
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """The notes that say why standard errors, and all that follows from them, are too small."""
+        return tuple(note for note in self.notes if "are too small" in note)
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The arguments of `fit` that lead to the same likelihood.
+
+        The horizon only if it is one: a fit of whole runs may have come there by segments.
+
+        Example:
+            >>> dft.fit(fit.model + effect, logs, **fit.options)
+        """
+        kept = ("likelihood", "loss", "noise_model")
+        found: dict[str, Any] = {name: getattr(self, name) for name in kept}
+        if self.horizon is not None:
+            found["horizon"] = self.horizon
+        if not any(self.initial):
+            found["initial"] = "measured"
+        elif self.horizon is not None and not self.held:
+            found["initial"] = "estimate"
+        return found
+
+    def report(self) -> str:
+        """Parameters, errors, status and notes as text for people."""
+        from diffthrust._support.tables import rendered
+        from diffthrust.estimation._tables import fit_table
+
+        return rendered(fit_table(self))
+
+    def to_json(self) -> dict[str, Any]:
+        """The fit as plain data, in the form that ``diffthrust fit --json`` writes."""
+        return {
+            "schema": 1,
+            "model": self.model.name,
+            "effects": [effect.name for effect in self.model.effects],
+            "status": self.status.value,
+            "parameters": {name: dict(vars(e)) for name, e in self.parameters.items()},
+            "train": self.train.to_json(),
+            "holdout": self.holdout.to_json() if self.holdout else None,
+            "checks": dict(vars(self.checks)),
+        }

@@ -1,0 +1,238 @@
+"""Levenberg-Marquardt within bounds, as an Optimistix minimiser."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+
+from diffthrust._support._running.batching import lanes
+from diffthrust.estimation._likelihood import Quadratic, evaluate
+from diffthrust.estimation._problem import Problem
+
+MOST_STEPS = 300
+_CONTACT = 1e-9  # a coordinate this near to its bound counts as lying on it
+_FLAT = 1e-10  # what is left is told of the quadratic with so much curvature added
+_ROUNDS = 100  # most rounds for which sides of the box bound a step
+_AT_A_TIME = 8  # steps side by side with others, before those that have ended make room
+
+
+class _State(eqx.Module):
+    trial: Any
+    quadratic: Quadratic
+    damping: Any
+    predicted: Any
+    steps: Any
+    done: Any
+    failed: Any
+
+
+class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
+    """Levenberg-Marquardt on a likelihood given as a `Quadratic`, within a box.
+
+    The objective returns ``(cost, Quadratic)``, so that one evaluation serves value, gradient and
+    information. Damping is by the information's diagonal (Marquardt's scaling, Moré 1978), which
+    makes the steps independent of the parameters' units. A step is the best that the damped
+    quadratic allows within the box. The iteration ends where a full Gauss-Newton step would gain
+    less than ``atol`` in log-likelihood.
+    A trial whose cost is not finite is rejected like any other bad trial.
+    """
+
+    rtol: float
+    atol: float
+    lower: Any
+    upper: Any
+    norm: Callable[[Any], Any] = optx.max_norm
+
+    def init(
+        self, fn: Any, y: Any, args: Any, options: Any, f_struct: Any, aux_struct: Any, tags: Any
+    ) -> _State:
+        zeros = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), aux_struct)
+        zeros = zeros._replace(cost=jnp.full_like(zeros.cost, jnp.inf))
+        no = jnp.array(False)
+        return _State(y, zeros, jnp.array(1e-3), jnp.array(jnp.inf), jnp.array(0), no, no)
+
+    def step(
+        self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any
+    ) -> tuple[Any, _State, Any]:
+        _, new = fn(state.trial, args)
+        old = state.quadratic
+        gain = old.cost - new.cost
+        first = state.steps == 0
+        accept = (first | (gain > 1e-4 * state.predicted)) & jnp.isfinite(new.cost)
+        y = jnp.where(accept, state.trial, y)
+        q = jax.tree.map(lambda a, b: jnp.where(accept, a, b), new, old)
+        good = accept & (gain > 0.7 * state.predicted)
+        factor = jnp.where(good, 0.1, jnp.where(accept, 0.5, 5.0))
+        damping = jnp.where(first, state.damping, jnp.clip(state.damping * factor, 1e-12, 1e14))
+        move, left = self._move(y, q, damping)
+        predicted = -(q.gradient @ move + 0.5 * move @ q.information @ move)
+        stuck = (damping >= 1e13) & ~accept
+        done = jnp.isfinite(q.cost) & (left < self.atol)
+        failed = ~jnp.isfinite(q.cost) | stuck | (state.steps >= args[1])
+        return y, _State(y + move, q, damping, predicted, state.steps + 1, done, failed), q
+
+    def _move(self, y: Any, q: Quadratic, damping: Any) -> tuple[Any, Any]:
+        """The damped step within the box, and what an undamped one would still gain."""
+        scale = jnp.sqrt(jnp.diagonal(q.information))
+        held = (scale == 0) | ~jnp.isfinite(scale)
+        scale = jnp.where(held, 1.0, scale)
+        scaled = q.information / scale[:, None] / scale[None, :]
+        scaled = jnp.where(held[:, None] | held[None, :], 0.0, scaled)
+        scaled = jnp.where(jnp.isfinite(scaled), scaled, 0.0)
+        slope = jnp.where(held, 0.0, q.gradient / scale)
+        low, high = (jnp.where(abs(side - y) <= _CONTACT, 0.0, side - y) * scale
+                     for side in (self.lower, self.upper))  # fmt: skip
+        damped, flat = scaled + damping * jnp.eye(y.size), scaled + _FLAT * jnp.eye(y.size)
+        # one after the other, so that the search within the box is compiled once for both
+        move, full = jax.lax.map(
+            lambda matrix: _in_box(matrix, slope, low, high), jnp.stack([damped, flat])
+        )
+        left = -(slope @ full + 0.5 * full @ scaled @ full)
+        return jnp.clip(y + move / scale, self.lower, self.upper) - y, left
+
+    def terminate(
+        self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any
+    ) -> tuple[Any, Any]:
+        result = optx.RESULTS.where(
+            state.failed & ~state.done,
+            optx.RESULTS.nonlinear_divergence,
+            optx.RESULTS.successful,
+        )
+        return state.done | state.failed, result
+
+    def postprocess(
+        self,
+        fn: Any,
+        y: Any,
+        aux: Any,
+        args: Any,
+        options: Any,
+        state: _State,
+        tags: Any,
+        result: Any,
+    ) -> tuple[Any, Any, dict[str, Any]]:
+        return y, state.quadratic, {}
+
+
+def _in_box(matrix: Any, slope: Any, low: Any, high: Any) -> Any:
+    """The least of ``slope @ x + x @ matrix @ x / 2`` between ``low <= 0`` and ``high >= 0``.
+
+    A primal active set (Nocedal & Wright 2006, section 16.5): from zero towards the least of the
+    coordinates that are free, as far as the first side of the box, which then holds one more; at
+    the least, the side that holds back most lets go. To cut a step off at the sides instead would
+    turn it uphill where coordinates depend on each other.
+    """
+    eye = jnp.eye(slope.size)
+
+    def again(state: Any) -> Any:
+        x, fixed, _, count = state
+        pull = slope + matrix @ x
+        free = jnp.where(fixed[:, None] | fixed[None, :], eye, matrix)
+        step = -jnp.linalg.solve(free, jnp.where(fixed, 0.0, pull))
+        side = jnp.where(step < 0, low, high)
+        reach = jnp.where(fixed | (step == 0), jnp.inf, (side - x) / jnp.where(step == 0, 1, step))
+        first = jnp.argmin(reach)
+        blocked = reach[first] < 1.0
+        x = x + jnp.minimum(1.0, jnp.maximum(reach[first], 0.0)) * step
+        x = jnp.where(blocked, x.at[first].set(side[first]), x)
+        pull = slope + matrix @ x
+        back = jnp.where(x <= low, -pull, 0.0) + jnp.where(x >= high, pull, 0.0)
+        back = jnp.where(fixed & (low < high), back, 0.0)
+        worst = jnp.argmax(back)
+        releases = ~blocked & (back[worst] > 1e-12)
+        fixed = jnp.where(blocked, fixed.at[first].set(True), fixed)
+        fixed = jnp.where(releases, fixed.at[worst].set(False), fixed)
+        return x, fixed, blocked | releases, count + 1
+
+    outward = ((low == 0) & (slope > 0)) | ((high == 0) & (slope < 0))
+    begun = (jnp.zeros_like(slope), outward, jnp.array(True), 0)
+    x, *_ = jax.lax.while_loop(lambda state: state[2] & (state[3] < _ROUNDS), again, begun)
+    return jnp.clip(x, low, high)
+
+
+class Solved(NamedTuple):
+    """One start, carried as far as its budget went."""
+
+    z: np.ndarray
+    quadratic: Quadratic
+    done: bool
+    steps: int
+
+
+@partial(jax.jit, static_argnums=0)
+def _solve(layout: Any, arrays: Any, z: Any, low: Any, high: Any, budget: Any, atol: Any) -> Any:
+    solver = BoundedLevenbergMarquardt(rtol=0.0, atol=atol, lower=low, upper=high)
+    solution = optx.minimise(
+        _objective(layout), solver, z, (arrays, budget), has_aux=True, max_steps=MOST_STEPS,
+        throw=False,
+    )  # fmt: skip
+    return solution.value, solution.aux, solution.state.done, solution.stats["num_steps"]
+
+
+def _further(layout: Any, given: Any) -> Any:
+    """Some steps of `_solve` from where the last ones ended: the same iteration, in parts."""
+    arrays, y, state, low, high, budget, atol = given
+    solver = BoundedLevenbergMarquardt(rtol=0.0, atol=atol, lower=low, upper=high)
+    objective = _objective(layout)
+
+    def on(carry: Any) -> Any:
+        _, state, count = carry
+        return ~(state.done | state.failed) & (count < _AT_A_TIME)
+
+    def step(carry: Any) -> Any:
+        y, state, count = carry
+        y, state, _ = solver.step(objective, y, (arrays, budget), {}, state, frozenset())
+        return y, state, count + 1
+
+    return jax.lax.while_loop(on, step, (y, state, 0))[:2]
+
+
+def _objective(layout: Any) -> Callable[[Any, Any], tuple[Any, Quadratic]]:
+    def objective(y: Any, args: Any) -> tuple[Any, Quadratic]:
+        q = evaluate(layout, args[0], y)
+        return q.cost, q
+
+    return objective
+
+
+def solve(
+    problem: Problem,
+    z: np.ndarray,
+    budget: int = MOST_STEPS,
+    tolerance: float = 1e-9,
+    limits: tuple[np.ndarray, np.ndarray] | None = None,
+) -> Solved:
+    """Minimise the negative log-likelihood from ``z`` in at most ``budget`` steps.
+
+    Other ``limits`` than the problem's own hold a coordinate where both are equal; they are numbers
+    like all others, so that nothing is compiled for them.
+    """
+    low, high = problem.limits() if limits is None else limits
+    z, layout, arrays = np.clip(z, low, high), problem.layout, problem.arrays
+    side_by_side = lanes()
+    if side_by_side is None:
+        told = (low, high, np.asarray(budget - 1), np.asarray(tolerance))
+        value, quadratic, done, steps = _solve(layout, arrays, z, *told)
+        quadratic = Quadratic(*(np.asarray(part) for part in quadratic))
+        return Solved(np.asarray(value), quadratic, bool(done), int(steps))
+    state = _begin(layout, z)
+    while not (state.done or state.failed):
+        given = (arrays, z, state, low, high, np.asarray(budget - 1), np.asarray(tolerance))
+        z, state = side_by_side.ask(_further, layout, given)
+    return Solved(z, state.quadratic, bool(state.done), int(state.steps))
+
+
+def _begin(layout: Any, z: np.ndarray) -> _State:
+    """What `BoundedLevenbergMarquardt.init` gives, as numbers of a size known beforehand."""
+    n, blocks = z.size, np.zeros((layout.width or len(layout.free), 0))
+    sigma = np.zeros(len(layout.channels))
+    zero, no = np.asarray(0.0), np.asarray(False)
+    q = Quadratic(np.asarray(np.inf), np.zeros(n), np.zeros((n, n)), zero, sigma, blocks)
+    return _State(z, q, np.asarray(1e-3), np.asarray(np.inf), np.asarray(0), no, no)

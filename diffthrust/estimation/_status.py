@@ -1,0 +1,234 @@
+"""What a fit may claim: named statuses, each earned by a check."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from diffthrust.estimation._likelihood import TAIL, Quadratic
+from diffthrust.estimation._problem import Problem
+
+GRADIENT_LIMIT = 1e-5
+"""A stationary point has max |J_j . r| / (|J_j| |r|) below this (true ones: below 1e-7)."""
+RANK_LIMIT = 1e-13
+"""Eigenvalues of the scaled information below this share of the largest count as zero: parameters
+that only rounding tells apart (singular values of the Jacobian in the ratio 3e-7)."""
+
+
+class Status(Enum):
+    """The outcome of a fit; ``.value`` is the name used in JSON files."""
+
+    CONVERGED = "converged"
+    AT_BOUND = "converged_at_bound"
+    NOT_IDENTIFIABLE = "not_identifiable"
+    STARTS_DISAGREE = "starts_disagree"
+    NOT_CONVERGED = "not_converged"
+    SIMULATION_FAILED = "simulation_failed"
+
+    def __str__(self) -> str:
+        return self.value
+
+    @property
+    def ok(self) -> bool:
+        """Whether the parameters and their errors can be used as they are."""
+        return self in (Status.CONVERGED, Status.AT_BOUND)
+
+
+@dataclass(frozen=True)
+class Checks:
+    """The figures behind a status.
+
+    Args:
+        gradient: max over free coordinates of |J_j . r| / (|J_j| |r|); zero at a stationary point.
+        rank: rank of the scaled Jacobian.
+        free_parameters: number of columns of that Jacobian (parameters not at a bound, and
+            estimated initial states).
+        condition: its condition number.
+        starts: starts that were begun.
+        starts_agreeing: starts that ended in the best optimum.
+    """
+
+    gradient: float
+    rank: int
+    free_parameters: int
+    condition: float
+    starts: int
+    starts_agreeing: int
+
+
+@dataclass(frozen=True)
+class Local:
+    """The neighbourhood of an optimum: what is known there and what is not."""
+
+    gradient: float
+    rank: int
+    columns: int
+    samples: int
+    condition: float
+    at_bound: tuple[str, ...]
+    covariance: np.ndarray
+    combinations: tuple[str, ...]
+
+
+def examine(problem: Problem, z: np.ndarray, q: Quadratic) -> Local:
+    """Stationarity, rank, condition, bound contact and covariance at some coordinates.
+
+    The covariance is that of the model's free parameters in their own units, ``(k, k)``; rows of
+    parameters at a bound, or of those that cannot be told apart, are NaN. An observer's gains and
+    memories are no claim of the fit: they follow to their best values, and where nothing depends
+    on one (the memory of a force that is absent) nothing is lost.
+    """
+    low, high = problem.limits()
+    k, free = len(problem.own), len(problem.free)
+    out = np.full((k, k), np.nan)
+    if not np.isfinite(q.cost):
+        return Local(np.inf, 0, z.size, 0, np.inf, (), out, ())
+    g, information = np.asarray(q.gradient), np.asarray(q.information)
+    at_low = (z <= low + 1e-9) & (g >= 0)
+    at_high = (z >= high - 1e-9) & (g <= 0)
+    # a logarithm that ran far below its start has no bound to touch: the value is zero to all ends
+    vanished = np.zeros(z.size, bool)
+    for i, name in enumerate(problem.free):
+        p = problem.named[name]
+        vanished[i] = p.transform == "log" and z[i] < np.log(p.value) - 23.0
+    bound = at_low | at_high | vanished
+    # an initial state that nothing measured depends on is no unknown of the fit
+    place = np.arange(z.size)
+    unseen = (place >= free) & (np.diagonal(information) <= 0)
+    nuisance = (place >= k) & (place < free)
+    inside = np.flatnonzero(~bound & ~unseen & ~nuisance)
+    beside = np.flatnonzero(~bound & nuisance)
+    length = np.sqrt(np.diagonal(information))
+    length = np.where(length <= 0, 1.0, length)
+    slope, scaled = marginal_spread(
+        g / length, information / np.outer(length, length), inside, beside
+    )
+    length = length[inside]
+    values, vectors = np.linalg.eigh(scaled)
+    null = values <= RANK_LIMIT * max(values.max(initial=0.0), 1e-300)
+    samples = float(np.sum(problem.arrays["counts"]))
+    energy = max(float(q.energy), 0.01 * samples)  # residuals at rounding have no direction
+    gradient = np.max(np.abs(slope) / np.sqrt(energy), initial=0.0)
+    kept = vectors[:, ~null]
+    inverse = (kept / values[~null]) @ kept.T / np.outer(length, length)
+    inverse *= inflation(problem, samples, inside.size + beside.size)
+    unknown = np.any(np.abs(vectors[:, null]) > 1e-3, axis=1)
+    inverse[unknown, :] = np.nan
+    inverse[:, unknown] = np.nan
+    ours = inside[inside < k]
+    slopes = problem.slopes(z)[ours]
+    out[np.ix_(ours, ours)] = inverse[: ours.size, : ours.size] * np.outer(slopes, slopes)
+    smallest = values.min(initial=np.inf)
+    condition = np.sqrt(values.max(initial=1.0) / smallest) if smallest > 0 else np.inf
+    combinations = tuple(
+        _combination(problem, inside, vector / length) for vector in vectors[:, null].T
+    )
+    names = tuple(problem.free[i] for i in np.flatnonzero(bound[:k]))
+    rank = int(np.sum(~null))
+    return Local(
+        gradient=float(gradient),
+        rank=rank,
+        columns=inside.size,
+        samples=int(samples),
+        condition=float(condition) if inside.size else 1.0,
+        at_bound=names,
+        covariance=out,
+        combinations=combinations,
+    )
+
+
+def marginal_spread(
+    slope: np.ndarray, information: np.ndarray, inside: np.ndarray, beside: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Scaled gradient and information of some coordinates, where others follow them."""
+    if not beside.size:
+        return slope[inside], information[np.ix_(inside, inside)]
+    cross = information[np.ix_(inside, beside)]
+    own = information[np.ix_(beside, beside)]
+    through = cross @ np.linalg.pinv(own, rcond=1e-10, hermitian=True)
+    left = information[np.ix_(inside, inside)] - through @ cross.T
+    return slope[inside] - through @ slope[beside], 0.5 * (left + left.T)
+
+
+def inflation(problem: Problem, samples: float, columns: int) -> float:
+    """What the inverse information lacks to be the covariance.
+
+    An estimated noise level is too low by the samples that the parameters used up; and of the
+    Student-t law with n degrees of freedom the weighted information is (n + 3) / (n + 1) times the
+    Fisher information (Lange, Little & Taylor 1989).
+    """
+    used = samples / (samples - columns) if samples > columns else np.inf
+    law = (TAIL + 3) / (TAIL + 1) if problem.layout.loss == "student_t" else 1.0
+    return law * (1.0 if all(problem.layout.known_noise) else used)
+
+
+def _combination(problem: Problem, inside: np.ndarray, direction: np.ndarray) -> str:
+    """A direction that changes nothing that was measured, in words."""
+    k, named = len(problem.free), problem.named
+    size = np.max(np.abs(direction)) or 1.0
+    parts = []
+    for i, change in zip(inside, direction / size, strict=True):
+        if abs(change) < 1e-3:
+            continue
+        if i >= k:
+            parts.append("an initial state")
+            continue
+        p = named[problem.free[i]]
+        if p.transform == "log":
+            parts.append(f"{problem.free[i]} by {change:+.2g} %")
+        else:
+            parts.append(f"{problem.free[i]} by {0.01 * change * p.scale:+.2g} {p.unit}".rstrip())
+    parts = list(dict.fromkeys(parts))
+    if len(parts) == 1:
+        return f"{parts[0].split(' by ')[0]} changes nothing that was measured"
+    return f"changing {' and '.join(parts)} together changes nothing that was measured"
+
+
+def judge(
+    local: Local, cost: float, starts: int, agreeing: int, rivals: Sequence[str] = ()
+) -> tuple[Status, str]:
+    """The status that the checks allow, with a sentence that says why."""
+    if not np.isfinite(cost):
+        return Status.SIMULATION_FAILED, (
+            "No start could be simulated: every one diverged. "
+            "Start from other values, narrow the bounds, or raise substeps."
+        )
+    if local.gradient > GRADIENT_LIMIT:
+        return Status.NOT_CONVERGED, (
+            f"The search stopped where the error still falls (gradient {local.gradient:.1e}, "
+            f"allowed {GRADIENT_LIMIT:.0e}). Start nearer, or try more starts."
+        )
+    if local.samples <= local.columns:
+        return Status.NOT_IDENTIFIABLE, (
+            f"{local.samples} samples cannot determine {local.columns} unknowns and the noise. "
+            "Use more data, or fix parameters."
+        )
+    if local.rank < local.columns:
+        return Status.NOT_IDENTIFIABLE, (
+            "These logs cannot tell some parameters apart: "
+            f"{'; '.join(local.combinations)}. Fix one of them, or use logs that separate them."
+        )
+    if rivals:
+        return Status.NOT_IDENTIFIABLE, (
+            f"Several sets of values fit equally well; they differ in {_names(rivals)}. "
+            "Narrow the bounds, or use logs that separate them."
+        )
+    if starts > 1 and agreeing < 2:
+        return Status.STARTS_DISAGREE, (
+            f"Of {starts} starts only one reached the lowest error: there may be a lower one. "
+            "Raise starts, or start nearer."
+        )
+    if local.at_bound:
+        return Status.AT_BOUND, (
+            f"Converged with {_names(local.at_bound)} at a bound, "
+            "held there by the data: a parameter at a bound has no standard error."
+        )
+    alone = " A single start says nothing of other optima." if starts == 1 else ""
+    return Status.CONVERGED, f"Converged: {agreeing} of {starts} starts agree.{alone}"
+
+
+def _names(names: Sequence[str]) -> str:
+    return ", ".join(names)

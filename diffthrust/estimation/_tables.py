@@ -1,0 +1,93 @@
+"""Results as tables for people (rich)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
+
+from rich.console import Group, RenderableType
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+from diffthrust._support.tables import number, plain_table, with_error
+from diffthrust.models._base.model import Model
+from diffthrust.simulation._errors import Errors
+
+if TYPE_CHECKING:
+    from diffthrust.estimation._result import Estimate, Fit
+
+
+def fit_table(fit: Fit) -> RenderableType:
+    """Status, parameters with their uncertainty, errors on training and unseen logs, notes."""
+    status = Text.assemble(
+        ("Status: ", "bold"),
+        (fit.status.value, "bold green" if fit.status.ok else "bold red"),
+    )
+    parts: list[RenderableType] = [
+        Text(str(fit.model), style="bold"),
+        status,
+        Text(fit.message),
+        Text(),
+        parameter_table(fit.parameters),
+        *_observer_parts(fit),
+        Text(),
+        error_table([("training", fit.train), ("unseen", fit.holdout)], units(fit.model)),
+        *(Text(f"Note: {note}") for note in fit.notes),
+    ]
+    return Group(*parts)
+
+
+def _observer_parts(fit: Fit) -> list[RenderableType]:
+    """What the innovations form found of random forces and lasting sensor errors."""
+    if not fit.disturbance:
+        return []
+    table = plain_table("Noise", "Value", "Unit", "", numbers=(1,))
+    for name, e in fit.disturbance.items():
+        told = name.removeprefix("noise.")
+        table.add_row(told, number(e.value, 3), escape(e.unit), "at its bound" * e.at_bound)
+    return [Text(), table]
+
+
+def parameter_table(parameters: Mapping[str, Estimate]) -> Table:
+    """One row for each parameter; numbers end at the second digit of their standard error."""
+    table = plain_table("Parameter", "Value", "Std error", "Unit", "", numbers=(1, 2))
+    for name, e in parameters.items():
+        if e.fixed:
+            remark = "fixed"
+        elif e.at_bound:
+            remark = "at its bound"
+        else:
+            remark = "" if e.std_error is not None else "not determined by these logs"
+        value, error = with_error(e.value, e.std_error)
+        table.add_row(escape(name), value, error, escape(e.unit), remark)
+    return table
+
+
+def error_table(errors: Iterable[tuple[str, Errors | None]], unit: Mapping[str, str]) -> Table:
+    """Errors by log and channel, and over all channels."""
+    table = plain_table("Logs", "Channel", "RMSE", "Unit", "NRMSE", "Fit %", "Samples")
+    for column in (2, 4, 5, 6):
+        table.columns[column].justify = "right"
+    for logs, error in errors:
+        if error is None:
+            continue
+        for name, e in error.channels.items():
+            table.add_row(
+                escape(logs),
+                escape(name),
+                number(e.rmse),
+                escape(unit.get(name, "")),
+                number(e.nrmse),
+                f"{round(e.fit_percent, 1) + 0.0:.1f}",
+                str(e.samples),
+            )
+        if len(error.channels) > 1:
+            table.add_row(escape(logs), "all", "", "", number(error.nrmse), "", "", style="bold")
+        table.add_section()
+    return table
+
+
+def units(model: Model) -> dict[str, str]:
+    """The unit of each channel that the model puts out."""
+    return dict(model.outputs)

@@ -1,0 +1,276 @@
+"""What a caller asks of an experiment: rivals, limits and noise, checked and put in order."""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing, nearest
+from diffthrust.estimation._arguments import by_input, listed
+from diffthrust.estimation._result import Fit
+from diffthrust.experiments._designs import Design, Field, sequence
+from diffthrust.experiments._rivals import Rival, models_of, names_of, rival_of
+from diffthrust.experiments._separation import Setting
+from diffthrust.logs._log import Log
+from diffthrust.models._base.model import Model
+from diffthrust.simulation._step_size import choose_substeps
+
+
+@dataclass(frozen=True)
+class Request:
+    """A checked request.
+
+    Args:
+        rivals: the models with what is known of their parameters.
+        names: what to call them.
+        space: what a sequence may do.
+        setting: grid and noise.
+        held: values of the inputs that stay constant.
+        units: of all inputs and channels.
+    """
+
+    rivals: tuple[Rival, ...]
+    names: tuple[str, ...]
+    space: Field
+    setting: Setting
+    held: Mapping[str, float]
+    units: Mapping[str, str]
+
+    def inputs(self, designs: Sequence[Design]) -> dict[str, np.ndarray]:
+        """All input series under some designs, ``(D, T)`` each."""
+        rows = [sequence(design, self.space) for design in designs]
+        moved = {name: np.stack([row[name] for row in rows]) for name in self.space.limits}
+        shape = (len(designs), self.space.time.size)
+        return {**moved, **{name: np.full(shape, value) for name, value in self.held.items()}}
+
+
+def requested(
+    rivals: Sequence[Model | Fit],
+    *,
+    duration: float,
+    step: float,
+    limits: Mapping[str, tuple[float, float]] | None,
+    logs: Log | Sequence[Log] | None,
+    noise: Mapping[str, float] | None,
+    held: Mapping[str, float] | None,
+    rate_limits: Mapping[str, float] | None,
+    rest: float,
+    correlation_time: float | None,
+    seed: int,
+) -> Request:
+    """Check what `suggest_experiment` was given.
+
+    Raises:
+        InputError: anything that is missing or out of range.
+    """
+    runs = listed(logs) if logs is not None else ()
+    models = models_of(rivals)
+    _check_numbers(duration, step, rest, correlation_time, seed)
+    moved, constant = _inputs(models, limits, held, runs)
+    rates = _rates(rate_limits, moved)
+    sigma = _noise(rivals, models, noise)
+    units = _units(models, runs)
+    time = np.round(np.arange(round(duration / step) + 1) * step, 9)
+    space = Field(time, moved, rates, rest, seed)
+    unsigned = frozenset(name for log in runs for name in log.unsigned if name in sigma)
+    setting = Setting(
+        time=time,
+        noise=sigma,
+        unsigned=unsigned,
+        substeps=_substeps(models, space, constant, sigma),
+        correlation=math.exp(-step / correlation_time) if correlation_time else 0.0,
+    )
+    ready = tuple(rival_of(given, model, runs) for given, model in zip(rivals, models, strict=True))
+    return Request(ready, names_of(models), space, setting, constant, units)
+
+
+def _check_numbers(duration: Any, step: Any, rest: Any, correlation_time: Any, seed: Any) -> None:
+    for what, value, least in (("duration", duration, 0.0), ("step", step, 0.0)):
+        if not (_number(value) and value > least):
+            raise InputError(
+                f"{what}: expected a positive number of seconds, found {value!r}.", "Correct it."
+            )
+    if not (_number(rest) and rest >= 0 and duration - 2 * rest >= 20 * step):
+        raise InputError(
+            f"rest: a test of {duration:g} s with a rest of {rest!r} s at either end and a step of "
+            f"{step:g} s leaves fewer than 20 samples to move in.",
+            "Lengthen the duration, or shorten the rest or the step.",
+        )
+    if correlation_time is not None and not (_number(correlation_time) and correlation_time > 0):
+        raise InputError(
+            f"correlation_time: expected a positive number of seconds, found {correlation_time!r}.",
+            "Leave it out where the noise is white.",
+        )
+    try:
+        fine = operator.index(seed) >= 0
+    except TypeError:
+        fine = False
+    if not fine:
+        raise InputError(f"seed: expected a whole number from 0 on, found {seed!r}.", "Correct it.")
+
+
+def _number(value: Any) -> bool:
+    real = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+    return real and math.isfinite(value)
+
+
+def _inputs(
+    models: Sequence[Model], limits: Any, held: Any, logs: Sequence[Log]
+) -> tuple[dict[str, tuple[float, float]], dict[str, float]]:
+    """Limits of the inputs that are moved, and values of those that are not."""
+    limits = by_input("limits", limits, models[0], "(low, high)")
+    held = by_input("held", held, models[0], "0.0")
+    known = _unique(
+        name
+        for model in models
+        for name in [*model.inputs, *model.optional_inputs, *model.states, *_needs(model)]
+    )
+    for what, given in (("limits", limits), ("held", held)):
+        _known(what, given, known, "no rival reads this input")
+    both = [name for name in limits if name in held]
+    if both:
+        raise InputError(
+            f"The input {listing(both)} has limits and is held.", "Give one or the other."
+        )
+    given = {**limits, **held}
+    needed = _unique(
+        name
+        for model in models
+        for name in [*(() if any(s in given for s in model.states) else model.inputs),
+                     *_needs(model)]
+    )  # fmt: skip
+    own = {name for model in models for name in model.inputs}
+    recorded = {name for log in logs for name in log.inputs}
+    for name in [*needed, *(n for n in known if n in recorded and n not in needed)]:
+        if name in given or name not in recorded:
+            continue
+        unit = _units(models, ())[name]
+        series = np.concatenate([lg.values(name, unit) for lg in logs if name in lg.inputs])
+        if name in own and name in needed and not limits:
+            limits[name] = (float(series.min()), float(series.max()))
+        elif name not in {s for model in models for s in model.states}:
+            held[name] = float(np.median(series))
+    missing = [name for name in needed if name not in limits and name not in held]
+    if missing:
+        pairs = ", ".join(f"'{name}': (low, high)" for name in missing)
+        raise InputError(
+            f"The rivals read the input {listing(missing)}, for which there are neither limits, "
+            "nor a constant value, nor logs.",
+            f"Give limits={{{pairs}}} to move it, or held={{'{missing[0]}': value}}.",
+        )
+    for name, pair in limits.items():
+        limits[name] = _pair(name, pair)
+    for name, value in held.items():
+        if not _number(value):
+            raise InputError(f"held: expected a number for '{name}', found {value!r}.", "Give one.")
+    if not limits:
+        raise InputError(
+            "Every input is held: there is nothing to move.",
+            f"Give limits for one of {listing(needed)}.",
+        )
+    return limits, held
+
+
+def _needs(model: Model) -> list[str]:
+    return [name for effect in model.effects for name in effect.needs]
+
+
+def _unique(names: Iterable[str]) -> list[str]:
+    return list(dict.fromkeys(names))
+
+
+def _known(what: str, given: Iterable[str], known: Sequence[str], why: str) -> None:
+    for name in given:
+        if name not in known:
+            near = nearest(name, known)
+            raise InputError(
+                f"{what}: '{name}': {why}{f'; {near}' if near else ''}.",
+                f"Use one of {listing(known)}.",
+            )
+
+
+def _pair(name: str, pair: Any) -> tuple[float, float]:
+    try:
+        low, high = pair
+        fine = _number(low) and _number(high) and low < high
+    except (TypeError, ValueError):
+        fine = False
+    if not fine:
+        raise InputError(
+            f"limits: expected a lower and a higher number for '{name}', found {pair!r}.",
+            f"Write limits={{'{name}': (low, high)}}.",
+        )
+    return float(pair[0]), float(pair[1])
+
+
+def _rates(given: Any, moved: Mapping[str, Any]) -> dict[str, float]:
+    rates = dict(given or {})
+    _known("rate_limits", rates, list(moved), "this input is not moved")
+    for name, rate in rates.items():
+        if not (_number(rate) and rate > 0):
+            raise InputError(
+                f"rate_limits: expected a positive change per second for '{name}', found {rate!r}.",
+                "Leave it out where the input may jump.",
+            )
+    return {name: float(rate) for name, rate in rates.items()}
+
+
+def _noise(rivals: Sequence[Any], models: Sequence[Model], given: Any) -> dict[str, float]:
+    """Noise of the channels to compare. Misfit raises a fit's level, so the smallest is nearest."""
+    shared = [n for n in models[0].outputs if all(n in model.outputs for model in models)]
+    if given is not None:
+        _known("noise", given, shared, "not an output of every rival")
+        noise = dict(given)
+    else:
+        fits = [fit for fit in rivals if isinstance(fit, Fit)]
+        levels = {name: [f.noise[name] for f in fits if name in f.noise] for name in shared}
+        noise = {name: min(found) for name, found in levels.items() if found}
+    if not noise:
+        raise InputError(
+            f"No noise level is known for any of the channels {listing(shared)}.",
+            f"Give noise={{'{shared[0] if shared else 'channel'}': standard deviation}} for each "
+            "channel that the test will measure.",
+        )
+    for name, sigma in noise.items():
+        if not (_number(sigma) and sigma > 0):
+            raise InputError(
+                f"noise: expected a positive standard deviation for '{name}', found {sigma!r}.",
+                "Give it in the unit of the model's output.",
+            )
+    return {name: float(noise[name]) for name in shared if name in noise}
+
+
+def _units(models: Sequence[Model], logs: Sequence[Log]) -> dict[str, str]:
+    needs = {name: "" for model in models for name in _needs(model)}
+    recorded = {name: log.units[name] for log in logs for name in needs if name in log.inputs}
+    units = {**needs, **recorded}
+    for model in models:
+        units |= {**model.states, **model.optional_inputs, **model.inputs, **model.outputs}
+    return units
+
+
+def _substeps(
+    models: Sequence[Model],
+    space: Field,
+    held: Mapping[str, float],
+    noise: Mapping[str, float],
+) -> int:
+    """Integrator steps per sample that the hardest sequence, full reversals, needs."""
+    names = tuple(space.limits)
+    hold = max(2, round(space.active / space.step / 40)) * space.step
+    probe = sequence(Design("reversals", dict.fromkeys(names, 1), 1.0, hold), space)
+    constant = {name: np.full(space.time.size, value) for name, value in held.items()}
+    log = Log(
+        time=space.time,
+        inputs={**probe, **constant},
+        measured={name: np.zeros(space.time.size) for name in noise},
+        noise=noise,
+        name="the test",
+    )
+    return max(choose_substeps(model, log, tolerance=0.05) for model in models)

@@ -1,0 +1,119 @@
+"""Rival models, and what is already known of their parameters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust.estimation._arrange import build
+from diffthrust.estimation._result import Fit
+from diffthrust.estimation._solver import solve
+from diffthrust.estimation._status import examine
+from diffthrust.logs._log import Log
+from diffthrust.models._base.model import Model
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Rival:
+    """A model that may be the right one.
+
+    Args:
+        model: at its estimated values.
+        free: the parameters that it may move to imitate another.
+        precision: what is known of them: the inverse covariance in the optimiser's coordinates,
+            ``(k, k)``; zero where nothing is known.
+    """
+
+    model: Model
+    free: tuple[str, ...]
+    precision: Array = field(repr=False)
+
+    @property
+    def start(self) -> Array:
+        """Coordinates of the estimated values, ``(k,)``."""
+        named = self.model.parameters
+        return np.array([float(named[n].to_coordinate(named[n].value)) for n in self.free])
+
+    @property
+    def limits(self) -> tuple[Array, Array]:
+        """Lower and upper limits of the coordinates."""
+        pairs = [self.model.parameters[n].coordinate_limits() for n in self.free]
+        low, high = np.array(pairs, float).reshape(-1, 2).T
+        return low, high
+
+
+def models_of(rivals: Any) -> tuple[Model, ...]:
+    """The models among models and fits.
+
+    Raises:
+        InputError: fewer than two, or something else.
+    """
+    if not isinstance(rivals, Sequence) or len(rivals) < 2:
+        found = f"{len(rivals)}" if isinstance(rivals, Sequence) else repr(rivals)
+        raise InputError(
+            f"rivals: expected two models or fits at least, found {found}.",
+            "Give a list such as [lag, delay].",
+        )
+    for given in rivals:
+        if not isinstance(given, Model | Fit):
+            raise InputError(
+                f"rivals: expected models or fits, found {given!r}.",
+                "Give instances, such as dft.Thruster() or the result of dft.fit.",
+            )
+    return tuple(given.model if isinstance(given, Fit) else given for given in rivals)
+
+
+def names_of(models: Sequence[Model]) -> tuple[str, ...]:
+    """The models as they are written, numbered where two are written alike."""
+    names = [str(model) for model in models]
+    return tuple(
+        f"{name} ({names[: i + 1].count(name)})" if names.count(name) > 1 else name
+        for i, name in enumerate(names)
+    )
+
+
+def rival_of(given: Model | Fit, model: Model, logs: Sequence[Log]) -> Rival:
+    """A model with what its fit, or the logs, or its priors say of its parameters."""
+    free = tuple(name for name, p in model.parameters.items() if not p.fixed)
+    if isinstance(given, Fit):
+        return Rival(model, free, _precision(model, free, given.free, given.covariance))
+    if logs and free:
+        problem = build(model, logs)
+        z = problem.start()
+        local = examine(problem, z, solve(problem, z, budget=1).quadratic)
+        return Rival(model, free, _precision(model, free, problem.free, local.covariance))
+    known = [n for n in free if model.parameters[n].prior is not None]
+    variances = [p.std**2 for n in known if (p := model.parameters[n].prior) is not None]
+    return Rival(model, free, _precision(model, free, known, np.diag(variances)))
+
+
+def _precision(
+    model: Model, free: Sequence[str], names: Sequence[str], covariance: np.ndarray
+) -> np.ndarray:
+    """Inverse covariance in the optimiser's coordinates; zero where nothing is known."""
+    out = np.zeros((len(free), len(free)))
+    spread = np.sqrt(np.diagonal(covariance)) if len(names) else np.zeros(0)
+    kept = [i for i, name in enumerate(names) if name in free and 0 < spread[i] < math.inf]
+    if not kept:
+        return out
+    slopes = [_slope(model, names[i]) for i in kept]
+    size = spread[kept]
+    correlation = covariance[np.ix_(kept, kept)] / np.outer(size, size)
+    weight = np.array(slopes) / size
+    inverse = np.linalg.pinv(correlation, rcond=1e-13, hermitian=True)
+    where = [list(free).index(names[i]) for i in kept]
+    out[np.ix_(where, where)] = inverse * np.outer(weight, weight)
+    return out
+
+
+def _slope(model: Model, name: str) -> float:
+    """d(value)/d(coordinate) of a parameter."""
+    p = model.parameters[name]
+    return p.value if p.transform == "log" else p.scale

@@ -1,0 +1,287 @@
+"""How well a test tells two models apart, after one had the chance to imitate the other.
+
+The separation of a truth A from an imitator B under some inputs is
+
+    min over theta of  sum |y_A - y_B(theta)|^2 / sigma^2 + (theta - theta_B)' P (theta - theta_B)
+
+over all channels and samples, with P the information of the logs to which B was fitted: the
+T-criterion of Atkinson & Fedorov 1975 (Biometrika 62, 57 and 289), with what is already known of
+the imitator's parameters. Half of it is the expected log-likelihood ratio. The minimum is found by
+Gauss-Newton steps whose Jacobians are those of forward mode; since every accepted step is verified
+by simulation, the figure is that of an imitation that exists. Angles are those that the models
+integrate, without a jump at the full turn: all begin alike, and the jump would make false minima.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from diffthrust.experiments._rivals import Rival
+from diffthrust.simulation._simulate import Grid, Key, trajectory
+
+Array = np.ndarray
+
+CHUNK = 16
+"""Designs are simulated so many at a time, whatever their number: one compilation serves all."""
+_SCREEN, _THOROUGH = 12, 30
+"""Most steps of an imitation, in the search for designs and to verify one."""
+_SETTLED = 1e-3
+"""The imitation is done where a step gains less than this, relative and in the criterion."""
+_SCATTER = 0.5
+"""Spread of further starts in a parameter's coordinate, where no less is known of it."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What all designs have in common.
+
+    Args:
+        time: sample instants [s], ``(T,)``.
+        noise: standard deviation of each measured channel.
+        unsigned: channels whose sensor reports the absolute value.
+        substeps: integrator steps per sample.
+        correlation: of the noise from one sample to the next.
+    """
+
+    time: Array
+    noise: Mapping[str, float]
+    unsigned: frozenset[str]
+    substeps: int
+    correlation: float
+
+
+class _Layout(NamedTuple):
+    """The static part, which fixes the compiled code."""
+
+    key: Key
+    grid: Grid
+    free: tuple[str, ...]
+    transforms: tuple[str, ...]
+    channels: tuple[str, ...]
+    unsigned: frozenset[str]
+
+
+class Pass(NamedTuple):
+    """A model held against targets: outputs, criterion, slope and Gram matrix for each design.
+
+    Args:
+        outputs: ``(D, C, T)``.
+        cost: sum of squared whitened differences, ``(D,)``; infinite where a simulation failed.
+        slope: J' r, ``(D, k)``.
+        gram: J' J, ``(D, k, k)``.
+    """
+
+    outputs: Array
+    cost: Array
+    slope: Array
+    gram: Array
+
+
+def against(rival: Rival, setting: Setting, inputs: Any, z: Array, target: Array) -> Pass:
+    """Simulate a rival under every design, and compare it to targets.
+
+    Args:
+        rival: the model.
+        setting: time stamps and noise.
+        inputs: all input series by name, ``(D, T)`` each.
+        z: coordinates of the free parameters for each design, ``(D, k)``.
+        target: outputs to be imitated, ``(D, C, T)``.
+    """
+    named = rival.model.parameters
+    hold = tuple((name, "zero") for name in sorted(inputs))
+    layout = _Layout(
+        Key(rival.model.bind({})),
+        Grid(hold, setting.substeps),
+        rival.free,
+        tuple(named[n].transform for n in rival.free),
+        tuple(setting.noise),
+        setting.unsigned,
+    )
+    arrays = {
+        "values": {n: np.asarray(p.value, float) for n, p in named.items()},
+        "scales": np.array([named[n].scale for n in rival.free]),
+        "time": setting.time,
+        "sigma": np.array(list(setting.noise.values())),
+        "correlation": np.asarray(setting.correlation, float),
+    }
+    count, passes = z.shape[0], []
+    for begin in range(0, count, CHUNK):
+        rows = np.minimum(np.arange(begin, begin + CHUNK), count - 1)
+        given = {name: values[rows] for name, values in inputs.items()}
+        found = _chunk(layout, arrays, given, z[rows], target[rows])
+        passes.append([np.array(part)[: count - begin] for part in found])
+    outputs, cost, slope, gram = (np.concatenate(parts) for parts in zip(*passes, strict=True))
+    fine = np.isfinite(cost) & np.isfinite(gram).all(axis=(1, 2)) & np.isfinite(slope).all(axis=1)
+    return Pass(outputs, np.where(fine, cost, np.inf), slope, gram)
+
+
+@partial(jax.jit, static_argnums=0)
+def _chunk(layout: _Layout, arrays: Any, inputs: Any, z: Any, target: Any) -> tuple[Any, ...]:
+    def one(design: Any) -> tuple[Any, ...]:
+        given, point, goal = design
+        steps = jnp.eye(point.shape[0])
+
+        def fn(p: Any) -> Any:
+            return _outputs(layout, arrays, given, p)
+
+        if layout.free:
+            y, slopes = jax.vmap(lambda v: jax.jvp(fn, (point,), (v,)), out_axes=(None, 0))(steps)
+        else:
+            y = fn(point)
+            slopes = jnp.zeros((0, *y.shape))
+        rest = _white(arrays, goal - y).reshape(-1)
+        rows = jax.vmap(partial(_white, arrays))(slopes).reshape(len(layout.free), rest.size)
+        return y, rest @ rest, rows @ rest, rows @ rows.T
+
+    return jax.lax.map(one, (inputs, z, target))
+
+
+def _outputs(layout: _Layout, arrays: Any, inputs: Any, z: Any) -> Any:
+    values = dict(arrays["values"])
+    for i, (name, transform) in enumerate(zip(layout.free, layout.transforms, strict=True)):
+        values[name] = jnp.exp(z[i]) if transform == "log" else z[i] * arrays["scales"][i]
+    model = layout.key.model.bind(values)
+    found, _ = trajectory(model, layout.grid, arrays["time"], inputs, {}, {})
+    rows = [jnp.abs(found[n]) if n in layout.unsigned else found[n] for n in layout.channels]
+    return jnp.stack(rows)
+
+
+def _white(arrays: Any, series: Any) -> Any:
+    """What is left of ``(C, T)`` when the noise, of first order, is made white and of unit size."""
+    phi = arrays["correlation"]
+    later = (series[:, 1:] - phi * series[:, :-1]) / jnp.sqrt(1.0 - phi**2)
+    return jnp.concatenate([series[:, :1], later], axis=1) / arrays["sigma"][:, None]
+
+
+class Imitation(NamedTuple):
+    """The best imitation of a truth under each design.
+
+    Args:
+        separation: what is left, ``(D,)``; NaN where a simulation failed.
+        outputs: of the imitator at its best, ``(D, C, T)``.
+    """
+
+    separation: Array
+    outputs: Array
+
+
+def imitated(
+    rival: Rival,
+    setting: Setting,
+    inputs: Any,
+    truth: Array,
+    starts: Array | None = None,
+    steps: int = _SCREEN,
+) -> Imitation:
+    """Let a rival imitate outputs by moving its parameters, under each design alone.
+
+    Args:
+        rival: the imitator.
+        setting: time stamps and noise.
+        inputs: all input series by name, ``(D, T)`` each.
+        truth: the outputs, ``(D, C, T)``.
+        starts: coordinates to begin from, ``(D, k)``; by default the rival's own.
+        steps: at most so many.
+    """
+    low, high = rival.limits
+    z = np.tile(rival.start, (truth.shape[0], 1)) if starts is None else starts.copy()
+    best = against(rival, setting, inputs, z, truth)
+    cost = best.cost + _penalty(rival, z)
+    damping = np.full(z.shape[0], 1e-8)
+    busy = np.isfinite(cost)
+    for _ in range(steps if z.shape[1] else 0):
+        on = np.flatnonzero(busy)
+        slope = np.nan_to_num(best.slope - (z - rival.start) @ rival.precision)[on]
+        normal = np.nan_to_num(best.gram + rival.precision)[on]
+        held = ((z[on] <= low) & (slope < 0)) | ((z[on] >= high) & (slope > 0))
+        move = _newton(normal, np.where(held, 0.0, slope), held, damping[on])
+        ahead = np.sum(move * slope, axis=1) > 0.1 * _SETTLED * (1.0 + cost[on])
+        busy[on] = ahead
+        if not ahead.any():
+            break
+        on, trial = on[ahead], np.clip(z[on] + move, low, high)[ahead]
+        given = {name: values[on] for name, values in inputs.items()}
+        new = against(rival, setting, given, trial, truth[on])
+        price = new.cost + _penalty(rival, trial)
+        better = price < cost[on]
+        settled = better & (cost[on] - price < _SETTLED * (1.0 + price))
+        damping[on] *= np.where(better, 0.1, np.maximum(30.0, 1e-3 / damping[on]))
+        busy[on] = ~settled & (damping[on] < 1e6)
+        kept = on[better]
+        z[kept], cost[kept] = trial[better], price[better]
+        for old, found in zip(best, new, strict=True):
+            old[kept] = found[better]
+    return Imitation(np.where(np.isfinite(cost), cost, np.nan), best.outputs)
+
+
+def _penalty(rival: Rival, z: Array) -> Array:
+    away = z - rival.start
+    return np.einsum("di,ij,dj->d", away, rival.precision, away)
+
+
+def _newton(normal: Array, slope: Array, held: Array, damping: Array) -> Array:
+    """Damped Gauss-Newton moves ``(D, k)``; coordinates held at a bound stay."""
+    size = slope.shape[1]
+    free = ~held[:, :, None] & ~held[:, None, :]
+    diagonal = np.maximum(np.einsum("dii->di", normal), 1e-300)
+    unit = 1.0 / np.sqrt(diagonal)
+    scaled = np.where(free, normal * unit[:, :, None] * unit[:, None, :], 0.0)
+    scaled = scaled + (damping[:, None, None] + held[:, :, None]) * np.eye(size)
+    return np.linalg.solve(scaled, (slope * unit)[:, :, None])[:, :, 0] * unit
+
+
+def pairs_of(rivals: Sequence[Rival]) -> list[tuple[int, int]]:
+    """The pairs (truth, imitator) that a test must separate.
+
+    A rival that is another plus effects imitates it perfectly, by their null values; such a pair
+    is judged only as if the larger one holds.
+    """
+    many = range(len(rivals))
+    return [(i, j) for i in many for j in many if i != j and not _extends(rivals[j], rivals[i])]
+
+
+def _extends(larger: Rival, smaller: Rival) -> bool:
+    one, other = larger.model, smaller.model
+    inside = {e.structure for e in other.effects} < {e.structure for e in one.effects}
+    return inside and type(one) is type(other)
+
+
+def outputs_of(rival: Rival, setting: Setting, inputs: Any) -> Array:
+    """What a rival predicts as it is, ``(D, C, T)``."""
+    count = next(iter(inputs.values())).shape[0]
+    blank = np.zeros((count, len(setting.noise), setting.time.size))
+    return against(rival, setting, inputs, np.tile(rival.start, (count, 1)), blank).outputs
+
+
+def separations(
+    rivals: Sequence[Rival], setting: Setting, inputs: Any
+) -> dict[tuple[int, int], Array]:
+    """Separation of every pair (truth, imitator) under each design, ``(D,)``."""
+    pairs = pairs_of(rivals)
+    truths = {i: outputs_of(rivals[i], setting, inputs) for i in {i for i, _ in pairs}}
+    return {(i, j): imitated(rivals[j], setting, inputs, truths[i]).separation for i, j in pairs}
+
+
+def imitated_from_afar(
+    rival: Rival, setting: Setting, inputs: Any, truth: Array, seed: int
+) -> Imitation:
+    """The best imitation under one design, ``D = 1``, from several starts.
+
+    The first start is the rival as it is; the others are drawn from what is known of it.
+    """
+    low, high = rival.limits
+    spread = np.linalg.inv(rival.precision + np.eye(low.size) / _SCATTER**2)
+    draws = np.random.default_rng(seed).standard_normal((CHUNK, low.size))
+    draws[0] = 0.0
+    starts = np.clip(rival.start + draws @ np.linalg.cholesky(spread).T, low, high)
+    given = {name: np.repeat(values, CHUNK, axis=0) for name, values in inputs.items()}
+    found = imitated(rival, setting, given, np.repeat(truth, CHUNK, axis=0), starts, _THOROUGH)
+    best = int(np.argmin(np.nan_to_num(found.separation, nan=np.inf)))
+    return Imitation(found.separation[best : best + 1], found.outputs[best : best + 1])

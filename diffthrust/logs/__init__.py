@@ -1,0 +1,5 @@
+"""What was recorded: logs, their channels and units, and how files become logs."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

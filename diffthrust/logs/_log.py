@@ -1,0 +1,277 @@
+"""One recorded experiment: time, inputs, measured channels and their units."""
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing, nearest
+from diffthrust.logs._units import convert, convert_scale
+from diffthrust.logs._validate import checked_fields, frozen, window
+
+
+@dataclass(frozen=True, eq=False, init=False, repr=False)
+class Log:
+    """One recorded experiment. All arrays are read-only.
+
+    Args:
+        time: time stamps, shape (n,), strictly increasing; the step need not be uniform.
+        inputs: what drove the system, each of shape (n,).
+        measured: what sensors reported, each of shape (n,); NaN where a sample is missing.
+        units: unit of each channel as given, and of ``"time"`` (seconds where not named). Without
+            a unit the numbers are taken to be in the model's unit.
+        unsigned: measured channels whose sensor reports the absolute value.
+        noise: known standard deviations of measured channels, in the unit of the channel as given.
+        hold: between samples an input keeps its last value (``"zero"``) or runs straight to the
+            next (``"linear"``); one word for all inputs, or a mapping by input.
+        name: a name for messages and figures.
+        interpolate_inputs: fill missing samples of inputs instead of refusing them.
+        notes: sentences to keep with the log.
+
+    Attributes:
+        time: time stamps [s], shape (n,).
+        units: unit in which the stored numbers are (SI); empty where the user gave none.
+        hold: ``"zero"`` or ``"linear"`` for each input.
+        notes: what was dropped, trimmed, missing or interpolated, one sentence each.
+
+    Raises:
+        InputError: lengths differ, time does not increase, an input is missing a sample, a number
+            is infinite, a measured channel is empty, or a unit, channel or hold is unknown.
+
+    Example:
+        >>> log = Log(
+        ...     time=[0, 40, 80],
+        ...     inputs={"command": [0.0, 2.0, 2.0]},
+        ...     measured={"speed": [0.0, 60.0, float("nan")]},
+        ...     units={"time": "ms", "command": "V", "speed": "rpm"},
+        ...     unsigned=("speed",),
+        ... )
+        >>> log.units["speed"], log.duration
+        ('rad/s', 0.08)
+    """
+
+    time: np.ndarray
+    inputs: Mapping[str, np.ndarray]
+    measured: Mapping[str, np.ndarray]
+    units: Mapping[str, str]
+    unsigned: frozenset[str]
+    noise: Mapping[str, float]
+    hold: Mapping[str, str]
+    name: str
+    notes: tuple[str, ...]
+
+    def __init__(
+        self,
+        time: Any,
+        inputs: Mapping[str, Any] | None = None,
+        measured: Mapping[str, Any] | None = None,
+        units: Mapping[str, str] | None = None,
+        unsigned: Collection[str] = (),
+        noise: Mapping[str, float] | None = None,
+        hold: str | Mapping[str, str] = "zero",
+        name: str = "log",
+        interpolate_inputs: bool = False,
+        notes: Iterable[str] = (),
+    ) -> None:
+        def at(channel: str, index: int | None) -> str:
+            place = "time" if channel == "time" else f"channel {channel!r}"
+            return f"log {name!r}, {place}" + ("" if index is None else f", sample {index}")
+
+        fields = checked_fields(
+            time=time,
+            inputs=inputs or {},
+            measured=measured or {},
+            units=units or {},
+            unsigned=unsigned,
+            noise=noise or {},
+            hold=hold,
+            name=str(name),
+            interpolate_inputs=interpolate_inputs,
+            notes=tuple(notes),
+            at=at,
+        )
+        self._set(fields)
+
+    def _set(self, fields: Mapping[str, Any]) -> None:
+        for key, value in fields.items():
+            object.__setattr__(self, key, value)
+
+    @classmethod
+    def _of(cls, fields: Mapping[str, Any]) -> "Log":
+        """Make a log of fields that are already checked."""
+        log = object.__new__(cls)
+        log._set(frozen(fields))
+        return log
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Read-only mappings cannot be pickled; worker processes need the log.
+        fields = {key: getattr(self, key) for key in self.__dataclass_fields__}
+        plain = {k: dict(v) if isinstance(v, Mapping) else v for k, v in fields.items()}
+        return Log._of, (plain,)
+
+    def __len__(self) -> int:
+        """Number of samples."""
+        return int(self.time.size)
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last sample [s]."""
+        return float(self.time[-1] - self.time[0])
+
+    @cached_property
+    def step(self) -> float:
+        """Median time between samples [s]; NaN for a single sample."""
+        return float(np.median(np.diff(self.time))) if len(self) > 1 else float("nan")
+
+    @cached_property
+    def even(self) -> bool:
+        """Whether samples are equally far apart, but for the rounding of the time stamps."""
+        steps = np.diff(self.time)
+        return bool(steps.size) and float(np.ptp(steps)) <= 1e-6 * self.step
+
+    def values(self, channel: str, unit: str) -> np.ndarray:
+        """Give the samples of a channel in the unit that a model wants.
+
+        Args:
+            channel: name of an input or a measured channel.
+            unit: the unit wanted. Where the log or the caller names none, the stored numbers are
+                given as they are.
+
+        Returns:
+            Samples in ``unit``, float64, shape (n,).
+
+        Raises:
+            InputError: the log has no such channel, or its unit measures another quantity.
+        """
+        samples = self.inputs.get(channel)
+        if samples is None:
+            samples = self.measured.get(channel)
+        if samples is None:
+            raise self._no_channel(channel)
+        stored = self.units[channel]
+        if not stored or not unit or stored == unit:
+            return samples
+        return convert(samples, stored, unit, where=f"log {self.name!r}, channel {channel!r}")
+
+    def noise_in(self, channel: str, unit: str) -> float | None:
+        """Give the known standard deviation of a measured channel.
+
+        Args:
+            channel: name of a measured channel.
+            unit: the unit wanted, as in ``values``.
+
+        Returns:
+            The standard deviation in ``unit``, or None where it is not known.
+
+        Raises:
+            InputError: the log has no such channel, or its unit measures another quantity.
+        """
+        if channel not in self.inputs and channel not in self.measured:
+            raise self._no_channel(channel)
+        sigma, stored = self.noise.get(channel), self.units[channel]
+        if sigma is None or not stored or not unit or stored == unit:
+            return sigma
+        where = f"log {self.name!r}, channel {channel!r}"
+        return convert_scale(sigma, stored, unit, where=where)
+
+    def slice(self, start: float | None = None, stop: float | None = None) -> "Log":
+        """Cut a part out of the log; the time stamps stay as they are.
+
+        Args:
+            start: first moment to keep, in seconds after the first time stamp.
+            stop: last moment to keep, in seconds after the first time stamp.
+
+        Returns:
+            A new log of the samples from ``start`` to ``stop``, both included.
+
+        Raises:
+            InputError: no sample lies between them.
+        """
+        keep = window(self.time, start, stop)
+        if not keep.any():
+            raise InputError(
+                f"log {self.name!r}: expected samples from {start} to {stop} s after the start, "
+                f"found none; the log lasts {self.duration:.6g} s.",
+                "choose start and stop inside the log.",
+            )
+        fields = {key: getattr(self, key) for key in self.__dataclass_fields__}
+        fields["time"] = self.time[keep]
+        fields["inputs"] = {key: value[keep] for key, value in self.inputs.items()}
+        fields["measured"] = {key: value[keep] for key, value in self.measured.items()}
+        return Log._of(fields)
+
+    def averaged(self, samples: int) -> "Log":
+        """Average every so many samples into one: a record faster than what moves in it.
+
+        The means stand at the middle of their samples; inputs are linear between them. Missing
+        samples are left out of the means, a known noise falls with the root of ``samples``, and
+        angles in rad or deg are averaged across their jumps. A rest at the end is left away.
+
+        Args:
+            samples: how many samples make one.
+
+        Returns:
+            A new log with a note of what was done.
+
+        Raises:
+            InputError: not a whole number, or more than the log has.
+
+        Example:
+            >>> log.averaged(8).step  # of a log sampled at 200 Hz
+            0.04
+        """
+        if not isinstance(samples, int) or not 1 <= samples <= len(self):
+            raise InputError(
+                f"log {self.name!r}: expected a whole number of samples from 1 to {len(self)}, "
+                f"found {samples!r}.",
+                "Give how many samples are to make one.",
+            )
+        whole = len(self) // samples * samples
+
+        def mean(name: str, values: np.ndarray) -> np.ndarray:
+            turn = {"rad": 2 * np.pi, "deg": 360.0}.get(self.units.get(name, ""))
+            if turn:
+                seen = np.isfinite(values)
+                values = values.copy()
+                values[seen] = np.unwrap(values[seen], period=turn)
+            blocks = values[:whole].reshape(-1, samples)
+            seen = np.isfinite(blocks)
+            counts = seen.sum(axis=1)
+            sums = np.where(seen, blocks, 0.0).sum(axis=1)
+            return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
+
+        fields = {key: getattr(self, key) for key in self.__dataclass_fields__}
+        fields["time"] = self.time[:whole].reshape(-1, samples).mean(axis=1)
+        fields["inputs"] = {key: mean(key, value) for key, value in self.inputs.items()}
+        fields["measured"] = {key: mean(key, value) for key, value in self.measured.items()}
+        fields["noise"] = {key: value / samples**0.5 for key, value in self.noise.items()}
+        fields["hold"] = dict.fromkeys(self.hold, "linear")
+        fields["notes"] = (*self.notes, f"{samples} samples each were averaged into one.")
+        return Log._of(fields)
+
+    def __repr__(self) -> str:
+        def described(channels: Mapping[str, np.ndarray]) -> str:
+            texts = []
+            for key, samples in channels.items():
+                about = [f"{n} missing"] if (n := int(np.isnan(samples).sum())) else []
+                about += ["unsigned"] if key in self.unsigned else []
+                unit = f" [{self.units[key]}]" if self.units[key] else ""
+                texts.append(key + unit + (f" ({', '.join(about)})" if about else ""))
+            return ", ".join(texts) or "none"
+
+        return (
+            f"Log({self.name!r}: {len(self)} samples over {self.duration:.6g} s, "
+            f"inputs: {described(self.inputs)}; measured: {described(self.measured)})"
+        )
+
+    def _no_channel(self, channel: str) -> InputError:
+        known = [*self.inputs, *self.measured]
+        near = nearest(str(channel), known)
+        return InputError(
+            f"log {self.name!r}: expected a channel {channel!r}, found {listing(known)}"
+            f"{'; ' + near if near else ''}.",
+            f"map a column of the log to {channel!r}.",
+        )

@@ -1,0 +1,171 @@
+"""Fields of ArduPilot's logs: DataFlash (.bin) and telemetry (.tlog), by message and field."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing
+from diffthrust.logs._robots.ardupilot_files import Received, dataflash, telemetry
+from diffthrust.logs._robots.series import (
+    Series,
+    column_place,
+    lacking,
+    no_field,
+    no_message,
+    series_of,
+    split_column,
+)
+from diffthrust.logs._tables.table import damaged
+
+DATAFLASH, TELEMETRY = ".bin", ".tlog"
+
+# SYSTEM/COMPONENT/MESSAGE[INSTANCE], all but the message left out where there is one only
+_MESSAGE = re.compile(r"(?:(\d+)/)?(?:(\d+)/)?(\w+)(?:\[(\w+)\])?")
+_ELEMENT = re.compile(r"(\w+)(?:\[(\d+)\])?")
+
+
+@dataclass
+class _Target:
+    """A column that is wanted, and what was found of it."""
+
+    column: str
+    source: tuple[int, ...]
+    name: str
+    instance: str
+    key: str
+    element: int | None
+    ticks: list[int] = field(default_factory=list)
+    values: list[float] = field(default_factory=list)
+    seen: set[tuple[tuple[int, ...], str]] = field(default_factory=set)
+    others: set[str] = field(default_factory=set)
+
+
+def read_ardupilot(
+    path: Path, wanted: Sequence[str], missing: Sequence[float]
+) -> dict[str, Series]:
+    """Read fields of a DataFlash or telemetry log.
+
+    Stamps of a DataFlash log are ``TimeUS`` (``TimeMS`` in old ones), the autopilot's time since it
+    was switched on. Those of a telemetry log are the moments at which the ground station received
+    the message: they jitter with the link.
+
+    Args:
+        path: a file ending in .bin or .tlog.
+        wanted: columns such as ``"RCOU.C1"``, ``"ESC[0].RPM"``, ``"SERVO_OUTPUT_RAW.servo1_raw"``,
+            or ``"1/ATTITUDE.yaw"`` where several systems send a message.
+        missing: numbers that mean missing.
+
+    Returns:
+        The samples of each column.
+
+    Raises:
+        InputError: pymavlink is not installed, the file is damaged, or a message or field is
+            absent, holds no numbers, or comes from several senders or instances.
+    """
+    targets = [_target(path.name, column) for column in wanted]
+    names = {target.name for target in targets}
+    binary = path.suffix.lower() == DATAFLASH
+    try:
+        with (dataflash if binary else telemetry)(path, names) as recording:
+            if not recording.known:
+                raise ValueError("it holds no message")
+            for target in targets:
+                if target.name not in recording.known:
+                    known = recording.known
+                    raise no_message(path.name, target.column, target.name, known, "message")
+            for message in recording.messages:
+                for target in targets:
+                    if target.name == message.name:
+                        _take(path.name, target, message)
+    except ImportError as error:
+        raise lacking(path.name, "pymavlink", "ardupilot", error) from None
+    except InputError:
+        raise
+    except Exception as error:  # a damaged log raises whatever the reader came across
+        raise damaged(path, "DataFlash" if binary else "telemetry", error) from None
+    for target in targets:
+        _check_alone(path.name, target)
+    origin = min(target.ticks[0] for target in targets)
+    found = {
+        t.column: series_of(path.name, t.column, t.ticks, t.values, origin, missing)
+        for t in targets
+    }
+    if damages := recording.damages:
+        first = found[wanted[0]]
+        places = f"{len(damages)} place{'s' if len(damages) > 1 else ''}"
+        note = f"the file is damaged in {places} ({damages[0]})"
+        found[wanted[0]] = replace(first, notes=(*first.notes, note))
+    return found
+
+
+def _target(file: str, column: str) -> _Target:
+    message, key = split_column(file, column)
+    sent, of = _MESSAGE.fullmatch(message), _ELEMENT.fullmatch(key)
+    if not sent or not of:
+        raise InputError(
+            f"{column_place(file, column)}: expected a message and one of its fields.",
+            "write it as 'RCOU.C1', 'ESC[0].RPM', 'ESC_STATUS.rpm[0]' or '1/ATTITUDE.yaw'.",
+        )
+    source = tuple(int(number) for number in sent.groups()[:2] if number is not None)
+    element = None if of[2] is None else int(of[2])
+    return _Target(column, source, sent[3], sent[4] or "", of[1], element)
+
+
+def _take(file: str, target: _Target, message: Received) -> None:
+    if target.source != message.source[: len(target.source)]:
+        return
+    if target.instance and target.instance != message.instance:
+        target.others.add(message.instance)
+        return
+    if target.key not in message.fields:
+        raise no_field(file, target.column, target.key, message.fields)
+    value = message.get(target.key)
+    place = column_place(file, target.column)
+    if target.element is not None:
+        if isinstance(value, str) or not hasattr(value, "__len__") or target.element >= len(value):
+            raise InputError(
+                f"{place}: expected an element [{target.element}], found {str(value)[:40]!r}.",
+                "name a field that is an array; its elements are counted from 0.",
+            )
+        value = value[target.element]
+    if not isinstance(value, bool | int | float):
+        array = not isinstance(value, str) and hasattr(value, "__len__")
+        found = f"an array of {len(value)}" if array else repr(str(value)[:40])
+        raise InputError(
+            f"{place}: expected a number, found {found}.",
+            "write the element, such as [0], behind it." if array else "choose a field of numbers.",
+        )
+    target.ticks.append(message.stamp)
+    target.values.append(float(value))
+    target.seen.add((message.source, message.instance))
+
+
+def _check_alone(file: str, target: _Target) -> None:
+    """Raise InputError where a column mixes what several have sent, or holds nothing."""
+    place = column_place(file, target.column)
+    field_name = target.column.partition(".")[2]
+    if not target.ticks:
+        others = sorted(target.others)
+        found = f"the instances {listing(others)}" if others else "none from that sender"
+        raise InputError(
+            f"{place}: expected messages {target.name!r} as named, found {found}.",
+            "correct the number before the message or in the brackets.",
+        )
+    sources = sorted({source for source, _ in target.seen})
+    if len(sources) > 1:
+        told = listing("/".join(map(str, source)) for source in sources)
+        name = "/".join(map(str, sources[0]))
+        raise InputError(
+            f"{place}: {target.name!r} is sent by several (system/component): {told}.",
+            f"name one, such as {f'{name}/{target.name}.{field_name}'!r}.",
+        )
+    instances = sorted({instance for _, instance in target.seen})
+    if len(instances) > 1:
+        raise InputError(
+            f"{place}: the log has several {target.name!r}: {listing(instances)}.",
+            f"name one, such as {f'{target.name}[{instances[0]}].{field_name}'!r}.",
+        )

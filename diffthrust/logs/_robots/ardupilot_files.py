@@ -1,0 +1,169 @@
+"""The messages of ArduPilot's files, one after the other: DataFlash (.bin), telemetry (.tlog)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout, suppress
+from dataclasses import dataclass, field
+from functools import partial
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+from diffthrust._support.errors import InputError
+
+# A stamp beyond this many microseconds is no time since the start, nor one since 1970 [us].
+_LATEST = 2**53
+
+
+@dataclass(frozen=True)
+class Received:
+    """One message.
+
+    Args:
+        stamp: its time stamp [ns].
+        name: what kind of message it is.
+        source: system and component that sent it; empty in a DataFlash log.
+        instance: which of several like it; empty where there is one.
+        fields: the names of its fields.
+        get: gives the value of a field.
+    """
+
+    stamp: int
+    name: str
+    source: tuple[int, ...]
+    instance: str
+    fields: Sequence[str]
+    get: Callable[[str], Any]
+
+
+@dataclass(frozen=True)
+class Recording:
+    """An open file.
+
+    Args:
+        known: the kinds of messages in it.
+        messages: those that were asked for, in the file's order.
+        damages: what could not be read, and where; complete when the messages have been read.
+    """
+
+    known: set[str]
+    messages: Iterator[Received]
+    damages: list[str] = field(default_factory=list)
+
+
+@contextmanager
+def dataflash(path: Path, names: set[str]) -> Iterator[Recording]:
+    """Open a DataFlash log; whatever pymavlink raises where it is damaged passes through."""
+    from pymavlink import DFReader
+
+    class Reader(DFReader.DFReader_binary):
+        def init_arrays_fast(self, progress_callback: Any = None) -> None:
+            self.init_arrays(progress_callback)  # the fast one writes past sys.stderr
+
+    damages: list[str] = []
+
+    def messages() -> Iterator[Received]:
+        while message := log.recv_match(type=names, strict=True):
+            named = message.get_fieldnames()
+            if "TimeUS" in named:
+                stamp = int(message.TimeUS)
+            elif "TimeMS" in named:
+                stamp = int(message.TimeMS) * 1_000
+            else:
+                raise InputError(
+                    f"{path.name}: the message {message.get_type()!r} has no time stamp.",
+                    "choose a message with a field TimeUS.",
+                )
+            if stamp > _LATEST:
+                damages.append(f"a message {message.get_type()!r} with a time stamp of {stamp} us")
+                continue
+            which = message.fmt.instance_field
+            instance = "" if which is None else str(getattr(message, which))
+            get = partial(getattr, message)
+            yield Received(stamp * 1_000, message.get_type(), (), instance, named, get)
+        damages.extend(said.getvalue().splitlines())
+
+    said = StringIO()  # the library prints what it skips
+    with ExitStack() as stack:
+        stack.enter_context(redirect_stdout(said))
+        stack.enter_context(redirect_stderr(said))
+        log: Any = object.__new__(Reader)
+        stack.callback(_close, log)  # also where reading fails halfway through the constructor
+        log.__init__(str(path))
+        known = {name for name, number in log.name_to_id.items() if log.counts[number]}
+        yield Recording(known, messages(), damages)
+
+
+def _close(log: Any) -> None:
+    for name in ("filehandle", "data_map"):
+        if name in vars(log):
+            with suppress(BufferError):  # a reader that failed still looks into the map
+                vars(log)[name].close()
+
+
+@contextmanager
+def telemetry(path: Path, names: set[str]) -> Iterator[Recording]:
+    """Open a telemetry log: frames of MAVLink 1 and 2, each after the microsecond of its reception.
+
+    Raises:
+        ValueError: there is no such frame in it.
+    """
+    from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+    data = path.read_bytes()
+    kinds: Any = dialect.mavlink_map
+    damages: list[str] = []
+    frames = [frame for frame in _frames(data, damages) if frame[1] in kinds]
+    if not frames:
+        raise ValueError("no MAVLink message with a time stamp before it")
+    decoder: Any = dialect.MAVLink(None)
+
+    def messages() -> Iterator[Received]:
+        for stamp, number, begin, end in frames:
+            name = kinds[number].msgname
+            if name not in names:
+                continue
+            try:
+                message = decoder.decode(bytearray(data[begin:end]))
+            except dialect.MAVError as error:
+                damages.append(f"at byte {begin}: {error}")
+                continue
+            source = (message.get_srcSystem(), message.get_srcComponent())
+            which = message.instance_field
+            instance = "" if which is None else str(getattr(message, which))
+            get = partial(getattr, message)
+            yield Received(stamp * 1_000, name, source, instance, message.fieldnames, get)
+
+    yield Recording({kinds[number].msgname for _, number, _, _ in frames}, messages(), damages)
+
+
+def _frames(data: bytes, damages: list[str]) -> Iterator[tuple[int, int, int, int]]:
+    """Stamp [us], message number, begin and end of each frame; what is no frame is skipped."""
+    at = 0
+    skipped = None
+    while at + 8 + 8 <= len(data):
+        begin = at + 8
+        marker, length = data[begin], data[begin + 1]
+        stamp = int.from_bytes(data[at:begin], "big")
+        if stamp > _LATEST:
+            marker = 0
+        if marker == 0xFD and begin + 10 <= len(data):
+            end = begin + length + 12 + (13 if data[begin + 2] & 1 else 0)
+            number = int.from_bytes(data[begin + 7 : begin + 10], "little")
+        elif marker == 0xFE:
+            end = begin + length + 8
+            number = data[begin + 5]
+        else:
+            skipped = at if skipped is None else skipped
+            at += 1
+            continue
+        if end > len(data):
+            break
+        if skipped is not None:
+            damages.append(f"at byte {skipped}: {at - skipped} bytes are no MAVLink message")
+            skipped = None
+        yield stamp, number, begin, end
+        at = end
+    if at < len(data):
+        damages.append(f"at byte {at}: the last message is cut off")

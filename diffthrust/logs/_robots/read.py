@@ -1,0 +1,211 @@
+"""Logs out of what marine robots record: ROS 2 bags, MCAP, DataFlash and telemetry files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust.logs._channels import CHANNELS
+from diffthrust.logs._log import Log
+from diffthrust.logs._read import Column, described, is_finite
+from diffthrust.logs._robots.ardupilot import DATAFLASH, TELEMETRY, read_ardupilot
+from diffthrust.logs._robots.resample import resample
+from diffthrust.logs._robots.rosbag import is_bag, read_bag
+from diffthrust.logs._robots.series import Series, column_place
+from diffthrust.logs._validate import checked_fields, window
+
+_TURNS = {"rad": 2 * np.pi, "deg": 360.0}
+
+
+def is_robot_log(path: Path) -> bool:
+    """Whether `read_robot_log` reads a file or folder of that name."""
+    return path.suffix.lower() in (".mcap", ".db3", DATAFLASH, TELEMETRY) or is_bag(path)
+
+
+def read_robot_log(
+    path: str | PathLike[str],
+    *,
+    base: str | float,
+    inputs: Mapping[str, str | Column] | None = None,
+    measured: Mapping[str, str | Column] | None = None,
+    gap: float | None = None,
+    faster: float = 2.0,
+    stamps: str = "recorder",
+    missing_values: Sequence[str | float] = (),
+    interpolate_inputs: bool = False,
+    start: float | None = None,
+    stop: float | None = None,
+    name: str | None = None,
+) -> Log:
+    """Read a log from a ROS 2 bag, an MCAP file, or an ArduPilot DataFlash or telemetry log.
+
+    Messages come at different rates, so one time base is chosen, by you. On ``"messages"`` nothing
+    is made up: the log has the stamps of all messages, inputs change when they changed, and what is
+    measured has samples at its own stamps and is missing in between. On the stamps of one channel
+    or on a step, which give shorter logs, an input keeps its last value (``hold="zero"``), so its
+    changes come late by up to a step, and a fit is biased where that is not short against the
+    motion; what is measured, and an input with ``hold="linear"``, runs straight between two
+    messages, and is missing across longer gaps. Angles in rad or deg run on across their jumps.
+    ``log.notes`` tells the rate, the largest gap and the jitter of each channel, how late inputs
+    come, and the share of samples that is interpolated.
+
+    The library rosbags turns the message definitions in a bag into code: read bags of those whom
+    you trust.
+
+    Args:
+        path: the folder of a bag, or a file ending in .mcap, .db3 (both need ``pip install
+            'diffthrust[ros]'``), .bin or .tlog (``'diffthrust[ardupilot]'``).
+        base: ``"messages"``, the channel whose stamps are taken, or a step [s].
+        inputs: message and field of each input, by channel name: ``"/cmd.data"``,
+            ``"/rpm.data[0]"``, ``"RCOU.C1"``, ``"ESC[0].RPM"``, ``"1/ATTITUDE.yaw"`` (of system 1),
+            ``"/odom.pose.pose.orientation.heading"`` (rad, clockwise from north where x is east
+            and y is north, as ROS has it).
+        measured: message and field of each measured channel.
+        gap: the largest gap to interpolate across [s]; three periods of each channel if None.
+        faster: how many times faster than an interpolated channel the base may be. More is
+            refused: such samples tell nothing new, and a fit would take them as if they did.
+        stamps: ``"recorder"``, when the recorder received a message, or ``"header"``, the stamp in
+            its header where it has one (ROS).
+        missing_values: numbers that mean missing, such as 65535.
+        interpolate_inputs: fill missing samples of inputs instead of refusing them.
+        start: first moment to keep, in seconds after the first sample.
+        stop: last moment to keep, in seconds after the first sample.
+        name: name of the log; the file's name where not given.
+
+    Returns:
+        The log, in the library's units. Its time begins with the first message that was read.
+
+    Raises:
+        InputError: the file, a message, a field or the time base cannot be used, or the library
+            that reads it is not installed. The message names them, what was found, and the mend.
+
+    Example:
+        >>> log = read_robot_log(
+        ...     "00000042.bin",
+        ...     base="messages",
+        ...     inputs={"command": Column("RCOU.C1", unit="us")},
+        ...     measured={"speed": Column("ESC[0].RPM", unit="rpm", unsigned=True)},
+        ... )  # doctest: +SKIP
+    """
+    file = Path(path)
+    columns = described(file, inputs, measured)
+    _check(file, gap, faster, stamps, start, stop)
+    missing = _numbers(file, missing_values)
+    wanted = list(dict.fromkeys(column.column for column in columns.values()))
+    if not file.exists():
+        raise InputError(
+            f"{file}: expected a log, found none.", "check the folder and the name of the file."
+        )
+    if file.is_file() and file.stat().st_size == 0:
+        raise InputError(
+            f"{file.name}: expected messages, found an empty file.",
+            "check that the recording was saved.",
+        )
+    if file.suffix.lower() in (DATAFLASH, TELEMETRY):
+        if stamps != "recorder":
+            raise InputError(
+                f"{file.name}: stamps of headers are known in ROS bags only.",
+                "leave stamps at 'recorder'.",
+            )
+        found = read_ardupilot(file, wanted, missing)
+    elif is_bag(file):
+        found = read_bag(file, wanted, stamps == "header", missing)
+    else:
+        raise InputError(
+            f"{file.name}: expected a bag (a folder with a metadata.yaml) or a file ending in "
+            f".mcap, .db3, {DATAFLASH} or {TELEMETRY}, found neither.",
+            "tables (.csv, .parquet, .mat) are read by read_log.",
+        )
+    series = {key: _unrolled(found[c.column], c, key) for key, c in columns.items()}
+    driving = frozenset(inputs or {})
+    held = {key: key in driving and c.hold == "zero" for key, c in columns.items()}
+    even = resample(file.name, series, held, driving, base, gap, faster)
+    keep = window(even.time, start, stop)
+    notes = even.notes
+    if not keep.any():
+        raise InputError(
+            f"{file.name}: expected samples from start to stop, found none; the log lasts "
+            f"{even.time[-1] - even.time[0]:.6g} s.",
+            "choose start and stop inside the log.",
+        )
+    if not keep.all():
+        notes.append(f"{int((~keep).sum())} of {keep.size} samples were cut by start and stop.")
+
+    def at(channel: str, index: int | None) -> str:
+        where = file.name if channel == "time" else column_place(file.name, columns[channel].column)
+        return where + ("" if index is None else f" at {even.time[keep][index]:.6g} s")
+
+    def chosen(channels: Mapping[str, str | Column] | None) -> dict[str, np.ndarray]:
+        return {k: even.values[k][keep] * float(columns[k].scale) for k in channels or {}}
+
+    return Log._of(
+        checked_fields(
+            time=even.time[keep],
+            inputs=chosen(inputs),
+            measured=chosen(measured),
+            units={key: column.unit for key, column in columns.items()},
+            unsigned=[key for key in measured or {} if columns[key].unsigned],
+            noise={k: s for k in measured or {} if (s := columns[k].noise) is not None},
+            hold={key: columns[key].hold for key in inputs or {}},
+            name=file.name if name is None else str(name),
+            interpolate_inputs=interpolate_inputs,
+            notes=tuple(notes),
+            at=at,
+        )
+    )
+
+
+def _check(
+    file: Path,
+    gap: float | None,
+    faster: float,
+    stamps: str,
+    start: float | None,
+    stop: float | None,
+) -> None:
+    for word, value, least in (
+        ("gap", gap, 0.0),
+        ("faster", faster, 1.0),
+        ("start", start, None),
+        ("stop", stop, None),
+    ):
+        if value is None:
+            continue
+        if not is_finite(value) or (least is not None and value < least):
+            bound = "" if least is None else f" of at least {least:g}"
+            raise InputError(
+                f"{file.name}: expected {word} as a number{bound}, found {value!r}.",
+                "give a number" + (" of seconds." if word != "faster" else "."),
+            )
+    if stamps not in ("recorder", "header"):
+        raise InputError(
+            f"{file.name}: expected stamps 'recorder' or 'header', found {stamps!r}.",
+            "write 'header' for the stamps in the messages' headers.",
+        )
+
+
+def _numbers(file: Path, words: Sequence[str | float]) -> list[float]:
+    words = (words,) if isinstance(words, str | int | float) else words
+    try:
+        return [float(word) for word in words]
+    except (TypeError, ValueError):
+        raise InputError(
+            f"{file.name}: expected numbers as missing_values, found {list(words)!r}.",
+            "the fields of such a log are numbers; list those that mean missing.",
+        ) from None
+
+
+def _unrolled(one: Series, column: Column, channel: str) -> Series:
+    """An angle without jumps, so that nothing is interpolated from pi to -pi."""
+    standard = CHANNELS[channel].unit if channel in CHANNELS else ""
+    turn = _TURNS.get(column.unit or standard)
+    if turn is None:
+        return one
+    values = np.unwrap(one.values, period=turn)
+    jumps = int((np.abs(np.diff(values - one.values)) > turn / 2).sum())
+    notes = (*one.notes, f"{jumps} jumps of a whole turn were taken out") if jumps else one.notes
+    return Series(one.place, one.time, values, notes)

@@ -1,0 +1,158 @@
+"""The samples of one field of a robot's log, with their own time stamps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing, nearest
+
+# A clock that steps back by more than this [s] was restarted; less is the order of arrival.
+_RESTART = 1.0
+
+
+@dataclass(frozen=True)
+class Series:
+    """What one field held, message by message.
+
+    Args:
+        place: file and field, for messages.
+        time: time stamps [s], strictly increasing, shape (n,).
+        values: numbers as the file has them, shape (n,).
+        notes: sentences on what was left out.
+    """
+
+    place: str
+    time: np.ndarray
+    values: np.ndarray
+    notes: tuple[str, ...] = ()
+
+    @property
+    def period(self) -> float:
+        """Median time between messages [s]; infinite for a single one."""
+        return float(np.median(np.diff(self.time))) if self.time.size > 1 else float("inf")
+
+    @property
+    def largest_gap(self) -> float:
+        """Largest time between messages [s]; zero for a single one."""
+        return float(np.diff(self.time).max()) if self.time.size > 1 else 0.0
+
+    @property
+    def jitter(self) -> float:
+        """How far the time between messages is from its median, for 95 % of them [s]."""
+        if self.time.size < 2:
+            return 0.0
+        return float(np.quantile(np.abs(np.diff(self.time) - self.period), 0.95))
+
+
+def column_place(file: str, column: str) -> str:
+    """Write a place as ``run.mcap, column '/odom.twist.twist.linear.x'``."""
+    return f"{file}, column {column!r}"
+
+
+def split_column(file: str, column: str) -> tuple[str, str]:
+    """Split ``MESSAGE.FIELD`` at its first dot.
+
+    Raises:
+        InputError: there is no dot, or nothing on one side of it.
+    """
+    message, _, field = column.partition(".")
+    if not message or not field:
+        raise InputError(
+            f"{column_place(file, column)}: expected a message and its field with a dot between.",
+            "write it as '/odom.twist.twist.linear.x', 'RCOU.C1' or 'ATTITUDE.yaw'.",
+        )
+    return message, field
+
+
+def no_message(file: str, column: str, message: str, known: Iterable[str], word: str) -> InputError:
+    """Make the error for a message or topic that the file does not have."""
+    known = sorted(known)
+    near = nearest(message, known)
+    return InputError(
+        f"{column_place(file, column)}: expected the {word} {message!r}, found {listing(known)}.",
+        f"name a {word} of this log{'; ' + near if near else ''}.",
+    )
+
+
+def no_field(file: str, column: str, field: str, known: Iterable[str]) -> InputError:
+    """Make the error for a field that the message does not have."""
+    known = list(known)
+    near = nearest(field, known)
+    return InputError(
+        f"{column_place(file, column)}: expected a field {field!r}, found {listing(known)}.",
+        f"name a field of this message{'; ' + near if near else ''}.",
+    )
+
+
+def lacking(file: str, library: str, extra: str, error: ImportError) -> InputError:
+    """Make the error for a library that is not installed."""
+    return InputError(
+        f"{file}: reading this kind of log needs {library}, which cannot be imported ({error}).",
+        f"pip install 'diffthrust[{extra}]'",
+    )
+
+
+def series_of(
+    file: str,
+    column: str,
+    nanoseconds: Iterable[int],
+    values: Iterable[float],
+    origin: int,
+    missing: Iterable[float] = (),
+) -> Series:
+    """Clean the samples of one field: in order of time, one at a time, none missing.
+
+    Args:
+        file: name of the file.
+        column: message and field.
+        nanoseconds: time stamps [ns], whole numbers: a float64 keeps 0.2 us of a date.
+        values: numbers, NaN where missing.
+        origin: the moment called zero [ns].
+        missing: numbers that mean missing.
+
+    Raises:
+        InputError: there are no numbers, one is infinite, or the clock was restarted.
+    """
+    place = column_place(file, column)
+    ticks = np.fromiter(nanoseconds, np.int64) - origin
+    numbers = np.fromiter(values, np.float64)
+    notes = []
+    for number in missing:
+        numbers[numbers == number] = np.nan
+    keep = ~np.isnan(numbers)
+    if not keep.any():
+        raise InputError(
+            f"{place}: expected numbers, found none in {numbers.size} messages.",
+            "choose another field, or check that the recording was complete.",
+        )
+    bad = np.flatnonzero(np.isinf(numbers))
+    if bad.size:
+        raise InputError(
+            f"{place}, message {bad[0] + 1}: expected a finite number, found {numbers[bad[0]]}.",
+            "choose another field; a missing sample is written as nan.",
+        )
+    if not keep.all():
+        notes.append(f"{int((~keep).sum())} of {keep.size} messages held no number")
+        ticks, numbers = ticks[keep], numbers[keep]
+    back = np.diff(ticks)
+    if (back < -_RESTART * 1e9).any():
+        index = int(np.argmax(back < -_RESTART * 1e9)) + 1
+        raise InputError(
+            f"{place}, message {index + 1}: the clock steps back by {-back[index - 1] / 1e9:.6g} s "
+            f"at {ticks[index - 1] / 1e9:.6g} s.",
+            "the clock was restarted: split the recording there.",
+        )
+    if (back < 0).any():
+        notes.append(f"{int((back < 0).sum())} messages were not in order and were sorted")
+        order = np.argsort(ticks, kind="stable")
+        ticks, numbers = ticks[order], numbers[order]
+    last = np.append(np.diff(ticks) > 0, True)  # of several at one moment, the last holds
+    if not last.all():
+        count = int((~last).sum())
+        notes.append(f"{count} messages had the stamp of the next one, which was taken")
+        ticks, numbers = ticks[last], numbers[last]
+    return Series(place, ticks / 1e9, numbers, tuple(notes))

@@ -1,0 +1,177 @@
+"""A table of numbers with the place of each, and the reading of cells that hold text."""
+
+import re
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing, nearest
+
+_DATE = re.compile(r"\d{4}-\d\d-\d\d")
+_DECIMAL_COMMA = re.compile(r"\s*[+-]?(\d+,\d*|,\d+)([eE][+-]?\d+)?\s*")
+
+
+@dataclass
+class Table:
+    """The wanted columns of a file.
+
+    Args:
+        file: name of the file, for messages.
+        columns: numbers by column name, each of shape (n,), NaN where the cell is empty.
+        rows: where each sample stands in the file, shape (n,), counted from 1.
+        row_word: what a row is called there: ``"line"``, ``"row"`` or ``"element"``.
+        column_word: what a column is called there: ``"column"`` or ``"variable"``.
+        notes: sentences on how the file was read.
+        dates: the time column held dates or durations and is in seconds already.
+    """
+
+    file: str
+    columns: dict[str, np.ndarray]
+    rows: np.ndarray
+    row_word: str = "line"
+    column_word: str = "column"
+    notes: list[str] = field(default_factory=list)
+    dates: bool = False
+
+    def place(self, column: str | None, index: int | None = None) -> str:
+        """Write a place as ``run3.csv, line 212, column 'rpm'``."""
+        row = "" if index is None else f", {self.row_word} {self.rows[index]}"
+        return f"{self.file}{row}" + ("" if column is None else f", {self.column_word} {column!r}")
+
+    def say_dates(self) -> None:
+        """Note that the time column held dates."""
+        self.dates = True
+        self.notes.append("the time stamps were read as dates, in seconds after the first.")
+
+
+@dataclass
+class BadCell(Exception):
+    """A cell that is not a number, by its row in the column at hand."""
+
+    index: int
+    found: str
+    expected: str = "a number"
+
+
+def absent_column(file: str, wanted: str, names: Sequence[str], word: str) -> InputError:
+    """Make the error for a column that the file does not have."""
+    near = nearest(wanted, names)
+    return InputError(
+        f"{file}: expected a {word} {wanted!r}, found {listing(names)}.",
+        f"write the name of the {word} exactly as in the file{'; ' + near if near else ''}.",
+    )
+
+
+def shown(cell: str) -> str:
+    """Quote a cell for a message, cut where it is long."""
+    return repr(cell if len(cell) <= 40 else cell[:37] + "...")
+
+
+def cells_to_numbers(
+    cells: Sequence[str | None], missing: Collection[str], decimal_comma: bool = False
+) -> np.ndarray:
+    """Read numbers cell by cell, to find the one that is not a number.
+
+    Args:
+        cells: text of the cells; empty text, ``nan`` and None are missing.
+        missing: further texts that mean missing.
+        decimal_comma: numbers are written as ``1,5``.
+
+    Returns:
+        Numbers with NaN where missing, shape (n,).
+
+    Raises:
+        BadCell: a cell is not a number.
+    """
+    out = np.full(len(cells), np.nan)
+    for index, cell in enumerate(cells):
+        text = cell.strip() if cell else ""
+        if not text or text in missing:
+            continue
+        number = text
+        if decimal_comma:
+            if "." in number:
+                raise BadCell(index, shown(text), "a number with a decimal comma, as before it")
+            number = number.replace(",", ".", 1)
+        try:
+            out[index] = float(number)
+        except ValueError:
+            raise BadCell(index, shown(text)) from None
+        if "_" in number or not number.isascii():  # Python reads 1_000, no other program does
+            raise BadCell(index, shown(text))
+    return out
+
+
+def cells_to_column(
+    cells: Sequence[str | None], missing: Collection[str], *, comma: bool, is_time: bool
+) -> tuple[np.ndarray, str | None]:
+    """Read a column of text: plain numbers, numbers with a decimal comma, or time stamps.
+
+    Args:
+        cells: text of the cells.
+        missing: texts that mean missing.
+        comma: a decimal comma is possible in this file.
+        is_time: the column holds the time, so dates are possible.
+
+    Returns:
+        Numbers, shape (n,), and how they were written: None, ``"comma"`` or ``"date"``.
+
+    Raises:
+        BadCell: a cell can be read in none of these ways.
+    """
+    try:
+        return cells_to_numbers(cells, missing), None
+    except BadCell as bad:
+        text = (cells[bad.index] or "").strip()
+        if comma and _DECIMAL_COMMA.fullmatch(text):
+            return cells_to_numbers(cells, missing, decimal_comma=True), "comma"
+        if is_time and _DATE.match(text):
+            return _dates_to_seconds(cells, missing), "date"
+        raise
+
+
+def _dates_to_seconds(cells: Sequence[str | None], missing: Collection[str]) -> np.ndarray:
+    out = np.full(len(cells), np.nan)
+    first: datetime | None = None
+    for index, cell in enumerate(cells):
+        text = cell.strip() if cell else ""
+        if not text or text in missing:
+            continue
+        try:
+            stamp = datetime.fromisoformat(text)
+            if stamp.tzinfo is None:
+                stamp = stamp.replace(tzinfo=UTC)
+            first = stamp if first is None else first
+            out[index] = (stamp - first).total_seconds()
+        except (ValueError, OverflowError):
+            raise BadCell(index, shown(text), "an ISO date and time") from None
+    return out
+
+
+def not_a_number(place: str, bad: BadCell) -> InputError:
+    """Make the error for a cell that is not a number."""
+    return InputError(
+        f"{place}: expected {bad.expected}, found {bad.found}.",
+        f"list {bad.found} under [logs] missing_values, or remove the line.",
+    )
+
+
+def damaged(path: Path, kind: str, error: Exception) -> InputError:
+    """Make the error for a file that its reader cannot read."""
+    reason = " ".join(str(error).split())[:160] or type(error).__name__
+    return InputError(
+        f"{path.name}: expected a {kind} file, found something that cannot be read ({reason}).",
+        "check that the file is complete and that its name ends as its content requires.",
+    )
+
+
+def twice(file: str, name: str, word: str) -> InputError:
+    """Make the error for a wanted column whose name stands twice in the file."""
+    return InputError(
+        f"{file}: expected one {word} {name!r}, found several of that name.",
+        f"rename or remove the other {word}.",
+    )

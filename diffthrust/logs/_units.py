@@ -1,0 +1,221 @@
+"""Units on the way in and out. Inside, every channel has one unit and numbers carry none."""
+
+import re
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import nearest
+from diffthrust.logs._channels import CHANNELS
+
+# Written out so that the common spellings are offered first, and so that a message about a
+# misspelt unit does not suggest one of pint's thousand exotic ones.
+# fmt: off
+_COMMON = (
+    "s", "ms", "us", "min", "h", "V", "mV", "A", "mA", "W", "N", "kN", "kgf", "lbf", "N*m",
+    "kN*m", "m", "mm", "cm", "km", "m/s", "km/h", "knot", "rad", "deg", "rad/s", "deg/s",
+    "rpm", "rps", "rev", "rev/s", "rev/min", "kg", "g", "kg*m^2", "Pa", "kPa", "bar", "K",
+    "degC", "percent", "dimensionless",
+)
+# fmt: on
+
+# Coherent SI units with a name of their own, to write 'N' and not 'kg*m/s**2'.
+_NAMED_SI = ("s", "m", "kg", "rad", "rad/s", "rad/s^2", "m/s", "N", "N*m", "V", "A", "W", "Pa", "K")
+
+# Unit strings reach pint's expression evaluator, which would compute 9**9**9 for a very long time.
+_ALLOWED = re.compile(r"[\w%°·⋅*/^(). +\-²³¹⁻⁰Ωμµ]{1,80}")
+_NUMBER = re.compile(
+    r"(\^|\*\*)?\s*\(?\s*[+\-]?(?<![A-Za-z_\d])(\d+\.?\d*|\.\d+)\s*\)?\s*(\^|\*\*)?"
+)
+
+
+@lru_cache(maxsize=1)
+def _registry() -> Any:
+    import pint  # late: it takes a third of a second
+
+    registry = pint.UnitRegistry()
+    registry.define("@alias turn = rev = revs")
+    registry.define("@alias revolutions_per_minute = RPM")
+    registry.define("@alias knot = kts")
+    registry.define("@alias percent = pct")
+    # Without this line pint reads 'Nm' as the metric count of a yarn.
+    registry.define("newton_meter = newton * meter = Nm")
+    return registry
+
+
+def _mend_unknown(word: str) -> str:
+    if word.lower() in set(_registry()):  # 'Volt': only the case is wrong
+        near = f"the nearest is {word.lower()!r}"
+    else:
+        near = nearest(word, _COMMON) or nearest(word, _registry())
+    return f"write a unit such as 'rad/s', 'rpm', 'N' or 'ms'{'; ' + near if near else ''}."
+
+
+@lru_cache(maxsize=256)
+def _parse(unit: str) -> Any:
+    """Parse one unit; raises InputError without a place, which the caller adds."""
+    text = unit.strip() or "dimensionless"
+    allowed = _ALLOWED.fullmatch(text) is not None
+    for power, number, tower in _NUMBER.findall(text):
+        small = float(number) <= 12 if power else float(number) == 1
+        allowed = allowed and small and not tower
+    if not allowed:
+        raise InputError(f"{unit!r} is not a unit", _mend_unknown(text[:80]))
+    if text == "1":
+        text = "dimensionless"
+    try:
+        parsed = _registry().Unit(text.replace("·", "*").replace("⋅", "*"))
+        _base(parsed)
+        hash(parsed.dimensionality)  # some products parse and then have no dimension
+        return parsed
+    except Exception as error:  # pint raises a dozen kinds for text that is not a unit
+        names = getattr(error, "unit_names", None)
+        word = names if isinstance(names, str) else names[0] if names else text
+        raise InputError(f"{unit!r} is not a known unit", _mend_unknown(str(word))) from None
+
+
+def _parsed(unit: str, where: str) -> Any:
+    if not isinstance(unit, str):
+        raise InputError(
+            f"{where}: expected a unit as text, found {unit!r}.", "write it as in unit = 'rpm'."
+        )
+    try:
+        return _parse(unit)
+    except InputError as error:
+        raise InputError(f"{where}: {error.problem}.", error.mend) from None
+
+
+@lru_cache(maxsize=256)
+def _base(unit: Any) -> tuple[Any, int]:
+    """The SI base unit, and the power of the angle in it (pint counts an angle as a number)."""
+    base = _registry().get_base_units(unit)[1]
+    return base, dict(base._units).get("radian", 0)
+
+
+def _check_same(unit_from: str, unit_to: str, where: str) -> None:
+    """Raise InputError unless the two units measure the same quantity."""
+    source, target = _parsed(unit_from, where), _parsed(unit_to, where)
+    if source.dimensionality != target.dimensionality:
+        raise InputError(
+            f"{where}: expected a unit that agrees with {unit_to!r} ({_dimension(target)}), "
+            f"found {unit_from!r} ({_dimension(source)}).",
+            f"give the unit in which the numbers are written, of the same kind as {unit_to!r}, "
+            "or choose another column.",
+        )
+    if set(source.dimensionality) <= {"[time]"} and _base(source)[1] != _base(target)[1]:
+        # pint takes 1 Hz for 1 rad/s, which is wrong by 2 pi for whoever means turns.
+        if source.dimensionless:
+            problem, mend = "one is an angle and the other a plain number", "write 'rad' or 'deg'."
+        else:
+            problem = "one counts an angle and the other does not, so turns and radians are open"
+            mend = "write 'rev/s' or 'rad/s' (or 'rpm', 'deg/s') for a speed of rotation."
+        raise InputError(
+            f"{where}: the unit {unit_from!r} is ambiguous where {unit_to!r} is expected: "
+            f"{problem}.",
+            mend,
+        )
+
+
+def _dimension(unit: Any) -> str:
+    text = str(unit.dimensionality)
+    if text == "dimensionless":
+        return "an angle" if _base(unit)[1] else "a plain number"
+    return text
+
+
+def convert(values: Any, unit_from: str, unit_to: str, *, where: str) -> np.ndarray:
+    """Convert numbers from one unit to another.
+
+    Args:
+        values: numbers of any shape, in ``unit_from``.
+        unit_from: unit of the numbers, such as ``"rpm"`` or ``"kN"``.
+        unit_to: unit wanted.
+        where: the file, column, channel or parameter, for the message.
+
+    Returns:
+        A new float64 array of the same shape, in ``unit_to``.
+
+    Raises:
+        InputError: a unit is unknown, the two measure different quantities, or one of them is a
+            plain frequency ('Hz', '1/s') where the other is a speed of rotation.
+
+    Example:
+        >>> convert([60.0], "rpm", "rev/s", where="run1.csv, column 'n'")
+        array([1.])
+    """
+    numbers = np.array(values, dtype=np.float64)
+    if unit_from == unit_to and unit_from in _COMMON:
+        return numbers
+    _check_same(unit_from, unit_to, where)
+    try:
+        with np.errstate(all="ignore"):  # an overflow gives inf, which the log refuses by name
+            return np.asarray(
+                _registry().convert(numbers, _parse(unit_from), _parse(unit_to)), dtype=np.float64
+            )
+    except Exception as error:  # offset and logarithmic units in a product
+        raise InputError(
+            f"{where}: numbers in {unit_from!r} cannot be converted to {unit_to!r} ({error}).",
+            "write the log in a plain unit.",
+        ) from None
+
+
+def convert_scale(value: float, unit_from: str, unit_to: str, *, where: str) -> float:
+    """Convert a width, such as a standard deviation: the offset of a unit does not count.
+
+    Args:
+        value: a difference of two numbers in ``unit_from``.
+        unit_from: unit of the value.
+        unit_to: unit wanted.
+        where: the file, column, channel or parameter, for the message.
+
+    Returns:
+        The same difference in ``unit_to``.
+
+    Raises:
+        InputError: as in ``convert``.
+
+    Example:
+        >>> round(convert_scale(1.8, "degF", "K", where="the sensor"), 6)
+        1.0
+    """
+    one, zero = convert([1.0, 0.0], unit_from, unit_to, where=where)
+    return float(value * (one - zero))
+
+
+def si_unit(unit: str, channel: str = "", where: str = "") -> str:
+    """Say in which unit the library keeps numbers that were given in ``unit``.
+
+    Args:
+        unit: the user's unit; an empty string (no unit given) is returned as it is.
+        channel: name of the channel. A standard channel keeps its own unit where that measures
+            the same quantity: ``propeller_speed`` stays in rev/s.
+        where: the file, column or channel, for the message.
+
+    Returns:
+        A unit that ``convert`` accepts: the channel's own, or the SI unit.
+
+    Raises:
+        InputError: the unit is unknown, or a plain frequency was given for a speed of rotation.
+
+    Example:
+        >>> si_unit("rpm", "speed"), si_unit("kN"), si_unit("rpm", "propeller_speed")
+        ('rad/s', 'N', 'rev/s')
+    """
+    if unit == "":
+        return ""
+    where = where or (f"channel {channel!r}" if channel else "the unit")
+    standard = CHANNELS[channel].unit if channel in CHANNELS else None
+    if unit == standard:
+        return unit
+    parsed = _parsed(unit, where)
+    if standard is not None and parsed.dimensionality == _parse(standard).dimensionality:
+        _check_same(unit, standard, where)
+        return standard
+    base, angle = _base(parsed)
+    for name in _NAMED_SI:
+        other = _base(_parse(name))
+        if other[0].dimensionality == base.dimensionality and other[1] == angle:
+            return name
+    return f"{base:~C}" or "dimensionless"

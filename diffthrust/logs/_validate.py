@@ -1,0 +1,325 @@
+"""The checks that every log passes, whether it came from arrays or from a file."""
+
+from collections.abc import Callable, Collection, Mapping
+from contextlib import suppress
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing, nearest
+from diffthrust.logs._units import convert, convert_scale, si_unit
+
+# Names a place for a message: the channel (or "time"), and the sample where one is to blame.
+Place = Callable[[str, int | None], str]
+
+HOLDS = ("zero", "linear")
+
+
+def numeric_vector(values: Any, where: str) -> np.ndarray:
+    """Copy numbers into a float64 vector.
+
+    Args:
+        values: a sequence or array of one dimension.
+        where: the place, for the message.
+
+    Returns:
+        A new float64 array, shape (n,).
+
+    Raises:
+        InputError: the values are not real numbers, or not one-dimensional.
+    """
+    try:
+        array = np.asarray(values)
+    except Exception:  # ragged lists, or an object with a failing __array__
+        array = np.empty(0, dtype=object)
+    if array.dtype.kind == "O" and array.ndim == 1 and array.size:  # Decimal, or None for missing
+        with suppress(TypeError, ValueError, OverflowError):
+            array = np.array([np.nan if v is None else float(v) for v in array])
+    if array.ndim != 1 or array.dtype.kind not in "biuf":
+        found = f"an array of shape {array.shape} and type {array.dtype}"
+        raise InputError(
+            f"{where}: expected numbers in one dimension, found {found}.",
+            "give a list or a one-dimensional array of real numbers.",
+        )
+    return np.array(array, dtype=np.float64)
+
+
+def check_time(time: np.ndarray, at: Place) -> None:
+    """Raise InputError unless the time stamps are finite and strictly increasing."""
+    if time.size == 0:
+        raise InputError(f"{at('time', None)}: expected time stamps, found none.", "give samples.")
+    bad = np.flatnonzero(~np.isfinite(time))
+    if bad.size:
+        index = int(bad[0])
+        found = "none" if np.isnan(time[index]) else f"{time[index]}"
+        raise InputError(
+            f"{at('time', index)}: expected a time stamp, found {found}{others(bad.size)}.",
+            "complete the time stamp, or remove the sample.",
+        )
+    with np.errstate(all="ignore"):
+        steps = np.diff(time)
+    bad = np.flatnonzero(~(steps > 0))
+    if bad.size:
+        index = int(bad[0]) + 1
+        kind = "the same again" if time[index] == time[index - 1] else "a step backward"
+        raise InputError(
+            f"{at('time', index)}: expected a time stamp after {time[index - 1]:.15g} s, "
+            f"found {time[index]:.15g} s ({kind}){others(bad.size)}.",
+            "remove the repeated or misplaced samples; if the clock was restarted, split the log.",
+        )
+    if not np.isfinite(time[-1] - time[0]):
+        raise InputError(
+            f"{at('time', None)}: the time stamps span more than numbers can hold.",
+            "check the unit of the time.",
+        )
+
+
+def others(count: int) -> str:
+    """Say that more samples have the same defect: ``', and 3 more like it'``."""
+    return f", and {count - 1} more like it" if count > 1 else ""
+
+
+def check_finite_or_missing(values: np.ndarray, channel: str, at: Place) -> None:
+    """Raise InputError where a sample is infinite: NaN means missing, infinity means nothing."""
+    bad = np.flatnonzero(np.isinf(values))
+    if bad.size:
+        raise InputError(
+            f"{at(channel, int(bad[0]))}: expected a finite number, found "
+            f"{values[bad[0]]}{others(bad.size)}.",
+            "correct the sample; a missing one is written as nan or left empty.",
+        )
+
+
+def complete_input(
+    time: np.ndarray, values: np.ndarray, channel: str, interpolate: bool, at: Place
+) -> tuple[np.ndarray, str | None]:
+    """Fill the missing samples of an input, if the user asked for it.
+
+    Args:
+        time: time stamps [s], shape (n,).
+        values: samples with NaN where missing, shape (n,).
+        channel: name of the input.
+        interpolate: fill linearly between neighbours, and with the nearest sample at the ends.
+        at: names a place for the message.
+
+    Returns:
+        The samples without gaps, shape (n,), and a sentence that says what was filled, or None.
+
+    Raises:
+        InputError: a sample is missing and ``interpolate`` is false, or all are missing.
+    """
+    missing = np.isnan(values)
+    count = int(missing.sum())
+    if count == 0:
+        return values, None
+    first = int(np.argmax(missing))
+    if count == values.size:
+        raise InputError(
+            f"{at(channel, None)}: expected an input, found no number in {count} samples.",
+            "choose another column for this input.",
+        )
+    if not interpolate:
+        raise InputError(
+            f"{at(channel, first)}: expected a value of the input, found none{others(count)}.",
+            "complete it, cut the log with start and stop, or set interpolate_inputs = true.",
+        )
+    filled = values.copy()
+    with np.errstate(all="ignore"):
+        filled[missing] = np.interp(time[missing], time[~missing], values[~missing])
+    check_finite_or_missing(filled, channel, at)
+    if np.isnan(filled).any():  # neighbours too far apart for the slope between them
+        raise InputError(
+            f"{at(channel, first)}: the gap cannot be interpolated, its neighbours are too large.",
+            "correct the samples around it.",
+        )
+    return filled, (
+        f"input {channel!r}: {count} of {values.size} samples were missing and were interpolated."
+    )
+
+
+def missing_note(values: np.ndarray, channel: str, at: Place) -> str | None:
+    """Count the missing samples of a measured channel.
+
+    Args:
+        values: samples with NaN where missing, shape (n,).
+        channel: name of the channel.
+        at: names a place for the message.
+
+    Returns:
+        A sentence that counts them, or None where there are none.
+
+    Raises:
+        InputError: every sample is missing.
+    """
+    count = int(np.isnan(values).sum())
+    if count == values.size:
+        raise InputError(
+            f"{at(channel, None)}: expected measured samples, found no number in {count} samples.",
+            "choose another column, or leave this channel out.",
+        )
+    if count == 0:
+        return None
+    return (
+        f"measured {channel!r}: {count} of {values.size} samples are missing and carry no weight."
+    )
+
+
+def window(time: np.ndarray, start: float | None, stop: float | None) -> np.ndarray:
+    """Mark the samples from start to stop, in seconds after the first time stamp.
+
+    Args:
+        time: time stamps [s], shape (n,).
+        start: first moment to keep, or None.
+        stop: last moment to keep, or None.
+
+    Returns:
+        Booleans, shape (n,).
+    """
+    with np.errstate(all="ignore"):
+        elapsed = time - time[0]
+    keep = np.ones(time.size, dtype=bool)
+    # The slack keeps a last sample at 150.00000000000003 s within stop = 150.
+    if start is not None:
+        keep &= elapsed >= start - 1e-9 * max(1.0, abs(start))
+    if stop is not None:
+        keep &= elapsed <= stop + 1e-9 * max(1.0, abs(stop))
+    return keep
+
+
+def checked_fields(
+    *,
+    time: Any,
+    inputs: Mapping[str, Any],
+    measured: Mapping[str, Any],
+    units: Mapping[str, str],
+    unsigned: Collection[str],
+    noise: Mapping[str, float],
+    hold: str | Mapping[str, str],
+    name: str,
+    interpolate_inputs: bool,
+    notes: tuple[str, ...],
+    at: Place,
+) -> dict[str, Any]:
+    """Check, copy and convert what makes a log.
+
+    The arguments are those of ``Log``; ``at`` names places, so that a file's line and column
+    stand in the message where there is a file.
+
+    Returns:
+        The fields of a log, by name.
+
+    Raises:
+        InputError: as in ``Log``.
+    """
+    unsigned = (unsigned,) if isinstance(unsigned, str) else unsigned
+    hold = dict.fromkeys(inputs, hold) if isinstance(hold, str) else hold
+    known = [*inputs, *measured]
+    for key in set(inputs) & set(measured):
+        raise InputError(
+            f"{at(key, None)}: expected an input or a measured channel, found both.",
+            "give it under one of the two.",
+        )
+    if "time" in known:
+        raise InputError(f"log {name!r}: a channel is called 'time'.", "give it another name.")
+    for kind, keys, allowed in (
+        ("units", units, [*known, "time"]),
+        ("unsigned", unsigned, measured),
+        ("noise", noise, measured),
+        ("hold", hold, inputs),
+    ):
+        for key in keys:
+            if key not in allowed:
+                near = nearest(str(key), allowed)
+                raise InputError(
+                    f"log {name!r}: {kind} names {key!r}, expected one of {listing(allowed)}"
+                    f"{'; ' + near if near else ''}.",
+                    f"correct the name under {kind}, or give the channel.",
+                )
+    for key, word in hold.items():
+        if word not in HOLDS:
+            raise InputError(
+                f"{at(key, None)}: expected a hold of 'zero' or 'linear', found {word!r}.",
+                "write 'zero' for a held command, 'linear' for a measured input.",
+            )
+
+    stamps = numeric_vector(time, at("time", None))
+    stamps = convert(stamps, units.get("time") or "s", "s", where=at("time", None))
+    check_time(stamps, at)
+
+    stored_units: dict[str, str] = {}
+    stored: dict[str, np.ndarray] = {}
+    sigmas: dict[str, float] = {}
+    sentences: list[str | None] = []
+    for key, samples in {**inputs, **measured}.items():
+        where = at(key, None)
+        numbers = numeric_vector(samples, where)
+        if numbers.size != stamps.size:
+            raise InputError(
+                f"{where}: expected {stamps.size} samples as in time, found {numbers.size}.",
+                "give one sample for each time stamp, nan where a measured one is missing.",
+            )
+        check_finite_or_missing(numbers, key, at)
+        unit = units.get(key) or ""
+        stored_units[key] = si_unit(unit, key, where)
+        if unit:
+            numbers = convert(numbers, unit, stored_units[key], where=where)
+            check_finite_or_missing(numbers, key, at)
+        if key in inputs:
+            numbers, sentence = complete_input(stamps, numbers, key, interpolate_inputs, at)
+        else:
+            sentence = missing_note(numbers, key, at)
+        sentences.append(sentence)
+        stored[key] = numbers
+        if noise.get(key) is not None:
+            sigmas[key] = _checked_noise(noise[key], unit, stored_units[key], where)
+    for key in unsigned:
+        if negative := int((stored[key] < 0).sum()):
+            sentences.append(
+                f"measured {key!r}: {negative} samples are negative although the sensor is said "
+                "to report the absolute value."
+            )
+    return frozen(
+        dict(
+            time=stamps,
+            inputs={key: stored[key] for key in inputs},
+            measured={key: stored[key] for key in measured},
+            units=stored_units,
+            unsigned=frozenset(unsigned),
+            noise=sigmas,
+            hold={key: hold.get(key, "zero") for key in inputs},
+            name=name,
+            notes=tuple(dict.fromkeys([*notes, *(s for s in sentences if s)])),
+        )
+    )
+
+
+def _checked_noise(value: Any, unit: str, stored_unit: str, where: str) -> float:
+    try:
+        sigma = float(value)
+    except (TypeError, ValueError):
+        sigma = float("nan")
+    if unit and np.isfinite(sigma):
+        sigma = convert_scale(sigma, unit, stored_unit, where=where)
+    if not (np.isfinite(sigma) and sigma > 0):
+        raise InputError(
+            f"{where}: expected a standard deviation above zero as noise, found {value!r}.",
+            "give the noise in the unit of the channel, or leave it out to have it estimated.",
+        )
+    return sigma
+
+
+def frozen(fields: Mapping[str, Any]) -> dict[str, Any]:
+    """Make the arrays read-only and the mappings immutable."""
+    result: dict[str, Any] = {}
+    for key, value in fields.items():
+        if isinstance(value, np.ndarray):
+            value.flags.writeable = False
+        elif isinstance(value, Mapping):
+            for item in value.values():
+                if isinstance(item, np.ndarray):
+                    item.flags.writeable = False
+            value = MappingProxyType(dict(value))
+        result[key] = value
+    return result

@@ -1,0 +1,1 @@
+"""Many members of one model, arranged and run together."""

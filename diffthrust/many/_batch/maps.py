@@ -1,0 +1,103 @@
+"""Describing functions of many models."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from inspect import Parameter, signature
+from typing import Any
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.progress import Progress
+from diffthrust.describing._describe import describing_function as describe_one
+from diffthrust.describing._describe import maps_of
+from diffthrust.describing._request import Request, request
+from diffthrust.estimation._result import Fit
+from diffthrust.many._batch.each import check_options
+from diffthrust.many._batch.result import Many, named_members
+from diffthrust.models._base.model import Model
+
+DEFAULTS = {
+    name: p.default
+    for name, p in signature(describe_one).parameters.items()
+    if p.kind is Parameter.KEYWORD_ONLY
+}
+AT_A_TIME = 16
+"""Models whose maps are worked out together: more would only take memory."""
+
+
+def describing_function(
+    models: Many | Sequence[Fit | Model],
+    amplitudes: Any,
+    frequencies: Any,
+    *,
+    names: Sequence[str] | None = None,
+    progress: Progress | None = None,
+    **options: Any,
+) -> Many:
+    """Describing functions of many models, as `diffthrust.describing_function` gives of one.
+
+    The points of models of one structure are worked out together. A model that cannot be asked is
+    an error of its own.
+
+    Args:
+        models: models or fits; members of a `Many` without a fit are errors here, too.
+        amplitudes: of the input, ``(A,)``, the same for all.
+        frequencies: [rad/s], ``(F,)``.
+        names: of the members; by default those of the `Many`, or numbers.
+        progress: called with a message and the share done.
+        **options: of `diffthrust.describing_function`.
+
+    Returns:
+        `Many` maps.
+
+    Raises:
+        InputError: no list of models, or names that are not one of each.
+
+    Example:
+        >>> maps = dft.many.describing_function(fits, np.geomspace(0.1, 10, 16), 2.0)
+        >>> max(abs(m.at(2.0, 2.0)) for m in maps)
+    """
+    if not isinstance(models, Sequence | Many):
+        raise InputError(
+            f"models: expected a list of models or fits, found {type(models).__name__}.",
+            "Write [model], or use dft.describing_function for one.",
+        )
+    check_options(describe_one, options)
+    wanted = {**DEFAULTS, **options}
+    begun, count = time.monotonic(), len(models)
+    named = named_members(names, models.names if isinstance(models, Many) else range(count))
+    results: list[Any] = [None] * count
+    errors: list[Exception | None] = [None] * count
+    seconds = [0.0] * count
+    asked: dict[int, Request] = {}
+    groups: dict[Any, list[int]] = {}
+    for i in range(count):
+        try:
+            asked[i] = request(models[i], amplitudes, frequencies, **wanted)
+            groups.setdefault(asked[i].model.structure, []).append(i)
+        except Exception as error:  # a row of its own, whatever it is: the others go on
+            errors[i] = error
+    chunks = [g[at : at + AT_A_TIME] for g in groups.values() for at in range(0, len(g), AT_A_TIME)]
+    done = count - len(asked)
+    while chunks:
+        chunk, since = chunks.pop(0), time.monotonic()
+        try:
+            found = maps_of([asked[i] for i in chunk], [models[i] for i in chunk])
+        except Exception as error:
+            if len(chunk) > 1:  # each alone, so that only the one to blame fails
+                chunks = [[i] for i in chunk] + chunks
+                continue
+            found, errors[chunk[0]] = [None], error
+        for i, one in zip(chunk, found, strict=True):
+            results[i], seconds[i] = one, time.monotonic() - since
+        done += len(chunk)
+        if progress:
+            progress(f"maps {done} of {count}", done / count)
+    return Many(
+        names=named,
+        results=tuple(results),
+        errors=tuple(errors),
+        seconds=tuple(seconds),
+        wall=time.monotonic() - begun,
+    )

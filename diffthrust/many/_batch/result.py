@@ -1,0 +1,122 @@
+"""What became of many members: a result or an error of each."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+from diffthrust._support.errors import InputError
+from diffthrust.many._rows import row_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_TOLD = ("name", "status", "error", "mend", "seconds")  # of every member, whatever was asked
+
+
+@dataclass(frozen=True)
+class Many:
+    """The results of many members, in the order in which they were given.
+
+    ``len(found)`` is the number of members; ``found[3]`` or ``found["pool 7"]`` gives the result
+    of one, or raises its error; ``found[:3]`` gives `Many` again; iterating gives the results of
+    those that have one.
+
+    Args:
+        names: of the members.
+        results: of each, or ``None``.
+        errors: of each, or ``None``.
+        seconds: from the begin to the end of each; many are under way at a time.
+        wall: seconds for all.
+    """
+
+    names: tuple[str, ...]
+    results: tuple[Any, ...] = field(repr=False)
+    errors: tuple[Exception | None, ...] = field(repr=False)
+    seconds: tuple[float, ...] = field(repr=False)
+    wall: float
+
+    def __len__(self) -> int:
+        """Number of members, with those that failed."""
+        return len(self.names)
+
+    def __iter__(self) -> Iterator[Any]:
+        """The results of the members that did not fail."""
+        return (r for r, e in zip(self.results, self.errors, strict=True) if e is None)
+
+    def __getitem__(self, which: int | str | slice) -> Any:
+        """The result of one member, by place or by name; of a slice, those members.
+
+        Raises:
+            InputError: no such member.
+            Exception: the member's own error, where it failed.
+        """
+        if isinstance(which, str):
+            if which not in self.names:
+                raise InputError(
+                    f"There is no member '{which}' among {len(self)}.", "Names are in .names."
+                )
+            which = self.names.index(which)
+        if isinstance(which, slice):
+            own = ("names", "results", "errors", "seconds")
+            return replace(self, **{name: getattr(self, name)[which] for name in own})
+        error = self.errors[which]
+        if error is not None:
+            raise error
+        return self.results[which]
+
+    @property
+    def failed(self) -> dict[str, Exception]:
+        """The errors of the members that failed, by name."""
+        pairs = zip(self.names, self.errors, strict=True)
+        return {name: error for name, error in pairs if error is not None}
+
+    def table(self) -> pd.DataFrame:
+        """A row for each member: ``status`` ("ok" or "failed"), what was found, or the error.
+
+        Fits have their status, errors and notes, and for each parameter a column with its value
+        and one with ``_std_error`` behind its name; comparisons have their errors.
+        """
+        import pandas as pd
+
+        rows = []
+        for name, result, error, seconds in zip(
+            self.names, self.results, self.errors, self.seconds, strict=True
+        ):
+            told = dict(zip(_TOLD, (name, "ok", None, None, seconds), strict=True))
+            if error is not None:
+                told |= {"status": "failed", "error": str(error) or type(error).__name__}
+                if isinstance(error, InputError):
+                    told |= {"error": error.problem, "mend": error.mend}
+                rows.append(told)
+            else:
+                rows.append({**told, **row_of(result)})
+        return pd.DataFrame(rows, columns=None if rows else list(_TOLD))
+
+
+def named_members(names: Iterable[Any] | None, otherwise: Iterable[Any]) -> tuple[str, ...]:
+    """A name for each member; where several have the same, they are numbered.
+
+    Raises:
+        InputError: names that are not as many as members.
+    """
+    given = [str(name) for name in otherwise]
+    if names is not None:
+        wanted = [str(name) for name in names]
+        if len(wanted) != len(given):
+            raise InputError(
+                f"names: expected one for each of {len(given)} members, found {len(wanted)}.",
+                "Give lists of equal length.",
+            )
+        given = wanted
+    taken, seen = set(given), Counter[str]()
+    out = []
+    for name in given:
+        own, seen[name] = name, seen[name] + 1
+        while seen[name] > 1 and (own := f"{name} ({seen[name]})") in taken:
+            seen[name] += 1
+        taken.add(own)
+        out.append(own)
+    return tuple(out)

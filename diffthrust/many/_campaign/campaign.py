@@ -1,0 +1,271 @@
+"""A task over many specs: begun, stopped and continued at will."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import Executor
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from diffthrust._support._running.pool import processors
+from diffthrust._support.errors import InputError
+from diffthrust._support.files import plain
+from diffthrust.many._campaign.executors import outcomes
+from diffthrust.many._campaign.job import Job, check_task, fingerprint
+from diffthrust.many._campaign.specs import PathLike, find_specs, folders
+from diffthrust.many._campaign.store import Row, stored, sweep, whole
+from diffthrust.many._campaign.table import TABLE, arrow_table, write_table
+from diffthrust.many._campaign.task import head
+from diffthrust.specs._spec import load_spec
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Progress = Callable[[str, float], None]
+_SAVING = 0.02
+"""Share of the time that may go into writing the table while the campaign runs."""
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """The outcome of a campaign.
+
+    Args:
+        output: the folder of the results: one folder for each spec, and the table.
+        task: what was done with each spec.
+        rows: one for each spec, in the order of their names, as plain data.
+        kept: how many of them an earlier campaign had done already.
+        seconds: time that this one took.
+    """
+
+    output: Path
+    task: str
+    rows: tuple[Row, ...] = field(repr=False)
+    kept: int
+    seconds: float
+
+    @property
+    def path(self) -> Path:
+        """The file of the table."""
+        return self.output / TABLE
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """One row for each spec; the same as in the file."""
+        return arrow_table(self.rows).to_pandas()
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many specs ended how: "ok", "failed", "timed_out", "lost"."""
+        found: dict[str, int] = {}
+        for row in self.rows:
+            found[row["status"]] = found.get(row["status"], 0) + 1
+        return found
+
+    @property
+    def ok(self) -> bool:
+        """Whether every spec has its result."""
+        return set(self.counts) <= {"ok"}
+
+    @property
+    def summary(self) -> str:
+        """The outcome in a sentence or two."""
+        from diffthrust.many._campaign.tables import summary
+
+        return summary(self)
+
+    def report(self) -> str:
+        """Counts, errors with their mend, and the results as text for people."""
+        from diffthrust._support.tables import rendered
+        from diffthrust.many._campaign.tables import campaign_table
+
+        return rendered(campaign_table(self), width=140)
+
+    def to_json(self) -> dict[str, Any]:
+        """The outcome as plain data, in the form that ``diffthrust campaign --json`` writes."""
+        return {
+            "schema": 1,
+            "task": self.task,
+            "table": str(self.path),
+            "counts": self.counts,
+            "kept": self.kept,
+            "seconds": self.seconds,
+            "rows": [dict(row) for row in self.rows],
+        }
+
+
+def campaign(
+    specs: PathLike | Iterable[PathLike],
+    *,
+    task: Literal["fit", "diagnose", "sample"] = "fit",
+    output: PathLike = "campaign_output",
+    executor: Executor | str | None = None,
+    jobs: int | None = None,
+    time_limit: float | None = None,
+    report: bool = False,
+    progress: Progress | None = None,
+    **options: Any,
+) -> Campaign:
+    """Fit, diagnose or sample every spec found, in parallel, and collect the results in a table.
+
+    Each spec gets a folder under ``output`` with its result (``fit.json``, ``diagnosis.json`` or
+    ``posterior.json``) and a ``status.json``; ``campaign.parquet`` has a row for each spec, also
+    for those that failed, with the error and its mend. Folders and table appear whole or not at
+    all. Run again, a campaign does what is not done: a spec whose text, logs, scripts, task and
+    options are as they were is left alone if its result is there, and tried again if it failed.
+
+    A task without a time limit runs in the worker where that is a process; a worker that is a
+    thread, and any worker under a time limit, has a process of its own for it. A process that dies
+    takes one task with it, which is tried again, three times in all. On a cluster, every worker
+    must see specs, logs and output under the same paths.
+
+    Args:
+        specs: a folder, searched with all that is below it for spec files; or spec files.
+        task: "fit", "diagnose" or "sample".
+        output: the folder of the results, made where it does not exist.
+        executor: processes of this machine where ``None``; any `concurrent.futures.Executor`; or
+            the address of a Dask scheduler, such as ``"tcp://10.0.0.5:8786"`` (``pip install
+            'diffthrust[dask]'``).
+        jobs: how many processes of this machine; as many as processors where ``None``.
+        time_limit: seconds after which a task is killed.
+        report: write ``report.html`` into each folder.
+        progress: called with a message, which tells the time left, and the share done.
+        **options: of a diagnosis ``candidates``; of sampling ``method``, ``draws``, ``warmup``,
+            ``walkers``, ``chains``, ``seed``.
+
+    Returns:
+        A `Campaign`; ``.table`` is a data frame.
+
+    Raises:
+        InputError: there is no spec, two specs would write to one folder, the folder holds other
+            results, the cluster does not answer, or the table cannot be written.
+        KeyboardInterrupt: stopped; what was done is kept, and the message says so.
+
+    Example:
+        >>> done = dft.many.campaign("dives", task="diagnose", output="results", time_limit=600)
+        >>> done.counts
+        {'ok': 198, 'failed': 2}
+        >>> done.table.groupby("added").size()
+    """
+    begun = time.monotonic()
+    options = {name: plain(value) for name, value in options.items() if value is not None}
+    check_task(task, options)
+    _check(executor, jobs, time_limit)
+    out = Path(os.path.abspath(output))
+    found = find_specs(specs, out)
+    work = [
+        Job(found[path], str(path), str(out / folder), task, options, report, time_limit)
+        for path, folder in folders(found).items()
+    ]
+    say = progress or (lambda message, share: None)
+    rows = {job.name: row for job in work if (row := _kept(job))}
+    todo = [job for job in work if job.name not in rows]
+    kept = len(rows)
+    _save(out, rows)
+    if todo:
+        say(_told(rows, kept, len(work), 0.0), kept / len(work))
+        try:
+            _run(executor, min(jobs or processors(), len(todo)), todo, rows, out, say)
+        except KeyboardInterrupt:
+            _save(out, rows)
+            raise KeyboardInterrupt(
+                f"{len(rows)} of {len(work)} specs are done and kept in {out}; the same campaign "
+                "again goes on from there."
+            ) from None
+        sweep(out, work)
+        _save(out, rows)
+    ordered = tuple(rows[name] for name in sorted(rows))
+    return Campaign(out, task, ordered, kept, time.monotonic() - begun)
+
+
+def _run(
+    executor: Executor | str | None,
+    jobs: int,
+    todo: list[Job],
+    rows: dict[str, Row],
+    out: Path,
+    say: Progress,
+) -> None:
+    """Work through what is to do, and write the table from time to time."""
+    kept, total = len(rows), len(rows) + len(todo)
+    with closing(outcomes(executor, jobs, todo)) as found:
+        begun = saved = time.monotonic()
+        cost = 0.0
+        for row in found:
+            if row is not None:
+                rows[row["name"]] = row
+            now = time.monotonic()
+            say(_told(rows, kept, total, now - begun), len(rows) / total)
+            if row is not None and now - saved > max(5.0, cost / _SAVING):
+                _save(out, rows)
+                saved = time.monotonic()
+                cost = saved - now
+
+
+def _kept(job: Job) -> Row | None:
+    """The row of a spec whose result is there, made of what is there now."""
+    told = stored(job)
+    if told is None:
+        return None
+    try:
+        mark = fingerprint(load_spec(job.spec), job)
+    except InputError:
+        return None
+    return {**told["row"], **head(job, "ok")} if whole(job, told, mark) else None
+
+
+def _save(out: Path, rows: Mapping[str, Row]) -> None:
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        write_table(out / TABLE, list(rows.values()))
+    except (OSError, InputError) as error:
+        what = error.problem if isinstance(error, InputError) else f"{out}: {error.strerror}"
+        raise InputError(
+            f"The table of the campaign cannot be written: {what}",
+            "Make room, or name an output folder that can be written to, and run the campaign "
+            "again: what is done is kept in its folders.",
+        ) from None
+
+
+def _told(rows: Mapping[str, Row], kept: int, total: int, seconds: float) -> str:
+    """How far it is, and how long the rest will take at the pace so far."""
+    bad = sum(row["status"] != "ok" for row in rows.values())
+    parts = [f"{len(rows)} of {total} done"]
+    if bad:
+        parts.append(f"{bad} failed")
+    new, left = len(rows) - kept, total - len(rows)
+    if new and left:
+        rest = seconds / new * left
+        unit, size = ("s", 1) if rest < 90 else ("min", 60) if rest < 5400 else ("h", 3600)
+        parts.append(f"about {rest / size:.0f} {unit} left")
+    return ", ".join(parts)
+
+
+def _check(executor: Any, jobs: Any, time_limit: Any) -> None:
+    if executor is not None and not isinstance(executor, str | Executor):
+        raise InputError(
+            f"executor: expected a concurrent.futures.Executor or the address of a Dask scheduler, "
+            f"found {type(executor).__name__}.",
+            "A Dask client gives one with client.get_executor().",
+        )
+    if jobs is not None and (isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1):
+        raise InputError(
+            f"jobs: expected a whole number of at least 1, found {jobs!r}.", "Correct jobs."
+        )
+    if jobs is not None and executor is not None:
+        raise InputError(
+            "jobs: the executor has as many workers as it has.", "Leave jobs or the executor out."
+        )
+    if time_limit is not None and (
+        isinstance(time_limit, bool)
+        or not isinstance(time_limit, int | float)
+        or not 0 < time_limit < float("inf")
+    ):
+        raise InputError(
+            f"time_limit: expected seconds above zero, found {time_limit!r}.",
+            "Correct the time limit, or leave it out.",
+        )

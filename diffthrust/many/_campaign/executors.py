@@ -1,0 +1,140 @@
+"""Where tasks run: processes of this machine, a Dask cluster, or any executor."""
+
+from __future__ import annotations
+
+import queue
+from collections.abc import Generator, Iterator, Sequence
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+from diffthrust._support._running.pool import pooled
+from diffthrust._support._running.process import LineProcess
+from diffthrust._support.errors import InputError
+from diffthrust.many._campaign.job import Job
+from diffthrust.many._campaign.perform import helped, new_process, perform
+from diffthrust.many._campaign.store import Row
+from diffthrust.many._campaign.task import head
+from diffthrust.specs._compile_key import alike
+
+_CONNECT = 5.0
+"""Seconds in which the scheduler of a cluster must answer."""
+_TICK = 1.0
+"""Seconds after which the caller hears that no row has come."""
+
+
+def outcomes(
+    executor: Executor | str | None, workers: int, jobs: Sequence[Job]
+) -> Generator[Row | None]:
+    """The rows of some tasks as they come, and ``None`` when none has come for a while.
+
+    A task whose worker is gone is a row as well: nothing that an executor raises ends a campaign.
+    Tasks that have not begun are cancelled when the iteration is left.
+
+    Args:
+        executor: one to use as it is, the address of a Dask scheduler, or ``None`` for processes of
+            this machine.
+        workers: how many processes.
+        jobs: the tasks.
+
+    Raises:
+        InputError: the cluster does not answer, or Dask is not installed.
+    """
+    if executor is None:
+        yield from _on_processes(workers, jobs)
+    elif isinstance(executor, str):
+        with _cluster(executor) as own:
+            yield from _on_executor(own, jobs)
+    else:
+        yield from _on_executor(executor, jobs)
+
+
+def _on_processes(workers: int, jobs: Sequence[Job]) -> Generator[Row | None]:
+    """On processes of this machine: each stays with specs that share compiled code."""
+    processes = [new_process() for _ in range(workers)]
+    keys = [alike(Path(job.spec)) if workers > 1 else "" for job in jobs]
+    with closing(pooled(jobs, keys, processes, _helped)) as each:
+        for found in each:
+            yield None if found is None else found[1]
+
+
+def _helped(process: LineProcess, job: Job) -> Row:
+    try:
+        return helped(process, job)
+    except Exception as error:  # of a machine that cannot start another process
+        return _lost(job, error)
+
+
+def _on_executor(executor: Executor, jobs: Sequence[Job]) -> Generator[Row | None]:
+    done: queue.SimpleQueue[Future[Row]] = queue.SimpleQueue()
+    waiting: dict[Future[Row], Job] = {}
+    try:
+        for job in jobs:
+            try:
+                future = executor.submit(perform, job)
+            except Exception as error:  # of an executor that is broken or closed
+                yield _lost(job, error)
+                continue
+            if future.done():  # as with executors that do the work in place
+                yield _row(future, job)
+            else:
+                waiting[future] = job
+                future.add_done_callback(done.put)
+        while waiting:
+            try:
+                future = done.get(timeout=_TICK)
+            except queue.Empty:
+                yield None
+                continue
+            yield _row(future, waiting.pop(future))
+    finally:
+        for future in waiting:
+            future.cancel()
+
+
+def _row(future: Future[Row], job: Job) -> Row:
+    try:
+        return future.result()
+    except (Exception, CancelledError) as error:
+        return _lost(job, error)
+
+
+def _lost(job: Job, error: BaseException) -> Row:
+    """The row of a task that gave none; its folder is left alone, for its worker may have ended."""
+    broken = isinstance(error, BrokenExecutor | CancelledError)
+    what = "The executor lost its workers" if broken else "No worker could do it"
+    told = f": {error}" if str(error) else ""
+    return {
+        **head(job, "lost"),
+        "error": f"{what} ({type(error).__name__}{told}).",
+        "mend": "Run the campaign again: it goes on with the rest.",
+    }
+
+
+@contextmanager
+def _cluster(address: str) -> Iterator[Executor]:
+    try:
+        from distributed import Client
+    except ImportError:
+        raise InputError(
+            f"executor: {address!r} is the address of a Dask cluster, and Dask is not installed.",
+            "Install it with pip install 'diffthrust[dask]', here and on the workers.",
+        ) from None
+    try:
+        client = Client(address, timeout=_CONNECT, set_as_default=False)
+    except (OSError, ValueError) as error:  # TimeoutError is an OSError
+        raise InputError(
+            f"executor: no Dask scheduler answers at {address!r} ({error}).",
+            "Start one (dask scheduler) and its workers (dask worker ADDRESS), or correct the "
+            "address, such as tcp://10.0.0.5:8786.",
+        ) from None
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=_CONNECT)
+        except TimeoutError:
+            raise InputError(
+                f"executor: the Dask scheduler at {address!r} has no workers.",
+                f"Start some (dask worker {address}); of a cluster that grows when it has work, "
+                "give client.get_executor() as the executor.",
+            ) from None
+        yield client.get_executor(pure=False)

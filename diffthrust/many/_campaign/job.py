@@ -1,0 +1,129 @@
+"""One task of a campaign: which spec, what to do with it, and what its result hangs on."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing, nearest
+from diffthrust.specs._spec import Spec
+
+OPTIONS: dict[str, tuple[str, ...]] = {
+    "fit": (),
+    "diagnose": ("candidates",),
+    "sample": ("method", "draws", "warmup", "walkers", "chains", "seed"),
+}
+"""What a campaign can do with a spec, and the options of each."""
+
+SAMPLING = {
+    "method": "emcee",
+    "draws": 2000,
+    "warmup": 1000,
+    "walkers": None,
+    "chains": 4,
+    "seed": 0,
+}
+
+
+@dataclass(frozen=True)
+class Job:
+    """One spec to work on; plain data, so that it can go to any worker.
+
+    Args:
+        name: of the spec, for people: its path in the folder that was searched.
+        spec: its file, an absolute path.
+        folder: where the result goes, an absolute path.
+        task: "fit", "diagnose" or "sample".
+        options: arguments of the task.
+        report: write a page beside the result.
+        time_limit: the task is stopped after so many seconds; never where ``None``.
+    """
+
+    name: str
+    spec: str
+    folder: str
+    task: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    report: bool = False
+    time_limit: float | None = None
+
+
+def check_task(task: str, options: Mapping[str, Any]) -> None:
+    """Raise `InputError` before the work for a task or an option that cannot be meant."""
+    if task not in OPTIONS:
+        raise InputError(
+            f"task: expected one of {listing(OPTIONS)}, found {task!r}.", "Correct the task."
+        )
+    for name in options:
+        if name not in OPTIONS[task]:
+            known = OPTIONS[task]
+            near = nearest(name, known)
+            raise InputError(
+                f"options: the task {task!r} knows no {name!r}{'; ' + near if near else ''}.",
+                f"It takes {listing(known)}." if known else f"Leave {name} out.",
+            )
+    if task == "sample":
+        from diffthrust.uncertainty._sampling.sample import check
+
+        check(**{**SAMPLING, **options}, file=None)
+    names = options.get("candidates")
+    if names is not None and (
+        isinstance(names, str) or not names or not all(isinstance(n, str) for n in names)
+    ):
+        raise InputError(
+            f"candidates: expected a list of names of effects, found {names!r}.",
+            "Write an effect of your own as 'script.py:Class': workers find it there.",
+        )
+
+
+def fingerprint(spec: Spec, job: Job) -> str:
+    """A digest of all that determines the result: equal where nothing has to be done again.
+
+    It covers the text of the spec, the content of its logs and of the scripts that it names, the
+    task with its options, and the version of the library; not the content of modules that such a
+    script imports.
+
+    Raises:
+        InputError: a log cannot be read.
+    """
+    from diffthrust import __version__
+
+    here = spec.path.parent
+    named = (spec.file.model, *spec.file.effects, *job.options.get("candidates", ()))
+    scripts = [here / name.rpartition(":")[0] for name in named if ":" in name]
+    paths = [*spec.train, *spec.holdout, *(path for path in scripts if path.is_file())]
+    told = {
+        "library": __version__,
+        "task": job.task,
+        "options": dict(job.options),
+        "spec": hashlib.sha256(spec.text.encode()).hexdigest(),
+        "files": [
+            (os.path.relpath(file, here), _digest(file)) for p in paths for file in _files(p)
+        ],
+    }
+    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
+
+
+def _files(path: Path) -> Iterator[Path]:
+    """The file, or all those of a folder, such as a bag."""
+    if path.is_dir():
+        yield from sorted(file for file in path.rglob("*") if file.is_file())
+    else:
+        yield path
+
+
+def _digest(path: Path) -> str:
+    try:
+        with open(path, "rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise InputError(
+            f"{path}: the file cannot be read ({error.strerror or error}).",
+            "Make it readable, or take it out of the spec.",
+        ) from None

@@ -1,0 +1,112 @@
+"""The specs of a campaign: found in folders, named, and each with a folder of its own."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from diffthrust._support.errors import InputError
+from diffthrust.specs._file import NAME, parse_toml, read_spec_text
+
+PathLike = str | os.PathLike[str]
+
+
+def find_specs(specs: PathLike | Iterable[PathLike], output: Path) -> dict[Path, str]:
+    """Spec files by absolute path, each with its name: its path without what all have in common.
+
+    A folder is searched with all that is below it, hidden folders and the output left out. A TOML
+    file that has neither a ``model`` nor ``logs`` is no spec; one that cannot be read is taken as
+    one, so that it is told.
+
+    Args:
+        specs: a folder, a spec file, or several of them.
+        output: the folder of the results.
+
+    Raises:
+        InputError: there is no spec, or no such folder.
+    """
+    given = [specs] if isinstance(specs, str | os.PathLike) else list(specs)
+    for each in given:
+        if not isinstance(each, str | os.PathLike):
+            raise InputError(
+                f"specs: expected folders and files, found {each!r}.",
+                "Give a folder with spec files, or their paths.",
+            )
+    roots = [Path(os.path.abspath(path)) for path in given]
+    found: list[Path] = []
+    for root in roots:
+        if root.is_dir():
+            found += _below(root, Path(os.path.abspath(output)))
+        elif root.suffix.lower() == ".toml":
+            found.append(root)
+        else:
+            what = "found another file" if root.exists() else "found nothing there"
+            raise InputError(
+                f"{root}: expected a folder or a spec file (.toml), {what}.", "Correct the path."
+            )
+    if not found:
+        raise InputError(
+            f"{', '.join(map(str, roots)) or 'specs'}: expected spec files (.toml with a model and "
+            "[logs]), found none.",
+            "Name a folder that holds spec files, at any depth.",
+        )
+    found = list({path.resolve(): path for path in found}.values())
+    base = roots[0] if len(roots) == 1 and roots[0].is_dir() else _common(found)
+    return {path: _name(path, base) for path in found}
+
+
+def folders(specs: dict[Path, str]) -> dict[Path, str]:
+    """The name of the folder of each spec's results.
+
+    Folders lie side by side, so that none is inside another, and no two differ by upper and lower
+    case alone: results can be copied to any file system.
+
+    Raises:
+        InputError: two specs would write to one folder; both are named.
+    """
+    taken: dict[str, Path] = {}
+    names = {}
+    for path, name in specs.items():
+        folder = re.sub(r"[^\w.\-]+", "_", name.replace("/", "__")).lstrip(".") or "_"
+        other = taken.setdefault(folder.casefold(), path)
+        if other != path:
+            raise InputError(
+                f"{path} and {other}: the results of both would go to one folder, {folder!r}.",
+                "Rename one of the two.",
+            )
+        names[path] = folder
+    return names
+
+
+def _below(root: Path, output: Path) -> Iterator[Path]:
+    for folder, inner, files in os.walk(root):
+        here = Path(folder)
+        inner[:] = sorted(n for n in inner if not n.startswith(".") and here / n != output)
+        for name in sorted(files):
+            if name.endswith(".toml") and not name.startswith(".") and _is_spec(here / name):
+                yield here / name
+
+
+def _is_spec(path: Path) -> bool:
+    if path.name == NAME:
+        return True
+    try:
+        keys = set(parse_toml(read_spec_text(path), path))
+    except InputError:
+        return True
+    return bool(keys & {"model", "logs"})
+
+
+def _common(found: list[Path]) -> Path:
+    try:
+        return Path(os.path.commonpath([path.parent for path in found]))
+    except ValueError:  # different drives
+        return Path(found[0].anchor)
+
+
+def _name(path: Path, base: Path) -> str:
+    place = Path(os.path.relpath(path, base))
+    place = place.parent if place.name == NAME else place.with_suffix("")
+    return place.as_posix() if place.name else path.parent.name

@@ -1,0 +1,1 @@
+"""All fits of a fleet at once: what differs, what drifts, what vehicles share."""

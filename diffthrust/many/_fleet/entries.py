@@ -1,0 +1,229 @@
+"""The fits of a fleet, one entry each, whatever they come from."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from diffthrust._support.errors import InputError
+from diffthrust.estimation._result import Fit
+from diffthrust.many._batch.result import Many, named_members
+from diffthrust.many._campaign.campaign import Campaign
+from diffthrust.many._campaign.table import TABLE
+from diffthrust.many._rows import estimates_of, fit_row
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+ERROR = "_std_error"
+Labels = Sequence[Any] | Mapping[str, Any] | Callable[[str], Any] | None
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One fit of one vehicle.
+
+    Args:
+        name: of the fit.
+        vehicle: which it belongs to.
+        time: when it was made, a number or ``None``.
+        model: name of the model without its effects.
+        effects: names of the effects that the fit has.
+        told: further columns of the table.
+        estimates: value and standard error of each parameter, ``None`` where there is none.
+        fit: the fit, or ``None`` where a table alone is known.
+    """
+
+    name: str
+    vehicle: str
+    time: Any
+    model: str
+    effects: tuple[str, ...]
+    told: Mapping[str, Any]
+    estimates: Mapping[str, tuple[float, float | None]]
+    fit: Fit | None = field(default=None, repr=False)
+
+    def has(self, parameter: str) -> bool:
+        """Whether the fit estimated a parameter; of a table, whether it tells an error of it."""
+        if self.fit is not None:
+            return parameter in self.fit.free
+        return self.estimates.get(parameter, (0.0, None))[1] is not None
+
+    @property
+    def usable(self) -> bool:
+        """Whether its estimates may be compared; a table without statuses is taken on trust."""
+        status = self.told.get("fit_status") or "converged"
+        return status in ("converged", "converged_at_bound", "not_identifiable")
+
+
+def entries_of(source: Any, vehicle: Labels, time: Labels) -> tuple[list[Entry], list[str]]:
+    """The entries, and notes of what was left out.
+
+    Raises:
+        InputError: something that holds no fits, or names and times that do not match them.
+    """
+    if isinstance(source, Many | Mapping | Sequence) and not isinstance(source, str):
+        names, fits, vehicles, notes = _fits(source, vehicle)
+        names = list(named_members(None, names))
+        vehicles = _labels(vehicle, names, "vehicle") if vehicle is not None else vehicles
+        times = _labels(time, names, "time") if time is not None else [None] * len(names)
+        made = [_of_fit(*one) for one in zip(names, vehicles, times, fits, strict=True)]
+    else:
+        made, notes = _of_table(_frame(source), vehicle, time)
+    if not made:
+        raise InputError("Expected the fits of a fleet, found none.", " ".join(notes))
+    models = sorted({entry.model for entry in made})
+    if len(models) > 1:
+        raise InputError(
+            f"A fleet has one model, with effects or without; these are fits of {models}.",
+            "Make a fleet of the fits of each.",
+        )
+    return made, notes
+
+
+def _fits(
+    source: Many | Mapping[str, Any] | Sequence[Any], vehicle: Labels
+) -> tuple[list[str], list[Fit], list[str], list[str]]:
+    """Names, fits, vehicles and notes of what holds fits."""
+    notes: list[str] = []
+    if isinstance(source, Many):
+        failed = source.failed
+        if failed:
+            notes.append(f"Failed, and left out: {', '.join(failed)}.")
+        names = [name for name in source.names if name not in failed]
+        fits, vehicles = list(source), names
+    elif isinstance(source, Mapping):
+        pairs = [
+            (str(name), fit)
+            for name, own in source.items()
+            for fit in (own if isinstance(own, list | tuple) else [own])
+        ]
+        names, fits = [name for name, _ in pairs], [fit for _, fit in pairs]
+        vehicles = names
+    else:
+        fits = list(source)
+        names = [f"fit {i + 1}" for i in range(len(fits))]
+        vehicles = names
+        if vehicle is None:
+            raise InputError(
+                "vehicle: a list of fits does not tell whose they are.",
+                "Give vehicle=[...], or {'auv1': [fit, ...], ...} in the place of the list.",
+            )
+    for name, fit in zip(names, fits, strict=True):
+        if not isinstance(fit, Fit):
+            raise InputError(
+                f"{name}: expected a fit, found {type(fit).__name__}.",
+                "Give what dft.fit or dft.many.fit returns, a table of fits, or a campaign.",
+            )
+    return names, fits, vehicles, notes
+
+
+def _of_fit(name: str, vehicle: Any, time: Any, fit: Fit) -> Entry:
+    told = fit_row(fit)
+    effects = tuple(effect.name for effect in fit.model.effects)
+    return Entry(name, str(vehicle), time, told["model"], effects, told, estimates_of(fit), fit)
+
+
+def _frame(source: Any) -> pd.DataFrame:
+    """The table of a campaign, of its folder or file, or one that was given."""
+    import pandas as pd
+
+    if isinstance(source, Campaign):
+        return source.table
+    if isinstance(source, pd.DataFrame):
+        return source
+    if not isinstance(source, str | os.PathLike):
+        raise InputError(
+            f"Expected fits, a table of them or a campaign, found {type(source).__name__}.",
+            "Give what dft.many.fit or dft.many.campaign returns, or the folder of a campaign.",
+        )
+    path = Path(source)
+    path = path / TABLE if path.is_dir() else path
+    try:
+        return pd.read_parquet(path)
+    except Exception as error:  # a damaged file raises whatever the reader came across
+        raise InputError(
+            f"{path}: the table of a campaign cannot be read ({error}).",
+            f"Name the folder of a campaign, or its {TABLE}.",
+        ) from None
+
+
+def _of_table(frame: Any, vehicle: Labels, time: Labels) -> tuple[list[Entry], list[str]]:
+    notes = []
+    if "status" in frame:
+        failed = frame["status"] != "ok"
+        if failed.any():
+            count = int(failed.sum())
+            words = "row has no result and is" if count == 1 else "rows have no result and are"
+            notes.append(f"{count} {words} left out.")
+        frame = frame[~failed]
+    values = [c for c in frame.columns if f"{c}{ERROR}" in frame.columns]
+    if not values:
+        raise InputError(
+            f"The table has no parameter with a standard error: no pair of columns such as "
+            f"'alpha' and 'alpha{ERROR}' among {', '.join(map(str, frame.columns))}.",
+            "Give the table of dft.many.fit or of a campaign.",
+        )
+    for name in (n for c in values for n in (c, f"{c}{ERROR}")):
+        if frame[name].notna().any() and frame[name].dtype.kind not in "fiu":
+            raise InputError(
+                f"Column '{name}': expected numbers, found {frame[name].dtype}.", "Correct it."
+            )
+    rows = frame.to_dict("records")
+    names = list(named_members(None, [row.get("name", f"row {i}") for i, row in enumerate(rows)]))
+    vehicles = _column(frame, "vehicle", vehicle, names) or [n.split("/")[0] for n in names]
+    times = _column(frame, "time", time, names) or [None] * len(names)
+    made = []
+    for name, own, when, row in zip(names, vehicles, times, rows, strict=True):
+        effects = tuple(part.strip() for part in _text(row.get("effects")).split(",") if part)
+        told = {key: row[key] for key in ("fit_status", "train_nrmse", "holdout_nrmse")
+                if key in row}  # fmt: skip
+        estimates = {
+            c: (float(row[c]), _error(row[f"{c}{ERROR}"]))
+            for c in values
+            if row[c] is not None and math.isfinite(row[c])
+        }
+        model = _text(row.get("model"))
+        made.append(Entry(name, str(own), when, model, effects, told, estimates))
+    return made, notes
+
+
+def _text(value: Any) -> str:
+    return value if isinstance(value, str) else ""
+
+
+def _error(value: Any) -> float | None:
+    return float(value) if value is not None and math.isfinite(value) and value > 0 else None
+
+
+def _column(frame: Any, what: str, given: Labels, names: Sequence[str]) -> list[Any]:
+    """What was given for each row, or else the column of that name, or else nothing."""
+    if given is not None:
+        return _labels(given, names, what)
+    if what not in frame:
+        return []
+    if frame[what].isna().any():
+        row = names[int(frame[what].isna().to_numpy().argmax())]
+        raise InputError(f"Column '{what}': '{row}' has none.", "Fill the column.")
+    return list(frame[what])
+
+
+def _labels(given: Labels, names: Sequence[str], what: str) -> list[Any]:
+    if callable(given):
+        return [given(name) for name in names]
+    if isinstance(given, Mapping):
+        absent = [name for name in names if name not in given]
+        if absent:
+            raise InputError(f"{what}: nothing is given for '{absent[0]}'.", f"Add its {what}.")
+        return [given[name] for name in names]
+    listed = [given] if isinstance(given, str) or given is None else list(given)
+    if len(listed) != len(names):
+        raise InputError(
+            f"{what}: expected one for each of {len(names)} fits, found {len(listed)}.",
+            "Give a list as long as that of the fits, or a dictionary by the names of fits.",
+        )
+    return listed

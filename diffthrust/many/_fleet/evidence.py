@@ -1,0 +1,217 @@
+"""What the logs of each vehicle say of the pooled parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing
+from diffthrust.many._fleet.axis import Axis
+from diffthrust.many._fleet.entries import Entry
+from diffthrust.many._fleet.exact import Exact, Normals, expanded
+from diffthrust.many._fleet.statistics import dispersed, weighted_mean
+
+if TYPE_CHECKING:
+    from diffthrust.many._fleet.fleet import Fleet
+
+
+@dataclass(frozen=True)
+class Ruler:
+    """The pooled parameters, each in units of its typical spread, from the middle of the fleet.
+
+    Args:
+        axes: of the parameters.
+        middle: a coordinate in the fleet's midst, by parameter.
+    """
+
+    axes: tuple[Axis, ...]
+    middle: np.ndarray
+
+    @property
+    def typical(self) -> np.ndarray:
+        """Coordinate per unit."""
+        return np.array([axis.typical for axis in self.axes])
+
+    def values(self, z: np.ndarray) -> np.ndarray:
+        """Parameter values at points ``(..., p)``."""
+        x = self.middle + self.typical * z
+        return np.stack([axis.value(x[..., i]) for i, axis in enumerate(self.axes)], axis=-1)
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What the logs of one vehicle say, in units of the ruler.
+
+    Near its fit the logarithm of the likelihood is ``-(z - values) @ information @ (z - values) /
+    2``; directions of which the logs say nothing have no information.
+
+    Args:
+        vehicle: its name.
+        values: where the parabola has its top, ``(p,)``.
+        information: ``(p, p)``, with zeros for parameters that the vehicle does not have.
+        known: which parameters its model has, ``(p,)``.
+        exact: the whole likelihood, which takes the parabola's place, or ``None``.
+    """
+
+    vehicle: str
+    values: np.ndarray
+    information: np.ndarray
+    known: np.ndarray
+    exact: Exact | None = None
+
+
+class Guess(NamedTuple):
+    """A first guess of the fleet's law, each parameter by itself, ``(p,)`` each."""
+
+    mean: np.ndarray
+    mean_error: np.ndarray
+    spread: np.ndarray
+
+
+def guessed(evidence: Sequence[Evidence]) -> Guess:
+    """Where the search for the law begins: moments, with errors no finer than 0.1."""
+    values = np.stack([one.values for one in evidence])
+    information = np.stack([np.diagonal(one.information) for one in evidence])
+    variance = 1.0 / np.maximum(information, 1e-12)
+    weight = 1.0 / (variance + 0.01)
+    total = np.sum(weight, axis=0)
+    mean = np.sum(weight * values, axis=0) / total
+    excess = np.sum(weight * ((values - mean) ** 2 - variance), axis=0) / total
+    spread = np.sqrt(np.clip(excess, 0.05**2, 2.0**2))
+    return Guess(mean, np.sqrt(1.0 / np.sum(1.0 / (variance + spread**2), axis=0)), spread)
+
+
+def gathered(
+    fleet: Fleet, ruler: Ruler, logs: Mapping[str, Any]
+) -> tuple[list[Evidence], list[str]]:
+    """The evidence of each vehicle that has any of the parameters, and notes.
+
+    Raises:
+        InputError: logs of a vehicle that has not one fit, or that are not those of its fit.
+    """
+    unknown = [name for name in logs if name not in fleet.vehicles]
+    if unknown:
+        raise InputError(
+            f"logs: there is no vehicle '{unknown[0]}' in the fleet ({', '.join(fleet.vehicles)}).",
+            "Name the logs by vehicle.",
+        )
+    out, tabular, uncertain = [], False, []
+    for vehicle in fleet.vehicles:
+        own = _own(fleet, vehicle, vehicle in logs)
+        known = np.array([any(e.has(a.name) for e in own) for a in ruler.axes], bool)
+        if vehicle in logs and not known.any():
+            raise InputError(
+                f"logs: '{vehicle}' has no fit with any of the pooled parameters.",
+                "Leave it out of logs.",
+            )
+        if not known.any():
+            continue
+        values, information = _together([_parabola(entry, ruler) for entry in own])
+        out.append(Evidence(vehicle, values, information, known))
+        if vehicle in logs:
+            continue
+        tabular |= any(entry.fit is None for entry in own)
+        if np.any(np.diagonal(information)[known] <= 0):
+            uncertain.append(vehicle)
+    begin = guessed(out)
+    for i, one in enumerate(out):
+        if one.vehicle in logs:
+            own = _own(fleet, one.vehicle, True)
+            out[i] = _whole(one, own, ruler, logs[one.vehicle], begin)
+    notes = []
+    if tabular:
+        notes.append(
+            "A table has no covariances: the errors of one vehicle's parameters count as "
+            "independent of each other. Fits tell more."
+        )
+    if uncertain:
+        notes.append(
+            f"{listing(uncertain)}: parameters without a standard error come from the fleet alone, "
+            "and the others are those at the value that the fit held them at. Give logs={...} to "
+            "take what these logs do say of them."
+        )
+    return out, notes
+
+
+def _own(fleet: Fleet, vehicle: str, exact: bool) -> list[Entry]:
+    """The fits of a vehicle; a whole likelihood needs none that has converged."""
+    return [e for e in fleet.entries if e.vehicle == vehicle and (e.usable or exact)]
+
+
+def _whole(
+    found: Evidence, own: Sequence[Entry], ruler: Ruler, logs: Any, begin: Guess
+) -> Evidence:
+    """The same evidence with the whole likelihood in the place of the parabola at the fit."""
+    fits = [entry.fit for entry in own if entry.fit is not None]
+    if len(fits) != 1 or len(own) != 1:
+        raise InputError(
+            f"logs: '{found.vehicle}' has {len(fits)} fits, an exact likelihood needs one.",
+            "Fit all logs of the vehicle at once, or leave it out of logs.",
+        )
+    which = np.flatnonzero([axis.name in fits[0].free for axis in ruler.axes])
+    precision = 1.0 / begin.spread**2
+    towards = np.linalg.solve(
+        found.information + np.diag(precision),
+        found.information @ found.values + precision * begin.mean,
+    )
+    exact = expanded(
+        fits[0],
+        logs,
+        [ruler.axes[i] for i in which],
+        ruler.middle[which],
+        towards[which],
+        Normals(begin.mean[which], begin.spread[which]),
+    )
+    p = len(ruler.axes)
+    values, information = np.zeros(p), np.zeros((p, p))
+    values[which] = exact.top[: which.size]
+    information[np.ix_(which, which)] = np.linalg.inv(exact.covariance[: which.size, : which.size])
+    return Evidence(found.vehicle, values, information, np.isin(np.arange(p), which), exact)
+
+
+def _parabola(entry: Entry, ruler: Ruler) -> tuple[np.ndarray, np.ndarray]:
+    """Top and information of one fit, other parameters and initial states averaged over."""
+    p = len(ruler.axes)
+    values, slopes, errors = np.zeros(p), np.ones(p), np.full(p, np.nan)
+    for i, axis in enumerate(ruler.axes):
+        value, error = entry.estimates.get(axis.name, (np.nan, None))
+        at = float(axis.coordinate(value))
+        if entry.usable and error is not None and np.isfinite(at):
+            values[i] = (at - ruler.middle[i]) / axis.typical
+            slopes[i] = float(axis.slope(value)) * axis.typical
+            errors[i] = error
+    known = np.flatnonzero(np.isfinite(errors))
+    covariance = np.diag(errors[known] ** 2)
+    if entry.fit is not None:
+        place = [entry.fit.free.index(ruler.axes[i].name) for i in known]
+        covariance = entry.fit.covariance[np.ix_(place, place)]
+    information = np.zeros((p, p))
+    if known.size:
+        scaled = covariance / np.outer(slopes[known], slopes[known])
+        information[np.ix_(known, known)] = np.linalg.inv(0.5 * (scaled + scaled.T))
+    return values, information
+
+
+def _together(parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    """The product of parabolas.
+
+    Where fits scatter beyond their errors, as those of a vehicle that drifts do, each parameter's
+    error grows as that of `known` does.
+    """
+    information = np.sum([weight for _, weight in parts], axis=0)
+    pull = np.sum([weight @ values for values, weight in parts], axis=0)
+    values = np.linalg.pinv(information, hermitian=True) @ pull
+    grown = np.ones(values.size)
+    for i in range(values.size):
+        own = [(value[i], _marginal_error(weight, i)) for value, weight in parts if weight[i, i]]
+        if own:
+            grown[i] = dispersed(weighted_mean(*np.array(own).T))
+    return values, information / np.outer(grown, grown)
+
+
+def _marginal_error(information: np.ndarray, i: int) -> float:
+    return float(np.sqrt(np.linalg.pinv(information, hermitian=True)[i, i]))

@@ -1,0 +1,164 @@
+"""The whole likelihood of a vehicle's logs, and the parabola that is like it within the fleet."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from diffthrust.estimation._result import Fit
+from diffthrust.estimation._status import Status
+from diffthrust.many._fleet.axis import Axis
+from diffthrust.uncertainty._sampling.density import Posterior, Shape, posterior_of
+from diffthrust.uncertainty._sampling.nuts import Box, smooth
+
+STEPS = 50
+"""Most Newton steps towards the place where the parabola is laid."""
+
+
+class Normals(NamedTuple):
+    """Independent Gaussian laws, ``(q,)`` each."""
+
+    mean: np.ndarray
+    spread: np.ndarray
+
+
+@dataclass(frozen=True)
+class Exact:
+    """The likelihood of a vehicle's logs over the coordinates of its fit.
+
+    Pooled parameters are in units of the fleet's ruler: coordinate = shift + scale * z.
+
+    Args:
+        posterior: the likelihood, times the priors of what is not pooled.
+        pooled: columns of the pooled parameters among its coordinates, ``(q,)``.
+        rest: the other columns: parameters that are not pooled, initial states, noise, ``(r,)``.
+        shift: coordinates of the pooled ones at z = 0.
+        scale: coordinates per unit of z.
+        top: where a parabola like the likelihood has its top: pooled (z), then rest, ``(q + r,)``.
+        covariance: that of the parabola, in the same order.
+    """
+
+    posterior: Posterior
+    pooled: np.ndarray
+    rest: np.ndarray
+    shift: np.ndarray
+    scale: np.ndarray
+    top: np.ndarray
+    covariance: np.ndarray
+
+    @property
+    def order(self) -> np.ndarray:
+        """Columns of the pooled parameters, then of the rest."""
+        return np.concatenate([self.pooled, self.rest])
+
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """The numbers of `likelihood`, a pytree of arrays."""
+        d = self.posterior.dim
+        return {**self.posterior.data, "origin": jnp.zeros(d), "root": jnp.eye(d)}
+
+
+def likelihood(shape: Shape, dim: int, numbers: Any, x: Any) -> Any:
+    """Log likelihood at coordinates ``(d,)``, with its derivative by one forward-mode pass."""
+    return smooth(shape, Box((False,) * dim, (False,) * dim), numbers, x)
+
+
+@partial(jax.jit, static_argnums=(0, 1))
+def _slope(shape: Shape, dim: int, numbers: Any, x: Any) -> Any:
+    return jax.value_and_grad(likelihood, argnums=3)(shape, dim, numbers, x)
+
+
+def expanded(
+    fit: Fit,
+    logs: Any,
+    axes: Sequence[Axis],
+    middle: np.ndarray,
+    towards: np.ndarray,
+    law: Normals,
+) -> Exact:
+    """The likelihood of a fit's logs, with the parabola where it and a guess of the law are best.
+
+    At the fit itself a parabola would say little: that of a vehicle with poor logs may lie where
+    a parameter has run to zero.
+
+    Args:
+        fit: the fit.
+        logs: its training logs.
+        axes: the pooled parameters that it has.
+        middle: their coordinates at z = 0.
+        towards: where the search begins, in z.
+        law: of the fleet, in z.
+
+    Raises:
+        InputError: logs that are not those of the fit.
+    """
+    names = [axis.name for axis in axes]
+    # alone, such a fit has no posterior, and a vanished parameter none either; in a fleet it has
+    near = {n: fit.parameters[n].value for n in names}
+    posterior = posterior_of(
+        replace(fit, status=Status.CONVERGED, guess={**fit.guess, **near}), logs
+    )
+    labels = list(posterior.labels)
+    pooled = np.array([labels.index(name) for name in names], int)
+    rest = np.setdiff1d(np.arange(posterior.dim), pooled)
+    described = [posterior.problem.named[name] for name in names]
+    low, high = posterior.low.copy(), posterior.high.copy()
+    for column, axis, p in zip(pooled, axes, described, strict=True):
+        if axis.log:  # the fit's own are so many decades around a start, which is now the fit
+            with np.errstate(divide="ignore"):
+                low[column], high[column] = np.log(p.limits)
+    posterior = replace(posterior, low=low, high=high)
+    per = np.array([1.0 if axis.log else 1.0 / p.scale
+                    for axis, p in zip(axes, described, strict=True)])  # fmt: skip
+    typical = np.array([axis.typical for axis in axes])
+    size = np.concatenate([per * typical, np.ones(rest.size)])
+    begin = np.concatenate([towards, posterior.centre[rest]])
+    bare = Exact(posterior, pooled, rest, per * middle, per * typical, begin, np.diag(size))
+    return _laid(bare, size, law)
+
+
+def _laid(bare: Exact, size: np.ndarray, law: Normals) -> Exact:
+    """The same with the parabola laid where likelihood and law together are best (Newton)."""
+    q, shape, numbers = bare.pooled.size, bare.posterior.shape, bare.numbers
+    precision = np.zeros(size.size)
+    precision[:q] = 1.0 / law.spread**2
+    mean = np.zeros(size.size)
+    mean[:q] = law.mean
+
+    def at(y: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        x = np.empty(y.size)
+        x[bare.order] = y * size + np.concatenate([bare.shift, np.zeros(y.size - q)])
+        value, gradient = _slope(shape, y.size, numbers, x)
+        return float(value), np.asarray(gradient)[bare.order] * size, x
+
+    def covariance(x: np.ndarray) -> np.ndarray:
+        base = bare.posterior.base.copy()
+        base[bare.posterior.moved] = x[: bare.posterior.moved.size]
+        there = replace(bare.posterior, base=base, centre=x)
+        return there.covariance[np.ix_(bare.order, bare.order)] / np.outer(size, size)
+
+    y = bare.top.copy()
+    value, slope, x = at(y)
+    for _ in range(STEPS):
+        total = slope - precision * (y - mean)
+        curvature = np.linalg.inv(covariance(x)) + np.diag(precision)
+        step = np.linalg.solve(curvature, total)
+        share, here = 1.0, value - 0.5 * float(np.sum(precision * (y - mean) ** 2))
+        while share > 1e-4:
+            trial = y + share * step
+            found, inclined, there = at(trial)
+            if found - 0.5 * float(np.sum(precision * (trial - mean) ** 2)) >= here:
+                y, value, slope, x = trial, found, inclined, there
+                break
+            share *= 0.5
+        if share <= 1e-4 or float(total @ step) < 1e-6:
+            break
+    own = covariance(x)
+    own = 0.5 * (own + own.T)
+    return replace(bare, top=y + own @ slope, covariance=own)

@@ -1,0 +1,208 @@
+"""The density of a fleet: each vehicle's likelihood under a law that all vehicles share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.scipy.linalg import cho_solve, solve_triangular
+
+from diffthrust.many._fleet.evidence import Evidence, guessed
+from diffthrust.many._fleet.exact import Exact, likelihood
+from diffthrust.uncertainty._sampling.density import Shape
+
+TAIL = 4.0
+"""Degrees of freedom of the half Student-t prior of a standard deviation."""
+SHAPE = 2.0
+"""Of the prior of correlations (LKJ): one is flat over correlation matrices, more favours none."""
+
+
+class Kind(NamedTuple):
+    """Exact likelihoods that share compiled code."""
+
+    shape: Shape
+    pooled: int
+    rest: int
+    vehicles: int
+
+
+class Hierarchy(NamedTuple):
+    """The joint density of a fleet's law and its vehicles' parameters, as a target of NUTS.
+
+    The coordinates are those of the law (mean, logarithm of the standard deviations, correlations),
+    then of each vehicle's parameters, then of what else an exact likelihood depends on. A vehicle's
+    coordinates are whitened by what its own parabola and the law say together: centred for a
+    vehicle with much data, not centred for one with little (Papaspiliopoulos, Roberts & Sköld
+    2007). Under parabolas alone they are exactly independent and standard normal, so that the law
+    has no funnel; an exact likelihood enters by its ratio to the parabola.
+
+    Args:
+        parameters: number of pooled parameters.
+        vehicles: number of vehicles.
+        correlated: the law has correlations.
+        kinds: of exact likelihoods.
+    """
+
+    parameters: int
+    vehicles: int
+    correlated: bool
+    kinds: tuple[Kind, ...]
+
+    @property
+    def law(self) -> int:
+        """Number of the law's coordinates."""
+        p = self.parameters
+        return 2 * p + (p * (p - 1) // 2 if self.correlated else 0)
+
+    @property
+    def dim(self) -> int:
+        """Number of all coordinates."""
+        rest = sum(kind.rest * kind.vehicles for kind in self.kinds)
+        return self.law + self.vehicles * self.parameters + rest
+
+    def density(self, data: Any, v: Any) -> Any:
+        """See `diffthrust.uncertainty._sampling.nuts.Target`."""
+        mean, root, prior = self._law(data, v)
+        at = self.law + self.vehicles * self.parameters
+        eta = v[self.law : at].reshape(self.vehicles, self.parameters)
+        theta, fitting, _ = _vehicles(data, mean, root, eta)
+        total = prior + jnp.sum(fitting) - 0.5 * jnp.sum(eta**2)
+        for kind, group in zip(self.kinds, data["exact"], strict=True):
+            size = kind.rest * kind.vehicles
+            others = v[at : at + size].reshape(kind.vehicles, kind.rest)
+            at += size
+            total += jnp.sum(_exact(kind, group, theta, others))
+        return total
+
+    def told(self, data: Any, v: Any) -> Any:
+        """The law's mean and standard deviations, the vehicles, and the law's weight in each."""
+        mean, root, _ = self._law(data, v)
+        end = self.law + self.vehicles * self.parameters
+        eta = v[self.law : end].reshape(self.vehicles, self.parameters)
+        theta, _, weight = _vehicles(data, mean, root, eta)
+        covariance = root @ root.T
+        spread = jnp.sqrt(jnp.diagonal(covariance))
+        return {
+            "mean": mean,
+            "spread": spread,
+            "correlation": covariance / jnp.outer(spread, spread),
+            "theta": theta,
+            "weight": weight,
+        }
+
+    def _law(self, data: Any, v: Any) -> tuple[Any, Any, Any]:
+        """Mean ``(p,)``, root of the covariance ``(p, p)``, and the log density of the prior."""
+        p = self.parameters
+        mean = data["mean"] + data["mean_width"] * v[:p]
+        log_spread = data["log_spread"] + 0.5 * v[p : 2 * p]
+        spread = jnp.exp(log_spread)
+        prior = jnp.sum(log_spread - 0.5 * (TAIL + 1) * jnp.log1p(spread**2 / TAIL))
+        if not self.correlated:
+            return mean, jnp.diag(spread), prior
+        root, own = _correlation(p, v[2 * p : self.law])
+        return mean, spread[:, None] * root, prior + own
+
+
+def _correlation(p: int, y: Any) -> tuple[Any, Any]:
+    """Cholesky factor of a correlation matrix, and the log density of its prior.
+
+    The partial correlation of i and j given all before j is the hyperbolic tangent of an unbounded
+    coordinate; under the LKJ prior it is Beta distributed (Lewandowski et al. 2009, section 3).
+    """
+    root, prior, at = [[jnp.asarray(1.0)] + [jnp.asarray(0.0)] * (p - 1)], jnp.asarray(0.0), 0
+    for i in range(1, p):
+        row, left = [], jnp.asarray(1.0)
+        for j in range(i):
+            partial = jnp.tanh(y[at])
+            row.append(partial * jnp.sqrt(left))
+            left = left * (1.0 - partial**2)
+            prior += (SHAPE + 0.5 * (p - 2 - j)) * jnp.log1p(-(partial**2))
+            at += 1
+        root.append([*row, jnp.sqrt(left)] + [jnp.asarray(0.0)] * (p - 1 - i))
+    return jnp.stack([jnp.stack(row) for row in root]), prior
+
+
+def _vehicles(data: Any, mean: Any, root: Any, eta: Any) -> tuple[Any, Any, Any]:
+    """Parameters of each vehicle, the parabola's log density averaged over them, the law's weight.
+
+    In terms of the law's root, so that nothing divides by a standard deviation that goes to zero.
+    """
+    eye = jnp.eye(mean.shape[0])
+
+    def one(value: Any, information: Any, eta: Any) -> Any:
+        chol = jnp.linalg.cholesky(eye + root.T @ information @ root)
+        away = value - mean
+        pull = root.T @ (information @ away)
+        step = cho_solve((chol, True), pull)
+        theta = mean + root @ (step + solve_triangular(chol, eta, trans=1, lower=True))
+        misfit = away @ information @ away - pull @ step
+        weight = eye - root @ cho_solve((chol, True), root.T @ information)
+        return theta, -0.5 * misfit - jnp.sum(jnp.log(jnp.diagonal(chol))), jnp.diagonal(weight)
+
+    return jax.vmap(one)(data["values"], data["information"], eta)
+
+
+def _exact(kind: Kind, group: Any, theta: Any, others: Any) -> Any:
+    """Log of likelihood over parabola for each vehicle of a kind, ``(vehicles,)``."""
+    dim = kind.pooled + kind.rest
+
+    def one(given: Any) -> Any:
+        own, eta = given
+        z = theta[own["row"]][own["which"]]
+        away = z - own["top"]
+        rest = own["rest_top"] + own["rest_slope"] @ away + own["rest_root"] @ eta
+        x = jnp.zeros(dim).at[own["pooled"]].set(own["shift"] + own["scale"] * z)
+        found = likelihood(kind.shape, dim, own["numbers"], x.at[own["rest"]].set(rest))
+        return found + 0.5 * away @ own["information"] @ away
+
+    if kind.vehicles == 1:  # a loop of one turn would keep the compiler from fusing
+        return one(jax.tree.map(lambda a: a[0], (group, others)))[None]
+    return jax.lax.map(one, (group, others))
+
+
+def arranged(evidence: Sequence[Evidence], correlated: bool) -> tuple[Hierarchy, dict[str, Any]]:
+    """The density of a fleet, and its numbers."""
+    groups: dict[tuple[Shape, int, int], list[Any]] = {}
+    for row, one in enumerate(evidence):
+        if one.exact is not None:
+            e = one.exact
+            groups.setdefault((e.posterior.shape, e.pooled.size, e.rest.size), []).append(
+                _numbers(row, one, e)
+            )
+    kinds = tuple(Kind(*key, len(group)) for key, group in groups.items())
+    begin = guessed(evidence)
+    data = {
+        "values": np.stack([one.values for one in evidence]),
+        "information": np.stack([one.information for one in evidence]),
+        "mean": begin.mean,
+        "mean_width": begin.mean_error,
+        "log_spread": np.log(begin.spread),
+        "exact": [jax.tree.map(lambda *a: jnp.stack(a), *group) for group in groups.values()],
+    }
+    return Hierarchy(begin.mean.size, len(evidence), correlated, kinds), data
+
+
+def _numbers(row: int, one: Evidence, e: Exact) -> dict[str, Any]:
+    """The numbers of an exact likelihood; the rest follows the pooled ones by the parabola."""
+    q = e.pooled.size
+    inverse = np.linalg.inv(e.covariance[:q, :q])
+    slope = e.covariance[q:, :q] @ inverse
+    left = e.covariance[q:, q:] - slope @ e.covariance[:q, q:]
+    own = {
+        "row": np.asarray(row),
+        "which": np.flatnonzero(one.known),
+        "top": e.top[:q],
+        "information": inverse,
+        "pooled": e.pooled,
+        "rest": e.rest,
+        "shift": e.shift,
+        "scale": e.scale,
+        "rest_top": e.top[q:],
+        "rest_slope": slope,
+        "rest_root": np.linalg.cholesky(left) if e.rest.size else left,
+        "numbers": e.numbers,
+    }
+    return jax.tree.map(jnp.asarray, own)

@@ -1,0 +1,199 @@
+"""What pooling gives: the vehicles, the law that they share, and a prior for the next one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from diffthrust.many._fleet.views import known
+from diffthrust.models._base.parameter import Normal
+from diffthrust.uncertainty._sampling.convergence import Convergence, convergence
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from diffthrust.many._fleet.evidence import Evidence, Ruler
+    from diffthrust.many._fleet.fleet import Fleet
+
+ONE_SD = 0.682689492137
+"""Probability within one standard deviation of a Gaussian."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pooled:
+    """A fleet whose vehicles were estimated together; made by `Fleet.pool`.
+
+    Args:
+        fleet: the fleet.
+        ruler: the pooled parameters and their coordinates.
+        evidence: what the logs of each vehicle say.
+        post: all draws as ArviZ data: ``alpha`` by ``vehicle``, ``alpha.mean`` the fleet's median,
+            ``alpha.between`` the standard deviation between vehicles (of a "log" parameter that of
+            its logarithm).
+        weight: share of the fleet in each estimate, ``(vehicles, parameters)``.
+        level: probability of the intervals.
+        notes: what the user should know besides.
+    """
+
+    fleet: Fleet = field(repr=False)
+    ruler: Ruler = field(repr=False)
+    evidence: tuple[Evidence, ...] = field(repr=False)
+    post: Any = field(repr=False)
+    weight: np.ndarray = field(repr=False)
+    level: float
+    notes: tuple[str, ...]
+
+    @cached_property
+    def convergence(self) -> Convergence:
+        """Whether the draws can be believed; look at its ``status`` first."""
+        return convergence(self.post)
+
+    @property
+    def exact(self) -> tuple[str, ...]:
+        """Vehicles whose logs entered by their exact likelihood."""
+        return tuple(one.vehicle for one in self.evidence if one.exact is not None)
+
+    @cached_property
+    def table(self) -> pd.DataFrame:
+        """A row for each vehicle and parameter that it has.
+
+        Columns: ``separate`` and ``separate_std_error`` by the vehicle's own fits (NaN where they
+        have none); ``median``,
+        ``sd``, ``low`` and ``high`` of the pooled estimate; ``shrinkage``, the weight of the fleet
+        in it (0: the vehicle alone, 1: the fleet alone); ``likelihood``, by which the logs
+        entered.
+        """
+        import pandas as pd
+
+        rows = []
+        for i, axis in enumerate(self.ruler.axes):
+            alone = known(self.fleet, axis.name)
+            for j, one in enumerate(self.evidence):
+                if not one.known[i]:
+                    continue
+                own, own_error = self._fitted(one.vehicle, axis.name), np.nan
+                if one.vehicle in alone.vehicles:
+                    at = alone.vehicles.index(one.vehicle)
+                    own = float(axis.value(alone.values[at]))
+                    own_error = alone.errors[at] * float(axis.slope(own))
+                drawn = self.post.posterior[axis.name].values[..., j]
+                low, median, high = _quantiles(drawn, self.level)
+                rows.append(
+                    {
+                        "vehicle": one.vehicle,
+                        "parameter": axis.name,
+                        "unit": axis.unit,
+                        "separate": own,
+                        "separate_std_error": own_error,
+                        "median": median,
+                        "sd": float(np.std(drawn)),
+                        "low": low,
+                        "high": high,
+                        "shrinkage": float(self.weight[j, i]),
+                        "likelihood": "exact" if one.exact is not None else "quadratic",
+                    }
+                )
+        return pd.DataFrame(rows)
+
+    def _fitted(self, vehicle: str, parameter: str) -> float:
+        """The value of a vehicle's fit, also without a standard error; NaN of several fits."""
+        own = [e.estimates for e in self.fleet.entries if e.vehicle == vehicle and e.usable]
+        return own[0][parameter][0] if len(own) == 1 and parameter in own[0] else np.nan
+
+    @cached_property
+    def population(self) -> pd.DataFrame:
+        """A row for each parameter: the fleet's median and how far vehicles lie from it.
+
+        ``between_sd``, ``between_low`` and ``between_high`` are in the parameter's unit; of a "log"
+        parameter they are those of its logarithm times the median.
+        """
+        import pandas as pd
+
+        rows = []
+        for axis in self.ruler.axes:
+            low, median, high = _quantiles(
+                self.post.posterior[f"{axis.name}.mean"].values, self.level
+            )
+            spread = _quantiles(self.post.posterior[f"{axis.name}.between"].values, self.level)
+            per = float(axis.slope(np.asarray(median)))
+            rows.append(
+                {
+                    "parameter": axis.name,
+                    "unit": axis.unit,
+                    "vehicles": sum(bool(one.known[len(rows)]) for one in self.evidence),
+                    "median": median,
+                    "low": low,
+                    "high": high,
+                    "between_sd": spread[1] * per,
+                    "between_low": spread[0] * per,
+                    "between_high": spread[2] * per,
+                }
+            )
+        return pd.DataFrame(rows)
+
+    def new_vehicle(self, *, seed: int = 0) -> dict[str, np.ndarray]:
+        """Parameters of vehicles that the fleet might get next: one of each draw of its law.
+
+        Parameters vary together where the law has correlations; see `Fleet.pool`.
+
+        Returns:
+            Values by parameter, ``(draws,)``.
+        """
+        posterior = self.post.posterior
+        p = len(self.ruler.axes)
+        means, spreads = (
+            np.stack([posterior[f"{a.name}.{what}"].values.ravel() for a in self.ruler.axes], -1)
+            for what in ("mean", "between")
+        )
+        correlation = np.broadcast_to(np.eye(p), (len(means), p, p)).copy()
+        for i, one in enumerate(self.ruler.axes):
+            for j, other in enumerate(self.ruler.axes[:i]):
+                name = f"correlation.{other.name}.{one.name}"
+                if name in posterior:
+                    correlation[:, i, j] = correlation[:, j, i] = posterior[name].values.ravel()
+        root = np.linalg.cholesky(correlation + 1e-12 * np.eye(p))
+        apart = np.random.default_rng(seed).standard_normal((len(means), p))
+        moved = spreads * np.einsum("nij,nj->ni", root, apart)
+        return {
+            axis.name: axis.value(axis.coordinate(means[:, i]) + moved[:, i])
+            for i, axis in enumerate(self.ruler.axes)
+        }
+
+    def predict_new(self, *, seed: int = 0) -> dict[str, Normal]:
+        """A prior for each parameter of a vehicle that the fleet has not seen.
+
+        Its mean is the median over `new_vehicle`, its standard deviation half the width of the
+        central 68 %: moments would follow the far tail of the standard deviation between few
+        vehicles.
+
+        Example:
+            >>> prior = pooled.predict_new()
+            >>> model = dft.Thruster().replace({n: {"prior": p} for n, p in prior.items()})
+            >>> fit = dft.fit(model, first_minute)
+        """
+        out = {}
+        for name, values in self.new_vehicle(seed=seed).items():
+            low, median, high = _quantiles(values, ONE_SD)
+            out[name] = Normal(mean=median, std=0.5 * (high - low))
+        return out
+
+    def plot(self) -> Figure:
+        """Each vehicle by itself and pooled, with intervals."""
+        from diffthrust.many._fleet.figures import pooled_figure
+
+        return pooled_figure(self)
+
+    def report(self) -> str:
+        """The fleet's law, the vehicles and the state of the chains as text for people."""
+        from diffthrust.many._fleet.tables import pooled_report
+
+        return pooled_report(self)
+
+
+def _quantiles(values: np.ndarray, level: float) -> tuple[float, float, float]:
+    low, median, high = np.quantile(values, [0.5 - level / 2, 0.5, 0.5 + level / 2])
+    return float(low), float(median), float(high)

@@ -1,0 +1,182 @@
+"""Spread between vehicles, drift within them, effects and outliers: as tables."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from diffthrust.many._fleet.statistics import between, dispersed, holm, weighted_mean
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from diffthrust.many._fleet.fleet import Fleet
+
+MAD = 1.4826
+"""Standard deviations in a median absolute deviation of a Gaussian."""
+
+
+class Known(NamedTuple):
+    """What is known of a parameter of each vehicle, in its coordinate."""
+
+    vehicles: tuple[str, ...]
+    values: np.ndarray
+    errors: np.ndarray
+
+
+def known(fleet: Fleet, parameter: str) -> Known:
+    """Each vehicle's mean over its fits; where they scatter beyond their errors, its own grows."""
+    found = []
+    for vehicle in fleet.vehicles:
+        _, values, errors = fleet.series(vehicle, parameter)
+        if values.size:
+            mean = weighted_mean(values, errors)
+            found.append((vehicle, mean.value, mean.error * dispersed(mean)))
+    names, values, errors = zip(*found, strict=True) if found else ((), (), ())
+    return Known(tuple(names), np.array(values, float), np.array(errors, float))
+
+
+def spread_table(fleet: Fleet) -> pd.DataFrame:
+    """See `Fleet.spread`."""
+    import pandas as pd
+    from scipy.stats import chi2
+
+    rows = []
+    for name, axis in fleet.axes.items():
+        own = known(fleet, name)
+        if len(own.vehicles) < 2:
+            continue
+        mean = weighted_mean(own.values, own.errors)
+        values = axis.value(own.values)
+        median = float(np.median(values))
+        slope = float(axis.slope(np.asarray(median)))
+        rows.append(
+            {
+                "parameter": name,
+                "unit": axis.unit,
+                "vehicles": len(own.vehicles),
+                "median": median,
+                "robust_sd": MAD * float(np.median(np.abs(values - median))),
+                "between_sd": between(own.values, own.errors) * slope,
+                "share": max(0.0, 1.0 - mean.dof / mean.q) if mean.q > 0 else 0.0,
+                "q": mean.q,
+                "dof": mean.dof,
+                "p_value": float(chi2.sf(mean.q, mean.dof)),
+            }
+        )
+    columns = ["parameter", "unit", "vehicles", "median", "robust_sd", "between_sd", "share"]
+    return pd.DataFrame(rows, columns=[*columns, "q", "dof", "p_value"])
+
+
+class Trend(NamedTuple):
+    """A weighted straight line: value at the mean time, slope, its error, and the p-value."""
+
+    middle: float
+    level: float
+    slope: float
+    error: float
+    dispersion: float
+    p_value: float
+
+
+def trend(times: np.ndarray, values: np.ndarray, errors: np.ndarray) -> Trend | None:
+    """A straight line through estimates, weighted by their errors; ``None`` of less than two times.
+
+    Where they scatter about the line by more than their errors, the slope's error grows by as much,
+    and Student's law takes the place of the Gaussian one.
+    """
+    from scipy.stats import norm
+    from scipy.stats import t as student
+
+    if values.size < 2 or np.ptp(times) == 0:
+        return None
+    weight = 1.0 / errors**2
+    middle = float(np.sum(weight * times) / np.sum(weight))
+    level = float(np.sum(weight * values) / np.sum(weight))
+    length = float(np.sum(weight * (times - middle) ** 2))
+    slope = float(np.sum(weight * (times - middle) * values) / length)
+    rest = values - level - slope * (times - middle)
+    dof = values.size - 2
+    ratio = float(np.sum(weight * rest**2)) / dof if dof else 0.0
+    dispersion = float(np.sqrt(max(1.0, ratio)))
+    error = dispersion / np.sqrt(length)
+    law: Any = student(dof) if dispersion > 1.0 else norm
+    return Trend(middle, level, slope, error, dispersion, 2.0 * float(law.sf(abs(slope) / error)))
+
+
+def drift_table(fleet: Fleet, false_alarms: float) -> pd.DataFrame:
+    """See `Fleet.drift`."""
+    import pandas as pd
+
+    rows = []
+    for vehicle in fleet.vehicles:
+        for name, axis in fleet.axes.items():
+            line = trend(*fleet.series(vehicle, name))
+            if line is None:
+                continue
+            per = float(axis.slope(axis.value(line.level)))
+            rows.append(
+                {
+                    "vehicle": vehicle,
+                    "parameter": name,
+                    "unit": f"{axis.unit or '1'} per {fleet.time_unit}",
+                    "fits": int(fleet.series(vehicle, name)[1].size),
+                    "slope": line.slope * per,
+                    "slope_std_error": line.error * per,
+                    "relative": line.slope * per / abs(float(axis.value(line.level))),
+                    "dispersion": line.dispersion,
+                    "p_value": line.p_value,
+                }
+            )
+    columns = ["vehicle", "parameter", "unit", "fits", "slope", "slope_std_error", "relative"]
+    table = pd.DataFrame(rows, columns=[*columns, "dispersion", "p_value"])
+    table["drifts"] = holm(table["p_value"].to_numpy(float), false_alarms)
+    return table
+
+
+def effects_table(fleet: Fleet) -> pd.DataFrame:
+    """See `Fleet.effects`."""
+    import pandas as pd
+
+    names = list(dict.fromkeys(e for entry in fleet.entries for e in entry.effects))
+    rows = {}
+    for vehicle in fleet.vehicles:
+        own = [entry for entry in fleet.entries if entry.vehicle == vehicle]
+        found = {e: sum(e in entry.effects for entry in own) / len(own) for e in names}
+        rows[vehicle] = {"fits": len(own), **found}
+    table = pd.DataFrame.from_dict(rows, orient="index", columns=["fits", *names])
+    return table.rename_axis("vehicle")
+
+
+def outlier_table(fleet: Fleet, false_alarms: float) -> pd.DataFrame:
+    """See `Fleet.outliers`."""
+    import pandas as pd
+    from scipy.stats import t as student
+
+    rows = []
+    for name, axis in fleet.axes.items():
+        own = known(fleet, name)
+        for i, vehicle in enumerate(own.vehicles):
+            if len(own.vehicles) < 4:
+                break
+            values, errors = np.delete(own.values, i), np.delete(own.errors, i)
+            sd = between(values, errors)
+            rest = weighted_mean(values, np.hypot(errors, sd))
+            away = float(np.sqrt(own.errors[i] ** 2 + sd**2 + rest.error**2))
+            distance = (own.values[i] - rest.value) / away
+            rows.append(
+                {
+                    "vehicle": vehicle,
+                    "parameter": name,
+                    "unit": axis.unit,
+                    "value": float(axis.value(own.values[i])),
+                    "others": float(axis.value(rest.value)),
+                    "distance": float(distance),
+                    "p_value": 2.0 * float(student.sf(abs(distance), rest.dof)),
+                }
+            )
+    columns = ["vehicle", "parameter", "unit", "value", "others", "distance", "p_value"]
+    table = pd.DataFrame(rows, columns=columns)
+    table["outlier"] = holm(table["p_value"].to_numpy(float), false_alarms)
+    return table.sort_values("p_value", ignore_index=True)

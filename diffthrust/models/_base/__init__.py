@@ -1,0 +1,1 @@
+"""What models and effects are made of: parameters, signals, ports."""

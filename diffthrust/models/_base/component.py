@@ -1,0 +1,160 @@
+"""What models and effects have in common: named parameters, immutability, equality of structure."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, ClassVar, Self, TypeVar
+
+import jax
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing, nearest
+from diffthrust.models._base.parameter import Parameter
+
+
+class Component:
+    """An immutable thing with named parameters; the base of `Model` and `Effect`.
+
+    Parameters are declared in the class body with `parameter` and read as plain numbers
+    (``self.alpha``). Every component is a JAX pytree whose leaves are its parameter values, so it
+    can be passed through ``jit``, ``vmap`` and ``grad``.
+    """
+
+    name: ClassVar[str] = ""
+    library: ClassVar[dict[str, Any]]
+    """The classes of this kind that are known by name; see `registered`."""
+    declared: ClassVar[dict[str, Parameter]] = {}
+    options: ClassVar[tuple[str, ...]] = ()
+    """Names of attributes that choose the form of the equations (set in ``__init__``)."""
+
+    _parameters: dict[str, Parameter]
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        own = {k: v for k, v in vars(cls).items() if isinstance(v, Parameter)}
+        cls.declared = {**cls.declared, **own}
+        jax.tree_util.register_pytree_node(cls, _flatten, cls._unflatten)
+
+    def __init__(self, **given: float | Parameter) -> None:
+        self._set(_parameters={})
+        parameters = dict(self.declared)
+        for name, value in given.items():
+            if name not in parameters:
+                raise InputError(
+                    f"{type(self).__name__} has no parameter '{name}'"
+                    f"{_hint(name, parameters)}; it has {listing(parameters)}.",
+                    "Correct the name.",
+                )
+            parameters[name] = changed(parameters[name], value)
+        for name, described in parameters.items():
+            described.check(name)
+        self._set(_parameters=parameters, **{k: p.value for k, p in parameters.items()})
+
+    def _set(self, **attributes: Any) -> None:
+        for name, value in attributes.items():
+            object.__setattr__(self, name, value)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise AttributeError(
+            f"{type(self).__name__} cannot be changed; make another one: "
+            f"model.replace({name}=...) or {type(self).__name__}({name}=...)."
+        )
+
+    def _copy(self, **attributes: Any) -> Self:
+        other = copy.copy(self)
+        other._set(**attributes)
+        return other
+
+    def _bound(self, values: Mapping[str, Any]) -> Self:
+        """A copy whose parameters read as these (possibly traced) values."""
+        return self._copy(**values)
+
+    @property
+    def structure(self) -> tuple[Any, ...]:
+        """What fixes the compiled code: the class and its options, not its numbers."""
+        return (type(self), *(getattr(self, name) for name in self.options))
+
+    @classmethod
+    def _unflatten(cls, description: _Described, children: Any) -> Any:
+        values, effects = children
+        thing = description.thing._bound(dict(zip(description.names, values, strict=True)))
+        if effects:
+            thing._set(effects=effects)
+        return thing
+
+
+C = TypeVar("C", bound=type[Component])
+
+
+def registered(cls: C) -> C:
+    """Make a model or an effect of the library known by its name to spec files and diagnoses.
+
+    Example:
+        >>> @registered
+        ... class Cavitation(Effect): ...
+    """
+    cls.library[cls.name] = cls
+    return cls
+
+
+class _Described:
+    """A component as static data of a pytree: equal where all but the numbers is equal."""
+
+    def __init__(self, thing: Component) -> None:
+        self.thing = thing
+        self.names = tuple(thing._parameters)
+        described = [replace(p, value=0.0) for p in thing._parameters.values()]
+        self.key = (thing.structure, self.names, tuple(described))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Described) and self.key == other.key
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+
+def _flatten(component: Component) -> tuple[tuple[Any, ...], _Described]:
+    values = tuple(getattr(component, name) for name in component._parameters)
+    return (values, getattr(component, "effects", ())), _Described(component)
+
+
+def changed(old: Parameter, new: float | Parameter | Mapping[str, Any]) -> Parameter:
+    """A parameter with a new value, a new description, or some fields replaced."""
+    if isinstance(new, Parameter):
+        if new.unit not in ("", old.unit):
+            raise InputError(
+                f"Expected a parameter in {old.unit or 'no unit'}, found one in {new.unit}: "
+                "the unit of a parameter belongs to its model.",
+                "Convert the value and leave the unit out.",
+            )
+        null = old.null if new.null is None else new.null
+        return replace(new, unit=old.unit, doc=new.doc or old.doc, null=null)
+    if isinstance(new, Mapping):
+        if "unit" in new:
+            raise InputError(
+                f"A parameter was given the unit {new['unit']!r}: "
+                "the unit of a parameter belongs to its model.",
+                f"Convert the value to {old.unit or 'no unit'} and leave the unit out.",
+            )
+        unknown = set(new) - {"value", "bounds", "fixed", "prior", "transform", "size"}
+        if unknown:
+            raise InputError(
+                f"A parameter has no field {listing(sorted(unknown))}.",
+                "Fields are value, bounds, fixed, prior, transform and size.",
+            )
+        return replace(old, **new)
+    try:
+        if isinstance(new, bool | str):
+            raise TypeError
+        return old.with_value(float(new))
+    except (TypeError, ValueError):
+        raise InputError(
+            f"Expected a number for a parameter, found {new!r}.", "Give a number."
+        ) from None
+
+
+def _hint(name: str, options: Any) -> str:
+    near = nearest(name, options)
+    return f" ({near})" if near else ""

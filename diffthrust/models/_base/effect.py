@@ -1,0 +1,98 @@
+"""Effects: small physical terms that plug into a port of a model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from diffthrust._support.errors import InputError
+from diffthrust.models._base.component import Component
+from diffthrust.models._base.signals import Signals
+
+
+class Effect(Component):
+    """A physical term with parameters, a null value and a port.
+
+    A subclass sets ``name`` (canonical, as in spec files), ``port`` (a port of the model, or the
+    name of an input or output channel to act on the whole recorded series), ``needs`` (channels
+    that the log must have as inputs), declares its parameters with their ``null`` values, and
+    implements ``__call__``. An effect with states of its own names them in ``states`` (name to
+    unit) and implements ``rates``; its states are then read from the signals by their names.
+    An effect on a channel that reads other samples than the present one (a delay, a rate limit)
+    sets ``memory``. An effect that acts at several places lists them in ``ports`` and implements
+    `at` instead of ``__call__``.
+
+    Example:
+        >>> class ViscousFriction(Effect):
+        ...     '''Friction of the seals, proportional to speed.'''
+        ...     name = "viscous_friction"
+        ...     port = "shaft"
+        ...     rate: float = parameter(0.1, unit="1/s", bounds=(0, None), null=0.0)
+        ...     def __call__(self, value, s):
+        ...         return value - self.rate * s.speed
+        >>> model = dft.Thruster() + ViscousFriction()
+    """
+
+    library: ClassVar[dict[str, type[Effect]]] = {}
+    port: ClassVar[str] = ""
+    needs: ClassVar[tuple[str, ...]] = ()
+    states: ClassVar[Mapping[str, str]] = {}
+    memory: ClassVar[bool] = False
+    ports: ClassVar[tuple[str, ...]] = ()
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        if "ports" in vars(cls):
+            cls.port = cls.ports[0]
+        elif cls.port:
+            cls.ports = (cls.port,)
+        if cls.name and not cls.name.isidentifier():
+            raise InputError(
+                f"Effect {cls.__name__}: the name {cls.name!r} is not made of letters, digits and "
+                "underscores.",
+                "Write it like the names of Python: my_effect.",
+            )
+        missing = [field for field in ("name", "port") if not getattr(cls, field)]
+        if missing:
+            raise InputError(
+                f"Effect {cls.__name__}: expected {' and '.join(missing)} in the class body.",
+                f'Write {missing[0]} = "..." in the class.',
+            )
+
+    def __call__(self, value: Any, s: Signals) -> Any:
+        """The value that leaves the port when `value` arrives at it."""
+        raise InputError(
+            f"Effect '{self.name}' has no __call__.", "Define def __call__(self, value, s): ..."
+        )
+
+    def at(self, port: str, value: Any, s: Signals) -> Any:
+        """The value that leaves one of ``ports``: that of ``__call__`` where there is one."""
+        return self(value, s)
+
+    def rates(self, value: Any, s: Signals) -> Mapping[str, Any]:
+        """Time derivatives of the effect's own states (a number or `Relaxing` for each)."""
+        raise InputError(
+            f"Effect '{self.name}' has states but no rates.",
+            "Define def rates(self, value, s): return {state: derivative}.",
+        )
+
+    def initial(self, value: Any, s: Signals) -> Mapping[str, Any]:
+        """States at the start of a log, from the value that arrives there; zero by default."""
+        return {}
+
+    def at_null(self) -> Effect:
+        """The same effect with every parameter that has a null value set to it."""
+        nulls = {k: p.null for k, p in self._parameters.items() if p.null is not None}
+        described = {k: self._parameters[k].with_value(v) for k, v in nulls.items()}
+        return self._copy(_parameters={**self._parameters, **described}, **nulls)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({_listed(self)})"
+
+
+def _listed(component: Component) -> str:
+    return ", ".join(f"{k}={getattr(component, k):.4g}" for k in component._parameters)
+
+
+EFFECTS = Effect.library
+"""The library's effects, by name."""

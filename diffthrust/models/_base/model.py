@@ -1,0 +1,229 @@
+"""Models: states, inputs, outputs, parameters and ports of a system."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, Self
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing, nearest
+from diffthrust.models._base.component import Component, changed
+from diffthrust.models._base.effect import Effect
+from diffthrust.models._base.parameter import Parameter
+from diffthrust.models._base.registry import effect_named
+from diffthrust.models._base.signals import Ports, Signals
+
+
+class Model(Component):
+    """A short piece of physics with named ports.
+
+    A subclass names its ``inputs``, ``optional_inputs``, ``states``, ``outputs`` (each a mapping
+    from name to unit) and ``ports`` (name to one line of description), declares its parameters,
+    and implements `equations`. A state that has the name of an output is measured by that output.
+    An input that has the name of a state replaces it: the state is then prescribed by the log.
+    Outputs named in ``angles`` are compared modulo a full turn.
+
+    ``time_scales`` gives the fastest and the slowest time constant [s] that a log must be able to
+    show; logs that cannot (milliseconds declared as seconds, or the reverse) are refused.
+    ``horizon`` is the length [s] of the segments from which long runs are fitted by default, or
+    ``None``.
+
+    Effects are added with ``+`` and removed with ``- "name"``.
+
+    Example:
+        >>> model = dft.Thruster(alpha=0.04) + dft.effects.CommandDeadband()
+        >>> model = model - "command_deadband"
+    """
+
+    library: ClassVar[dict[str, type[Model]]] = {}
+    inputs: ClassVar[Mapping[str, str]] = {}
+    optional_inputs: ClassVar[Mapping[str, str]] = {}
+    states: ClassVar[Mapping[str, str]] = {}
+    outputs: ClassVar[Mapping[str, str]] = {}
+    ports: ClassVar[Mapping[str, str]] = {}
+    angles: ClassVar[tuple[str, ...]] = ()
+    time_scales: ClassVar[tuple[float, float]] = (0.0, float("inf"))
+    horizon: ClassVar[float | None] = None
+
+    effects: tuple[Effect, ...] = ()
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        channels = {*cls.inputs, *cls.optional_inputs, *cls.outputs}
+        twice = [name for name in cls.ports if name in channels]
+        if twice:  # an effect there would act on the series and again in the equations
+            raise InputError(
+                f"Model {cls.__name__}: the port {listing(twice)} has the name of an input or "
+                "output; effects of that name act on the recorded channel.",
+                "Give the port another name.",
+            )
+
+    def equations(self, s: Signals, port: Ports) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+        """The physics, written once: ``(rates, outputs)`` from the signals.
+
+        It is evaluated with numbers inside the integration and with whole arrays for the outputs,
+        so it may use only elementwise operations (``jnp.where`` rather than ``if``).
+        """
+        raise InputError(
+            f"Model '{self.name}' has no equations.",
+            "Define def equations(self, s, port): return {state: rate}, {output: value}.",
+        )
+
+    def initial(self, s: Signals) -> Mapping[str, Any]:
+        """Initial states where neither a measurement nor the user gives them; zero by default."""
+        return {}
+
+    # -- parameters by their full names ------------------------------------------------------------
+
+    @property
+    def parameters(self) -> dict[str, Parameter]:
+        """All parameters by full name: ``alpha``, and ``effect.parameter`` for the effects."""
+        named = {k: p.with_value(getattr(self, k)) for k, p in self._parameters.items()}
+        for effect in self.effects:
+            for k, p in effect._parameters.items():
+                named[f"{effect.name}.{k}"] = p.with_value(getattr(effect, k))
+        return named
+
+    def replace(
+        self,
+        parameters: Mapping[str, float | Parameter | Mapping[str, Any]] | None = None,
+        /,
+        **more: float | Parameter | Mapping[str, Any],
+    ) -> Self:
+        """The model with some parameters changed: by a value, a `Parameter`, or some fields.
+
+        Args:
+            parameters: full name to new value; needed for names such as
+                ``"actuator_lag.time_constant"``.
+            **more: the same for names without a dot.
+
+        Raises:
+            InputError: a name that the model does not have (the nearest is named), or a value
+                outside its bounds.
+
+        Example:
+            >>> dft.Thruster().replace(alpha={"value": 0.03, "fixed": True}, ct=0.02)
+        """
+        named = self.parameters
+        for name, new in {**(parameters or {}), **more}.items():
+            if name not in named:
+                near = nearest(name, named)
+                raise InputError(
+                    f"{self} has no parameter '{name}'{f' ({near})' if near else ''}; "
+                    f"it has {listing(named)}.",
+                    "Correct the name.",
+                )
+            named[name] = changed(named[name], new)
+            named[name].check(name)
+        own = {k: named[k] for k in self._parameters}
+        effects = []
+        for effect in self.effects:
+            theirs = {k: named[f"{effect.name}.{k}"] for k in effect._parameters}
+            effects.append(
+                effect._copy(_parameters=theirs, **{k: p.value for k, p in theirs.items()})
+            )
+        return self._copy(
+            _parameters=own, effects=tuple(effects), **{k: p.value for k, p in own.items()}
+        )
+
+    def fix(self, *names: str) -> Self:
+        """The model with these parameters held at their values."""
+        return self.replace({name: {"fixed": True} for name in names})
+
+    def free(self, *names: str) -> Self:
+        """The model with these parameters to be estimated."""
+        return self.replace({name: {"fixed": False} for name in names})
+
+    def bind(self, values: Mapping[str, Any]) -> Self:
+        """The model reading (possibly traced) values by full name; unnamed ones stay."""
+        own = {k: values[k] for k in self._parameters if k in values}
+        effects = tuple(
+            effect._bound(
+                {
+                    k: values[f"{effect.name}.{k}"]
+                    for k in effect._parameters
+                    if f"{effect.name}.{k}" in values
+                }
+            )
+            for effect in self.effects
+        )
+        return self._copy(effects=effects, **own)
+
+    def _bound(self, values: Mapping[str, Any]) -> Self:
+        return self._copy(**values)
+
+    # -- effects -----------------------------------------------------------------------------------
+
+    def __add__(self, other: Effect | str | Sequence[Effect | str]) -> Self:
+        if isinstance(other, str):
+            other = effect_named(other)
+        if isinstance(other, list | tuple):
+            model = self
+            for effect in other:
+                model = model + effect
+            return model
+        if isinstance(other, type) and issubclass(other, Effect):
+            raise InputError(
+                f"{self}: expected an effect, found the class {other.__name__}.",
+                f"Write model + {other.__name__}().",
+            )
+        if not isinstance(other, Effect):
+            return NotImplemented
+        if any(effect.name == other.name for effect in self.effects):
+            raise InputError(
+                f"{self} already has the effect '{other.name}'.",
+                f'Take it out first: model - "{other.name}".',
+            )
+        places = [*self.ports, *self.inputs, *self.optional_inputs, *self.outputs]
+        for port in other.ports:
+            if port not in places:
+                raise InputError(
+                    f"Effect '{other.name}' acts at the port '{port}', which the model "
+                    f"'{self.name}' does not have; it has {listing(places)}.",
+                    "Use an effect made for one of these ports.",
+                )
+            if other.states and port not in self.ports:
+                raise InputError(
+                    f"Effect '{other.name}' has states of its own and acts on the channel "
+                    f"'{port}'; states are integrated at ports inside the model only: "
+                    f"{listing(self.ports)}.",
+                    "Let it act at one of these ports.",
+                )
+        return self._copy(effects=(*self.effects, other))
+
+    def __sub__(self, name: str) -> Self:
+        kept = tuple(effect for effect in self.effects if effect.name != name)
+        if len(kept) == len(self.effects):
+            raise InputError(
+                f"{self} has no effect '{name}'; "
+                f"it has {listing([e.name for e in self.effects]) or 'none'}.",
+                "Correct the name.",
+            )
+        return self._copy(effects=kept)
+
+    @property
+    def structure(self) -> tuple[Any, ...]:
+        """What fixes the compiled code: classes and options of the model and its effects."""
+        return (*super().structure, *(effect.structure for effect in self.effects))
+
+    @property
+    def all_states(self) -> dict[str, str]:
+        """The model's states and those of its effects (``effect.state``), with their units."""
+        own = {
+            f"{effect.name}.{name}": unit
+            for effect in self.effects
+            for name, unit in effect.states.items()
+        }
+        return {**self.states, **own}
+
+    def __repr__(self) -> str:
+        listed = ", ".join(f"{k}={getattr(self, k):.4g}" for k in self._parameters)
+        parts = [f"{type(self).__name__}({listed})", *(repr(effect) for effect in self.effects)]
+        return " + ".join(parts)
+
+    def __str__(self) -> str:
+        return " + ".join([self.name, *(effect.name for effect in self.effects)])
+
+
+MODELS = Model.library
+"""The library's models, by name."""

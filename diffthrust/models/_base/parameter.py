@@ -1,0 +1,230 @@
+"""Parameters: a value with its unit, bounds, prior, and the way the optimiser sees it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from numbers import Real
+from typing import Any, Literal, TypeGuard
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from diffthrust._support.errors import InputError
+
+
+@dataclass(frozen=True)
+class Normal:
+    """A Gaussian prior on a parameter, in the parameter's own unit.
+
+    Example:
+        >>> dft.Thruster().replace(ct={"prior": dft.Normal(mean=0.02, std=0.002)})
+    """
+
+    mean: float
+    std: float
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.mean) and self.std > 0 and math.isfinite(self.std)):
+            raise InputError(
+                f"A Normal prior needs a finite mean and a positive std, found {self}.",
+                "Give std > 0, in the parameter's unit.",
+            )
+
+
+@dataclass(frozen=True)
+class Relative:
+    """Trial values as multiples of a signal's level in the logs; made by `relative_to`."""
+
+    signal: str
+    factors: tuple[float, ...]
+    power: float = 1.0
+
+
+def relative_to(signal: str, *factors: float, power: float = 1.0) -> Relative:
+    """Trial values of an effect's parameter that follow the size of a signal in the logs.
+
+    A diagnosis tries the parameter at each factor times ``level ** power``, where the level is the
+    90th percentile of the signal's absolute value over the logs.
+
+    Args:
+        signal: an input, state or output of the model, the value at one of its ports, or
+            "duration" (the length of the longest log [s]).
+        *factors: multiples of the level; give both signs where both are possible.
+        power: exponent of the level; -1 for a parameter that multiplies the signal.
+
+    Example:
+        >>> level: float = parameter(
+        ...     1.0, "rad/s^2", null=0.0, probes=relative_to("drive", 0.02, 0.1)
+        ... )
+    """
+    return Relative(signal, factors, power)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of a model or an effect, and all that the library needs to know of it.
+
+    Args:
+        value: the present value; where a fit starts.
+        unit: the unit of the value, in the notation of pint; "" for a pure number.
+        bounds: lower and upper limit, ``None`` where there is none; both ends belong to the range.
+        fixed: a fixed parameter is not estimated.
+        prior: a `Normal`, or ``None``; where given, the fit counts it as one more measurement.
+        transform: "log" for quantities that are positive by nature and uncertain by factors
+            (the optimiser moves their logarithm), "linear" for all others.
+        size: a typical magnitude, used to draw starts of a "linear" parameter without bounds.
+        null: the value at which an effect does nothing; ``None`` for a model's parameter.
+        probes: trial values of an effect's parameter, numbers or `relative_to` a signal, from
+            which a diagnosis starts.
+        doc: one line for people.
+
+    Raises:
+        InputError: by `check`, when a model is made of it: a value outside its bounds, bounds in
+            the wrong order, a "log" parameter that is not positive, a field of the wrong kind.
+
+    Example:
+        >>> Parameter(0.037, unit="1/rad", bounds=(0, None), transform="log").with_value(0.04).value
+        0.04
+    """
+
+    value: float
+    unit: str = ""
+    bounds: tuple[float | None, float | None] = (None, None)
+    fixed: bool = False
+    prior: Normal | None = None
+    transform: Literal["linear", "log"] = "linear"
+    size: float | None = None
+    null: float | None = None
+    doc: str = ""
+    probes: Relative | tuple[float, ...] = ()
+
+    def check(self, name: str) -> None:
+        """Raise `InputError` where the description contradicts itself."""
+        ends = self.bounds if isinstance(self.bounds, tuple | list) else ()
+        known = isinstance(self.prior, Normal) or self.prior is None
+        size = self.size is None or (_number(self.size) and 0 < self.size < math.inf)
+        for field, right, expected in (
+            ("value", _number(self.value), f"a number in {self.unit or 'no unit'}"),
+            ("bounds", len(ends) == 2 and all(b is None or _number(b) for b in ends),
+             "a pair of numbers, None where there is no bound"),
+            ("fixed", isinstance(self.fixed, bool), "true or false"),
+            ("prior", known, "a Normal or None"),
+            ("transform", self.transform in ("linear", "log"), "'linear' or 'log'"),
+            ("size", size, "a positive finite number or None"),
+        ):  # fmt: skip
+            if not right:
+                raise InputError(
+                    f"Parameter '{name}', {field}: expected {expected}, "
+                    f"found {getattr(self, field)!r}.",
+                    f"Correct the {field}.",
+                )
+        low, high = self.limits
+        if not low < high:
+            raise InputError(
+                f"Parameter '{name}': the lower bound {low:g} is not below the upper one {high:g}.",
+                "Swap the bounds; to hold a parameter at a value, give fixed = true.",
+            )
+        infinite = not math.isfinite(self.value) and self.value != self.null
+        if infinite or not low <= self.value <= high:
+            raise InputError(
+                f"Parameter '{name}': expected a value within {self.range_text()}, "
+                f"found {self.value:g}.",
+                "Change the value or widen the bounds.",
+            )
+        if self.transform == "log" and self.value <= 0:
+            raise InputError(
+                f"Parameter '{name}': expected a positive value, found {self.value:g}.",
+                "Start from a small positive value, or give the parameter a linear transform.",
+            )
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """The bounds as numbers, infinite where there is none."""
+        low, high = self.bounds
+        return (-math.inf if low is None else float(low), math.inf if high is None else float(high))
+
+    @property
+    def scale(self) -> float:
+        """The unit length of a linear coordinate: what counts as a moderate change."""
+        if self.size is not None:
+            return self.size
+        low, high = self.limits
+        if math.isfinite(low) and math.isfinite(high):
+            return 0.5 * (high - low)
+        return abs(self.value) or 1.0
+
+    def with_value(self, value: float) -> Parameter:
+        """The same parameter at another value."""
+        return self if value is self.value else replace(self, value=float(value))
+
+    def to_coordinate(self, value: Any) -> Any:
+        """The optimiser's coordinate of a value: its logarithm, or the value over the scale."""
+        return _of(value).log(value) if self.transform == "log" else value / self.scale
+
+    def from_coordinate(self, coordinate: Any) -> Any:
+        """The value at a coordinate."""
+        if self.transform == "log":
+            return _of(coordinate).exp(coordinate)
+        return coordinate * self.scale
+
+    def coordinate_limits(self) -> tuple[float, float]:
+        """The bounds in the optimiser's coordinate.
+
+        A logarithm has no zero: where a "log" parameter may fall to zero, the optimiser is
+        stopped fifteen decades below the start, and `at_bound` says so.
+        """
+        low, high = self.limits
+        if self.transform == "linear":
+            return low / self.scale, high / self.scale
+        return (
+            math.log(low) if low > 0 else math.log(self.value) - 35.0,
+            math.log(high) if math.isfinite(high) else math.log(self.value) + 35.0,
+        )
+
+    def range_text(self) -> str:
+        """The bounds for people, such as ``[0, inf) 1/rad``."""
+        low, high = self.limits
+        left = "(-inf" if low == -math.inf else f"[{low:g}"
+        right = "inf)" if high == math.inf else f"{high:g}]"
+        return f"{left}, {right} {self.unit}".rstrip()
+
+
+def _of(number: Any) -> Any:
+    """The library whose functions suit: JAX takes a hundred times as long for a plain number."""
+    return jnp if isinstance(number, jax.Array) else np
+
+
+def _number(value: Any) -> TypeGuard[float]:
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def parameter(
+    value: float,
+    unit: str = "",
+    *,
+    bounds: tuple[float | None, float | None] = (None, None),
+    fixed: bool = False,
+    prior: Normal | None = None,
+    transform: Literal["linear", "log"] | None = None,
+    size: float | None = None,
+    null: float | None = None,
+    doc: str = "",
+    probes: Relative | tuple[float, ...] = (),
+) -> Any:
+    """Declare a parameter in the body of a `Model` or an `Effect`.
+
+    The arguments are those of `Parameter`. Without a ``transform``, a parameter that is positive
+    by its bounds and has no null value is moved by its logarithm.
+
+    Example:
+        >>> class Damped(Model):
+        ...     damping: float = parameter(1.0, unit="1/s", bounds=(0.0, None))
+    """
+    if transform is None:
+        low = bounds[0] if isinstance(bounds, tuple | list) and bounds else None
+        positive = _number(low) and _number(value) and low >= 0 and value > 0
+        transform = "log" if positive and null is None else "linear"
+    value = float(value) if _number(value) else value  # `Parameter.check` refuses what is none
+    return Parameter(value, unit, bounds, fixed, prior, transform, size, null, doc, probes)

@@ -1,0 +1,60 @@
+"""The catalogue of effects: those of the library, and those of installed packages."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from importlib import import_module
+from importlib.metadata import entry_points
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing, nearest
+from diffthrust.models._base.effect import EFFECTS, Effect
+
+GROUP = "diffthrust.effects"
+"""Packages offer effects of their own by entry points of this group, each naming a class.
+
+It is also the name of the folder whose import registers the library's own."""
+
+
+@lru_cache(maxsize=1)
+def catalogue() -> Mapping[str, type[Effect]]:
+    """All known effects by name: the library's in the order of its files, then those of packages.
+
+    Raises:
+        InputError: an entry point that is not an effect, or one with a name that is taken.
+    """
+    import_module(GROUP)
+    known = dict(sorted(EFFECTS.items(), key=lambda e: (e[1].__module__, e[1].__qualname__)))
+    for point in entry_points(group=GROUP):
+        cls = point.load()
+        if not (isinstance(cls, type) and issubclass(cls, Effect)):
+            raise InputError(
+                f"The entry point '{point.name}' of {GROUP} gives {cls!r}, which is no effect.",
+                "Let it name a class derived from diffthrust.Effect.",
+            )
+        if cls.name in known:
+            raise InputError(
+                f"The entry point '{point.name}' of {GROUP} gives an effect '{cls.name}', a name "
+                "that is taken.",
+                "Rename the effect, or remove the package.",
+            )
+        known[cls.name] = cls
+    return known
+
+
+def effect_named(name: str) -> Effect:
+    """The effect of a canonical name, as its class declares it.
+
+    Raises:
+        InputError: there is none of that name.
+    """
+    known = catalogue()
+    if name not in known:
+        near = nearest(name, known)
+        raise InputError(
+            f"the effect {name!r} is not known{'; ' + near if near else ''}; "
+            f"there are {listing(known)}.",
+            "Correct the name; an effect of your own is added as an object: model + MyEffect().",
+        )
+    return known[name]()

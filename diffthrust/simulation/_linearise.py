@@ -1,0 +1,55 @@
+"""Derivatives of a model's rates and outputs by its states, ports and inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from diffthrust.logs._log import Log
+from diffthrust.models._base.model import Model
+from diffthrust.models._base.signals import Ports, Signals
+from diffthrust.simulation._inputs import inputs_of
+from diffthrust.simulation._simulate import equations_of
+
+
+class Reading(Ports):
+    """Ports that note what passes, and may add something to it."""
+
+    def __init__(
+        self, effects: Any, signals: Signals, push: Mapping[str, Any] | None = None
+    ) -> None:
+        super().__init__(effects, signals)
+        self.push = push or {}
+        self.seen: dict[str, Any] = {}
+
+    def __call__(self, port: str, value: Any) -> Any:
+        value = super().__call__(port, value)
+        self.seen[port] = value
+        return value + self.push[port] if port in self.push else value
+
+
+def slopes_at(model: Model, log: Log) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Derivatives of rates and outputs by states, ports and inputs, at one point of a log.
+
+    Returns:
+        ``{rate: (by_state, by_port, by_input)}`` and the same of the outputs.
+    """
+    rng = np.random.default_rng(0)
+    inputs = {n: jnp.asarray(np.nanmean(np.abs(v)) + 0.1) for n, v in inputs_of(model, log).items()}
+    at = {n: jnp.asarray(rng.uniform(0.3, 0.7)) for n in model.all_states if n not in inputs}
+
+    def both(x: dict[str, Any], push: dict[str, Any], given: dict[str, Any]) -> Any:
+        s = Signals({**given, "time": jnp.zeros(()), **x})
+        rates, outputs = equations_of(model, s, Reading(model.effects, s, push))
+        return tuple(
+            {n: jnp.asarray(v, float) for n, v in part.items() if n in known}
+            for part, known in ((rates, model.states), (outputs, model.outputs))
+        )
+
+    still = {n: jnp.zeros(()) for n in model.ports}
+    rates, outputs = jax.jacfwd(both, argnums=(0, 1, 2))(at, still, inputs)
+    return rates, outputs

@@ -1,0 +1,129 @@
+"""A model simulated over whole logs, beside what was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing
+from diffthrust.logs._log import Log
+from diffthrust.models._base.model import Model
+from diffthrust.simulation._errors import Errors, errors, unwrapped
+from diffthrust.simulation._inputs import inputs_of
+from diffthrust.simulation._simulate import simulate
+from diffthrust.simulation._step_size import choose_substeps
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One channel of one run: measured and modelled, ``(n,)`` each, in ``unit``."""
+
+    measured: np.ndarray
+    modelled: np.ndarray
+    residual: np.ndarray
+    unit: str
+
+
+@dataclass(frozen=True)
+class Run:
+    """One log with the simulation over the whole of it.
+
+    Args:
+        name: of the log.
+        time: time stamps [s], ``(n,)``.
+        channels: measured and modelled, by channel that the log measures.
+        errors: errors by channel.
+        log: the log.
+        signals: inputs, and modelled states and outputs, ``(n,)`` each, in the model's units.
+        units: unit of each signal.
+        start: initial states that were given.
+        substeps: integrator steps per sample.
+    """
+
+    name: str
+    time: np.ndarray
+    channels: Mapping[str, Trace]
+    errors: Errors
+    log: Log = field(repr=False)
+    signals: Mapping[str, np.ndarray] = field(repr=False)
+    units: Mapping[str, str] = field(repr=False)
+    start: Mapping[str, float]
+    substeps: int
+
+
+def runs_over(
+    model: Model,
+    logs: Sequence[Log],
+    *,
+    initial: Sequence[Mapping[str, float]] | None = None,
+    substeps: int | None = None,
+) -> tuple[Run, ...]:
+    """Each whole log simulated, beside what it measured.
+
+    Args:
+        model: the model at its present parameter values.
+        logs: the logs.
+        initial: initial states for each log; by default measured states start from their first
+            measurement.
+        substeps: integrator steps per sample; chosen for each log where ``None``.
+
+    Raises:
+        InputError: a log without a channel that the model needs, no log with one that it puts out,
+            or initial states of another number of logs.
+    """
+    starts = [{}] * len(logs) if initial is None else initial
+    if isinstance(starts, Mapping) or len(starts) != len(logs):
+        raise InputError(
+            f"initial: expected a list with initial states for each of {len(logs)} logs.",
+            "Give initial=[{'speed': 1.0}, ...].",
+        )
+    runs = tuple(_run(model, log, start, substeps) for log, start in zip(logs, starts, strict=True))
+    if not any(run.channels for run in runs):
+        raise InputError(
+            f"No log measures an output of '{model.name}', which puts out "
+            f"{listing(model.outputs)}.",
+            "Map a column to one of these channels.",
+        )
+    return runs
+
+
+def are_tables(model: Model, runs: Sequence[Run]) -> bool:
+    """Whether all runs are tables of readings, without a time of their own."""
+    counted = all(np.array_equal(run.time, np.arange(run.time.size)) for run in runs)
+    return counted and not model.states
+
+
+def _run(model: Model, log: Log, start: Mapping[str, float], substeps: int | None) -> Run:
+    if substeps is None:
+        substeps = choose_substeps(model, log, initial=start)
+    modelled = simulate(model, log, initial=start, substeps=substeps)
+    channels = {}
+    for name, unit in model.outputs.items():
+        if name not in log.measured:
+            continue
+        ours = np.abs(modelled[name]) if name in log.unsigned else modelled[name]
+        theirs = log.values(name, unit)
+        rest = theirs - ours
+        if name in model.angles:
+            rest -= 2 * np.pi * np.round(rest / (2 * np.pi))
+            theirs = unwrapped(theirs)
+            ours = theirs - rest
+        channels[name] = Trace(theirs, ours, rest, unit)
+    found = errors({n: [(t.measured, t.residual)] for n, t in channels.items()})
+    signals = {**inputs_of(model, log), **{n: v for n, v in modelled.items() if "." not in n}}
+    units = {**model.inputs, **model.optional_inputs, **model.states, **model.outputs}
+    return Run(log.name, log.time, channels, found, log, signals, units, start, substeps)
+
+
+def pooled_errors(runs: Sequence[Run]) -> Errors:
+    """Errors by channel over the samples of all runs."""
+    if len(runs) == 1:
+        return runs[0].errors
+    pairs: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
+    for run in runs:
+        for name, trace in run.channels.items():
+            pairs.setdefault(name, []).append((trace.measured, trace.residual))
+    return errors(pairs)

@@ -1,0 +1,5 @@
+"""Spec files: what to fit, to which logs, written in TOML."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

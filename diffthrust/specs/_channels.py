@@ -1,0 +1,108 @@
+"""The channels of a spec file: which drive the model, which are compared, and their columns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing, nearest
+from diffthrust.logs._read import Column
+from diffthrust.models._base.model import Model
+from diffthrust.specs._file import ChannelPart, SpecFile, place
+
+
+def roles_of(model: Model, file: SpecFile, text: str, path: Path) -> dict[str, str]:
+    """Which channels drive the model and which are compared; the model decides.
+
+    Raises:
+        InputError: a channel that the model does not have, a key that does not suit the role, or a
+            channel that is missing.
+    """
+    needs = [name for effect in model.effects for name in effect.needs]
+    inputs = {*model.inputs, *model.optional_inputs, *model.states, *needs}
+    # without what drives it, a state that may be an input is one
+    undriven = bool(model.inputs) and not set(model.inputs) & set(file.channels)
+    roles = {}
+    for name, part in file.channels.items():
+        loc = ("channels", name)
+        if name not in inputs and name not in model.outputs:
+            known = [n for n in (*model.inputs, *model.optional_inputs, *needs, *model.outputs)]
+            near = nearest(name, known)
+            raise InputError(
+                f"{place(text, path, loc)}: the model '{model}' has no channel {name!r}"
+                f"{'; ' + near if near else ''}.",
+                "Name the column under [logs] time."
+                if name == "time"
+                else f"Correct the name; there are {listing(dict.fromkeys(known))}.",
+            )
+        if part.role is None:
+            driving = name in model.inputs or name in needs or name not in model.outputs
+            driving = driving or (undriven and name in model.optional_inputs)
+            roles[name] = "input" if driving else "measured"
+        else:
+            roles[name] = part.role
+            if name not in (inputs if part.role == "input" else model.outputs):
+                raise InputError(
+                    f"{place(text, path, (*loc, 'role'))}: the model '{model}' does not "
+                    f"{'read' if part.role == 'input' else 'put out'} the channel {name!r}.",
+                    "Remove the role.",
+                )
+        _suits(part, roles[name], text, path, loc)
+    _complete(model, roles, text, path)
+    return roles
+
+
+def _suits(part: ChannelPart, role: str, text: str, path: Path, loc: tuple[str, ...]) -> None:
+    for key in ("unsigned", "noise") if role == "input" else ("hold",):
+        if getattr(part, key) not in (None, False):
+            other = "measured channel" if role == "input" else "input"
+            kind = "an input" if role == "input" else "a measured channel"
+            raise InputError(
+                f"{place(text, path, (*loc, key))}: this channel is {kind}, and {key!r} says "
+                f"something of {'an' if other == 'input' else 'a'} {other}.",
+                f'Remove {key}, or give role = "{other.split()[0]}".',
+            )
+
+
+def _complete(model: Model, roles: Mapping[str, str], text: str, path: Path) -> None:
+    given = [name for name, role in roles.items() if role == "input"]
+    prescribed = [name for name in given if name in model.states]
+    missing = [name for name in model.inputs if name not in given]
+    if missing and not prescribed:
+        name = missing[0]
+        raise InputError(
+            f"{place(text, path, ('channels',))}: the model '{model}' needs the input {name!r}; "
+            f"given are {listing(given) if given else 'no inputs'}.",
+            f"Add [channels.{name}] with its column.",
+        )
+    for effect in model.effects:
+        for name in effect.needs:
+            if name not in given:
+                raise InputError(
+                    f"{place(text, path, ('channels',))}: the effect '{effect.name}' needs the "
+                    f"input {name!r}, which has no column.",
+                    f"Add [channels.{name}], or leave the effect out.",
+                )
+    if "measured" not in roles.values():
+        raise InputError(
+            f"{place(text, path, ('channels',))}: nothing is measured; the model '{model}' puts "
+            f"out {listing(name for name in model.outputs if name not in given)}.",
+            "Add the channel of one of these.",
+        )
+
+
+def columns_of(file: SpecFile, role: str, roles: Mapping[str, str]) -> dict[str, Column]:
+    """The columns of the channels of a role, "input" or "measured"."""
+    return {
+        name: Column(
+            part.column,
+            unit=part.unit,
+            unsigned=bool(part.unsigned),
+            noise=part.noise,
+            hold=part.hold or "zero",
+            scale=part.scale,
+        )
+        for name, part in file.channels.items()
+        if roles[name] == role
+    }

@@ -1,0 +1,305 @@
+"""What a spec file may hold, and messages for what it may not."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from types import UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from pydantic import (
+    AllowInfNan,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    field_validator,
+)
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing, nearest
+
+NAME = "fit.toml"
+"""The name of a spec file inside a folder."""
+
+
+def _as_list(value: Any) -> Any:
+    return [value] if isinstance(value, str) else value
+
+
+def _as_column(value: Any) -> Any:
+    return {"column": value} if isinstance(value, str) else value
+
+
+def _as_time(value: Any) -> Any:
+    return None if value is False else _as_column(value)
+
+
+def _as_value(value: Any) -> Any:
+    return {"value": value} if isinstance(value, int | float) else value
+
+
+def _stage(value: Any) -> float | None:
+    if value == "whole":
+        return None
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not number or not 0 < value < float("inf"):
+        raise ValueError("seconds above zero, 'auto', 'whole', or a list of seconds and 'whole'")
+    return float(value)
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+class TimePart(_Part):
+    """The time column."""
+
+    column: str
+    unit: str = "s"
+
+
+class LogsPart(_Part):
+    """``[logs]``: which files, and how they are read; ``base`` and below are of robots' logs."""
+
+    train: Annotated[list[str], BeforeValidator(_as_list), Field(min_length=1)]
+    holdout: Annotated[list[str], BeforeValidator(_as_list)] = []
+    time: Annotated[TimePart | None, BeforeValidator(_as_time)] = TimePart(column="time")
+    missing_values: Annotated[list[str | float], BeforeValidator(_as_list)] = []
+    interpolate_inputs: bool = False
+    start: float | None = None
+    stop: float | None = None
+    base: str | float | None = None
+    gap: Annotated[float, Field(ge=0)] | None = None
+    faster: Annotated[float, Field(ge=1)] = 2.0
+    stamps: Literal["recorder", "header"] = "recorder"
+
+
+class ChannelPart(_Part):
+    """``[channels.NAME]``: the column of a channel."""
+
+    column: str
+    unit: str = ""
+    role: Literal["input", "measured"] | None = None
+    unsigned: bool | None = None
+    noise: Annotated[float, Field(gt=0)] | None = None
+    hold: Literal["zero", "linear"] | None = None
+    scale: float = 1.0
+
+
+class PriorPart(_Part):
+    """A Gaussian prior, in the parameter's unit."""
+
+    mean: float
+    std: Annotated[float, Field(gt=0)]
+
+
+_Bound = Annotated[float, AllowInfNan(True)]
+
+
+class ParameterPart(_Part):
+    """``[parameters]``: what differs from the model's own description."""
+
+    value: float | None = None
+    bounds: Annotated[list[_Bound], Field(min_length=2, max_length=2)] | None = None
+    fixed: bool | None = None
+    prior: PriorPart | None = None
+
+
+class FitPart(_Part):
+    """``[fit]``: the arguments of `fit`; only those that are given are passed on."""
+
+    starts: Annotated[int, Field(ge=1)] = 8
+    seed: Annotated[int, Field(ge=0)] = 0
+    horizon: Any = "auto"
+    likelihood: Literal["simulation", "innovations"] = "simulation"
+    loss: Literal["gaussian", "student_t"] = "gaussian"
+    noise_model: Literal["white", "ar1"] = "white"
+    initial: Literal["auto", "estimate", "measured"] = "auto"
+    substeps: Annotated[int, Field(ge=1)] | None = None
+
+    @field_validator("horizon")
+    @classmethod
+    def _stages(cls, value: Any) -> Any:
+        if value == "auto":
+            return value
+        return tuple(map(_stage, value)) if isinstance(value, list) and value else _stage(value)
+
+
+class ExpectedNumber(_Part):
+    """A value, its standard error, and how far it may move."""
+
+    value: float
+    std_error: Annotated[float, Field(ge=0)] | None = None
+    tolerance: Annotated[float, Field(ge=0)] | None = None
+
+
+class ExpectedPart(_Part):
+    """``[expected]``: what `diffthrust check` compares with."""
+
+    status: str | None = None
+    train_nrmse: Annotated[ExpectedNumber | None, BeforeValidator(_as_value)] = None
+    holdout_nrmse: Annotated[ExpectedNumber | None, BeforeValidator(_as_value)] = None
+    parameters: dict[str, Annotated[ExpectedNumber, BeforeValidator(_as_value)]] = {}
+
+
+class SpecFile(_Part):
+    """A whole spec file."""
+
+    model: str
+    effects: Annotated[list[str], BeforeValidator(_as_list)] = []
+    options: dict[str, str | bool | int | float] = {}
+    logs: LogsPart
+    channels: Annotated[
+        dict[str, Annotated[ChannelPart, BeforeValidator(_as_column)]], Field(min_length=1)
+    ]
+    parameters: dict[str, Annotated[ParameterPart, BeforeValidator(_as_value)]] = {}
+    fit: FitPart = FitPart()
+    expected: ExpectedPart | None = None
+
+
+def read_spec_text(path: Path) -> str:
+    """The text of a spec file, line ends untouched.
+
+    Raises:
+        InputError: there is no such file, or it is not UTF-8 text.
+    """
+    try:
+        return path.read_bytes().decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"{path}: expected text in UTF-8, found the byte {error.object[error.start]:#04x} "
+            f"at position {error.start}.",
+            "Save the file as UTF-8.",
+        ) from None
+    except OSError as error:
+        raise InputError(
+            f"{path}: the spec file cannot be read ({error.strerror or error}).",
+            f"Name a TOML file, or a folder that holds a {NAME}.",
+        ) from None
+
+
+def parse_toml(text: str, file: Path | str) -> dict[str, Any]:
+    """The tables of a TOML text.
+
+    Raises:
+        InputError: the text is not TOML; the message names file, line and column.
+    """
+    try:
+        return tomllib.loads(text.removeprefix("\ufeff"))
+    except tomllib.TOMLDecodeError as error:
+        said = str(error)
+        at = re.search(r"\(at (?:line (\d+), column (\d+)|end of document)\)", said)
+        line = at[1] if at and at[1] else str(len(text.splitlines()))
+        column = f", column {at[2]}" if at and at[2] else ""
+        what = said[: at.start()].strip() if at else said
+        raise InputError(
+            f"{file}, line {line}{column}: this is not TOML: {what[:1].lower()}{what[1:]}.",
+            'Correct the line; text is written "in quotes", lists as [1, 2], tables as [logs].',
+        ) from None
+
+
+def parse_spec(text: str, file: Path | str) -> SpecFile:
+    """A spec out of its text.
+
+    Raises:
+        InputError: a key is unknown, missing, or holds something else than expected.
+    """
+    data = parse_toml(text, file)
+    _dotted(data)
+    try:
+        return SpecFile.model_validate(data)
+    except ValidationError as error:
+        problems = error.errors()
+    # a misspelt key is reported twice, as unknown and as missing: the first says more
+    problems.sort(key=lambda problem: problem["type"] != "extra_forbidden")
+    raise _told(problems[0], text, file, len(problems) - 1)
+
+
+def _dotted(data: dict[str, Any]) -> None:
+    """Read ``effect.parameter = ...``, which TOML nests, as one name."""
+    given = data.get("effects", [])
+    effects = [given] if isinstance(given, str) else given if isinstance(given, list) else []
+    names = {str(word).rpartition(":")[2] for word in effects}
+    for holder in (data, data.get("expected")):
+        tables = holder.get("parameters") if isinstance(holder, dict) else None
+        if not isinstance(tables, dict):
+            continue
+        fields = {*ParameterPart.model_fields, *ExpectedNumber.model_fields}
+        for name, table in list(tables.items()):
+            nested = isinstance(table, dict) and table and not fields & set(table)
+            if nested and (name in names or all(isinstance(v, dict) for v in table.values())):
+                del tables[name]
+                tables.update({f"{name}.{key}": value for key, value in table.items()})
+
+
+def _told(problem: Mapping[str, Any], text: str, file: Path | str, more: int) -> InputError:
+    loc = tuple(part for part in problem["loc"] if not str(part).startswith("function-"))
+    if loc and loc[-1] in ("str", "bool", "int", "float"):  # a member of a union, not a key
+        loc = loc[:-1]
+    where = place(text, file, loc)
+    parent, key = loc[:-1], str(loc[-1]) if loc else ""
+    also = f" ({more} more after this one.)" if more else ""
+    table = f"[{'.'.join(map(str, parent))}]" if parent else "the top of the file"
+    if problem["type"] == "extra_forbidden":
+        known = _keys(parent)
+        near = nearest(key, known)
+        return InputError(
+            f"{where}: the key {key!r} is not known in {table}{'; ' + near if near else ''}.{also}",
+            f"Correct the key; known there are {listing(known)}.",
+        )
+    if problem["type"] == "missing":
+        example = f"[{key}]" if not parent and key in ("logs", "channels") else f"{key} = ..."
+        return InputError(
+            f"{where}: expected the key {key!r} in {table}, found none.{also}",
+            f"Add {example} to {table}." if parent or "=" in example else f"Add {example}.",
+        )
+    said = problem["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
+    said = said.replace("a valid ", "a ").replace("dictionary", "table")
+    said = re.sub(r" or instance of \w+$", "", said)
+    found = problem["input"]
+    shown = repr(found) if len(repr(found)) < 80 else f"{repr(found)[:77]}..."
+    return InputError(
+        f"{where}: expected {said[:1].lower()}{said[1:]}, found {shown}.{also}",
+        f"Correct {'.'.join(map(str, loc))}.",
+    )
+
+
+def _keys(loc: Sequence[Any]) -> list[str]:
+    """The keys that the table at a path may have."""
+    here: Any = SpecFile
+    for part in loc:
+        if isinstance(here, type) and issubclass(here, BaseModel):
+            here = here.model_fields[str(part)].annotation
+        else:
+            here = get_args(here)[-1]
+        while get_origin(here) in (Annotated, Union, UnionType):
+            here = next(a for a in get_args(here) if a is not type(None))
+    return list(here.model_fields) if hasattr(here, "model_fields") else []
+
+
+def place(text: str, file: Path | str, loc: Iterable[Any]) -> str:
+    """Where a key stands: file, line where it can be found, and the path of the key."""
+    path = tuple(str(part) for part in loc if not isinstance(part, int))
+    line, best, table = 0, 0, ()
+    for number, row in enumerate(text.splitlines(), 1):
+        if header := re.match(r"\s*\[+([^\[\]]+)\]+\s*(#.*)?$", row):
+            table = _split(header[1])
+            here = table
+        elif pair := re.match(r"\s*([\w\-.\"' ]+?)\s*=", row):
+            here = (*table, *_split(pair[1]))
+        else:
+            continue
+        joined, shared = ".".join(here), ".".join(path)
+        if (shared == joined or shared.startswith(f"{joined}.")) and len(here) > best:
+            line, best = number, len(here)
+    # a key that stands nowhere, because it is missing, is placed at its table
+    at = f", line {line}" if line else ""
+    return f"{file}{at}, {'.'.join(path)}" if path else f"{file}"
+
+
+def _split(dotted: str) -> tuple[str, ...]:
+    return tuple(a or b or c for a, b, c in re.findall(r'"([^"]*)"|\'([^\']*)\'|([^.\s]+)', dotted))

@@ -1,0 +1,93 @@
+"""Models and effects by the names that spec files use."""
+
+from __future__ import annotations
+
+import importlib.util
+import inspect
+import traceback
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing, nearest
+from diffthrust.models import MODELS
+from diffthrust.models._base.effect import Effect
+from diffthrust.models._base.model import Model
+from diffthrust.models._base.registry import catalogue
+
+
+def model_class(word: str, folder: Path) -> type[Model]:
+    """The class of a model: a name of the catalogue, or ``script.py:Class`` of the user's own."""
+    return _class(word, folder, Model, MODELS, "model")
+
+
+def effect_class(word: str, folder: Path) -> type[Effect]:
+    """The class of an effect: a canonical name, or ``script.py:Class`` of the user's own."""
+    return _class(word, folder, Effect, catalogue(), "effect")
+
+
+def made(cls: type[Model], options: Mapping[str, Any]) -> Model:
+    """The model with these options of its constructor.
+
+    Raises:
+        InputError: an option that the model does not have.
+    """
+    known = [
+        name
+        for name, p in inspect.signature(cls.__init__).parameters.items()
+        if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY) and name != "self"
+    ]
+    for name in options:
+        if name not in known:
+            near = nearest(name, known)
+            raise InputError(
+                f"the model '{cls.name}' has no option {name!r}{'; ' + near if near else ''}; "
+                f"it has {listing(known)}.",
+                "Correct or remove the option; values of parameters belong under [parameters].",
+            )
+    return cls(**options)
+
+
+def _class(word: str, folder: Path, base: type, known: Mapping[str, type], what: str) -> Any:
+    script, colon, name = word.rpartition(":")
+    if colon and script.endswith(".py"):
+        found = getattr(_script((folder / script).resolve()), name, None)
+        if isinstance(found, type) and issubclass(found, base):
+            return found
+        raise InputError(
+            f"expected the class {name!r} of a {base.__name__} in {script}, found none.",
+            f"Define class {name}(dft.{base.__name__}) there.",
+        )
+    if word in known:
+        return known[word]
+    near = nearest(word, known)
+    raise InputError(
+        f"the {what} {word!r} is not known{'; ' + near if near else ''}; "
+        f"there are {listing(known)}.",
+        f"Correct the name; {'an' if what == 'effect' else 'a'} {what} of your own is named as "
+        f"'script.py:Class'.",
+    )
+
+
+@lru_cache(maxsize=64)
+def _script(path: Path) -> ModuleType:
+    """Run a user's script as a module, once."""
+    described = importlib.util.spec_from_file_location(f"_user_{path.stem}", path)
+    if described is None or described.loader is None or not path.is_file():
+        raise InputError(f"{path}: expected a Python script, found none.", "Correct the path.")
+    module = importlib.util.module_from_spec(described)
+    try:
+        described.loader.exec_module(module)
+    except Exception as error:
+        lines = [
+            f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == str(path)
+        ]
+        lines = lines or [getattr(error, "lineno", None)]
+        raise InputError(
+            f"{path.name}, line {lines[-1]}: the script fails with {type(error).__name__}: {error}",
+            "Mend the script; it must run on its own.",
+        ) from error
+    return module

@@ -1,0 +1,284 @@
+"""Spec files: a model, its effects and its logs, written down."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from glob import glob, has_magic
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing, nearest
+from diffthrust.logs._log import Log
+from diffthrust.logs._read import Column, read_log
+from diffthrust.logs._robots.read import is_robot_log, read_robot_log
+from diffthrust.logs._robots.rosbag import is_bag
+from diffthrust.models._base.model import Model
+from diffthrust.models._base.parameter import Normal
+from diffthrust.specs._channels import columns_of, roles_of
+from diffthrust.specs._file import (
+    NAME,
+    ParameterPart,
+    SpecFile,
+    parse_spec,
+    place,
+    read_spec_text,
+)
+from diffthrust.specs._scripts import effect_class, made, model_class
+
+if TYPE_CHECKING:
+    from diffthrust.diagnosis._result import Diagnosis
+    from diffthrust.estimation._result import Fit
+
+
+@dataclass(frozen=True)
+class Spec:
+    """A spec file, read and checked.
+
+    Args:
+        path: where the file lies; paths inside it are relative to its folder.
+        text: the file as it is written.
+        file: what it holds.
+        model: the model with its effects and with the parameters as given.
+        inputs: the columns of the channels that drive the model.
+        measured: the columns of the channels that are compared.
+        train: files of the training logs.
+        holdout: files of the unseen logs.
+    """
+
+    path: Path
+    text: str = field(repr=False)
+    file: SpecFile = field(repr=False)
+    model: Model
+    inputs: Mapping[str, Column]
+    measured: Mapping[str, Column]
+    train: tuple[Path, ...]
+    holdout: tuple[Path, ...]
+
+    @property
+    def name(self) -> str:
+        """A name for people: the folder of a ``fit.toml``, the file's own name otherwise."""
+        path = self.path.resolve()
+        return path.parent.name if path.name == NAME else path.stem
+
+    def train_logs(self) -> tuple[Log, ...]:
+        """The training logs, read now."""
+        return tuple(self._read(path) for path in self.train)
+
+    def holdout_logs(self) -> tuple[Log, ...]:
+        """The unseen logs, read now; there may be none."""
+        return tuple(self._read(path) for path in self.holdout)
+
+    def _read(self, path: Path) -> Log:
+        logs = self.file.logs
+        files = [*self.train, *self.holdout]
+        alone = sum(other.name == path.name for other in files) == 1
+        try:
+            read, more = self._reader(path)
+            log = read(
+                path,
+                inputs=self.inputs,
+                measured=self.measured,
+                missing_values=[str(word) for word in logs.missing_values],
+                interpolate_inputs=logs.interpolate_inputs,
+                start=logs.start,
+                stop=logs.stop,
+                name=path.name if alone else f"{path.parent.name}/{path.name}",
+                **more,
+            )
+            self._check_units(log)
+        except InputError as error:
+            raise self._placed(error) from None
+        return log
+
+    def _reader(self, path: Path) -> tuple[Callable[..., Log], dict[str, Any]]:
+        """What reads a file of that ending, and the keys of ``[logs]`` that only it knows."""
+        logs = self.file.logs
+        robot = is_robot_log(path)
+        others = ("time",) if robot else ("base", "gap", "faster", "stamps")
+        for key in others:
+            if key in logs.model_fields_set:
+                raise InputError(
+                    f"{place(self.text, self.path, ('logs', key))}: {path.name} is "
+                    f"{'a log with stamps of its own' if robot else 'a table'}, for which {key!r} "
+                    "says nothing.",
+                    f"Remove {key}" + (", and choose a time base: base." if robot else "."),
+                )
+        if not robot:
+            clock = Column(logs.time.column, unit=logs.time.unit) if logs.time else None
+            return read_log, {"time": clock}
+        if logs.base is None:
+            raise InputError(
+                f"{place(self.text, self.path, ('logs', 'base'))}: {path.name} has messages of "
+                "different rates, and no time base is chosen.",
+                'Write base = "messages" for all stamps, base = "speed" for those of that channel, '
+                "or base = 0.05 for a step.",
+            )
+        return read_robot_log, {k: getattr(logs, k) for k in ("base", "gap", "faster", "stamps")}
+
+    def _check_units(self, log: Log) -> None:
+        """Raise `InputError` for a channel whose unit is not of the model's kind."""
+        model = self.model
+        known = {**model.outputs, **model.all_states, **model.optional_inputs, **model.inputs}
+        for name in (*log.inputs, *log.measured):
+            if name in known:
+                log.values(name, known[name])
+
+    def _placed(self, error: InputError) -> InputError:
+        """An error that names a column or a channel, with the line where the spec names it."""
+        where = [(("logs", "time"), self.file.logs.time.column)] if self.file.logs.time else []
+        where += [(("channels", n), part.column) for n, part in self.file.channels.items()]
+        for loc, column in where:
+            if f"column {column!r}" in error.problem or f"channel '{loc[-1]}'" in error.problem:
+                key = "unit" if "expected a unit" in error.problem else "column"
+                told = place(self.text, self.path, (*loc, key))
+                return InputError(f"{error.problem} It is named in {told}.", error.mend)
+        return error
+
+    def fit(
+        self,
+        progress: Callable[[str, float], None] | None = None,
+        *,
+        train: tuple[Log, ...] | None = None,
+        holdout: tuple[Log, ...] | None = None,
+    ) -> Fit:
+        """Fit as ``[fit]`` says.
+
+        Args:
+            progress: called with a message and the share done.
+            train: the training logs, where they have been read already.
+            holdout: the unseen logs, where they have been read already.
+        """
+        from diffthrust.estimation._fit import fit
+
+        unseen = self.holdout_logs() if holdout is None else holdout
+        train = self.train_logs() if train is None else train
+        options = self.file.fit.model_dump(exclude_unset=True)
+        return fit(self.model, train, holdout=unseen or None, progress=progress, **options)
+
+    def diagnose(
+        self,
+        progress: Callable[[str, float], None] | None = None,
+        *,
+        candidates: Sequence[str] | None = None,
+    ) -> Diagnosis:
+        """Fit as ``[fit]`` says, then find what the model with its effects lacks.
+
+        Args:
+            progress: called with a message and the share done.
+            candidates: effects to try, as ``effects`` in a spec names them; all where ``None``.
+
+        Raises:
+            InputError: an effect that is not known, or logs that cannot be diagnosed.
+        """
+        from diffthrust.diagnosis._candidates import candidates_of
+        from diffthrust.diagnosis._diagnose import diagnose
+
+        folder = self.path.parent
+        wanted = candidates and [effect_class(c, folder) if ":" in c else c for c in candidates]
+        train, unseen = self.train_logs(), self.holdout_logs()
+        candidates_of(self.model, (*train, *unseen), wanted)  # tell a wrong name before the fit
+        found = self.fit(progress, train=train, holdout=unseen)
+        return diagnose(found, train, holdout=unseen or None, candidates=wanted, progress=progress)
+
+
+def load_spec(path: Path | str) -> Spec:
+    """Read a spec file and build its model; the logs are read when asked for.
+
+    Args:
+        path: a TOML file, or a folder that holds a ``fit.toml``.
+
+    Raises:
+        InputError: the file, a key or a name in it cannot be used. The message names file, line
+            and key, what was expected and found, and the mend.
+
+    Example:
+        >>> spec = load_spec("fits/jason_thruster/fit.toml")
+        >>> fit = spec.fit()
+    """
+    path = Path(path)
+    if path.is_dir():
+        path = path / NAME
+    text = read_spec_text(path)
+    file = parse_spec(text, path)
+    model = _model(file, text, path)
+    roles = roles_of(model, file, text, path)
+    train = _files(file.logs.train, "train", text, path)
+    holdout = _files(file.logs.holdout, "holdout", text, path)
+    both = [a.name for a in train if a.resolve() in {b.resolve() for b in holdout}]
+    if both:
+        raise InputError(
+            f"{place(text, path, ('logs', 'holdout'))}: {listing(both)} is also a training log; "
+            "an unseen log must not be one.",
+            "Take it out of one of the two lists.",
+        )
+    return Spec(
+        path=path,
+        text=text,
+        file=file,
+        model=model,
+        inputs=columns_of(file, "input", roles),
+        measured=columns_of(file, "measured", roles),
+        train=train,
+        holdout=holdout,
+    )
+
+
+def _at(text: str, path: Path, loc: Iterable[Any], error: InputError) -> InputError:
+    """The same error with the place in the spec file before it."""
+    return InputError(f"{place(text, path, loc)}: {error.problem}", error.mend)
+
+
+def _model(file: SpecFile, text: str, path: Path) -> Model:
+    loc: tuple[str, ...] = ("model",)
+    try:
+        cls = model_class(file.model, path.parent)
+        loc = ("options", *list(file.options)[:1])
+        options = dict(file.options)
+        if "drive" in cls.options and {"left_force", "right_force"} & set(file.channels):
+            options.setdefault("drive", "twin")
+        model = made(cls, options)
+        loc = ("effects",)
+        for name in file.effects:
+            model = model + effect_class(name, path.parent)()
+        for name, part in file.parameters.items():
+            loc = ("parameters", name)
+            model = model.replace({name: _fields(part)})
+    except InputError as error:
+        raise _at(text, path, loc, error) from None
+    return model
+
+
+def _fields(part: ParameterPart) -> dict[str, Any]:
+    fields: dict[str, Any] = {}
+    if part.value is not None:
+        fields["value"] = part.value
+    if part.bounds is not None:
+        low, high = part.bounds
+        infinite = float("inf")
+        fields["bounds"] = (None if low == -infinite else low, None if high == infinite else high)
+    if part.fixed is not None:
+        fields["fixed"] = part.fixed
+    if part.prior is not None:
+        fields["prior"] = Normal(part.prior.mean, part.prior.std)
+    return fields
+
+
+def _files(patterns: Iterable[str], key: str, text: str, path: Path) -> tuple[Path, ...]:
+    found: list[Path] = []
+    for pattern in patterns:
+        if has_magic(pattern):
+            matches = sorted(glob(pattern, root_dir=path.parent, recursive=True))
+        else:
+            file = path.parent / pattern
+            matches = [pattern] if file.is_file() or is_bag(file) else []
+        if not matches:
+            near = nearest(pattern, (p.name for p in path.parent.iterdir() if p.is_file()))
+            raise InputError(
+                f"{place(text, path, ('logs', key))}: expected the file {pattern!r} in "
+                f"{path.parent.resolve()}, found none{'; ' + near if near else ''}.",
+                "Correct the name; paths are relative to the spec file.",
+            )
+        found += [path.parent / match for match in matches]
+    return tuple(dict.fromkeys(found))

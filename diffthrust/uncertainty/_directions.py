@@ -1,0 +1,194 @@
+"""Identifiability: which combinations of parameters the logs know well, and which hardly."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from diffthrust.estimation._problem import Problem
+from diffthrust.estimation._rebuild import problem_of
+from diffthrust.estimation._result import Fit
+from diffthrust.estimation._solver import solve
+from diffthrust.estimation._status import RANK_LIMIT, inflation, marginal_spread
+from diffthrust.logs._log import Log
+from diffthrust.uncertainty._sandwich import converged
+
+WELL, FAIRLY = 0.01, 0.1
+"""A direction is well known to one in a hundred, known to one in ten, and hardly known beyond."""
+PART = 0.25
+"""A parameter is named in a direction where its share is at least this of the largest."""
+
+
+@dataclass(frozen=True)
+class Direction:
+    """One combination of parameters that varies independently of the others.
+
+    Args:
+        std_error: how well the logs know it, as a relative change; infinite where not at all.
+        changes: what one standard error along it does to each parameter, in the parameter's unit,
+            by name; where nothing is known of it, what a change of one per cent does.
+        relative: the same as relative changes.
+    """
+
+    std_error: float
+    changes: Mapping[str, float]
+    relative: Mapping[str, float]
+
+    @property
+    def grade(self) -> str:
+        """How well it is known, in two words."""
+        if not math.isfinite(self.std_error):
+            return "not known at all"
+        if self.std_error < WELL:
+            return "well known"
+        return "known" if self.std_error < FAIRLY else "hardly known"
+
+    @property
+    def members(self) -> dict[str, float]:
+        """Relative changes of the parameters that matter in it, the largest first."""
+        largest = max(map(abs, self.relative.values()))
+        kept = {n: c for n, c in self.relative.items() if abs(c) >= PART * largest}
+        return dict(sorted(kept.items(), key=lambda item: -abs(item[1])))
+
+    @property
+    def sentence(self) -> str:
+        """Such as ``hardly known (12 %): alpha up with beta up``."""
+        found = self.members
+        if len(found) == 1:
+            words = next(iter(found))
+        else:
+            words = " with ".join(f"{n} {'up' if c > 0 else 'down'}" for n, c in found.items())
+        size = f" ({_percent(self.std_error)})" if math.isfinite(self.std_error) else ""
+        return f"{self.grade}{size}: {words}"
+
+
+@dataclass(frozen=True)
+class Directions:
+    """The directions of a fit, the best known first.
+
+    Args:
+        directions: in the order of their standard errors.
+        held: parameters at a bound, which take no part.
+    """
+
+    directions: tuple[Direction, ...]
+    held: tuple[str, ...] = ()
+
+    def __iter__(self) -> Iterator[Direction]:
+        return iter(self.directions)
+
+    def __len__(self) -> int:
+        return len(self.directions)
+
+    def __getitem__(self, index: int) -> Direction:
+        return self.directions[index]
+
+    @property
+    def sentences(self) -> list[str]:
+        """One for each direction, and one on what is held."""
+        told = [d.sentence for d in self.directions]
+        return told + ([f"held at a bound: {', '.join(self.held)}"] if self.held else [])
+
+    def table(self) -> Any:
+        """A `rich` table: how well each direction is known, and what it moves."""
+        from rich.markup import escape
+
+        from diffthrust._support.tables import plain_table
+
+        table = plain_table("Known to", "", "Moves together (by one standard error)", numbers=(0,))
+        for d in self.directions:
+            moves = ", ".join(f"{escape(n)} {100 * c:+.2g} %" for n, c in d.members.items())
+            table.add_row(_percent(d.std_error), d.grade, moves)
+        return table
+
+    def report(self) -> str:
+        """The table as text for people."""
+        from diffthrust._support.tables import rendered
+
+        return rendered(self.table())
+
+    def to_json(self) -> list[dict[str, Any]]:
+        """Plain data; ``std_error`` is ``None`` where nothing is known."""
+        return [
+            {
+                "std_error": d.std_error if math.isfinite(d.std_error) else None,
+                "changes": dict(d.changes),
+                "relative": dict(d.relative),
+                "sentence": d.sentence,
+            }
+            for d in self.directions
+        ]
+
+
+def directions(fit: Fit, logs: Log | Sequence[Log]) -> Directions:
+    """Eigen-directions of the information that the logs hold about the parameters.
+
+    Changes are relative to the values (to the standard error where a value is smaller than that).
+    Initial states and the
+    parameters of the noise go to their best. The information is that of the fit's likelihood:
+    with correlated residuals taken as white, all directions are less well known than told.
+
+    Args:
+        fit: a fit that converged.
+        logs: its training logs, in their order.
+
+    Raises:
+        InputError: a fit that failed or did not converge, or logs that are not its own.
+
+    Source: Brown & Sethna 2003, Physical Review E 68, 021904 (stiff and sloppy directions).
+
+    Example:
+        >>> print(dft.uncertainty.directions(fit, log).report())
+    """
+    converged(fit, "directions")
+    return directions_of(*problem_of(fit, logs))
+
+
+def directions_of(problem: Problem, z: np.ndarray) -> Directions:
+    """The directions at the optimum of a problem."""
+    quadratic = solve(problem, z, budget=1).quadratic
+    gradient, information = np.asarray(quadratic.gradient), np.asarray(quadratic.information)
+    low, high = problem.limits()
+    held = ((z <= low + 1e-9) & (gradient >= 0)) | ((z >= high - 1e-9) & (gradient <= 0))
+    k = len(problem.own)
+    inside = np.flatnonzero(~held[:k])
+    beside = k + np.flatnonzero(~held[k:])
+    length = np.sqrt(np.diagonal(information))
+    length = np.where(length > 0, length, 1.0)
+    scaled = information / np.outer(length, length)
+    # whether a direction is known at all must not depend on units: judged where all lengths are one
+    _, left = marginal_spread(gradient / length, scaled, inside, beside)
+    nothing = RANK_LIMIT * max(np.linalg.eigvalsh(left).max(initial=0.0), 1e-300)
+    names, slopes = [problem.own[i] for i in inside], problem.slopes(z)[inside]
+    length, values = length[inside], problem.values(z)
+    error = np.sqrt(np.diagonal(np.linalg.pinv(left, RANK_LIMIT, hermitian=True))) * slopes / length
+    whole = np.maximum(np.abs([values[n] for n in names]), error)
+    whole = np.where(whole > 0, whole, slopes)
+    unit = whole / slopes  # coordinates in a relative change of one
+    length = length * unit
+    values, vectors = np.linalg.eigh(left * np.outer(length, length))
+    samples = float(np.sum(problem.arrays["counts"]))
+    wide = inflation(problem, samples, inside.size + beside.size)
+    found = []
+    for value, vector in zip(values[::-1], vectors.T[::-1], strict=True):
+        # along the vector the scaled information is this small where nothing is known
+        known = value > nothing * float(np.sum((vector * length) ** 2))
+        error = math.sqrt(wide / value) if known else math.inf
+        sign = 1.0 if vector[np.argmax(np.abs(vector))] > 0 else -1.0
+        step = sign * vector * (error if known else 0.01)
+        found.append(
+            Direction(
+                error,
+                dict(zip(names, map(float, step * unit * slopes), strict=True)),
+                dict(zip(names, map(float, step), strict=True)),
+            )
+        )
+    return Directions(tuple(found), tuple(problem.own[i] for i in np.flatnonzero(held[:k])))
+
+
+def _percent(size: float) -> str:
+    return f"{100 * size:.2g} %" if math.isfinite(size) else "-"

@@ -1,0 +1,191 @@
+"""All intervals of a fit side by side: which one to take, and why they differ."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust.estimation._problem import Problem
+from diffthrust.estimation._rebuild import check_mark, problem_of
+from diffthrust.estimation._result import Fit
+from diffthrust.logs._log import Log
+from diffthrust.uncertainty._directions import directions_of
+from diffthrust.uncertainty._interval_words import Evidence, heading, sentences
+from diffthrust.uncertainty._intervals_result import Interval, Intervals, Row
+from diffthrust.uncertainty._profile import check_level, profiles_of, threshold_of
+from diffthrust.uncertainty._profile_result import Profile, Profiles
+from diffthrust.uncertainty._sandwich import Sandwich, converged, quantile, sandwich_of
+from diffthrust.uncertainty._scores import scores
+
+WHITE = 0.1
+"""Residuals correlated from sample to sample by less than this count as white: standard errors that
+take them as white are then short by no more than a tenth."""
+WIDER = 1.25
+"""A sandwich wider than the covariance by this factor, and by more than chance, is believed."""
+
+
+def intervals(
+    fit: Fit,
+    logs: Log | Sequence[Log],
+    posterior: Any = None,
+    *,
+    level: float = 0.95,
+) -> Intervals:
+    """Covariance, sandwich, profile and posterior intervals of every parameter, side by side.
+
+    One of them is recommended for each parameter: the profile where the residuals are as white as
+    the fit's likelihood takes them to be (under ``noise_model="ar1"`` what is new in the noise at
+    each sample), the sandwich where they are not. Where two disagree a sentence says why.
+
+    Args:
+        fit: a fit that converged; of any likelihood, loss and noise model.
+        logs: its training logs, in their order.
+        posterior: draws of the same fit, as `sample` returns them (an ArviZ object with a group
+            ``posterior``); its intervals leave out equal shares to both sides.
+        level: of all intervals.
+
+    Returns:
+        `Intervals`, by parameter, with the directions of the information.
+
+    Raises:
+        InputError: a fit that failed or did not converge, logs that are not its own, a posterior
+            that lacks a parameter, or a level outside (0, 1).
+
+    Example:
+        >>> found = dft.intervals(fit, log, dft.sample(fit, log))
+        >>> print(found.report())
+        >>> found["alpha"].best.low
+    """
+    converged(fit, "intervals")
+    check_level(level, "intervals")
+    if posterior is not None and hasattr(posterior, "posterior"):
+        check_mark(posterior, fit, "intervals")
+    drawn = {} if posterior is None else {n: _drawn(posterior, n, level) for n in fit.free}
+    problem, z = problem_of(fit, logs)
+    told = scores(problem, z)
+    robust = sandwich_of(fit, problem, z, told)
+    profiles = profiles_of(fit, problem, z, problem.own, None, {}, level)
+    lag = told.lag_one()
+    reach = _reach(problem, z, level)
+    rows = [
+        _row(fit, problem, name, profiles, robust, drawn.get(name), lag, reach, level)
+        for name in problem.own
+    ]
+    notes = [heading(fit, lag, lag > WHITE, any(r.recommended == "sandwich" for r in rows))]
+    if profiles.better is not None:
+        notes.append(profiles.sentences[-1])
+    if posterior is not None:
+        notes += _judged(posterior)
+    return Intervals(
+        rows={row.name: row for row in rows},
+        level=level,
+        correlation=lag,
+        notes=tuple(notes),
+        directions=directions_of(problem, z),
+        profiles=profiles,
+        sandwich=robust,
+    )
+
+
+def _reach(problem: Problem, z: np.ndarray, level: float) -> float:
+    """Standard errors from the estimate to the ends of the covariance's interval."""
+    if problem.layout.lasting:
+        return math.sqrt(threshold_of(problem, z, level))
+    left = float(np.sum(problem.arrays["counts"])) - z.size
+    known = any(problem.layout.known_noise) or problem.layout.loss != "gaussian" or left < 1
+    return quantile(level, math.inf if known else left)
+
+
+def _row(
+    fit: Fit,
+    problem: Problem,
+    name: str,
+    profiles: Profiles,
+    robust: Sandwich,
+    drawn: Interval | None,
+    lag: float,
+    reach: float,
+    level: float,
+) -> Row:
+    estimate, profile = fit.parameters[name], profiles[name]
+    error, found = estimate.std_error, {}
+    if error is not None:
+        found["covariance"] = Interval(
+            estimate.value - reach * error, estimate.value + reach * error
+        )
+    wide = robust.interval(name, level)
+    if wide is not None:
+        found["sandwich"] = Interval(*wide)
+    found["profile"] = Interval(profile.low, profile.high)
+    if drawn is not None:
+        found["posterior"] = drawn
+    unwhite = lag > WHITE or _wider(robust, name)
+    recommended = "sandwich" if unwhite and wide is not None else "profile"
+    evidence = Evidence(
+        fit=fit,
+        profile=profile,
+        intervals=found,
+        inflation=robust.inflation[name],
+        chance=_chance(robust, name),
+        correlation=lag if lag > WHITE else 0.0,
+        prior=problem.named[name].prior is not None,
+        recommended=recommended,
+        met=tuple(n for n in profiles if n != name and _bounds(profiles[n]) != (None, None)),
+    )
+    return Row(
+        name=name,
+        unit=estimate.unit,
+        value=estimate.value,
+        intervals=found,
+        recommended=recommended,
+        sentences=tuple(sentences(evidence)),
+        bounds=_bounds(profile),
+    )
+
+
+def _bounds(profile: Profile) -> tuple[float | None, float | None]:
+    """The bounds that a profile reaches."""
+    low, high = (
+        "reaches the bound" in (why or "") for why in (profile.open_low, profile.open_high)
+    )
+    return float(profile.grid[0]) if low else None, float(profile.grid[-1]) if high else None
+
+
+def _wider(robust: Sandwich, name: str) -> bool:
+    ratio = robust.inflation[name]
+    return ratio is not None and ratio > WIDER + _chance(robust, name)
+
+
+def _chance(robust: Sandwich, name: str) -> float:
+    """How far from one the inflation may be by chance: three relative standard deviations."""
+    return 3 / math.sqrt(2 * robust.degrees[name]) if name in robust.degrees else 0.0
+
+
+def _drawn(posterior: Any, name: str, level: float) -> Interval:
+    try:
+        values = np.asarray(posterior.posterior[name].values, float).ravel()
+    except (AttributeError, KeyError, TypeError) as error:
+        raise InputError(
+            f"intervals, posterior: expected an ArviZ object with '{name}' in its group "
+            f"'posterior', found {type(posterior).__name__} without it.",
+            "Give what dft.sample returns for this fit.",
+        ) from error
+    if not (values.size and np.isfinite(values).all()):
+        raise InputError(
+            f"intervals, posterior: the draws of '{name}' are empty or not all finite.",
+            "Sample again, and look at the status of the chains.",
+        )
+    low, high = np.quantile(values, [0.5 - 0.5 * level, 0.5 + 0.5 * level])
+    return Interval(float(low), float(high))
+
+
+def _judged(posterior: Any) -> list[str]:
+    """What the sampler says of itself, where it is not content."""
+    attrs = getattr(posterior, "attrs", None) or {}
+    if attrs.get("status", "converged") == "converged":
+        return []
+    return [f"Posterior: {attrs.get('message', attrs['status'])}"]

@@ -1,0 +1,1 @@
+"""What follows from draws of the parameters: predictions and derived quantities."""

@@ -1,0 +1,134 @@
+"""The predictive band of one channel, from what the draws of the parameters predict."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust.estimation._likelihood import TAIL
+from diffthrust.logs._log import Log
+from diffthrust.uncertainty._prediction.draws import Draws
+
+HALVINGS = 32
+"""The ends of a band with noise are found by halving, to this many binary digits."""
+
+
+@dataclass(frozen=True)
+class Band:
+    """The predictive band of one channel, ``(T,)`` each, in ``unit``.
+
+    Args:
+        measured: the samples; NaN where there is none. Angles are brought to the turn of the band.
+        median: of the predictions by the draws, without noise.
+        low: lower end for the prediction without noise.
+        high: upper end.
+        noisy_low: lower end for what the sensor will show.
+        noisy_high: upper end.
+        coverage: share of the samples inside the band with noise (without, where ``noise=False``).
+        samples: number of measured samples.
+        unit: of all but the coverage.
+    """
+
+    measured: np.ndarray
+    median: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    noisy_low: np.ndarray
+    noisy_high: np.ndarray
+    coverage: float
+    samples: int
+    unit: str
+
+
+def band_of(
+    drawn: Draws,
+    log: Log,
+    channel: str,
+    mean: np.ndarray,
+    shown: np.ndarray | None,
+    level: float,
+    noise: bool,
+) -> Band:
+    """The band of one channel, and the share of what was measured inside.
+
+    Args:
+        drawn: draws of the parameters and the noise.
+        log: the log.
+        channel: the channel.
+        mean: what the draws predict without noise, ``(n, T)``.
+        shown: what they predict with random forces and noise, ``(n, T)``; where ``None``, noise is
+            added to ``mean`` in closed form.
+        level: probability of the band.
+        noise: count the coverage of the band with noise.
+
+    Raises:
+        InputError: no draw gives a finite prediction.
+    """
+    unit = drawn.model.outputs[channel]
+    if channel in log.unsigned:
+        mean = np.abs(mean)
+        shown = None if shown is None else np.abs(shown)
+    fine = np.all(np.isfinite(mean), axis=1)
+    whole = fine if shown is None else np.all(np.isfinite(shown), axis=1)
+    if not (fine.any() and whole.any()):
+        raise InputError(
+            f"{log.name}: no draw of the parameters gives a finite {channel}.",
+            "Look at the posterior; raise substeps.",
+        )
+    tails = [0.5 * (1 - level), 0.5, 0.5 * (1 + level)]
+    low, median, high = np.quantile(mean[fine], tails, axis=0)
+    sigma = drawn.noise.get(channel)
+    noisy_low, noisy_high = low, high
+    if shown is not None:
+        noisy_low, noisy_high = np.quantile(shown[whole], [tails[0], tails[2]], axis=0)
+    elif sigma is not None:
+        heavy = drawn.loss == "student_t"
+        ends = [_mixed(heavy, mean[fine], sigma[fine], p) for p in (tails[0], tails[2])]
+        noisy_low, noisy_high = (np.asarray(end) for end in ends)
+    measured = log.values(channel, unit)
+    if channel in drawn.model.angles:
+        turns = np.round((measured - median) / (2 * np.pi))
+        measured = measured - 2 * np.pi * turns
+    seen = np.isfinite(measured)
+    inside = (measured >= noisy_low) & (measured <= noisy_high)
+    if not noise:
+        inside = (measured >= low) & (measured <= high)
+    share = float(np.mean(inside[seen])) if seen.any() else float("nan")
+    return Band(measured, median, low, high, noisy_low, noisy_high, share, int(seen.sum()), unit)
+
+
+@partial(jax.jit, static_argnums=0)
+def _mixed(heavy: bool, centre: Any, scale: Any, probability: Any) -> Any:
+    """A quantile of what is measured: the noise of every draw about its prediction, mixed.
+
+    Args:
+        heavy: Student-t noise rather than Gaussian.
+        centre: ``(n, T)``.
+        scale: ``(n,)``.
+        probability: of the quantile.
+    """
+
+    def below(x: Any) -> Any:
+        t = (x[None, :] - centre) / scale[:, None]
+        if not heavy:
+            return jnp.mean(jax.scipy.stats.norm.cdf(t), axis=0)
+        u = 1.0 + t**2 / TAIL  # the closed form for four degrees of freedom
+        return jnp.mean(0.5 + 0.375 * t / jnp.sqrt(u) * (1.0 - t**2 / (12.0 * u)), axis=0)
+
+    far = 40.0 * jnp.max(scale)
+
+    def halve(_: int, ends: Any) -> Any:
+        low, high = ends
+        middle = 0.5 * (low + high)
+        less = below(middle) < probability
+        return jnp.where(less, middle, low), jnp.where(less, high, middle)
+
+    ends = jnp.min(centre, axis=0) - far, jnp.max(centre, axis=0) + far
+    low, high = jax.lax.fori_loop(0, HALVINGS, halve, ends)
+    return 0.5 * (low + high)

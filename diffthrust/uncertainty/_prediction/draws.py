@@ -1,0 +1,252 @@
+"""Draws of a model's parameters: from a posterior, or from the covariance of a fit."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing
+from diffthrust.estimation._rebuild import check_mark
+from diffthrust.estimation._result import Fit
+from diffthrust.estimation._status import Status
+from diffthrust.models._base.model import Model
+
+ROUNDS = 200
+"""Draws of a covariance that fall outside the bounds are drawn anew at most so many times."""
+
+
+@dataclass(frozen=True)
+class Draws:
+    """Draws of the parameters of a model and of its noise, each ``(n,)`` by name.
+
+    Args:
+        model: the model whose parameters they are.
+        values: every parameter of the model by full name, in its unit; constant where it is fixed.
+        noise: standard deviation of the noise (scale, for a Student-t loss) by channel.
+        nuisance: gains and memories of an observer, or correlation times of the noise.
+        kind: "posterior" or "covariance".
+        likelihood: "simulation" or "innovations".
+        loss: "gaussian" or "student_t".
+        fit: the fit, where one was given.
+        notes: what the user should know besides.
+    """
+
+    model: Model
+    values: Mapping[str, np.ndarray]
+    noise: Mapping[str, np.ndarray]
+    nuisance: Mapping[str, np.ndarray]
+    kind: str
+    likelihood: str = "simulation"
+    loss: str = "gaussian"
+    fit: Fit | None = field(default=None, repr=False)
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(next(iter(self.values.values())))
+
+
+def draws_of(source: Any, model: Any, *, count: int, seed: int, level: float = 0.95) -> Draws:
+    """At most ``count`` draws of the parameters.
+
+    Of a posterior, draws picked at random (all of them where it has fewer). Of a fit, draws of the
+    Gaussian of its covariance in the coordinates of the fit (logarithms of parameters that are
+    positive by nature), those outside the bounds drawn anew; parameters without a standard error
+    stay where they are, and a note says so.
+
+    Args:
+        source: a `Fit`, or what `sample` gives.
+        model: a model or a fit; may be ``None`` where the source is a fit.
+        count: number of draws.
+        seed: of the draws.
+        level: probability of the intervals that are to be made of them; only checked.
+
+    Raises:
+        InputError: an empty posterior, a failed fit, parameters of another model, or arguments out
+            of range.
+    """
+    for what, value, least in (("draws", count, 2), ("seed", seed, 0)):
+        try:
+            fine = operator.index(value) >= least
+        except TypeError:
+            fine = False
+        if not fine:
+            raise InputError(
+                f"{what}: expected a whole number of at least {least}, found {value!r}.",
+                "Correct it.",
+            )
+    if not (isinstance(level, float) and 0 < level < 1):
+        raise InputError(
+            f"level: expected a probability between 0 and 1, found {level!r}.", "Write 0.95."
+        )
+    rng = np.random.default_rng(seed)
+    fit = model if isinstance(model, Fit) else source if isinstance(source, Fit) else None
+    own = model.model if isinstance(model, Fit) else model
+    if own is None and fit is not None:
+        own = fit.model
+    if not isinstance(own, Model):
+        raise InputError(
+            f"Expected the model of the posterior or a fit of it, found {type(model).__name__}.",
+            "Give the model or the fit besides the posterior.",
+        )
+    if isinstance(source, Fit):
+        return _of_fit(source, own, count, rng)
+    return _of_posterior(source, own, fit, count, rng)
+
+
+def _of_fit(fit: Fit, model: Model, count: int, rng: np.random.Generator) -> Draws:
+    if fit.status is Status.SIMULATION_FAILED:
+        raise InputError("The fit failed, so that there is nothing to draw from.", fit.message)
+    _same(model, [n for n in fit.parameters], "The fit")
+    known = [i for i in range(len(fit.free)) if np.isfinite(fit.covariance[i, i])]
+    names = [fit.free[i] for i in known]
+    if not names:
+        raise InputError(
+            "No parameter of the fit has a standard error, so that there is nothing to draw.",
+            fit.message,
+        )
+    held = [n for n in fit.free if n not in names]
+    notes = fit.doubts if fit.status.ok else (f"The fit is to be doubted. {fit.message}",)
+    if held:
+        has, is_held, it = ("have", "are held at their values", "them")
+        if len(held) == 1:
+            has, is_held, it = ("has", "is held at its value", "it")
+        notes += (
+            f"{listing(held)} {has} no standard error and {is_held}: "
+            f"intervals that depend on {it} are too narrow.",
+        )
+    described = [fit.model.parameters[n] for n in names]
+    best = np.array([fit.parameters[n].value for n in names])
+    logs = np.array([p.transform == "log" for p in described])
+    slope = np.where(logs, best, 1.0)
+    covariance = fit.covariance[np.ix_(known, known)] / np.outer(slope, slope)
+    values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    low, high = np.array([p.limits for p in described]).T
+
+    def some(wanted: int) -> np.ndarray:
+        moved = rng.standard_normal((wanted, len(names))) @ root.T
+        return np.where(logs, best * np.exp(np.where(logs, moved, 0.0)), best + moved)
+
+    drawn = some(count)
+    for _ in range(ROUNDS):
+        outside = np.any((drawn < low) | (drawn > high), axis=1)
+        if not outside.any():
+            break
+        drawn[outside] = some(int(outside.sum()))
+    drawn = np.clip(drawn, low, high)
+    named = dict(zip(names, drawn.T, strict=True))
+    found = {n: named.get(n, np.full(count, e.value)) for n, e in fit.parameters.items()}
+    return Draws(
+        model=model,
+        values=found,
+        noise={c: np.full(count, s) for c, s in fit.noise.items()},
+        nuisance={n: np.full(count, e.value) for n, e in (fit.disturbance or {}).items()},
+        kind="covariance",
+        likelihood=fit.likelihood,
+        loss=fit.loss,
+        fit=fit,
+        notes=notes,
+    )
+
+
+def _of_posterior(
+    source: Any, model: Model, fit: Fit | None, count: int, rng: np.random.Generator
+) -> Draws:
+    posterior = posterior_data(source)
+    scalars = [str(n) for n, v in posterior.data_vars.items() if set(v.dims) == {"chain", "draw"}]
+    own = [n for n in scalars if n in model.parameters]
+    _same(model, [n for n in scalars if not n.startswith("noise.")], "The posterior", part=True)
+    silent = [] if fit is None else [n for n in fit.model.parameters if n not in fit.free]
+    absent = [
+        n for n, p in model.parameters.items() if not p.fixed and n not in own and n not in silent
+    ]
+    if absent:
+        raise InputError(
+            f"The posterior has no draws of {listing(absent)}, which the model '{model}' leaves "
+            f"free; it has {listing(own) or 'none of its parameters'}.",
+            "Give the model that was sampled, or the fit that it was sampled from.",
+        )
+    if fit is not None:
+        check_mark(source, fit, "draws of a posterior")
+    total = posterior.sizes["chain"] * posterior.sizes["draw"]
+    picked = np.sort(rng.choice(total, min(count, total), replace=False))
+
+    def flat(name: str, **at: Any) -> np.ndarray:
+        one = posterior[name].sel(**at) if at else posterior[name]
+        return np.asarray(one.transpose("chain", "draw").values, float).reshape(-1)[picked]
+
+    values = {
+        n: flat(n) if n in own else np.full(picked.size, _value(n, model, fit))
+        for n in model.parameters
+    }
+    bad = [n for n in own if not np.all(np.isfinite(values[n]))]
+    if bad:
+        raise InputError(
+            f"The posterior's draws of {listing(bad)} are not all finite.", "Sample again."
+        )
+    noise = {c: np.full(picked.size, s) for c, s in (fit.noise if fit else {}).items()}
+    if "sigma" in posterior and "channel" in posterior["sigma"].dims:
+        noise |= {
+            str(c): flat("sigma", channel=c) for c in posterior["sigma"].coords["channel"].values
+        }
+    attrs = {**source.attrs, **posterior.attrs}
+    held = (fit.disturbance if fit else None) or {}
+    return Draws(
+        model=model,
+        values=values,
+        noise=noise,
+        nuisance={
+            **{n: np.full(picked.size, e.value) for n, e in held.items()},
+            **{n: flat(n) for n in scalars if n.startswith("noise.")},
+        },
+        kind="posterior",
+        likelihood=fit.likelihood if fit else str(attrs.get("likelihood", "simulation")),
+        loss=fit.loss if fit else str(attrs.get("loss", "gaussian")),
+        fit=fit,
+        notes=tuple(filter(None, str(attrs.get("doubts", "")).split("\n"))),
+    )
+
+
+def posterior_data(source: Any) -> Any:
+    """The posterior's data set of what `sample` gives.
+
+    Raises:
+        InputError: something else, or one without draws.
+    """
+    posterior = getattr(source, "posterior", None)
+    if posterior is None or not hasattr(posterior, "data_vars"):
+        raise InputError(
+            f"Expected a fit or a posterior, found {type(source).__name__}"
+            f"{' without a posterior' if hasattr(source, 'groups') else ''}.",
+            "Give what dft.fit or dft.sample returns.",
+        )
+    sizes = {str(name): int(size) for name, size in posterior.sizes.items()}
+    if not posterior.data_vars or not sizes.get("chain") or not sizes.get("draw"):
+        raise InputError(
+            "The posterior is empty: expected draws by chain and draw, found "
+            f"{listing(posterior.data_vars)} with {sizes or 'no dimensions'}.",
+            "Sample again, with draws=2000.",
+        )
+    return posterior
+
+
+def _value(name: str, model: Model, fit: Fit | None) -> float:
+    found = fit.parameters.get(name) if fit else None
+    return found.value if found else model.parameters[name].value
+
+
+def _same(model: Model, names: list[str], what: str, part: bool = False) -> None:
+    """Raise `InputError` where parameters are of another model."""
+    unknown = [n for n in names if n not in model.parameters]
+    missing = [] if part else [n for n in model.parameters if n not in names]
+    if unknown or missing:
+        raise InputError(
+            f"{what} is of another model: it has the parameters {listing(names)}, "
+            f"'{model}' has {listing(model.parameters)}.",
+            "Give the model that was fitted, with its effects.",
+        )

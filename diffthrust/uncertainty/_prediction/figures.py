@@ -1,0 +1,141 @@
+"""Figures of predictive bands and of derived curves."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.figures import BLUE, VERMILLION, literal, styled, thinned
+from diffthrust._support.names import listing
+from diffthrust._support.words import percent
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from diffthrust.uncertainty._prediction.band import Band
+    from diffthrust.uncertainty._prediction.predict import Prediction
+    from diffthrust.uncertainty._prediction.quantities import DerivedQuantity, Quantities
+
+
+def prediction_figure(prediction: Prediction) -> Figure:
+    """Measured points, median and bands; below, the same with the median taken off."""
+    from matplotlib.figure import Figure
+
+    count = len(prediction.channels)
+    figure = Figure(figsize=(9.0, 1.2 + 3.6 * count), layout="constrained")
+    grid = figure.add_gridspec(2 * count, 1, height_ratios=[3, 2] * count)
+    shared = None
+    for i, (name, band) in enumerate(prediction.channels.items()):
+        top = figure.add_subplot(grid[2 * i], sharex=shared)
+        shared = shared or top
+        below = figure.add_subplot(grid[2 * i + 1], sharex=shared)
+        share = percent(band.coverage)
+        unit = f" [{band.unit}]" if band.unit else ""
+        title = f"{name}: {share} of {band.samples} samples inside the {percent(prediction.level)}"
+        _banded(top, prediction, band, np.zeros_like(band.median))
+        _banded(below, prediction, band, band.median)
+        styled(top, f"{literal(title)} band", "", literal(f"{name}{unit}"))
+        last = i == count - 1
+        styled(below, "", "time [s]" if last else "", literal(f"minus median{unit}"))
+        top.tick_params(labelbottom=False)
+        below.tick_params(labelbottom=last)
+    figure.legend(
+        *figure.axes[0].get_legend_handles_labels(),
+        title=literal(prediction.log),
+        title_fontproperties={"weight": "bold", "size": 12},
+        alignment="left",
+        loc="outside upper left",
+        ncols=3,
+        frameon=False,
+        fontsize=9,
+    )
+    return figure
+
+
+def curves_figure(found: Quantities) -> Figure:
+    """Derived curves with their bands, one panel each.
+
+    Raises:
+        InputError: there is no curve.
+    """
+    from matplotlib.figure import Figure
+
+    curves = [q for q in found.values() if q.grid is not None and q.grid.size > 1]
+    if not curves:
+        raise InputError(
+            f"None of the quantities is a curve: {listing(found)}.",
+            "Ask for commands, steps or amplitudes of several values.",
+        )
+    across = min(3, len(curves))
+    tall = -(-len(curves) // across)
+    figure = Figure(figsize=(0.6 + 4.2 * across, 0.4 + 3.4 * tall), layout="constrained")
+    for i, curve in enumerate(curves, 1):
+        axes = figure.add_subplot(tall, across, i)
+        _curve(axes, curve, found.level)
+        axes.legend(fontsize=8, frameon=False)
+    return figure
+
+
+def _curve(axes: Axes, q: DerivedQuantity, level: float) -> None:
+    assert q.grid is not None
+    order = np.argsort(q.grid)
+    x = q.grid[order]
+    parts = [np.where(np.isfinite(v), v, np.nan)[order] for v in (q.low, q.median, q.high)]
+    low, median, high = parts
+    with np.errstate(invalid="ignore"):
+        thin = np.nanmax(high - low) < 0.01 * np.nanmax(np.abs(high))
+    told = f"{percent(level)} band{', narrower than the line' if thin else ''}"
+    axes.fill_between(x, low, high, color=BLUE, alpha=0.3, linewidth=0, label=told)
+    dots: dict[str, Any] = {"marker": "o", "markersize": 3} if x.size <= 20 else {}
+    axes.plot(x, median, color=BLUE, linewidth=1.2, label="median", **dots)
+    with np.errstate(invalid="ignore"):
+        positive = bool(x[0] > 0 and np.nanmin(low) > 0)
+    label = q.name.replace("_", " ")
+    styled(axes, literal(label), bracketed(q.grid_name, q.grid_unit), bracketed(label, q.unit))
+    if positive and x[-1] >= 8 * x[0]:
+        from matplotlib.ticker import LogLocator, NullFormatter
+
+        spans = (x[-1] / x[0], np.nanmax(high) / np.nanmin(low))
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        for axis, span in zip((axes.xaxis, axes.yaxis), spans, strict=True):
+            dense = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)
+            axis.set_major_locator(LogLocator(10, dense if span < 10 else (1.0, 2.0, 5.0)))
+            axis.set_major_formatter(lambda value, _: f"{value:g}")
+            axis.set_minor_formatter(NullFormatter())
+        axes.margins(x=0.03)
+
+
+def _banded(axes: Axes, prediction: Prediction, band: Band, off: np.ndarray) -> None:
+    time = prediction.time
+    step = max(1, time.size // 4000)
+    t = time[::step]
+    share = percent(prediction.level)
+
+    def filled(low: np.ndarray, high: np.ndarray, label: str, **look: Any) -> None:
+        ends = (low - off)[::step], (high - off)[::step]
+        axes.fill_between(t, *ends, linewidth=0, label=label, **look)
+
+    more = ", random forces" if prediction.random_forces else ""
+    noisy = f"parameters, start{more} and noise"
+    filled(band.noisy_low, band.noisy_high, f"{share}: {noisy}", color=BLUE, alpha=0.22)
+    filled(band.low, band.high, f"{share}: parameters and start", color=VERMILLION, alpha=0.55)
+    axes.plot(t, (band.median - off)[::step], color=VERMILLION, linewidth=0.9, label="median")
+    outside = (band.measured < band.noisy_low) | (band.measured > band.noisy_high)
+    few = np.isfinite(band.measured).sum() <= 400
+    size = 3.0 if few else 1.4
+    for where, colour, label in (
+        (~outside, "0.35", "measured, inside"),
+        (outside, "#000000", "measured, outside"),
+    ):
+        rest = np.where(where, band.measured - off, np.nan)
+        at, values = thinned(time, rest)
+        axes.plot(at, values, color=colour, linestyle="none", markersize=size, label=label,
+                  marker="." if colour != "#000000" else "x", markeredgewidth=0.7)  # fmt: skip
+
+
+def bracketed(name: str, unit: str) -> str:
+    return literal(f"{name} [{unit}]" if unit else name)

@@ -1,0 +1,216 @@
+"""The predictive band of an unseen log, and how much of what was measured lies inside."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing
+from diffthrust._support.words import percent
+from diffthrust.logs._log import Log
+from diffthrust.simulation._step_size import choose_substeps
+from diffthrust.uncertainty._prediction.band import Band, band_of
+from diffthrust.uncertainty._prediction.draws import Draws, draws_of
+from diffthrust.uncertainty._prediction.replicates import mean_runs, random_runs
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SHORT = 0.05
+"""A band covers too little where the share inside falls short of its level by more than this."""
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What a fit or a posterior expects of a log, held against what was measured.
+
+    Args:
+        log: name of the log.
+        time: time stamps [s], ``(T,)``.
+        level: probability of the bands.
+        channels: a `Band` for each measured channel.
+        draws: number of parameter draws.
+        kind: "posterior" or "covariance": where the draws are from.
+        noise: the coverage counts the band with noise.
+        random_forces: the band with noise includes the random forces of an "innovations" fit.
+        notes: what the user should know besides.
+    """
+
+    log: str
+    time: np.ndarray = field(repr=False)
+    level: float
+    channels: Mapping[str, Band]
+    draws: int
+    kind: str
+    noise: bool = True
+    random_forces: bool = False
+    notes: tuple[str, ...] = ()
+
+    @property
+    def coverage(self) -> dict[str, float]:
+        """Share of the measured samples inside the band, by channel."""
+        return {name: band.coverage for name, band in self.channels.items()}
+
+    @property
+    def sentence(self) -> str:
+        """The coverage in words, and what a coverage that is too low means."""
+        told = ", ".join(f"{percent(share)} of {name}" for name, share in self.coverage.items())
+        text = f"{self.log}: the {percent(self.level)} band holds {told}."
+        if not self.noise:
+            return (
+                f"{text} It is the band of the model's output without noise: "
+                "measured samples lie outside by their noise."
+            )
+        low = [n for n, share in self.coverage.items() if share < self.level - SHORT]
+        high = [n for n, share in self.coverage.items() if share > 0.5 * (1 + self.level)]
+        if low:
+            why = (
+                "the random forces are larger, or last longer, than it estimated"
+                if self.random_forces
+                else "its errors last from sample to sample, as random forces and drifting sensors "
+                "make them"
+            )
+            text += (
+                f" That is too few for {' and '.join(low)}: something is missing from the model, "
+                f"or {why}. The intervals of the parameters are then too narrow as well."
+            )
+        elif high:
+            text += (
+                f" That is more than asked for {' and '.join(high)}: these errors are smaller than "
+                "those of the training logs."
+            )
+        else:
+            text += " That is what a model that lacks nothing would give."
+        return text
+
+    def report(self) -> str:
+        """The coverage by channel, in words and as a table."""
+        from diffthrust.uncertainty._sampling.tables import prediction_table, rendered
+
+        return rendered(prediction_table(self))
+
+    def to_json(self) -> dict[str, Any]:
+        """Coverage and number of samples by channel as plain data."""
+        channels = {
+            name: {"coverage": band.coverage, "samples": band.samples}
+            for name, band in self.channels.items()
+        }
+        return {"log": self.log, "level": self.level, "draws": self.draws, "channels": channels}
+
+    def plot(self) -> Figure:
+        """Measured points, median and both bands, channel by channel."""
+        from diffthrust.uncertainty._prediction.figures import prediction_figure
+
+        return prediction_figure(self)
+
+
+def predict(
+    source: Any,
+    model: Any,
+    log: Log | None = None,
+    *,
+    level: float = 0.95,
+    draws: int = 200,
+    seed: int = 0,
+    noise: bool = True,
+    substeps: int | None = None,
+) -> Prediction:
+    """The band in which a log's measurements are expected, and the share that lies inside.
+
+    The log is simulated with draws of the parameters. The band of the prediction without noise is
+    what these draws leave open. The band with noise adds the measurement noise, as large as it was
+    on the training logs. Measured states start from their first measurement, give or take its
+    noise.
+
+    Of a fit with ``likelihood="innovations"`` the band with noise includes the random forces and
+    the lasting sensor errors that it estimated: the innovations form is simulated forward with
+    errors that are drawn. The band without noise includes none of these. Gains and memories have no
+    error in a fit and stay at their values; a posterior draws them too. The band of any other fit
+    allows for no random force: under turbulence it is too narrow, and its coverage says so.
+
+    Args:
+        source: a `Fit`, or a posterior that `sample` gives.
+        model: the fit or the model that was sampled; with a fit as the source it may be left out:
+            ``dft.predict(fit, log)``.
+        log: the log, best one that took no part in the fit.
+        level: probability of the bands: equal tails, at each sample by itself.
+        draws: number of parameter draws; the ends of the bands are uncertain by their number.
+        seed: of the draws.
+        noise: count the coverage of the band with noise, or of the one without.
+        substeps: integrator steps per sample; chosen where ``None``.
+
+    Returns:
+        A `Prediction`; see ``.sentence``, ``.coverage`` and ``.plot()``.
+
+    Raises:
+        InputError: an empty posterior, parameters of another model, or a log that the model cannot
+            be simulated with or that measures nothing that it puts out.
+
+    Example:
+        >>> print(dft.predict(post, fit, unseen).sentence)
+        holdout.csv: the 95 % band holds 95 % of speed, 94 % of thrust. ...
+    """
+    if isinstance(model, Log) and log is None:
+        model, log = None, model
+    if not isinstance(log, Log):
+        raise InputError(
+            f"predict: expected a log, found {type(log).__name__}.",
+            "Write dft.predict(posterior, fit, log), one log at a time.",
+        )
+    if substeps is not None and not (isinstance(substeps, int) and substeps >= 1):
+        raise InputError(
+            f"substeps: expected a whole number of at least 1, found {substeps!r}.", "Correct it."
+        )
+    drawn = draws_of(source, model, count=draws, seed=seed, level=level)
+    channels = [name for name in drawn.model.outputs if name in log.measured]
+    if not channels:
+        raise InputError(
+            f"{log.name}: no output of '{drawn.model.name}' is measured: expected one of "
+            f"{listing(drawn.model.outputs)}, found {listing(log.measured) or 'none'}.",
+            "Map a column to one of these channels.",
+        )
+    drawn, notes = _with_noise(drawn, log, channels, noise)
+    if substeps is None:
+        middle = {n: float(np.median(v)) for n, v in drawn.values.items()}
+        substeps = choose_substeps(drawn.model.replace(middle), log)
+    rng = np.random.default_rng([seed, 1])
+    means = mean_runs(drawn, log, channels, substeps, rng)
+    random = drawn.likelihood == "innovations"
+    shown = random_runs(drawn, log, channels, substeps, rng) if random else {}
+    bands = {c: band_of(drawn, log, c, means[c], shown.get(c), level, noise) for c in channels}
+    return Prediction(
+        log=log.name,
+        time=log.time,
+        level=level,
+        channels=bands,
+        draws=len(drawn),
+        kind=drawn.kind,
+        noise=noise,
+        random_forces=random,
+        notes=(*drawn.notes, *notes),
+    )
+
+
+def _with_noise(
+    drawn: Draws, log: Log, channels: list[str], wanted: bool
+) -> tuple[Draws, list[str]]:
+    """The draws with a noise level for each channel that has one, and a word on those without."""
+    given = {c: log.noise_in(c, drawn.model.outputs[c]) for c in channels if c not in drawn.noise}
+    known = {c: np.full(len(drawn), s) for c, s in given.items() if s is not None}
+    lacking = [c for c, s in given.items() if s is None]
+    if lacking and wanted and len(lacking) == len(channels):
+        raise InputError(
+            f"predict: the noise of {listing(lacking)} is not known: the posterior has no 'sigma'.",
+            "Give the fit in place of the model, a log with its noise, or noise=False.",
+        )
+    notes = [
+        f"{c}: its noise is not known, as no training log measured it; none is added."
+        for c in lacking
+        if wanted
+    ]
+    fields = {**vars(drawn), "noise": {**drawn.noise, **known}}
+    return Draws(**fields), notes

@@ -1,0 +1,300 @@
+"""Derived quantities with intervals, by the same draws of the parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing
+from diffthrust.uncertainty._prediction.draws import Draws, draws_of
+from diffthrust.uncertainty._prediction.physical import (
+    PHYSICAL_UNITS,
+    check_sizes,
+    check_torque_driven,
+    torque_driven,
+)
+from diffthrust.uncertainty._prediction.responses import responses
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class DerivedQuantity:
+    """A number or a curve that follows from the parameters, with its interval.
+
+    Args:
+        name: of the quantity.
+        unit: of the values.
+        median: a number, or ``(m,)`` for a curve.
+        low: lower end of the interval, point by point.
+        high: upper end.
+        draws: the values by draw, ``(n,)`` or ``(n, m)``.
+        grid: what a curve is over, ``(m,)``; ``None`` for a number.
+        grid_name: what the grid is.
+        grid_unit: its unit.
+    """
+
+    name: str
+    unit: str
+    median: Any
+    low: Any
+    high: Any
+    draws: np.ndarray = field(repr=False)
+    grid: np.ndarray | None = None
+    grid_name: str = ""
+    grid_unit: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        """Median and interval as plain data; infinite times as ``null``."""
+        found = {"unit": self.unit, "median": self.median, "low": self.low, "high": self.high}
+        if self.grid is not None:
+            found["grid"] = {"name": self.grid_name, "unit": self.grid_unit, "values": self.grid}
+        return found
+
+
+@dataclass(frozen=True)
+class Quantities(Mapping[str, DerivedQuantity]):
+    """Derived quantities by name, all of the same draws.
+
+    Args:
+        found: the quantities.
+        level: probability of the intervals: equal tails, point by point.
+        kind: "posterior" or "covariance": where the draws are from.
+        notes: what the user should know besides.
+    """
+
+    found: Mapping[str, DerivedQuantity]
+    level: float
+    kind: str
+    notes: tuple[str, ...] = ()
+
+    def __getitem__(self, name: str) -> DerivedQuantity:
+        return self.found[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.found)
+
+    def __len__(self) -> int:
+        return len(self.found)
+
+    def report(self) -> str:
+        """The intervals as text for people."""
+        from diffthrust.uncertainty._sampling.tables import quantities_table, rendered
+
+        return rendered(quantities_table(self))
+
+    def to_json(self) -> dict[str, Any]:
+        """The intervals as plain data."""
+        from diffthrust._support.files import plain
+
+        found = {name: q.to_json() for name, q in self.found.items()}
+        return plain({"level": self.level, "draws_from": self.kind, "quantities": found})
+
+    def plot(self) -> Figure:
+        """The curves with their bands, one panel each.
+
+        Raises:
+            InputError: there is no curve.
+        """
+        from diffthrust.uncertainty._prediction.figures import curves_figure
+
+        return curves_figure(self)
+
+
+def quantities(
+    source: Any,
+    model: Any = None,
+    *,
+    pitch: float | None = None,
+    area: float | None = None,
+    density: float = 1000.0,
+    commands: Sequence[float] | np.ndarray | None = None,
+    steps: Sequence[float] | np.ndarray | None = None,
+    amplitudes: Sequence[float] | np.ndarray | None = None,
+    response: str | None = None,
+    inputs: Mapping[str, float] | None = None,
+    functions: Mapping[str, Callable[[Mapping[str, float]], Any]] | None = None,
+    units: Mapping[str, str] | None = None,
+    level: float = 0.95,
+    draws: int = 400,
+    seed: int = 0,
+) -> Quantities:
+    """What follows from the parameters, with intervals: only what is asked for is worked out.
+
+    - ``pitch`` and ``area``: "efficiency", "volume" and "torque_constant" of a thruster (see
+      `physical`).
+    - ``commands``: "steady_thrust", the output in the end under each constant command, by
+      simulation of the model with its effects.
+    - ``steps``: "step_time", the time from a step out of rest to 1 - 1/e = 63 % of the response.
+    - ``amplitudes``: "break_frequency", at which a thruster follows no more whose speed swings so
+      far: 8 alpha / (3 pi) times the amplitude.
+    - ``functions``: any functions of the parameters.
+
+    Predicted trajectories come from `predict`.
+
+    Args:
+        source: a posterior that `sample` gives, or a `Fit`, whose covariance is drawn from.
+        model: the model or the fit that was sampled; not needed where the source is a fit.
+        pitch: pitch of the propeller [m/rad].
+        area: area of the duct [m^2].
+        density: of the water [kg/m^3].
+        commands: constant values of the model's input, in its unit.
+        steps: sizes of steps of the input.
+        amplitudes: of the propeller's speed [rad/s].
+        response: the output that is looked at; "thrust" by default, or else the first one. Effects
+            on what its sensor reports are left out.
+        inputs: constant values of other inputs, such as ``{"supply_voltage": 24.0}``.
+        functions: by name, from parameter values by full name to a number or an array.
+        units: units of the functions' values.
+        level: probability of the intervals.
+        draws: number of draws; with 400 the ends of a 95 % interval lie at 2.5 % +- 0.8 %.
+        seed: of the draws.
+
+    Returns:
+        A mapping from name to `DerivedQuantity`, with ``.report()`` and ``.plot()``.
+
+    Raises:
+        InputError: an empty posterior, a quantity that the model does not have, or nothing asked.
+
+    Source: Yoerger, Cooke & Slotine 1990, sections II B (efficiency, volume), II C (steady thrust),
+    III and figure 6 (steps), IV (break frequency).
+
+    Example:
+        >>> sizes = {"pitch": 0.101, "area": 0.0527}
+        >>> found = dft.uncertainty.quantities(post, fit, **sizes, steps=[0.5, 1, 2, 4])
+        >>> print(found.report())
+    """
+    drawn = draws_of(source, model, count=draws, seed=seed, level=level)
+    if (pitch is None) != (area is None):
+        raise InputError("quantities: expected both pitch and area, found one.", "Give both.")
+    curves = {
+        name: _points(name, given)
+        for name, given in {"commands": commands, "steps": steps, "amplitudes": amplitudes}.items()
+        if given is not None
+    }
+    if functions is not None and not (
+        isinstance(functions, Mapping) and all(map(callable, functions.values()))
+    ):
+        raise InputError(
+            f"functions: expected functions by name, found {functions!r}.",
+            "Write functions={'gain': lambda p: p['beta'] / p['alpha']}.",
+        )
+    if pitch is None and not curves and not functions:
+        raise InputError(
+            "quantities: nothing is asked for.",
+            "Give pitch and area, commands, steps, amplitudes or functions.",
+        )
+    found: dict[str, DerivedQuantity] = {}
+    notes = list(drawn.notes)
+    share = level
+
+    def add(name: str, unit: str, values: Any, *grid: Any) -> None:
+        if name in found:
+            raise InputError(
+                f"quantities: there are two of the name {name!r}.", "Give the function another."
+            )
+        found[name] = _summarised(name, unit, np.asarray(values, float), share, *grid)
+
+    if pitch is not None and area is not None:
+        check_sizes("quantities", pitch, area, density)
+        check_torque_driven("quantities", drawn.model, drawn.values)
+        for name, values in torque_driven(drawn.values, pitch, area, density).items():
+            add(name, PHYSICAL_UNITS[name], values)
+    if "commands" in curves or "steps" in curves:
+        _add_responses(drawn, curves, response, inputs or {}, add, notes)
+    if "amplitudes" in curves:
+        check_torque_driven("quantities", drawn.model, drawn.values)
+        swing = curves["amplitudes"]
+        pace = 8.0 * drawn.values["alpha"][:, None] / (3.0 * np.pi) * np.abs(swing)
+        add("break_frequency", "rad/s", pace, swing, "speed amplitude", "rad/s")
+        shafted = [e.name for e in drawn.model.effects if {"load", "shaft"} & set(e.ports)]
+        if shafted:
+            notes.append(
+                f"break_frequency counts the load in proportion to speed squared alone, not "
+                f"{', '.join(shafted)}."
+            )
+    for name, function in (functions or {}).items():
+        values = _by_draw(name, function, drawn)
+        grid = () if values.ndim == 1 else (np.arange(values.shape[1], dtype=float), "index", "")
+        add(name, (units or {}).get(name, ""), values, *grid)
+    return Quantities(found, level, drawn.kind, tuple(notes))
+
+
+def _add_responses(
+    drawn: Draws,
+    curves: Mapping[str, np.ndarray],
+    response: str | None,
+    inputs: Mapping[str, float],
+    add: Callable[..., None],
+    notes: list[str],
+) -> None:
+    model = drawn.model
+    output = response or ("thrust" if "thrust" in model.outputs else next(iter(model.outputs)))
+    commands = curves.get("commands", np.empty(0))
+    steps = curves.get("steps", np.empty(0))
+    done = responses(drawn, np.concatenate([commands, steps]), output, inputs)
+    drive = next((n for n in model.inputs if n not in inputs), "input")
+    unit, count = model.inputs.get(drive, ""), commands.size
+    if count:
+        values = done.steady[:, :count]
+        add(f"steady_{output}", model.outputs[output], values, commands, drive, unit)
+    if steps.size:
+        add("step_time", "s", done.time[:, count:], steps, f"step of {drive}", unit)
+    if not np.all(np.isfinite(done.time[:, count:])):
+        notes.append("step_time is infinite (inf) where a step moves nothing, as in a deadband.")
+    if done.unsettled > 0:
+        notes.append(
+            f"In {100 * done.unsettled:.2g} % of the draws a response had not settled at the end "
+            "of its simulation: its parameters are badly determined."
+        )
+
+
+def _points(name: str, given: Any) -> np.ndarray:
+    try:
+        points = np.atleast_1d(np.asarray(given, float))
+    except (TypeError, ValueError):
+        points = np.empty(0)
+    if points.ndim != 1 or not points.size or not np.all(np.isfinite(points)):
+        raise InputError(
+            f"quantities: expected finite numbers as {name}, found {given!r}.",
+            f"Write {name}=[0.5, 1.0, 2.0].",
+        )
+    return points
+
+
+def _by_draw(name: str, function: Callable[..., Any], drawn: Draws) -> np.ndarray:
+    rows = []
+    for i in range(len(drawn)):
+        try:
+            row = function({n: float(v[i]) for n, v in drawn.values.items()})
+        except KeyError as error:
+            raise InputError(
+                f"quantities: the function {name!r} reads the parameter {error}, which the model "
+                f"'{drawn.model}' does not have; it has {listing(drawn.values)}.",
+                "Correct the name.",
+            ) from None
+        rows.append(np.asarray(row, float))
+    if len({row.shape for row in rows}) > 1 or rows[0].ndim > 1:
+        raise InputError(
+            f"quantities: the function {name!r} gives arrays of the shapes "
+            f"{listing({str(row.shape) for row in rows}, 3)}.",
+            "Let it give a number, or an array of one dimension and always the same length.",
+        )
+    return np.stack(rows)
+
+
+def _summarised(
+    name: str, unit: str, values: np.ndarray, level: float, *grid: Any
+) -> DerivedQuantity:
+    # a response that never comes counts as infinitely late, which cannot be interpolated
+    method: Any = "linear" if np.all(np.isfinite(values)) else "inverted_cdf"
+    ends = [0.5, 0.5 * (1 - level), 0.5 * (1 + level)]
+    median, low, high = np.quantile(values, ends, axis=0, method=method)
+    if values.ndim == 1:
+        median, low, high = float(median), float(low), float(high)
+    return DerivedQuantity(name, unit, median, low, high, values, *grid)

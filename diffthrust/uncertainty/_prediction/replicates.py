@@ -1,0 +1,162 @@
+"""One log simulated with many draws of the parameters, in one compiled program."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from diffthrust.estimation._likelihood import TAIL
+from diffthrust.estimation._observer import Correction, Observer, is_memory, limited, observer_of
+from diffthrust.logs._log import Log
+from diffthrust.models._base.model import Model
+from diffthrust.models._base.signals import Signals
+from diffthrust.simulation._inputs import bridged, hold_of, inputs_of, measured_start
+from diffthrust.simulation._simulate import Grid, Key, march, read_out, trajectory
+from diffthrust.uncertainty._prediction.draws import Draws
+
+BATCH = 8
+"""So many simulations run side by side; more leave the processor's cache."""
+
+
+def mean_runs(
+    draws: Draws, log: Log, channels: Sequence[str], substeps: int, rng: np.random.Generator
+) -> dict[str, np.ndarray]:
+    """The outputs of a log by draw, without noise: ``(n, T)`` each.
+
+    Measured states start from their first measurement, which is off by a draw of its noise.
+    """
+    whole, original = bridged(log)
+    model, grid, time, inputs = _arranged(draws.model, whole, substeps)
+    start = _starts(draws, log, rng)
+    found = _runs(Key(model), grid, tuple(channels), _held(draws.values), time, inputs, start)
+    return {name: np.asarray(value)[:, original] for name, value in found.items()}
+
+
+def random_runs(
+    draws: Draws, log: Log, channels: Sequence[str], substeps: int, rng: np.random.Generator
+) -> dict[str, np.ndarray]:
+    """What an "innovations" fit expects to be measured: ``(n, T)`` by channel that it knows.
+
+    The innovations form is simulated forward: errors are drawn, and correct the states by the
+    estimated gains, as the errors of a recorded log would. So random forces act, and sensor errors
+    last, as they did in the training logs (Ljung 1999, section 7.3).
+    """
+    whole, original = bridged(log)
+    model, grid, time, inputs = _arranged(draws.model, whole, substeps)
+    known = tuple(c for c in model.outputs if c in draws.noise)
+    remembering = {port for effect in model.effects if effect.memory for port in effect.ports}
+    observer = observer_of(model, whole, known, remembering)
+    nuisance = {
+        n: draws.nuisance.get(n, np.full(len(draws), p.value if is_memory(n) else 0.0))
+        for n, p in observer.parameters(whole.duration, whole.step).items()
+    }
+    shape = (len(draws), len(known), time.size)
+    law = rng.standard_t(TAIL, shape) if draws.loss == "student_t" else rng.standard_normal(shape)
+    sigma = np.stack([draws.noise[c] for c in known], axis=1)
+    fit = draws.fit
+    clip = [fit.limits.get(c, np.inf) if fit and fit.limits else np.inf for c in known]
+    given = {
+        "clip": jnp.asarray(np.array(clip, float)),
+        "reach": jnp.asarray(np.array(fit.reach if fit else 1.0, float)),
+        "unsigned": jnp.asarray(np.array([c in log.unsigned for c in known], bool)),
+    }
+    found = _random(
+        Key(model),
+        grid,
+        observer,
+        _held({**draws.values, **nuisance}),
+        time,
+        inputs,
+        _starts(draws, log, rng),
+        jnp.asarray(sigma[:, :, None] * law),
+        given,
+    )
+    return {c: np.asarray(found[c])[:, original] for c in known if c in channels}
+
+
+def _arranged(model: Model, log: Log, substeps: int) -> tuple[Model, Grid, Any, dict[str, Any]]:
+    given = inputs_of(model, log)
+    grid = Grid(hold_of(log, given), substeps, uniform=log.even)
+    return model, grid, jnp.asarray(log.time), {n: jnp.asarray(v) for n, v in given.items()}
+
+
+def _starts(draws: Draws, log: Log, rng: np.random.Generator) -> dict[str, Any]:
+    """First measurements with their noise; a sensor without a sign gets none: it may be at rest."""
+    begin = {}
+    for name, value in measured_start(draws.model, log).items():
+        sigma = draws.noise.get(name, np.zeros(len(draws)))
+        error = 0.0 if name in log.unsigned else sigma * rng.standard_normal(len(draws))
+        begin[name] = jnp.asarray(np.full(len(draws), value) + error)
+    return begin
+
+
+def _held(values: Mapping[str, np.ndarray]) -> dict[str, Any]:
+    return {name: jnp.asarray(np.asarray(value, float)) for name, value in values.items()}
+
+
+@partial(jax.jit, static_argnums=(0, 1, 2))
+def _runs(
+    key: Key, grid: Grid, channels: tuple[str, ...], values: Any, time: Any, inputs: Any, start: Any
+) -> Any:
+    def one(each: Any) -> Any:
+        model = key.model.bind(each[0])
+        outputs, _ = trajectory(model, grid, time, inputs, each[1], {})
+        return {c: outputs[c] for c in channels}
+
+    return jax.lax.map(one, (values, start), batch_size=BATCH)
+
+
+class _Driven(Correction):
+    """An observer run forward: what stands for the measurements are the errors themselves."""
+
+    def error(self, channel: str, modelled: Any, measured: Any, colour: Any) -> Any:
+        """The error that was drawn; between samples there is none."""
+        return jnp.where(jnp.isnan(measured), 0.0, measured)
+
+
+@partial(jax.jit, static_argnums=(0, 1, 2))
+def _random(
+    key: Key,
+    grid: Grid,
+    observer: Observer,
+    values: Any,
+    time: Any,
+    inputs: Any,
+    start: Any,
+    errors: Any,
+    given: Any,
+) -> Any:
+    def one(each: Any) -> Any:
+        values, begin, error = each
+        model = key.model.bind(values)
+        run = _Driven(observer, model, values, time, {**given, "measured": error})
+        series, path = march(model, grid, time, inputs, begin, {}, run)
+        signals = {**series, "time": time}
+        ahead = read_out(model, Signals({**path, **signals}))
+        corrected = run.correct(path, signals, run.rows)
+        after = read_out(model, Signals({**corrected, **signals}))
+        out = {}
+        for i, c in enumerate(observer.channels):
+            if c in observer.fed:
+                out[c] = ahead[c] + path[f"colour.{c}"] + error[i]
+                continue
+            gain, kept = values[f"noise.{c}.colour"], run.rows[f"colour.{c}"]
+            out[c] = after[c] + _coloured(error[i], gain, kept, run.limit[i])
+        return out
+
+    return jax.lax.map(one, (values, start, errors), batch_size=BATCH)
+
+
+def _coloured(errors: Any, gain: Any, kept: Any, limit: Any) -> Any:
+    """A sensor's lasting error with what is new in each sample, from the latter."""
+
+    def body(colour: Any, x: Any) -> tuple[Any, Any]:
+        e, keep = x
+        return keep * (colour + gain * limited(e, limit)), colour + e
+
+    return jax.lax.scan(body, jnp.zeros(()), (errors, kept))[1]

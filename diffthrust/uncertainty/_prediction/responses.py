@@ -1,0 +1,178 @@
+"""Responses of a model to a sudden constant input: the steady output, and how soon it is near.
+
+The model itself is simulated, so that its effects count. Each size of step has a time base of its
+own, some sixteen response times long, found with the middle of the draws; only numbers change
+between sizes, durations and draws, so one compilation serves all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing
+from diffthrust.models._base.model import Model
+from diffthrust.simulation._bare import bare
+from diffthrust.simulation._simulate import Grid, Key, trajectory
+from diffthrust.uncertainty._prediction.draws import Draws
+
+SAMPLES = 800
+"""Samples of one response."""
+LONG = 16.0
+"""A response is followed for so many times the time to 63 % of it."""
+SETTLED = 1e-3
+"""It has settled where its last fifth moves by no more than this share of it."""
+TRIALS = 40
+"""Durations that are tried before a model counts as one that does not settle."""
+
+
+@dataclass(frozen=True)
+class Responses:
+    """Steady outputs and times to 63 % by draw and size of step, ``(n, m)`` each.
+
+    Args:
+        steady: the output at the end.
+        time: time after the step [s] at which the output has gone 1 - 1/e of its way; infinite
+            where it does not move.
+        unsettled: share of the draws that still moved at the end, at the worst size.
+    """
+
+    steady: np.ndarray
+    time: np.ndarray
+    unsettled: float
+
+
+def responses(
+    draws: Draws, sizes: np.ndarray, output: str, inputs: Mapping[str, float]
+) -> Responses:
+    """Simulate steps from rest, for every draw.
+
+    Args:
+        draws: draws of the parameters.
+        sizes: constant values of the model's input after the step, ``(m,)``; zero before it.
+        output: the output that is looked at, as it is and not as its sensor reports it.
+        inputs: constant values of other inputs that the model or its effects read.
+
+    Raises:
+        InputError: a model with several inputs, an output it does not have, an input that is
+            missing, or a response that does not settle.
+    """
+    model = bare(draws.model)
+    drive = _drive(model, inputs)
+    if output not in model.outputs:
+        raise InputError(
+            f"quantities: '{model}' puts out no {output!r}, but {listing(model.outputs)}.",
+            "Correct the response.",
+        )
+    grid = Grid(tuple((n, "zero") for n in sorted({drive, *inputs})))
+    key = Key(model)
+    others = {n: jnp.asarray(float(v)) for n, v in inputs.items()}
+
+    def run(values: Mapping[str, float], ends: np.ndarray) -> tuple[np.ndarray, ...]:
+        at = {n: jnp.asarray(float(v)) for n, v in values.items()}
+        found = _steps(
+            key, grid, (drive, output), at, jnp.asarray(ends), jnp.asarray(sizes), others
+        )
+        return tuple(np.asarray(part) for part in found)
+
+    ends = _durations(model, run, {n: float(np.median(v)) for n, v in draws.values.items()}, sizes)
+    rows = [run({n: v[i] for n, v in draws.values.items()}, ends) for i in range(len(draws))]
+    steady, time, moving = (np.stack(part) for part in zip(*rows, strict=True))
+    unsettled = ~(moving <= 3 * SETTLED)
+    return Responses(steady, time, float(unsettled.mean(axis=0).max()))
+
+
+def _drive(model: Model, inputs: Mapping[str, float]) -> str:
+    free = [name for name in model.inputs if name not in inputs]
+    if len(free) != 1 or not model.states:
+        raise InputError(
+            f"quantities: step responses need a model with states and one input; '{model}' has "
+            f"the inputs {listing(model.inputs)}.",
+            "Give constant values of the others, inputs={'name': value}, or leave them out.",
+        )
+    needed = [n for e in model.effects for n in e.needs if n not in inputs and n != free[0]]
+    if needed:
+        raise InputError(
+            f"quantities: the effects of '{model}' read {listing(needed)}, which has no value.",
+            f"Give one: inputs={{'{needed[0]}': ...}}.",
+        )
+    known = {**model.inputs, **model.optional_inputs}
+    known |= {n: "" for e in model.effects for n in e.needs}
+    unknown = [n for n in inputs if n not in known]
+    if unknown:
+        raise InputError(
+            f"quantities: '{model}' has no input {listing(unknown)}; it has {listing(known)}.",
+            "Correct the names under inputs.",
+        )
+    return free[0]
+
+
+def _durations(model: Model, run: Any, values: Mapping[str, float], sizes: Any) -> np.ndarray:
+    """How long each size of step is to be followed [s], ``(m,)``."""
+    slowest = model.time_scales[1]
+    ends = np.full(sizes.size, slowest if np.isfinite(slowest) else 10.0)
+    least, done = np.zeros(sizes.size), np.zeros(sizes.size, bool)
+    for _ in range(TRIALS):
+        steady, time, moving = run(values, ends)
+        wanted = ends.copy()
+        for j in range(sizes.size):
+            if not np.isfinite(steady[j]):  # the step of the integrator is too long
+                wanted[j] = ends[j] / 8
+            elif not np.isfinite(time[j]) and moving[j] == 0:  # nothing moves
+                done[j] = True
+            elif not moving[j] <= SETTLED:
+                least[j] = wanted[j] = 2 * ends[j]
+            else:
+                wanted[j] = max(LONG * time[j], least[j], ends[j] / 30)
+                done[j] = wanted[j] > 0.6 * ends[j] and wanted[j] < 1.6 * ends[j]
+        if done.all():
+            return ends
+        ends = np.where(done, ends, wanted)
+    raise InputError(
+        f"quantities: the response of '{model}' does not settle after steps to "
+        f"{', '.join(f'{s:g}' for s in sizes[~done][:3])}.",
+        "Look at another response, or at other sizes.",
+    )
+
+
+@partial(jax.jit, static_argnums=(0, 1, 2))
+def _steps(
+    key: Key, grid: Grid, names: tuple[str, str], values: Any, ends: Any, sizes: Any, others: Any
+) -> Any:
+    drive, output = names
+    model = key.model.bind(values)
+
+    def one(end: Any, size: Any) -> Any:
+        time = end * (jnp.arange(-1.0, SAMPLES - 1.0) / (SAMPLES - 2.0))
+        after = jnp.arange(SAMPLES) >= 1
+        series = {n: jnp.full(SAMPLES, v) for n, v in others.items()}
+        series[drive] = jnp.where(after, size, 0.0)
+        outputs, _ = trajectory(model, grid, time, series, {}, {})
+        y = outputs[output]
+        last, first = y[-1], y[1]
+        way = last - first
+        still = jnp.abs(way) <= 1e-9 * jnp.max(jnp.abs(y))
+        tail = y[-(SAMPLES // 5) :]
+        share = jnp.where(still, 0.0, (jnp.max(tail) - jnp.min(tail)) / jnp.abs(way))
+        return last, jnp.where(still, jnp.inf, _near(time, (last - y) / way)), share
+
+    return jax.vmap(one)(ends, sizes)
+
+
+def _near(time: Any, left: Any) -> Any:
+    """When the share that is left falls below 1/e; between samples it falls exponentially."""
+    below = (left <= jnp.exp(-1.0)) & (jnp.arange(left.size) >= 2)
+    k = jnp.argmax(below)
+    a, b = left[k - 1], left[k]
+    positive = (a > 0) & (b > 0)
+    top, bottom = jnp.where(positive, a, 1.0), jnp.where(positive, b, 0.5)
+    curved = (jnp.log(top) + 1.0) / (jnp.log(top) - jnp.log(bottom))
+    part = jnp.where(positive, curved, (a - jnp.exp(-1.0)) / (a - b))
+    return jnp.where(jnp.any(below), time[k - 1] + part * (time[k] - time[k - 1]), jnp.inf)

@@ -1,0 +1,249 @@
+"""Profile likelihood: intervals that need no quadratic, of parameters and what follows of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from statistics import NormalDist
+
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing, nearest
+from diffthrust.estimation._ar1 import name_of
+from diffthrust.estimation._problem import Problem
+from diffthrust.estimation._rebuild import problem_of
+from diffthrust.estimation._result import Fit
+from diffthrust.estimation._solver import solve
+from diffthrust.logs._log import Log
+from diffthrust.uncertainty._prediction.physical import derived
+from diffthrust.uncertainty._profile_lines import Function, Line, ParameterLine, Point, QuantityLine
+from diffthrust.uncertainty._profile_result import Better, Profile, Profiles
+from diffthrust.uncertainty._profile_walk import DeeperError, Side, walk
+from diffthrust.uncertainty._sandwich import converged, quantile
+
+ROUNDS = 3
+"""So often a walk may find a lower cost and all begin anew from there."""
+
+
+def profile(
+    fit: Fit,
+    logs: Log | Sequence[Log],
+    names: str | Sequence[str] | None = None,
+    *,
+    quantities: Function | None = None,
+    units: Mapping[str, str] | None = None,
+    level: float = 0.95,
+) -> Profiles:
+    """Intervals from the likelihood itself, by holding one parameter and fitting all others.
+
+    The interval of a parameter holds every value at which the best fit of all others is not
+    significantly worse: twice the drop of the log-likelihood stays below the quantile of the
+    chi-square law with one degree of freedom (Venzon & Moolgavkar 1988). It does not change with
+    the parameter's transform, it need not be symmetric, and it has no end where the data set none.
+    With noise levels that were estimated the quantile is that of the F law, exact for one channel
+    and a model linear in its parameters; under noise that lasts it counts the samples that are
+    independent. On long logs all are the same.
+
+    The likelihood is the fit's own: where residuals are correlated and the fit assumed white noise,
+    the interval is too short. `intervals` says which one to take.
+
+    Args:
+        fit: a fit that converged; of any likelihood, loss and noise model.
+        logs: its training logs, in their order.
+        names: free parameters, by full name; all of them where ``None``.
+        quantities: from parameter values by full name to quantities by name, in terms of
+            `jax.numpy`, as `derived` takes it. It is compiled once; parameters need nothing to be
+            compiled beyond the fit.
+        units: the unit of each quantity.
+        level: of the intervals.
+
+    Returns:
+        `Profiles`, by name, the parameters first.
+
+    Raises:
+        InputError: a fit that failed or did not converge, logs that are not its own, a name that
+            is no free parameter, or a level outside (0, 1).
+
+    Source: Venzon & Moolgavkar 1988, Applied Statistics 37, 87; Raue et al. 2009, Bioinformatics
+    25, 1923.
+
+    Example:
+        >>> gain = lambda p: {"gain": p["beta"] / p["alpha"]}
+        >>> found = dft.uncertainty.profile(fit, log, quantities=gain)
+        >>> print(found.report())
+    """
+    converged(fit, "profile")
+    check_level(level, "profile")
+    wanted = _wanted(fit, names)
+    if quantities is not None and not callable(quantities):
+        raise InputError(
+            f"profile, quantities: expected a function, found {type(quantities).__name__}.",
+            "Write quantities=lambda p: {'gain': p['beta'] / p['alpha']}.",
+        )
+    problem, z = problem_of(fit, logs)
+    return profiles_of(fit, problem, z, wanted, quantities, units or {}, level)
+
+
+def check_level(level: float, what: str) -> None:
+    """Raise `InputError` for a level of confidence that is none."""
+    if not (isinstance(level, float) and 0 < level < 1):
+        raise InputError(
+            f"{what}, level: expected a number between 0 and 1, found {level!r}.",
+            "Write level=0.95 for 95 %.",
+        )
+
+
+def profiles_of(
+    fit: Fit,
+    problem: Problem,
+    z: np.ndarray,
+    names: Sequence[str],
+    quantities: Function | None,
+    units: Mapping[str, str],
+    level: float,
+) -> Profiles:
+    """Profiles of a problem whose optimum is known."""
+    threshold = threshold_of(problem, z, level)
+    first = best = _point(problem, z)
+    for _ in range(ROUNDS):
+        try:
+            found = [
+                _profile(fit, problem, name, ParameterLine(problem, name, best), threshold, level)
+                for name in names
+            ]
+            found += _quantities(fit, problem, best, quantities, units, threshold, level)
+            break
+        except DeeperError as deeper:
+            best = _point(problem, deeper.point.z)
+    else:
+        raise InputError(
+            f"profile: {ROUNDS} times a lower cost than the best so far was found: the fit is at "
+            "none of the deep optima.",
+            "Fit again with more starts.",
+        )
+    gain = first.cost - best.cost
+    better = Better(problem.values(best.z), gain) if best is not first else None
+    return Profiles({p.name: p for p in found}, level, better)
+
+
+def _point(problem: Problem, z: np.ndarray) -> Point:
+    solved = solve(problem, z)
+    return Point(math.nan, float(solved.quadratic.cost), solved.z, solved.quadratic, math.nan)
+
+
+def _wanted(fit: Fit, names: str | Sequence[str] | None) -> tuple[str, ...]:
+    if names is None:
+        return fit.free
+    wanted = (names,) if isinstance(names, str) else tuple(names)
+    for name in wanted:
+        if name not in fit.free:
+            held = name in fit.parameters
+            near = None if held else nearest(name, fit.free)
+            raise InputError(
+                f"profile: '{name}' is {'held' if held else 'no parameter'} in this fit; its free "
+                f"parameters are {listing(fit.free)}.",
+                "Free it and fit again." if held else f"Did you mean {near}?" if near else "",
+            )
+    return wanted
+
+
+def threshold_of(problem: Problem, z: np.ndarray, confidence: float) -> float:
+    """What twice the drop of the log-likelihood may be.
+
+    Under noise that lasts there are fewer independent samples than samples, and a level known from
+    n of them has n / 2 degrees of freedom, for the correlation is estimated as well: its long-run
+    variance has the relative variance 4 / n (of an autoregression a over T samples
+    4 (1 + a) / (1 - a) / T, see the sandwich).
+    """
+    if problem.layout.lasting:
+        samples = independent(problem, z)
+        left = max(samples - len(problem.own) - problem.local, 1.0)
+        return quantile(confidence, 0.5 * samples) ** 2 * samples / left
+    plain = NormalDist().inv_cdf(0.5 + 0.5 * confidence) ** 2
+    if problem.layout.loss != "gaussian" or any(problem.layout.known_noise):
+        return plain
+    samples = float(np.sum(problem.arrays["counts"]))
+    left = samples - z.size
+    if left < 1:
+        return plain
+    return samples * math.log1p(quantile(confidence, left) ** 2 / left)
+
+
+def independent(problem: Problem, z: np.ndarray) -> float:
+    """How many independent samples tell as much about a mean, under noise that lasts."""
+    values, gaps, total = problem.values(z), problem.arrays["gaps"], 0.0
+    for i, name in enumerate(problem.layout.channels):
+        often = np.asarray(gaps["counts"][i])
+        apart = float(often @ np.asarray(gaps["steps"][i])) / max(float(often.sum()), 1.0)
+        kept = values[name_of(name)] ** apart  # between neighbours, some steps apart
+        total += float(problem.arrays["counts"][i]) * (1 - kept) / (1 + kept)
+    return max(total, 2.0)
+
+
+def _quantities(
+    fit: Fit,
+    problem: Problem,
+    best: Point,
+    function: Function | None,
+    units: Mapping[str, str],
+    threshold: float,
+    level: float,
+) -> Iterator[Profile]:
+    if function is None:
+        return
+    told = derived(fit, function, units)
+    for index, (name, quantity) in enumerate(told.items()):
+        line = QuantityLine(problem, function, index, best)
+        yield _profile(
+            fit, problem, name, line, threshold, level, quantity.unit, quantity.std_error
+        )
+
+
+def _profile(
+    fit: Fit,
+    problem: Problem,
+    name: str,
+    line: Line,
+    threshold: float,
+    level: float,
+    unit: str | None = None,
+    std_error: float | None = None,
+) -> Profile:
+    start = line.start()
+    sides = [walk(line, sign, math.sqrt(threshold)) for sign in (-1.0, 1.0)]
+    points = [*reversed(sides[0].points), *sides[1].points[1:]]
+    quantity = unit is not None
+    return Profile(
+        name=name,
+        unit=unit if unit is not None else problem.named[name].unit,
+        value=line.value(start.x),
+        low=_end(line, sides[0]),
+        high=_end(line, sides[1]),
+        open_low=_why(problem, name, line, sides[0], -1),
+        open_high=_why(problem, name, line, sides[1], 1),
+        level=level,
+        threshold=threshold,
+        grid=np.array([line.value(p.x) for p in points]),
+        drop=np.array([p.cost - start.cost for p in points]),
+        std_error=std_error if quantity else fit.parameters[name].std_error,
+        quantity=quantity,
+    )
+
+
+def _end(line: Line, side: Side) -> float | None:
+    return None if side.end is None else line.value(side.end)
+
+
+def _why(problem: Problem, name: str, line: Line, side: Side, sign: int) -> str | None:
+    """Why a side has no end, in words."""
+    last = line.value(side.points[-1].x)
+    if side.why == "bound":
+        bound = problem.named[name].limits[0 if sign < 0 else 1]
+        if math.isfinite(bound):
+            return f"reaches the bound {bound:g}"
+    if side.why == "stuck":
+        return f"the bounds of the parameters allow no {'less' if sign < 0 else 'more'}: {last:.4g}"
+    if side.why == "fails":
+        return f"beyond {last:.4g} the simulation fails"
+    return None if side.why is None else "the likelihood never falls far enough"

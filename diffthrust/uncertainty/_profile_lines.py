@@ -1,0 +1,238 @@
+"""What a profile is taken along: a parameter, or a quantity that follows from several."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+
+from diffthrust.estimation._likelihood import Quadratic, evaluate, named_values
+from diffthrust.estimation._problem import Problem
+from diffthrust.estimation._solver import MOST_STEPS, BoundedLevenbergMarquardt, solve
+
+GONE = 23.0
+"""A logarithm that fell by so much is that of nothing (ten decades), as in the fit's status."""
+STIFF = 0.1
+"""A pull is as strong as a measurement of the quantity with this share of its standard error."""
+Function = Callable[[Mapping[str, Any]], Mapping[str, Any]]
+
+
+class Point(NamedTuple):
+    """The least cost at one place of a line, and the coordinates that have it.
+
+    ``aim`` is what was asked for: a quantity is only drawn near to it.
+    """
+
+    x: float
+    cost: float
+    z: np.ndarray
+    quadratic: Quadratic
+    aim: float
+
+
+def spread(problem: Problem, point: Point) -> np.ndarray:
+    """Inverse information in the coordinates that are free, zero for those at a bound ``(N, N)``.
+
+    Directions of which nothing is known are left out: here it only sets steps, never intervals.
+    """
+    low, high = problem.limits()
+    inside = (point.z > low + 1e-9) & (point.z < high - 1e-9)
+    information = np.asarray(point.quadratic.information) * np.outer(inside, inside)
+    length = np.sqrt(np.maximum(np.diagonal(information), 0.0))
+    length = np.where(length > 0, length, 1.0)
+    scaled = np.linalg.pinv(information / np.outer(length, length), rcond=1e-10, hermitian=True)
+    return scaled / np.outer(length, length)
+
+
+@dataclass(frozen=True)
+class ParameterLine:
+    """A free parameter, in its coordinate; it is held by limits that are equal."""
+
+    problem: Problem
+    name: str
+    best: Point
+
+    @cached_property
+    def place(self) -> int:
+        """Its coordinate."""
+        return self.problem.free.index(self.name)
+
+    @cached_property
+    def scale(self) -> float:
+        """Standard error in the coordinate; at a bound, the way to a cost of about one half."""
+        i, q = self.place, self.best.quadratic
+        variance = spread(self.problem, self.best)[i, i]
+        if variance > 0:
+            return float(np.clip(np.sqrt(variance), 1e-12, 1.0))
+        steep = np.sqrt(max(float(q.information[i, i]), 0.0)) + abs(float(q.gradient[i]))
+        return float(np.clip(1.0 / max(steep, 1.0), 1e-12, 1.0))
+
+    def ends(self) -> tuple[float, float]:
+        """The bounds; of a logarithm without any, ten decades away."""
+        low, high = (float(side[self.place]) for side in self.problem.limits())
+        x, p = self.best.z[self.place], self.problem.named[self.name]
+        if p.transform != "log":
+            return low, high
+        down, up = p.limits
+        return (low if down > 0 else min(x, x - GONE)), (high if np.isfinite(up) else x + GONE)
+
+    def start(self) -> Point:
+        """The optimum."""
+        x = float(self.best.z[self.place])
+        return self.best._replace(x=x, aim=x)
+
+    def reach(self, x: float, near: Point) -> Point:
+        """The least cost at ``x``, from the neighbour along the valley's direction."""
+        i, (low, high) = self.place, self.problem.limits()
+        others = np.asarray(near.quadratic.information).copy()
+        inside = (near.z > low + 1e-9) & (near.z < high - 1e-9)
+        inside[i] = False
+        gram = others[np.ix_(inside, inside)]
+        length = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
+        slope = np.linalg.lstsq(
+            gram / np.outer(length, length), others[inside, i] / length, rcond=1e-10
+        )[0]
+        low, high = low.copy(), high.copy()
+        low[i] = high[i] = x
+        straight = near.z.copy()
+        straight[inside] -= slope / length * (x - near.x)
+        found = [solve(self.problem, straight, limits=(low, high))]
+        if not (found[0].done and np.isfinite(found[0].quadratic.cost)):
+            found.append(solve(self.problem, near.z, limits=(low, high)))
+        best = min(found, key=lambda s: float(s.quadratic.cost))
+        return Point(x, float(best.quadratic.cost), best.z, best.quadratic, x)
+
+    def value(self, x: float) -> float:
+        """The value in the parameter's unit."""
+        p = self.problem.named[self.name]
+        return float(np.clip(float(p.from_coordinate(x)), *p.limits))
+
+
+@dataclass(frozen=True)
+class QuantityLine:
+    """A function of the parameters, drawn aside by a soft pull.
+
+    With ``((q(z) - target) / width)^2 / 2`` added to the cost, the search ends where no z of the
+    same q has a lower cost, for all of them pay the same for the pull: what is left without it
+    lies on the profile, at the q that was reached. All quantities of a function share a
+    compilation.
+    """
+
+    problem: Problem
+    function: Function
+    index: int
+    best: Point
+
+    @cached_property
+    def _slope(self) -> tuple[float, np.ndarray]:
+        value, slope = _quantity(
+            self.problem.layout, self.function, self.problem.arrays, self.best.z, self.index
+        )
+        return float(value), np.asarray(slope)
+
+    @cached_property
+    def scale(self) -> float:
+        """Standard error to first order."""
+        value, slope = self._slope
+        variance = slope @ spread(self.problem, self.best) @ slope
+        return float(np.sqrt(variance)) if variance > 0 else 0.1 * abs(value) or 0.1
+
+    def ends(self) -> tuple[float, float]:
+        """Only the parameters have bounds."""
+        return -np.inf, np.inf
+
+    def start(self) -> Point:
+        """The optimum."""
+        x = self._slope[0]
+        return self.best._replace(x=x, aim=x)
+
+    def reach(self, x: float, near: Point) -> Point:
+        """The least cost at a value near ``x``."""
+        low, high = self.problem.limits()
+        width = STIFF * self.scale
+        drawn = x + STIFF**2 * (x - self._slope[0])  # as far as a quadratic cost pulls back
+        z, quadratic, value, pull, _ = _pulled(
+            self.problem.layout,
+            self.function,
+            self.problem.arrays,
+            jnp.asarray(near.z),
+            jnp.asarray(low),
+            jnp.asarray(high),
+            jnp.asarray(self.index),
+            jnp.asarray(drawn),
+            jnp.asarray(width),
+        )
+        quadratic = Quadratic(*(np.asarray(part) for part in quadratic))
+        cost = float(quadratic.cost) - float(pull)
+        return Point(float(value), cost, np.asarray(z), quadratic, x)
+
+    def value(self, x: float) -> float:
+        """The place is the value."""
+        return x
+
+
+Line = ParameterLine | QuantityLine
+"""What can be held at a place while all else goes where the cost is least."""
+
+
+def _of(layout: Any, function: Function, arrays: Any, z: Any, index: Any) -> Any:
+    values = named_values(layout, arrays, z[: len(layout.free)])
+    found = function(values)
+    return jnp.stack([jnp.asarray(v, float) for v in found.values()])[index]
+
+
+@partial(jax.jit, static_argnums=(0, 1))
+def _quantity(layout: Any, function: Function, arrays: Any, z: Any, index: Any) -> Any:
+    def of(y: Any) -> Any:
+        return _of(layout, function, arrays, y, index)
+
+    return of(z), jax.jacfwd(of)(z)
+
+
+@partial(jax.jit, static_argnums=(0, 1))
+def _pulled(
+    layout: Any,
+    function: Function,
+    arrays: Any,
+    z: Any,
+    low: Any,
+    high: Any,
+    index: Any,
+    target: Any,
+    width: Any,
+) -> Any:
+    solver = BoundedLevenbergMarquardt(rtol=0.0, atol=1e-9, lower=low, upper=high)
+
+    def of(y: Any, at: Any) -> Any:
+        return (_of(layout, function, at, y, index) - target) / width
+
+    def objective(y: Any, args: Any) -> tuple[Any, Quadratic]:
+        q = evaluate(layout, args[0], y)
+        rest, slope = of(y, args[0]), jax.jacfwd(of)(y, args[0])
+        cost = q.cost + 0.5 * rest**2
+        cost = jnp.where(jnp.isfinite(cost), cost, jnp.inf)
+        q = q._replace(
+            cost=cost,
+            gradient=q.gradient + rest * slope,
+            information=q.information + slope[:, None] * slope[None, :],
+        )
+        return cost, q
+
+    solution = optx.minimise(
+        objective,
+        solver,
+        z,
+        (arrays, jnp.asarray(MOST_STEPS - 1)),
+        has_aux=True,
+        max_steps=MOST_STEPS,
+        throw=False,
+    )
+    rest = of(solution.value, arrays)
+    value = rest * width + target
+    return solution.value, solution.aux, value, 0.5 * rest**2, solution.state.done

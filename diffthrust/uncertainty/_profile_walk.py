@@ -1,0 +1,140 @@
+"""The walk along a profile to where the likelihood has fallen far enough."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from diffthrust.uncertainty._profile_lines import Line, Point
+
+MOST = 60
+"""Most points to one side."""
+FAR = 1e4
+"""A walk without bounds ends after so many standard errors."""
+STEP = 1 / 3
+"""Steps aim at this share of the threshold's root."""
+NEAR = 1e-4
+"""An end is found where the signed root agrees with the threshold's to this share."""
+GAIN = 1e-3
+"""A cost lower by this than the fit's is another optimum, not rounding."""
+
+
+class DeeperError(Exception):
+    """A walk came to a lower cost than that of the fit, at ``point``."""
+
+    def __init__(self, point: Point) -> None:
+        self.point = point
+        super().__init__(f"a lower cost than the fit's at {point.x}")
+
+
+class Side(NamedTuple):
+    """One half of a profile.
+
+    Args:
+        points: from the optimum outwards, in the order of their places.
+        end: where the likelihood has fallen far enough, or ``None``.
+        why: the reason, where there is no end: "bound", "flat", "stuck" or "fails".
+    """
+
+    points: list[Point]
+    end: float | None
+    why: str | None
+
+
+def walk(line: Line, sign: float, reach: float) -> Side:
+    """From the optimum to one side, in steps that follow the profile's own steepness.
+
+    The root of twice the drop of the log-likelihood grows nearly linearly with the distance, so a
+    step aims at a third of the way in that root, and the end is found on it by regula falsi
+    (Illinois; Dowell & Jarratt 1971).
+
+    Args:
+        line: what is profiled.
+        sign: 1 towards larger values, -1 towards smaller ones.
+        reach: the root of twice the drop at which the walk ends.
+
+    Raises:
+        DeeperError: a lower cost than that of the optimum.
+    """
+    start = line.start()
+    limit = line.ends()[0 if sign < 0 else 1]
+    points, step, failures, stuck = [start], STEP * reach * line.scale, 0, 0
+    while len(points) < MOST:
+        last = points[-1]
+        room = sign * (limit - last.x)
+        if room <= 1e-9:
+            return Side(points, None, "bound")
+        if abs(last.x - start.x) > FAR * line.scale:
+            return Side(points, None, "flat")
+        aim = limit if step >= 0.999 * room else last.x + sign * step
+        point = line.reach(aim, last)
+        if not np.isfinite(point.cost):
+            failures, step = failures + 1, 0.25 * step
+            if failures > 8:
+                return Side(points, None, "fails")
+            continue
+        _check(point, start)
+        moved = sign * (point.x - last.x)
+        if moved < 0.05 * abs(aim - last.x):  # the parameters' bounds hold a quantity back
+            stuck, step = stuck + 1, 4 * step
+            if stuck > 3:
+                return Side(points, None, "stuck")
+            continue
+        points.append(point)
+        if root(point, start) >= reach:
+            points, end = _between(line, points, start, reach)
+            return Side(_beyond(line, points, sign, limit, end), end, None)
+        rise = root(point, start) - root(last, start)
+        wanted = STEP * reach * moved / rise if rise > 0 else np.inf
+        step = float(np.clip(wanted, 0.25 * moved, 4 * moved))
+    return Side(points, None, "flat")
+
+
+def root(point: Point, start: Point) -> float:
+    """Root of twice the drop of the log-likelihood."""
+    return float(np.sqrt(2 * max(point.cost - start.cost, 0.0)))
+
+
+def _check(point: Point, start: Point) -> None:
+    if point.cost < start.cost - GAIN:
+        raise DeeperError(point)
+
+
+def _between(
+    line: Line, points: list[Point], start: Point, reach: float
+) -> tuple[list[Point], float]:
+    """The place where the root has the wanted value, between the last two points."""
+    inner, outer = points[-2], points[-1]
+    inside, outside = root(inner, start) - reach, root(outer, start) - reach
+    known, kept = [*points], 0
+    nearest = outer if outside < -inside else inner
+    for _ in range(40):
+        if abs(root(nearest, start) - reach) < NEAR * reach:
+            break
+        x = inner.aim - inside * (outer.aim - inner.aim) / (outside - inside)
+        if not min(inner.aim, outer.aim) < x < max(inner.aim, outer.aim):
+            break  # no number lies between
+        point = line.reach(x, inner)
+        if not np.isfinite(point.cost):
+            point = line.reach(x, outer)
+        _check(point, start)
+        known.append(point)
+        nearest, miss = point, root(point, start) - reach
+        if miss >= 0:  # an end that stays twice counts half, or it would stay for ever
+            outer, outside, inside = point, miss, inside * (0.5 if kept == 1 else 1.0)
+        else:
+            inner, inside, outside = point, miss, outside * (0.5 if kept == -1 else 1.0)
+        kept = 1 if miss >= 0 else -1
+    return sorted(known, key=lambda p: abs(p.x - start.x)), nearest.x
+
+
+def _beyond(line: Line, points: list[Point], sign: float, limit: float, end: float) -> list[Point]:
+    """One more point a little outside, so that a figure shows the crossing."""
+    start, last = points[0], points[-1]
+    x = end + 0.2 * (end - start.x)
+    if sign * (last.x - x) >= 0 or sign * (limit - x) <= 0:
+        return points
+    point = line.reach(x, last)
+    fine = np.isfinite(point.cost) and sign * (point.x - last.x) > 0
+    return [*points, point] if fine else points

@@ -1,0 +1,100 @@
+"""Posterior draws as ArviZ data: the one module that knows ArviZ."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from diffthrust.uncertainty._sampling.density import Posterior
+from diffthrust.uncertainty._sampling.ensemble import Chains
+
+
+def arviz() -> Any:
+    """ArviZ, imported late: it takes more than a second, and tells once a day of a new version."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings(
+            "ignore", message=r"\s*ArviZ is undergoing a major refactor", category=FutureWarning
+        )
+        import arviz
+    return arviz
+
+
+def inference_data(posterior: Posterior, chains: Chains, attrs: Mapping[str, Any]) -> Any:
+    """Draws, the sampler's figures and what was measured, as `arviz.InferenceData`.
+
+    Variables of the posterior: parameters by full name in their own units, those of the noise as
+    ``noise.*``; initial states as ``initial.<state>`` by ``log``; noise levels that were not known
+    as ``sigma`` by ``channel``. Each tells its ``unit``. Measured channels are
+    ``channel[log name]``, each over a time of its own.
+    """
+    import xarray as xr
+
+    problem, draw = posterior.problem, ("chain", "draw")
+    names = log_names([log.name for log in problem.logs])
+    units = problem.model.all_states | dict(problem.model.outputs)
+    found: dict[str, Any] = {}
+    for name, values in posterior.values(chains.points).items():
+        found[name] = (draw, values, {"unit": problem.named[name].unit})
+    for state, values in posterior.initial(chains.points).items():
+        found[f"initial.{state}"] = ((*draw, "log"), values, {"unit": units[state]})
+    channels = [problem.layout.channels[i] for i in posterior.unknown]
+    if channels:
+        sigma = noise_draws(posterior, chains, int(attrs["seed"]))
+        told = ", ".join(f"{name}: {problem.model.outputs[name]}" for name in channels)
+        found["sigma"] = ((*draw, "channel"), sigma, {"unit": told})
+    count = chains.points.shape[:2]
+    coords = {"chain": np.arange(count[0]), "draw": np.arange(count[1])}
+    used = {dim for entry in found.values() for dim in entry[0]}
+    stats = {"lp": chains.log_prob, **chains.stats}
+    groups = {
+        "posterior": xr.Dataset(
+            found,
+            {**coords, **{k: v for k, v in (("log", names), ("channel", channels)) if k in used}},
+            attrs,
+        ),
+        "sample_stats": xr.Dataset({k: (draw, v) for k, v in stats.items()}, coords),
+        "observed_data": xr.Dataset(_observed(posterior, names)),
+    }
+    return arviz().InferenceData(attrs=dict(attrs), **groups)
+
+
+def noise_draws(posterior: Posterior, chains: Chains, seed: int) -> np.ndarray:
+    """Draws of the noise levels that are not known, ``(chains, draws, channels)``.
+
+    For the Gaussian law, whose level was integrated out, from its exact conditional: given all
+    else, N rms^2 / sigma^2 is chi-square distributed with N degrees of freedom.
+    """
+    rng = np.random.default_rng([seed, 1])
+    counts = np.asarray(posterior.problem.arrays["counts"])
+    out = []
+    for channel in posterior.unknown:
+        level = chains.levels[..., channel]
+        if channel not in posterior.sampled:
+            level = level * np.sqrt(counts[channel] / rng.chisquare(counts[channel], level.shape))
+        out.append(level)
+    return np.stack(out, axis=-1)
+
+
+def log_names(given: list[str]) -> list[str]:
+    """Names of the logs, numbered where several are called the same, and without slashes."""
+    given = [name.replace("/", "|") for name in given]
+    return [
+        f"{name} {given[: i + 1].count(name)}" if given.count(name) > 1 else name
+        for i, name in enumerate(given)
+    ]
+
+
+def _observed(posterior: Posterior, names: list[str]) -> dict[str, Any]:
+    problem, out = posterior.problem, {}
+    for name, log in zip(names, problem.logs, strict=True):
+        time = f"time[{name}]"
+        out[time] = ((time,), log.time, {"unit": "s"})
+        for channel in problem.layout.channels:
+            if channel in log.measured:
+                unit = problem.model.outputs[channel]
+                values = log.values(channel, unit)
+                out[f"{channel}[{name}]"] = ((time,), values, {"unit": unit})
+    return out

@@ -1,0 +1,178 @@
+"""Whether the chains of a posterior can be believed, in figures and in words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust.uncertainty._prediction.draws import posterior_data
+
+R_HAT = 1.01
+"""Chains with a larger R-hat have not mixed (Vehtari et al. 2021, section 4)."""
+SAMPLES = 400.0
+"""Effective samples that quantiles and their errors need (the same)."""
+DIVERGENCES = 0.001
+"""Share of divergent draws beyond which NUTS has left out a part of the posterior."""
+
+
+class Mixing(Enum):
+    """What may be claimed of a posterior's draws; ``.value`` is the name used in files."""
+
+    CONVERGED = "converged"
+    TOO_SHORT = "too_short"
+    NOT_MIXED = "not_mixed"
+    DIVERGENT = "divergent"
+
+    def __str__(self) -> str:
+        return self.value
+
+    @property
+    def ok(self) -> bool:
+        """Whether means, errors and intervals can be used as they are."""
+        return self is Mixing.CONVERGED
+
+
+@dataclass(frozen=True)
+class Convergence:
+    """How well chains have mixed, by parameter.
+
+    Args:
+        status: what may be claimed; ``message`` says why in a sentence.
+        message: the sentence, with the mend where one is needed.
+        r_hat: rank-normalised split R-hat; 1 where the chains agree.
+        ess_bulk: effective samples for means.
+        ess_tail: effective samples for the ends of 90 % intervals.
+        autocorrelation: integrated autocorrelation time, in draws.
+        divergences: draws at which NUTS lost the path; zero for emcee.
+        draws: draws of all chains.
+    """
+
+    status: Mixing
+    message: str
+    r_hat: Mapping[str, float]
+    ess_bulk: Mapping[str, float]
+    ess_tail: Mapping[str, float]
+    autocorrelation: Mapping[str, float]
+    divergences: int
+    draws: int
+
+
+def convergence(post: Any) -> Convergence:
+    """Judge the chains of a posterior.
+
+    Rank-normalised split R-hat and the effective samples of bulk and tails (Vehtari et al. 2021),
+    the integrated autocorrelation time (Goodman & Weare 2010, as emcee has it), and divergences.
+
+    Args:
+        post: what `sample` returns, or other ArviZ data with a posterior.
+
+    Returns:
+        A `Convergence`. Look at ``status`` first.
+
+    Raises:
+        InputError: something without a posterior.
+
+    Example:
+        >>> told = dft.uncertainty.convergence(dft.sample(fit, logs))
+        >>> print(told.message)
+    """
+    from emcee.autocorr import integrated_time
+
+    from diffthrust.uncertainty._sampling.arviz import arviz
+
+    own = posterior_data(post)
+    az = arviz()
+    if own.sizes["draw"] < 4:
+        raise InputError(
+            f"{own.sizes['draw']} draws by chain are too few to judge.", "Draw at least 100."
+        )
+    r_hat = _flat(az.rhat(_several(own), method="rank"))
+    bulk = _flat(az.ess(own, method="bulk"))
+    tail = _flat(az.ess(own, method="tail"))
+    memory = {}
+    for name, values in _series(own).items():
+        with np.errstate(invalid="ignore", divide="ignore"):  # of chains that never moved
+            memory[name] = float(integrated_time(values.T, tol=0, quiet=True, has_walkers=True)[0])
+    stats = getattr(post, "sample_stats", None)
+    lost = int(stats["diverging"].sum()) if stats is not None and "diverging" in stats else 0
+    total = own.sizes["chain"] * own.sizes["draw"]
+    other = " or sample with method='nuts'" if post.attrs.get("method") == "emcee" else ""
+    status, message = _judged(r_hat, bulk, tail, lost, total, other)
+    return Convergence(status, message, r_hat, bulk, tail, memory, lost, total)
+
+
+def _judged(
+    r_hat: Mapping[str, float],
+    bulk: Mapping[str, float],
+    tail: Mapping[str, float],
+    lost: int,
+    total: int,
+    other: str,
+) -> tuple[Mixing, str]:
+    stuck = [name for name, value in r_hat.items() if not math.isfinite(value)]
+    if stuck:
+        return Mixing.NOT_MIXED, (
+            f"The chains of {', '.join(stuck)} never moved: nothing can be said. "
+            "Look at the bounds and priors, or try the other method."
+        )
+    least = min(min(bulk.values()), min(tail.values()))
+    worst = max(r_hat, key=lambda name: r_hat[name])
+    if r_hat[worst] > R_HAT:
+        times = min(max(math.ceil(SAMPLES / least), 4), 10)
+        return Mixing.NOT_MIXED, (
+            f"R-hat of {worst} {r_hat[worst]:.3f} (allowed {R_HAT}): the chains have not found the "
+            f"same distribution. Draw {times} times as many with a longer warmup{other}."
+        )
+    if least < SAMPLES:
+        scarce = min(bulk, key=lambda name: min(bulk[name], tail[name]))
+        times = math.ceil(1.2 * SAMPLES / least)
+        return Mixing.TOO_SHORT, (
+            f"The chains agree, but {total} draws of {scarce} are worth only {least:.0f} "
+            f"independent ones (wanted {SAMPLES:.0f}). Draw {max(times, 2)} times as many."
+        )
+    if lost > DIVERGENCES * total:
+        return Mixing.DIVERGENT, (
+            f"{lost} of {total} draws diverged: a part of the posterior is too sharply bent to be "
+            "followed, and may be missing. Give priors, or sample with method='emcee'."
+        )
+    told = f" ({lost} of them diverged)" if lost else ""
+    return Mixing.CONVERGED, (
+        f"Converged: {total} draws{told} are worth at least {least:.0f} independent ones of every "
+        f"parameter, and the chains agree (R-hat at most {max(r_hat[worst], 1.0):.3f})."
+    )
+
+
+def _several(own: Any) -> Any:
+    """A lone chain as its two halves, which must agree like chains."""
+    if own.sizes["chain"] > 1:
+        return own
+    half = own.sizes["draw"] // 2
+    import xarray as xr
+
+    parts = [own.isel(draw=slice(0, half)), own.isel(draw=slice(half, 2 * half))]
+    level = [part.assign_coords(chain=[i], draw=range(half)) for i, part in enumerate(parts)]
+    return xr.concat(level, dim="chain")
+
+
+def _series(data: Any) -> dict[str, np.ndarray]:
+    """Each scalar of a data set over its chains: ``(chains, draws)`` by name."""
+    out = {}
+    for name, variable in data.data_vars.items():
+        values = variable.transpose("chain", "draw", ...).values
+        rest = [dim for dim in variable.dims if dim not in ("chain", "draw")]
+        for place in np.ndindex(values.shape[2:]):
+            at = ", ".join(str(variable[d].values[i]) for d, i in zip(rest, place, strict=True))
+            out[f"{name}[{at}]" if rest else str(name)] = values[(..., *place)]
+    return out
+
+
+def _flat(data: Any) -> dict[str, float]:
+    """Each scalar of a data set without chains, by name."""
+    lifted = data.expand_dims(("chain", "draw"))
+    return {name: float(value[0, 0]) for name, value in _series(lifted).items()}

@@ -1,0 +1,177 @@
+"""Sampling the posterior of a fit."""
+
+from __future__ import annotations
+
+import operator
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.progress import Progress
+from diffthrust.estimation._arguments import listed
+from diffthrust.estimation._rebuild import mark_of
+from diffthrust.estimation._result import Fit
+from diffthrust.logs._log import Log
+from diffthrust.uncertainty._sampling.convergence import convergence
+from diffthrust.uncertainty._sampling.density import Posterior, posterior_of
+
+
+def sample(
+    fit: Fit,
+    logs: Log | Sequence[Log],
+    *,
+    method: Literal["emcee", "nuts"] = "emcee",
+    draws: int = 2000,
+    warmup: int = 1000,
+    walkers: int | None = None,
+    chains: int = 4,
+    seed: int = 0,
+    file: str | os.PathLike[str] | None = None,
+    progress: Progress | None = None,
+) -> Any:
+    """Draw from the posterior of a fit: what the logs and the priors say of each parameter.
+
+    The likelihood is that of the fit: the same noise law, segments, and treatment of initial
+    states. A `Normal` prior of a parameter counts as a density in its value; without one the prior
+    is flat in the value, or in the logarithm of a "log" parameter, between the bounds. Noise of
+    unknown level has the prior 1 / level.
+
+    Args:
+        fit: a fit whose status is ok.
+        logs: its training logs, in their order.
+        method: "emcee", an ensemble of walkers that start and move by the fit's covariance; or
+            "nuts", which goes along the gradient (BlackJAX; ``pip install 'diffthrust[nuts]'``)
+            and is meant for ten parameters and more.
+        draws: draws of each walker or chain after the warmup. Steps of walkers that are much alike
+            are left out of the result (``attrs["thin"]``).
+        warmup: steps before, which are not returned.
+        walkers: of the ensemble, an even number; by default 32 or twice the coordinates.
+        chains: of NUTS.
+        seed: equal seeds give equal draws.
+        file: an HDF5 file that "emcee" saves every few seconds, readable by
+            `emcee.backends.HDFBackend`; its coordinates are logarithms of "log" parameters, and
+            others over their scale. A run that was killed goes on where it was saved last, and ends
+            with the file of a run that was not; with more ``draws`` it goes on from a finished one.
+        progress: called with a message and the share done.
+
+    Returns:
+        `arviz.InferenceData` with the groups ``posterior`` (variables by full parameter name,
+        dimensions ``chain`` and ``draw``, ``attrs["unit"]`` each), ``sample_stats`` and
+        ``observed_data``. ``attrs["status"]`` and ``attrs["message"]`` say whether the chains
+        converged; see `convergence`.
+
+    Raises:
+        InputError: a fit that did not converge, logs that are not its own, a prior that excludes
+            the fit, a likelihood that is not finite there, a file of another problem or one that
+            cannot be written, or arguments out of range.
+
+    Example:
+        >>> post = dft.sample(fit, logs)
+        >>> print(post.attrs["message"])
+        >>> arviz.summary(post)
+    """
+    from diffthrust.uncertainty._sampling import (
+        ensemble,
+        nuts,  # slow to import, as ArviZ is
+    )
+    from diffthrust.uncertainty._sampling.arviz import inference_data
+
+    check(method, draws, warmup, chains, seed, walkers, file)
+    if not isinstance(fit, Fit):
+        raise InputError(
+            f"Expected a fit, found {type(fit).__name__}.", "Give what dft.fit returns."
+        )
+    if method == "nuts":
+        nuts.available()
+    logs = listed(logs)
+    posterior = posterior_of(fit, logs)
+    if method == "nuts":
+        found = nuts.run(
+            posterior, draws=draws, warmup=warmup, chains=chains, seed=seed, progress=progress
+        )
+    else:
+        found = ensemble.run(
+            posterior,
+            draws=draws,
+            warmup=warmup,
+            walkers=_walkers(posterior, walkers),
+            seed=seed,
+            file=Path(file) if file is not None else None,
+            progress=progress,
+        )
+    attrs = {
+        "method": method,
+        "seed": seed,
+        "warmup": warmup,
+        "model": fit.model.name,
+        "effects": ", ".join(effect.name for effect in fit.model.effects),
+        "likelihood": fit.likelihood,
+        "loss": fit.loss,
+        "fit": mark_of(fit),
+        "doubts": "\n".join(fit.doubts),
+        **found.attrs,
+    }
+    post = inference_data(posterior, found, attrs)
+    told = convergence(post)
+    for group in (post, post.posterior):
+        group.attrs.update({"status": told.status.value, "message": told.message})
+    if progress:
+        progress("done", 1.0)
+    return post
+
+
+def check(
+    method: str, draws: Any, warmup: Any, chains: Any, seed: Any, walkers: Any, file: Any
+) -> None:
+    """Raise `InputError` for an argument that cannot be meant."""
+    if method not in ("emcee", "nuts"):
+        raise InputError(
+            f"method: expected one of emcee, nuts, found {method!r}.", "Correct the method."
+        )
+    if method == "nuts" and file is not None:
+        raise InputError(
+            "file: NUTS keeps no file, its runs cannot be resumed.",
+            "Leave the file out, or sample with method='emcee'.",
+        )
+    if file is not None and not isinstance(file, str | os.PathLike):
+        raise InputError(f"file: expected the name of a file, found {file!r}.", "Correct it.")
+    if method == "nuts" and walkers is not None:
+        raise InputError("walkers: only emcee has walkers.", "Give chains instead.")
+    numbers: list[tuple[str, Any, int]] = [
+        ("draws", draws, 10),
+        ("warmup", warmup, 20 if method == "nuts" else 0),
+        ("chains", chains, 1),
+        ("seed", seed, 0),
+    ]
+    if walkers is not None:
+        numbers.append(("walkers", walkers, 4))
+    for what, value, least in numbers:
+        try:
+            fine = not isinstance(value, bool) and operator.index(value) >= least
+        except TypeError:
+            fine = False
+        if not fine:
+            raise InputError(
+                f"{what}: expected a whole number of at least {least}, found {value!r}.",
+                f"Correct {what}.",
+            )
+    if seed >= 2**32:
+        raise InputError(f"seed: expected less than 2^32, found {seed}.", "Correct the seed.")
+
+
+def _walkers(posterior: Posterior, given: int | None) -> int:
+    """The number of walkers, even and enough for the coordinates."""
+    from diffthrust.uncertainty._sampling import ensemble
+
+    if given is None:
+        return ensemble.default_walkers(posterior.dim)
+    least = 2 * (posterior.dim + 1)
+    if given < least or given % 2:
+        raise InputError(
+            f"walkers: expected an even number of at least {least}, for {posterior.dim} "
+            f"coordinates ({', '.join(posterior.labels)}), found {given}.",
+            f"Give {max(least, given + given % 2)} or more.",
+        )
+    return given

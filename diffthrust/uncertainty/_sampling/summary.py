@@ -1,0 +1,145 @@
+"""A posterior summarised: intervals, convergence, and the coverage of its predictions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from diffthrust.estimation._result import Fit
+from diffthrust.logs._log import Log
+from diffthrust.uncertainty._intervals import intervals
+from diffthrust.uncertainty._intervals_result import Intervals
+from diffthrust.uncertainty._prediction.draws import posterior_data
+from diffthrust.uncertainty._prediction.predict import Prediction, predict
+from diffthrust.uncertainty._sampling.convergence import Convergence, convergence
+
+LEVEL = 0.95
+
+
+@dataclass(frozen=True)
+class Summary:
+    """The draws of one parameter, in ``unit``.
+
+    Args:
+        median: of the draws.
+        low: lower end of the 95 % interval, with equal tails.
+        high: upper end.
+        mean: of the draws.
+        sd: their standard deviation.
+        rhat: 1 where the chains agree.
+        ess_bulk: effective samples for the mean.
+        ess_tail: effective samples for the ends of the interval.
+        unit: of the first five.
+    """
+
+    median: float
+    low: float
+    high: float
+    mean: float
+    sd: float
+    rhat: float
+    ess_bulk: float
+    ess_tail: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """All that ``diffthrust sample`` tells.
+
+    Args:
+        post: the posterior.
+        fit: the fit that was sampled.
+        told: how well the chains mixed.
+        parameters: a `Summary` by name, of the model's parameters and those of its noise.
+        intervals: those of the posterior beside covariance, sandwich and profile.
+        predictions: one for each unseen log.
+    """
+
+    post: Any = field(repr=False)
+    fit: Fit = field(repr=False)
+    told: Convergence
+    parameters: Mapping[str, Summary]
+    intervals: Intervals
+    predictions: tuple[Prediction, ...]
+
+    @property
+    def method(self) -> str:
+        """The sampler."""
+        return str(posterior_data(self.post).attrs.get("method", ""))
+
+    @property
+    def coverage(self) -> dict[str, float]:
+        """Share of the samples of all unseen logs inside their bands, by channel."""
+        counts: dict[str, list[tuple[float, int]]] = {}
+        for prediction in self.predictions:
+            for name, band in prediction.channels.items():
+                if band.samples:
+                    counts.setdefault(name, []).append((band.coverage, band.samples))
+        return {
+            name: sum(share * n for share, n in parts) / sum(n for _, n in parts)
+            for name, parts in counts.items()
+        }
+
+    def to_json(self) -> dict[str, Any]:
+        """The posterior's summary, in the form that ``diffthrust sample --json`` writes."""
+        coverage = None
+        if self.predictions:
+            coverage = {
+                "level": LEVEL,
+                "channels": self.coverage,
+                "logs": [p.to_json() for p in self.predictions],
+            }
+        return {
+            "schema": 1,
+            "model": self.fit.model.name,
+            "effects": [effect.name for effect in self.fit.model.effects],
+            "status": self.told.status.value,
+            "message": self.told.message,
+            "method": self.method,
+            "draws": self.told.draws,
+            "parameters": {name: dict(vars(s)) for name, s in self.parameters.items()},
+            "intervals": self.intervals.to_json(),
+            "coverage": coverage,
+        }
+
+
+def sampled(
+    post: Any, fit: Fit, logs: Sequence[Log], unseen: Sequence[Log], *, seed: int = 0
+) -> Sampled:
+    """Summarise a posterior, and hold its predictions against unseen logs.
+
+    Args:
+        post: what `sample` gives.
+        fit: the fit that was sampled.
+        logs: its training logs.
+        unseen: logs that took no part in the fit; there may be none.
+        seed: of the draws of the predictions.
+
+    Raises:
+        InputError: an empty posterior, or a log that the model cannot be simulated with.
+    """
+    posterior = posterior_data(post)
+    told = convergence(post)
+    found = {}
+    for name, variable in posterior.data_vars.items():
+        if set(variable.dims) != {"chain", "draw"}:
+            continue
+        values = np.asarray(variable.values, float)
+        low, median, high = np.quantile(values, [0.5 * (1 - LEVEL), 0.5, 0.5 * (1 + LEVEL)])
+        found[str(name)] = Summary(
+            median=float(median),
+            low=float(low),
+            high=float(high),
+            mean=float(values.mean()),
+            sd=float(values.std(ddof=1)),
+            rhat=told.r_hat.get(str(name), float("nan")),
+            ess_bulk=told.ess_bulk.get(str(name), float("nan")),
+            ess_tail=told.ess_tail.get(str(name), float("nan")),
+            unit=str(variable.attrs.get("unit", "")),
+        )
+    bands = tuple(predict(post, fit, log, level=LEVEL, seed=seed) for log in unseen)
+    return Sampled(post, fit, told, found, intervals(fit, logs, post, level=LEVEL), bands)

@@ -1,0 +1,205 @@
+"""The sandwich covariance: standard errors that hold where residuals are correlated in time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from statistics import NormalDist
+from typing import Any
+
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust.estimation._problem import Problem
+from diffthrust.estimation._rebuild import problem_of
+from diffthrust.estimation._result import Fit
+from diffthrust.estimation._solver import solve
+from diffthrust.estimation._status import RANK_LIMIT, Status, marginal_spread
+from diffthrust.logs._log import Log
+from diffthrust.uncertainty._blocks import summed
+from diffthrust.uncertainty._scores import Scores, scores
+
+
+@dataclass(frozen=True, eq=False)
+class Sandwich:
+    """Uncertainty of a fit without the assumption that its residuals are white.
+
+    Args:
+        covariance: of the parameters in ``free``, ``(k, k)``, in their units; NaN where undefined,
+            as in the fit's.
+        free: names of its rows.
+        std_errors: by name; ``None`` where undefined.
+        inflation: by name, the standard error over that of the fit; near 1 where the residuals
+            are white. ``None`` where either is undefined.
+        block: length of the overlapping blocks of time, in samples, after prewhitening.
+        block_seconds: the same [s], by the median step of the logs; NaN without a time.
+        memory: by name, how many successive samples count as one.
+        degrees: by name, degrees of freedom of the standard error, for the quantile of Student's t:
+            a variance measured on few independent stretches is itself uncertain.
+        values: the estimates, by name.
+    """
+
+    covariance: np.ndarray = field(repr=False)
+    free: tuple[str, ...]
+    std_errors: Mapping[str, float | None]
+    inflation: Mapping[str, float | None]
+    block: float
+    block_seconds: float
+    memory: Mapping[str, float]
+    degrees: Mapping[str, float]
+    values: Mapping[str, float]
+
+    def interval(self, name: str, level: float = 0.95) -> tuple[float, float] | None:
+        """Confidence interval of a parameter in its unit; ``None`` where it has no error."""
+        error = self.std_errors[name]
+        if error is None:
+            return None
+        reach = quantile(level, self.degrees[name]) * error
+        return self.values[name] - reach, self.values[name] + reach
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data; the covariance by rows, ``None`` where undefined."""
+        rows = [[float(c) if math.isfinite(c) else None for c in row] for row in self.covariance]
+        return {
+            "schema": 1,
+            "free": list(self.free),
+            "covariance": rows,
+            "std_errors": dict(self.std_errors),
+            "inflation": dict(self.inflation),
+            "block": {
+                "samples": self.block,
+                "seconds": self.block_seconds if math.isfinite(self.block_seconds) else None,
+            },
+            "memory": dict(self.memory),
+            "degrees": dict(self.degrees),
+        }
+
+
+def sandwich(fit: Fit, logs: Log | Sequence[Log]) -> Sandwich:
+    """Covariance that stays honest where residuals are correlated in time.
+
+    The inverse curvature on both sides of the scatter of the scores (Huber 1967; White 1980). The
+    scatter is summed over overlapping blocks of time within each log, with weights that fall
+    linearly (Newey & West 1987), never across logs. The blocks are as long as the scores'
+    own correlation asks (Andrews 1991, first-order plug-in), after prewhitening by a first-order
+    autoregression of each parameter's scores (Andrews & Monahan 1992): without it, on 400 samples
+    with a noise correlation of 0.8, 95 % intervals cover 89 %, with it 94 to 95 %.
+
+    It holds for noise that is correlated, that comes from another law than the fit assumed or
+    that grows with the signal. It cannot mend an estimate that a missing effect has biased.
+
+    Args:
+        fit: a fit that converged; of any likelihood, loss and noise model.
+        logs: its training logs, in their order.
+
+    Returns:
+        A `Sandwich`.
+
+    Raises:
+        InputError: a fit that failed or did not converge, or logs that are not its own.
+
+    Source: Andrews 1991, Econometrica 59, 817; Andrews & Monahan 1992, Econometrica 60, 953.
+
+    Example:
+        >>> found = dft.uncertainty.sandwich(fit, log)
+        >>> found.std_errors["alpha"], found.inflation["alpha"]
+    """
+    converged(fit, "sandwich")
+    problem, z = problem_of(fit, logs)
+    return sandwich_of(fit, problem, z, scores(problem, z))
+
+
+def converged(fit: Fit, what: str) -> None:
+    """Raise `InputError` for a fit that is not at an optimum, of which nothing can be said."""
+    if not isinstance(fit, Fit):
+        raise InputError(
+            f"{what}: expected a fit, found {type(fit).__name__}.", "Give what dft.fit returns."
+        )
+    if fit.status in (Status.NOT_CONVERGED, Status.SIMULATION_FAILED):
+        raise InputError(
+            f"{what}: expected a fit that converged, its status is '{fit.status}'. {fit.message}",
+            "Fit again, from nearer values, with more starts or with fewer free parameters.",
+        )
+
+
+def quantile(level: float, degrees: float) -> float:
+    """Two-sided quantile of Student's t.
+
+    Example:
+        >>> round(quantile(0.95, 20.0), 3)
+        2.086
+    """
+    if degrees > 1e6:
+        return NormalDist().inv_cdf(0.5 + 0.5 * level)
+    from scipy.special import stdtrit  # slow to import
+
+    return float(stdtrit(degrees, 0.5 + 0.5 * level))
+
+
+def sandwich_of(fit: Fit, problem: Problem, z: np.ndarray, told: Scores) -> Sandwich:
+    """The sandwich of a problem whose scores are known."""
+    inside, weights = _influence(problem, z, told)
+    ours = [problem.own[i] for i in inside]
+    runs = [weights[:, place] @ v for place, v in zip(told.places, told.values, strict=True)]
+    scatter, block, memory, degrees = summed(runs)
+    used = told.samples / max(told.samples - inside.size, 1)
+    scatter = used * scatter + weights @ told.prior @ weights.T
+    slopes = problem.slopes(z)[inside]
+    k = len(problem.own)
+    covariance = np.full((k, k), np.nan)
+    covariance[np.ix_(inside, inside)] = scatter * np.outer(slopes, slopes)
+    spread = dict(zip(problem.own, np.sqrt(np.diagonal(covariance)), strict=True))
+    errors = {n: float(s) if np.isfinite(s) else None for n, s in spread.items()}
+    naive = {n: fit.parameters[n].std_error for n in problem.own}
+    steps = [np.median(np.diff(log.time)) for log in problem.logs if len(log) > 1]
+    timed = bool(problem.model.states) and bool(steps)
+    return Sandwich(
+        covariance=covariance,
+        free=problem.own,
+        std_errors=errors,
+        inflation={n: _ratio(errors[n], naive[n]) for n in problem.own},
+        block=block,
+        block_seconds=block * float(np.median(steps)) if timed else math.nan,
+        memory=dict(zip(ours, map(float, memory), strict=True)),
+        degrees=dict(zip(ours, map(float, degrees), strict=True)),
+        values={n: fit.parameters[n].value for n in problem.own},
+    )
+
+
+def _ratio(error: float | None, naive: float | None) -> float | None:
+    return error / naive if error is not None and naive else None
+
+
+def _influence(problem: Problem, z: np.ndarray, told: Scores) -> tuple[np.ndarray, np.ndarray]:
+    """Which of the model's parameters are free, and what a score moves them by, ``(k, N)``.
+
+    The coordinates are treated as `examine` treats them: those at a bound are held, those of the
+    noise follow, and a parameter that these logs cannot tell from others is NaN.
+    """
+    low, high = problem.limits()
+    gradient = np.asarray(solve(problem, z, budget=1).quadratic.gradient)
+    information = told.curvature + told.prior
+    k, free, place = len(problem.own), len(problem.free), np.arange(z.size)
+    held = ((z <= low + 1e-9) & (gradient >= 0)) | ((z >= high - 1e-9) & (gradient <= 0))
+    for i, name in enumerate(problem.free):
+        p = problem.named[name]
+        held[i] |= p.transform == "log" and z[i] < math.log(p.value) - 23.0
+    held |= (place >= free) & (np.diagonal(information) <= 0)
+    follows = (place >= k) & (place < free)
+    inside, beside = np.flatnonzero(~held & ~follows), np.flatnonzero(~held & follows)
+    length = np.sqrt(np.diagonal(information))
+    length = np.where(length <= 0, 1.0, length)
+    scaled = information / np.outer(length, length)
+    _, left = marginal_spread(gradient / length, scaled, inside, beside)
+    values, vectors = np.linalg.eigh(left)
+    null = values <= RANK_LIMIT * max(values.max(initial=0.0), 1e-300)
+    inverse = (vectors[:, ~null] / values[~null]) @ vectors[:, ~null].T
+    cross, own = scaled[np.ix_(inside, beside)], scaled[np.ix_(beside, beside)]
+    weights = np.zeros((inside.size, z.size))
+    weights[:, inside] = inverse
+    weights[:, beside] = -inverse @ cross @ np.linalg.pinv(own, rcond=1e-10, hermitian=True)
+    weights /= length[inside][:, None] * length[None, :]
+    weights[np.any(np.abs(vectors[:, null]) > 1e-3, axis=1)] = np.nan
+    ours = inside < k
+    return inside[ours], weights[ours]

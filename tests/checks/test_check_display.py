@@ -1,0 +1,73 @@
+"""The outcome of a check as a table, as JSON, and as GitHub shows it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from diffthrust._support.tables import rendered
+from diffthrust.checks._check import Checked
+from diffthrust.checks._expected import Row
+from diffthrust.checks._run import Run
+from diffthrust.checks._tables import check_table
+from diffthrust.cli._check import error_lines
+
+ROWS = (
+    Row("one", "alpha", 1.0, 1.0, 0.1, True),
+    Row("two [x]", "beta", 1.0, 2.0, 0.1, False, std_error=0.25),
+    Row("two [x]", "train_nrmse", 0.1, 0.2, 0.1, False),
+    Row("three", "cannot be run", None, "line 3 is bad", None, False, "Mend it."),
+    Row("four", "ct", 1.0, 0.0, 0.1, False, std_error=0.125),
+    Row("five", "cannot be run", None, "line 4 is bad", None, False, "Mend it."),
+)
+
+
+def outcome(*rows: Row, updated: bool = False) -> Checked:
+    names = dict.fromkeys(row.fit for row in rows)
+    return Checked(
+        tuple(
+            Run(name, Path("fits", name), tuple(row for row in rows if row.fit == name), updated)
+            for name in names
+        )
+    )
+
+
+def test_the_table_shows_what_moved_the_largest_first():
+    lines = rendered(check_table(outcome(*ROWS))).splitlines()
+    shown = [line.split()[0] for line in lines[1:6]]
+    assert shown == ["three", "five", "four", "two", "two"]
+    assert "-8.0 std errors" in lines[3]
+    assert "+4.0 std errors" in lines[4]
+    assert "+1e+02 %" in lines[5]
+    assert "three: line 3 is bad" in lines
+    assert "three, five. Mend: Mend it." in lines
+    assert lines[-2:] == ["4 of 5 fits failed: two [x], three, four, five.", "1 fit unchanged."]
+    assert rendered(check_table(outcome(ROWS[0]))) == "1 fit checked, none moved.\n"
+    written_anew = check_table(outcome(ROWS[0], updated=True))
+    assert rendered(written_anew) == "1 fit run; written anew: one.\n"
+    everything = rendered(check_table(outcome(*ROWS), everything=True))
+    assert [word in everything for word in ("one", "unchanged")] == [True, True]
+
+
+def test_the_json_of_a_check():
+    data = outcome(*ROWS).to_json()
+    assert (data["schema"], data["ok"], data["updated"]) == (1, False, [])
+    assert set(data["rows"][1]) == {
+        *("fit", "quantity", "expected", "found", "tolerance", "ok", "mend"),
+        *("std_error", "difference", "verdict"),
+    }
+    assert data["rows"][1]["difference"] == 4.0
+    assert data["rows"][2]["difference"] is None
+    assert [row["verdict"] for row in data["rows"][:4]] == [
+        *("unchanged", "moved", "moved", "not compared")
+    ]
+    assert set(data["fits"][0]) == {"fit", "file", "ok", "updated", "seconds"}
+
+
+def test_what_github_shows_at_the_spec_files():
+    first, *_ = error_lines(outcome(*ROWS))
+    assert first.startswith("::error file=fits/two [x],title=two [x]::beta: expected 1.000, found")
+    assert "(+4.0 std errors)%0Atrain_nrmse" in first
+    many = [Row(f"f:{i}", "status", "a", "b%\n", None, False) for i in range(12)]
+    lines = error_lines(outcome(*many))
+    assert len(lines) == 10
+    assert lines[0] == "::error file=fits/f%3A0,title=f%3A0::status: expected a, found b%25%0A"

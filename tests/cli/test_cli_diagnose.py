@@ -1,0 +1,166 @@
+"""The command ``diagnose``: what it hands over, prints and writes, and its exit status."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import made_diagnosis as made
+import pytest
+from reference.records import Column, Record, write_csv
+from typer.testing import CliRunner
+
+import diffthrust as dft
+from diffthrust.cli import _app
+from diffthrust.diagnosis._result import Diagnosis
+from diffthrust.effects import CommandDeadband
+
+SPEC = """model = "thruster"
+effects = []
+[logs]
+train = ["train.csv"]
+holdout = ["unseen.csv"]
+time = { column = "t", unit = "s" }
+[channels.command]
+column = "u"
+unit = "V"
+[channels.speed]
+column = "w"
+unit = "rad/s"
+[channels.thrust]
+column = "f"
+unit = "N"
+[fit]
+starts = 2
+"""
+
+
+@pytest.fixture(autouse=True)
+def _no_cache(monkeypatch):
+    monkeypatch.setenv("DIFFTHRUST_CACHE", "off")
+
+
+@pytest.fixture
+def spec(tmp_path: Path) -> Path:
+    for name, log in zip(("train", "unseen"), made.logs(), strict=True):
+        series = (dict(x) for x in (log.inputs, log.measured))
+        columns = {"t": Column("time"), "u": Column("command"), "w": Column("speed")}
+        columns["f"] = Column("thrust")
+        write_csv(Record(log.time, *series, truth={}), tmp_path / f"{name}.csv", columns)
+    path = tmp_path / "run.toml"
+    path.write_text(SPEC)
+    return path
+
+
+@pytest.fixture
+def handed(monkeypatch) -> dict[str, Any]:
+    """What the command hands to the diagnosis, in place of which one made by hand is returned."""
+    seen: dict[str, Any] = {}
+
+    def fake(fit: dft.Fit, logs: Any, **options: Any) -> Diagnosis:
+        seen.update(options, fit=fit, logs=logs)
+        return made.found()
+
+    monkeypatch.setattr("diffthrust.diagnosis._diagnose.diagnose", fake)
+    return seen
+
+
+def run(*words: object, status: int = 0):
+    result = CliRunner().invoke(_app.app, [str(word) for word in words])
+    assert result.exit_code == status, result.output
+    return result
+
+
+def test_it_prints_and_writes(spec, handed, tmp_path):
+    out, page = tmp_path / "d.json", tmp_path / "d.html"
+    result = run("diagnose", spec, "--json", out, "--report", page)
+    flat = " ".join(result.stdout.split())
+    assert made.found().summary in flat
+    for word in ("Stages", "command dead band", f"Written: {out}", f"Written: {page}"):
+        assert word in result.stdout
+    data = json.loads(out.read_text())
+    assert data == json.loads(json.dumps(made.found().to_json()))
+    assert list(data) == [
+        "schema", "verdict", "added", "groups", "stages", "ranking", "remaining",
+        "untestable", "headroom",
+    ]  # fmt: skip
+    text = page.read_text()
+    assert "<title>Diagnosis: run</title>" in text
+    assert "model = &#34;thruster&#34;" in text  # the spec at its end
+    assert [log.name for log in handed["logs"]] == ["train.csv"]
+    assert [log.name for log in handed["holdout"]] == ["unseen.csv"]
+    assert handed["candidates"] is None
+    assert handed["fit"].status.ok
+
+
+def test_the_effects_of_the_spec_belong_to_the_model(spec, handed):
+    spec.write_text(SPEC.replace("effects = []", 'effects = ["command_deadband"]'))
+    run("diagnose", spec)
+    assert [effect.name for effect in handed["fit"].model.effects] == ["command_deadband"]
+
+
+def test_without_unseen_logs(spec, handed):
+    spec.write_text(SPEC.replace('holdout = ["unseen.csv"]\n', ""))
+    run("diagnose", spec)
+    assert handed["holdout"] is None
+
+
+def test_candidates_are_named_or_the_users_own(spec, handed):
+    (spec.parent / "own.py").write_text(
+        "import diffthrust as dft\n"
+        "class Mine(dft.Effect):\n"
+        "    name, port = 'mine', 'shaft'\n"
+        "    size: float = dft.parameter(0.1, null=0.0)\n"
+        "    def __call__(self, value, s):\n"
+        "        return value * (1 + self.size)\n"
+    )
+    run("diagnose", spec, "--candidates", "actuator_lag, own.py:Mine")
+    name, own = handed["candidates"]
+    assert name == "actuator_lag"
+    assert issubclass(own, dft.Effect)
+    assert own.name == "mine"
+
+
+def test_bad_input_is_one_message_and_status_2(spec, tmp_path):
+    def refused(*words: object) -> str:
+        result = run("diagnose", *words, status=2)
+        assert result.stdout == ""
+        assert "Traceback" not in result.output
+        assert "Mend:" in result.stderr
+        return result.stderr
+
+    assert "none.toml" in refused(tmp_path / "none.toml")
+    assert "--candidates" in refused(spec, "--candidates", " , ")
+    near = refused(spec, "--candidates", "comand_deadband")
+    assert "comand_deadband" in near
+    assert "command_deadband" in near
+    assert "own.py" in refused(spec, "--candidates", "own.py:Mine")
+
+
+def test_a_file_that_cannot_be_written(spec, handed, tmp_path):
+    result = run("diagnose", spec, "--report", tmp_path / "no" / "d.html", status=2)
+    assert "no/d.html" in result.stderr
+    assert handed
+
+
+def test_it_is_in_the_help():
+    assert "diagnose" in run("--help").stdout
+    assert "--candidates" in run("diagnose", "--help").stdout
+
+
+def test_a_diagnosis_from_beginning_to_end(spec, tmp_path):
+    out, page = tmp_path / "d.json", tmp_path / "d.html"
+    result = run(
+        *("diagnose", spec, "--json", out, "--report", page),
+        *("--candidates", CommandDeadband.name),
+    )
+    data = json.loads(out.read_text())
+    assert data["added"] == ["command_deadband"]
+    before, after = (stage["holdout"]["nrmse"] for stage in data["stages"])
+    assert after < 0.2 * before
+    told = re.search(r"lacks a command dead band of (\S+) V:", " ".join(result.stdout.split()))
+    assert told is not None
+    assert float(told[1]) == pytest.approx(made.BAND, rel=0.02)
+    assert "data:image/png;base64," in page.read_text()

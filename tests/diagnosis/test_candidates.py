@@ -1,0 +1,182 @@
+"""Which effects a diagnosis tries, and why it cannot try others."""
+
+from importlib.metadata import EntryPoint
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import diffthrust as dft
+from diffthrust.diagnosis._candidates import candidates_of
+from diffthrust.models._base import registry
+
+
+def log(*, inputs=(), measured=("speed", "thrust")):
+    time = np.arange(50) * 0.05
+    return dft.Log(
+        time=time,
+        inputs={n: np.sin(time) for n in ("command", *inputs)},
+        measured={n: np.cos(time) for n in measured},
+    )
+
+
+class Ripple(dft.Effect):
+    """A user's own effect."""
+
+    name = "ripple"
+    port = "shaft"
+    size: float = dft.parameter(1.0, "rad/s^2", null=0.0, probes=(0.1, 1.0))
+
+    def __call__(self, value, s):
+        return value - self.size * s.speed
+
+
+@pytest.fixture
+def installed(monkeypatch):
+    """Packages that offer effects by entry points."""
+
+    def install(*points):
+        monkeypatch.setattr(registry, "entry_points", lambda group: points)
+        registry.catalogue.cache_clear()
+
+    yield install
+    monkeypatch.undo()
+    registry.catalogue.cache_clear()
+
+
+def test_the_whole_catalogue_of_the_model_is_tried():
+    tried, untestable = candidates_of(dft.Thruster(), [log(inputs=("inflow", "supply_voltage"))])
+    assert len(tried) == 24
+    assert not untestable
+
+
+def test_what_a_log_lacks_is_told_by_channel():
+    tried, untestable = candidates_of(dft.Thruster(), [log(measured=("speed",))])
+    assert "inflow" in untestable["inflow_thrust_loss"]
+    assert "supply_voltage" in untestable["supply_voltage_sag"]
+    assert "thrust" in untestable["thrust_sensor_lag"]
+    assert not {e.name for e in tried} & set(untestable)
+
+
+def test_a_channel_that_only_some_logs_have_does_not_count():
+    _, untestable = candidates_of(dft.Thruster(), [log(inputs=("inflow",)), log()])
+    assert "inflow" in untestable["inflow_load_relief"]
+
+
+def test_effects_that_the_model_has_and_those_of_other_models_are_left_out():
+    model = dft.Thruster() + dft.effects.LinearDamping()
+    tried, untestable = candidates_of(model, [log()])
+    names = {e.name for e in tried} | set(untestable)
+    assert "linear_damping" not in names
+    assert "quadratic_surge_drag" not in names
+
+
+def test_wanted_effects_by_name_class_and_object():
+    wanted = ["command_delay", Ripple, dft.effects.CommandOffset(offset=0.1)]
+    tried, _ = candidates_of(dft.Thruster(), [log()], wanted)
+    assert [e.name for e in tried] == ["command_delay", "ripple", "command_offset"]
+
+
+def test_a_single_candidate_and_one_given_twice_count_once():
+    for wanted in ("command_delay", dft.effects.CommandDelay, ["command_delay"] * 2):
+        tried, _ = candidates_of(dft.Thruster(), [log()], wanted)
+        assert [e.name for e in tried] == ["command_delay"]
+
+
+def test_what_is_no_effect_is_refused():
+    with pytest.raises(dft.InputError, match="found 3"):
+        candidates_of(dft.Thruster(), [log()], [3])
+
+
+class Unanchored(dft.Effect):
+    """A damping that does not say at which rate it is not there."""
+
+    name = "unanchored"
+    port = "shaft"
+    rate: float = dft.parameter(0.3, "1/s", bounds=(0, None))
+
+    def __call__(self, value, s):
+        return value - self.rate * s.speed
+
+
+def test_an_effect_that_names_no_null_is_no_candidate(installed):
+    with pytest.raises(dft.InputError, match=r"'unanchored' has no parameter with a null"):
+        candidates_of(dft.Thruster(), [log()], [Unanchored])
+    installed(EntryPoint("unanchored", f"{__name__}:Unanchored", "diffthrust.effects"))
+    tried, untestable = candidates_of(dft.Thruster(), [log()])
+    assert "null" in untestable["unanchored"]
+    assert "unanchored" not in {e.name for e in tried}
+
+
+class SpeedSensorMemory(dft.Effect):
+    """The speed sensor shows what was."""
+
+    name = "speed_sensor_memory"
+    port = "speed"
+    memory = True
+    share: float = dft.parameter(0.1, null=0.0)
+
+    def __call__(self, value, s):
+        return value - self.share * jnp.diff(value, prepend=value[:1])
+
+
+def test_a_memory_on_a_state_that_corrects_the_trials_cannot_be_tested():
+    _, untestable = candidates_of(dft.Thruster(), [log()], [SpeedSensorMemory])
+    assert "reads the past of 'speed'" in untestable["speed_sensor_memory"]
+
+
+def test_an_unknown_name_is_answered_with_the_nearest():
+    with pytest.raises(dft.InputError, match="command_delay"):
+        candidates_of(dft.Thruster(), [log()], ["comand_delay"])
+
+
+def test_a_wanted_effect_for_another_model_is_refused():
+    with pytest.raises(dft.InputError, match="quadratic_surge_drag"):
+        candidates_of(dft.Thruster(), [log()], ["quadratic_surge_drag"])
+
+
+def test_effects_of_installed_packages_are_tried_too(installed):
+    installed(EntryPoint("ripple", f"{__name__}:Ripple", "diffthrust.effects"))
+    tried, _ = candidates_of(dft.Thruster(), [log()])
+    assert "ripple" in {e.name for e in tried}
+
+
+def test_an_entry_point_that_is_no_effect_or_takes_a_name_is_refused(installed):
+    installed(EntryPoint("wrong", "math:pi", "diffthrust.effects"))
+    with pytest.raises(dft.InputError, match=r"(?s)'wrong'.*no effect"):
+        candidates_of(dft.Thruster(), [log()])
+    installed(EntryPoint("again", "diffthrust.effects:CommandDelay", "diffthrust.effects"))
+    with pytest.raises(dft.InputError, match=r"(?s)'command_delay'.*taken"):
+        candidates_of(dft.Thruster(), [log()])
+
+
+def test_what_would_drive_a_prescribed_state_cannot_be_tested():
+    time = np.arange(50) * 0.05
+    speed = {"speed": 10.0 * np.sin(time), "command": np.sin(time)}
+    given = dft.Log(time=time, inputs=speed, measured={"thrust": np.cos(time)})
+    tried, untestable = candidates_of(dft.Thruster(), [given])
+    assert {"axial_flow", "thrust_sensor_lag"} <= {effect.name for effect in tried}
+    for name in ("linear_damping", "command_deadband", "actuator_lag"):
+        assert "nothing that is measured depends on it" in untestable[name]
+        assert "prescribe 'speed'" in untestable[name]
+
+
+def test_what_no_channel_shows_cannot_be_tested():
+    _, untestable = candidates_of(dft.Thruster(), [log(measured=("speed",))])
+    assert "nothing that is measured depends on it" in untestable["cavitation"]
+
+
+def test_all_stands_for_the_catalogue_beside_effects_of_ones_own():
+    logs = [log(measured=("speed",))]
+    every, lacking = candidates_of(dft.Thruster(), logs)
+    more, still = candidates_of(dft.Thruster(), logs, ["all", Ripple])
+    assert [e.name for e in more] == [*(e.name for e in every), "ripple"]
+    assert still == lacking
+    assert [e.name for e in candidates_of(dft.Thruster(), logs, "all")[0]] == [
+        e.name for e in every
+    ]
+    with pytest.raises(dft.InputError, match=r"my_effect\.py:MyEffect"):
+        candidates_of(dft.Thruster(), logs, ["all", "ripple"])
+    mine = dft.effects.CommandDeadband(width=1.0)
+    both = candidates_of(dft.Thruster(), logs, [mine, "command_deadband", "all"])[0]
+    assert [e.width for e in both if e.name == "command_deadband"] == [1.0]

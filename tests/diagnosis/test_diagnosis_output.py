@@ -1,0 +1,469 @@
+"""What a person sees of a diagnosis: sentences, tables, figures and the page."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from html.parser import HTMLParser
+from io import BytesIO
+
+import made_diagnosis as made
+import numpy as np
+import pytest
+
+import diffthrust as dft
+from diffthrust._support.words import an, apart, joined, spelt
+from diffthrust.diagnosis._figures import missing_figure, ranking_figure, stages_figure
+from diffthrust.diagnosis._page import page
+from diffthrust.diagnosis._result import Diagnosis, Remaining
+from diffthrust.diagnosis._skeleton import skeleton
+from diffthrust.diagnosis._tables import log_rows
+from diffthrust.diagnosis._words import (
+    caution_words,
+    group_words,
+    missing_words,
+    place_words,
+    sized_words,
+    stage_words,
+)
+from diffthrust.effects import EFFECTS
+from diffthrust.simulation._errors import ChannelError, Errors
+
+CHROMIUM = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+)
+
+
+@pytest.fixture(scope="module")
+def full() -> Diagnosis:
+    return made.diagnosis()
+
+
+# -- words -----------------------------------------------------------------------------------------
+
+
+def test_the_summary_names_the_effect_its_size_and_its_gain(full):
+    text = made.found().summary
+    assert text.startswith(
+        "The basic thruster lacks a command dead band of 0.398 V: with it the speed error on "
+        "unseen logs falls from "
+    )
+    before, after = (stage.fit.holdout for stage in full.stages[:2])
+    assert before is not None
+    assert after is not None
+    for name, unit in (("speed", "rad/s"), ("thrust", "N")):
+        told = re.search(
+            rf"{name} error.*? from (\S+) to (\S+) {unit} \(NRMSE (\S+) to (\S+)\)", text
+        )
+        assert told is not None
+        found = [float(x) for x in told.groups()]
+        exact = [
+            *(e.channels[name].rmse for e in (before, after)),
+            *(e.channels[name].nrmse for e in (before, after)),
+        ]
+        np.testing.assert_allclose(found, exact, rtol=0.05)
+    assert "remains" not in text
+    assert "cannot tell" not in text
+
+
+def test_the_summary_admits_what_cannot_be_told_apart_and_what_remains(full):
+    text = full.summary
+    assert "an actuator lag" in text
+    assert "(these logs cannot tell it from a thrust sensor lag)" in text
+    assert "Structure still remains that no known effect explains" in text
+    assert "port 'load' (deceleration of the shaft by the propeller's torque)" in text
+    assert "depends on |speed|, which explains 34 %" in text
+    assert group_words(full) == ["These logs cannot tell an actuator lag from a thrust sensor lag."]
+
+
+def test_an_adequate_model_is_said_to_be_so_and_no_more():
+    text = made.adequate().summary
+    assert text.startswith(
+        "The thruster with command dead band is adequate: no effect helps on these logs."
+    )
+    assert "the speed error on the training logs is 0.29 rad/s" in text.replace(
+        "The speed", "the speed"
+    )
+    assert "lacks" not in text
+    assert any("No log was kept unseen" in words for words in caution_words(made.adequate()))
+
+
+def test_nothing_known_helps():
+    text = made.unexplained().summary
+    assert text.startswith("The basic thruster lacks something that no known effect explains.")
+    assert "port 'drive'" in text
+    assert "62 %" in text
+    unclear = replace(made.unexplained(), remaining=None)
+    assert "its place is not clear" in unclear.summary
+
+
+def test_an_error_that_rises_is_said_to_rise(full):
+    worse = replace(full.stages[0].fit, holdout=Errors(9.0, _worse(full.stages[1].fit)))
+    stages = (replace(full.stages[0], fit=full.stages[1].fit), replace(full.stages[1], fit=worse))
+    assert "rises from" in replace(made.found(), stages=stages).summary
+
+
+def _worse(fit: dft.Fit) -> dict[str, ChannelError]:
+    assert fit.holdout is not None
+    return {
+        name: replace(e, rmse=3 * e.rmse, nrmse=3 * e.nrmse)
+        for name, e in fit.holdout.channels.items()
+    }
+
+
+def test_a_fit_that_may_not_claim_its_numbers_is_noted(full):
+    bad = replace(full.fit, status=dft.Status.NOT_CONVERGED, message="The error still falls.")
+    diag = replace(full, stages=(*full.stages[:2], replace(full.stages[2], fit=bad)))
+    (words, *_) = caution_words(diag)
+    assert "stage 2 (+ actuator lag)" in words
+    assert "'not_converged': The error still falls." in words
+    assert words in page(diag).replace("&#39;", "'")
+
+
+def test_a_hint_on_a_channel_comes_into_the_summary(full):
+    (unseen,) = full.before.runs
+    flipped = dft.Log(
+        unseen.time, unseen.log.inputs, {"speed": -np.asarray(unseen.log.measured["speed"])}
+    )
+    diag = replace(made.unexplained(), before=dft.compare(full.fit, flipped))
+    assert diag.before.hints
+    assert "A channel may not mean what its name says" in diag.summary
+    assert diag.before.hints[0] in diag.summary
+
+
+def test_the_missing_signal_in_words(full):
+    told, untold = (missing_words(missing, full.model) for missing in full.missing)
+    assert "15 rad/s^2 (RMS)" in told
+    assert "depends most on command, which explains 91 % of its variance (p < 0.001)" in told
+    assert "nothing is missing that shows." in untold
+    time, signal, _ = full.missing[1].runs[0]
+    sure = replace(full.missing[1], runs=((time, signal, np.full(time.size, 1.0)),))
+    words = missing_words(sure, full.model)
+    assert "depends on none of the model's signals (p = 0.40)" in words
+
+
+def test_places_and_stages(full):
+    assert place_words(full.model, "speed") == "the measured speed (its sensor)"
+    assert place_words(full.model, "command") == "the recorded command"
+    assert [stage_words(full, i) for i in range(3)] == [
+        "as given", "+ command dead band", "+ actuator lag",
+    ]  # fmt: skip
+    swapped = replace(full.stages[2], effects=("actuator_lag",))
+    diag = replace(full, stages=(*full.stages[:2], swapped))
+    assert stage_words(diag, 2) == "+ actuator lag, - command dead band"
+
+
+def test_an_effect_of_several_parameters_names_each(full):
+    freed = full.fit.parameters["command_deadband.restored"]
+    parameters = {
+        **full.fit.parameters, "command_deadband.restored": replace(freed, value=0.5, fixed=False),
+    }  # fmt: skip
+    words = sized_words("command_deadband", replace(full.fit, parameters=parameters))
+    assert words == "a command dead band (width 0.399 V, restored 0.50)"
+    assert sized_words("swapped_thrusters", full.fit) == "swapped thrusters"
+
+
+@pytest.mark.parametrize("name", sorted(EFFECTS))
+def test_every_effect_has_words(name):
+    words = an(spelt(name))
+    assert "_" not in words
+    assert words.split()[0] in ("a", "an") or words == spelt(name)
+
+
+def test_phrases():
+    assert an("Coulomb friction") == "Coulomb friction"
+    assert joined(["a", "b", "c"], "or") == "a, b or c"
+    assert joined([]) == ""
+    assert apart(5.6, 0.3) == ("5.6", "0.30")
+    assert apart(0.3121, 0.3119) == ("0.3121", "0.3119")
+
+
+# -- an effect of one's own ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("port", "signal", "manner"),
+    [
+        ("load", "|speed|", "adds"), ("drive", "command", "adds"), ("propeller", "speed", "adds"),
+        ("shaft", "time since the start", "adds"), ("shaft", "rate of speed", "adds"),
+        ("command", "command", "adds"), ("drive", "time", "scales"),
+        ("propeller", "the last 1 s of speed", "scales"),
+    ],
+)  # fmt: skip
+def test_the_skeleton_runs_and_does_nothing_at_its_null(full, port, signal, manner):
+    diag = replace(full, remaining=Remaining(port, signal, 0.5, manner))
+    code = skeleton(diag)
+    scope: dict = {}
+    exec(code, scope)
+    effect = scope["MyEffect"]()
+    assert effect.port == port
+    log = full.before.runs[0].log
+    model = full.fit.model
+    plain, same = (dft.simulate(m, log)["thrust"] for m in (model, model + effect))
+    np.testing.assert_allclose(same, plain, rtol=1e-12, atol=1e-12)  # compiled anew: to rounding
+    moved = dft.simulate(model + scope["MyEffect"](strength=0.3), log)["thrust"]
+    assert not np.allclose(plain, moved)
+    assert '"actuator_lag", "my_effect.py:MyEffect"' in code
+
+
+def test_the_skeleton_has_the_unit_of_its_strength(full):
+    assert 'unit="(rad/s^2)/(rad/s)"' in skeleton(full)
+    at_thrust = replace(full, remaining=Remaining("propeller", "command", 0.5))
+    assert 'unit="N/V"' in skeleton(at_thrust)
+    scaled = replace(full, remaining=Remaining("propeller", "command", 0.5, "scales"))
+    assert 'unit="1/V"' in skeleton(scaled)
+    assert skeleton(made.found()) == ""
+
+
+# -- tables ----------------------------------------------------------------------------------------
+
+
+def test_the_table_tells_every_part(full):
+    text = full.report()
+    for word in (
+        "Verdict: something remains unexplained", "Stages", "+ command dead band", "rad/s",
+        "Missing signal", "Effects tried", "-805.8", "< 0.001", "width 0.398 V",
+        "What these logs cannot tell apart", "Proposed test", "What remains", "class MyEffect",
+        "Parameters", "Last stage", "rad/(V s^2)", "Not testable", "no input 'supply_voltage'",
+        "Coulomb friction was added on the way and taken out again",
+    ):  # fmt: skip
+        assert word.replace(" ", "") in text.replace("\n", " ").replace("\xa0", " ").replace(
+            " ", ""
+        )
+    assert max(map(len, text.splitlines())) <= 100
+
+
+def test_the_table_of_an_adequate_model_has_no_empty_parts():
+    text = made.adequate().report()
+    assert "Verdict: adequate" in text
+    for word in ("Missing signal", "BIC change", "Proposed test", "What remains", "Last stage"):
+        assert word not in text
+    assert "Tried in vain: Coulomb friction." in text
+    nothing = replace(made.adequate(), silent=())
+    assert "Effects tried" not in nothing.report()
+    assert nothing.summary.startswith("These logs can test none of the effects")
+
+
+def test_the_summary_tells_what_is_left_to_random_forces():
+    told = replace(made.found(), one_step={"speed": 0.01}).summary
+    assert "From one sample to the next the speed is predicted to 0.010 rad/s, over whole" in told
+    assert "random forces" not in replace(made.found(), one_step={"speed": 1.0}).summary
+
+
+def test_refused_effects_are_told_with_the_reason(full):
+    why = "costs the unseen logs what it gains on the training logs"
+    diag = replace(full, refused={"actuator_lag": why})
+    sentence = f"An actuator lag was not added: it {why}."
+    assert sentence in diag.report().replace("\n", " ")
+    assert sentence in page(diag)
+
+
+def test_the_errors_of_every_log_are_told(full):
+    train, unseen = made.logs()
+    held = [dft.compare(stage.fit, train) for stage in (full.stages[0], full.stages[-1])]
+    rows = log_rows(replace(full, trained=tuple(held)))
+    told = [row[:2] for block in rows.blocks for row in block if row[0]]
+    assert told == [(unseen.name, "unseen"), (train.name, "training")]
+
+
+# -- figures ---------------------------------------------------------------------------------------
+
+
+def test_the_figure_of_the_stages(full):
+    figure = full.plot()
+    falling, *traces = figure.axes
+    assert falling.get_ylabel() == "NRMSE [-]"
+    lines = {line.get_label(): line.get_ydata() for line in falling.get_lines()}
+    assert list(lines) == ["speed, training", "speed, unseen", "thrust, training", "thrust, unseen"]
+    held = [stage.holdout.channels["speed"].nrmse for stage in full.stages if stage.holdout]
+    np.testing.assert_allclose(lines["speed, unseen"], held)
+    ticks = [tick.get_text().replace("\n", " ") for tick in falling.get_xticklabels()]
+    assert ticks == ["as given", "+ command dead band", "+ actuator lag"]
+    assert [panel.get_ylabel() for panel in traces] == ["speed [rad/s]", "thrust [N]"]
+    assert traces[-1].get_xlabel() == "time [s]"
+    legend = traces[0].get_legend()
+    assert legend is not None
+    assert [t.get_text() for t in legend.get_texts()] == [
+        "measured",
+        "model as given",
+        "last stage",
+    ]
+    figure.savefig(BytesIO(), dpi=40)
+
+
+def test_with_one_stage_nothing_falls():
+    figure = stages_figure(made.adequate())
+    assert [panel.get_ylabel() for panel in figure.axes] == ["speed [rad/s]", "thrust [N]"]
+    assert "training log" in figure.axes[0].get_title(loc="left")
+
+
+def test_a_failed_simulation_and_a_formula_in_a_name_can_be_drawn(full):
+    (run,) = full.before.runs
+    endless = {
+        name: replace(trace, modelled=np.full(run.time.size, np.inf))
+        for name, trace in run.channels.items()
+    }
+    errors = Errors(np.inf, {n: ChannelError(np.inf, np.inf, -np.inf, 9) for n in endless})
+    failed = replace(run, name="run $x_$", channels=endless, errors=errors)
+    stage = replace(full.stages[0], fit=replace(full.stages[0].fit, holdout=errors, train=errors))
+    diag = replace(
+        full,
+        before=replace(full.before, runs=(failed,), errors=errors),
+        stages=(stage, *full.stages[1:]),
+    )
+    stages_figure(diag).savefig(BytesIO(), dpi=40)
+    assert "falls from inf to" in diag.summary
+
+
+def test_the_figure_of_the_missing_signal(full):
+    time, curve = missing_figure(full).axes  # at the other port nothing shows
+    assert time.get_xlabel() == "time [s]"
+    assert time.get_ylabel() == "drive [rad/s^2]"
+    assert curve.get_xlabel() == "command [V]"
+    assert "91 %" in curve.get_title(loc="left")
+    assert len(time.collections) == 1  # the band
+    known, other = full.missing
+    ((at, signal, _),) = other.runs
+    sure = replace(other, runs=((at, signal, np.full(at.size, 0.01)),))
+    *_, panel = missing_figure(replace(full, missing=(known, sure))).axes
+    assert panel.texts[0].get_text() == "no signal of the model explains it"
+
+
+def test_the_figure_of_the_ranking(full):
+    first, second = ranking_figure(full).axes
+    assert [t.get_text() for t in first.get_yticklabels()] == ["command dead band", "actuator lag"]
+    assert second.get_xlabel() == "likelihood ratio [-]"
+    colours = [patch.get_facecolor() for patch in (*first.patches, *second.patches)]
+    assert len(set(colours)) == 3  # added, neither, and not to be told from the added one
+    assert colours[0] == colours[2]
+
+
+# -- the page --------------------------------------------------------------------------------------
+
+
+class _Page(HTMLParser):
+    """Open tags, what they refer to, and the text."""
+
+    void = ("meta", "link", "img", "br")
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.tags: list[str] = []
+        self.sources: list[str] = []
+        self.text = ""
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.sources += [value for key, value in attrs if key in ("src", "href")]
+        assert tag != "img" or dict(attrs)["alt"]
+        if tag not in self.void:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text += data
+
+
+def test_the_page_is_whole_and_needs_nothing_else(full, tmp_path):
+    path = tmp_path / "report.html"
+    full.save(str(path))
+    text = path.read_text(encoding="utf-8")
+    found = _Page(text)
+    assert found.open == []
+    assert found.tags.count("img") == 5
+    assert all(source.startswith("data:") for source in found.sources)
+    assert "http" not in text
+    assert "url(" not in text
+    order = [
+        full.summary, "The stages", "Where the model as given fails", "The missing signal",
+        "The effects that were tried", "The motor controller ignores small commands.",
+        "What these logs cannot tell apart", "Proposed test", "What remains", "class MyEffect",
+        "Parameters", "Not testable by these logs", "How far to trust this", "Words",
+    ]  # fmt: skip
+    places = [found.text.find(word) for word in order]
+    assert -1 not in places
+    assert places == sorted(places)
+
+
+def test_the_headroom_is_told_before_and_after(full):
+    train, _ = made.logs()
+    assert full.headroom is None  # put together by hand, without the training logs
+    assert "How much there is to find" not in page(full)
+    trained = tuple(dft.compare(full.stages[i].fit, train) for i in (0, -1))
+    whole = replace(full, trained=trained)
+    first, last = whole.headroom
+    assert first.worth
+    assert first.channels["thrust"].share > 0.3 > 0.1 > last.channels["thrust"].share
+    assert "How much there is to find" in whole.report()
+    text = page(whole)
+    assert text.index("The stages") < text.index("How much there is to find")
+    assert first.summary in _Page(text).text
+    assert whole.to_json()["headroom"]["before"]["worth"] is True
+
+
+def test_the_page_escapes_what_comes_from_outside(full):
+    text = page(full, title=made.NASTY, spec=f"# {made.NASTY}")
+    assert "<script" not in text
+    assert text.count("&lt;script&gt;alert(1)&lt;/script&gt;") >= 4  # title, heading, log, spec
+
+
+@pytest.mark.parametrize("kind", ["found", "adequate", "unexplained"])
+def test_every_verdict_has_its_page(kind):
+    diag = getattr(made, kind)()
+    found = _Page(page(diag))
+    assert found.open == []
+    assert diag.summary in found.text
+    assert ("The missing signal" in found.text) == bool(diag.missing)
+    assert ("class MyEffect" in found.text) == (kind == "unexplained")
+
+
+def test_the_page_of_a_diagnosis_in_which_no_signal_is_missing(full):
+    text = _Page(page(replace(full, missing=full.missing[1:]))).text
+    assert "nothing is missing that shows" in text
+    assert "a band of two standard errors" not in text  # the caption of the figure
+
+
+def test_the_page_is_part_of_the_package():
+    from importlib.resources import files
+
+    assert files("diffthrust").joinpath("_diagnosis_report.html").is_file()
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium was found to open the page with")
+def test_a_browser_shows_the_page(full, tmp_path):
+    path = tmp_path / "report.html"
+    full.save(str(path))
+    command = [
+        str(CHROMIUM), "--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr",
+        f"--user-data-dir={tmp_path / 'profile'}", "--virtual-time-budget=5000",
+    ]  # fmt: skip
+    shown = subprocess.run(
+        [*command, "--dump-dom", path.as_uri()],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
+    assert "CONSOLE" not in shown.stderr  # an error or a blocked request would be told there
+    assert full.summary in _Page(shown.stdout).text
+    picture = tmp_path / "page.png"
+    subprocess.run(
+        [*command, f"--screenshot={picture}", "--window-size=1100,3000", path.as_uri()],
+        capture_output=True,
+        timeout=120,
+        check=True,
+    )
+    assert picture.stat().st_size > 100_000
+
+
+def test_figures_do_not_touch_pyplot(full, monkeypatch):
+    monkeypatch.delitem(sys.modules, "matplotlib.pyplot", raising=False)  # ArviZ brings it along
+    page(full)
+    assert "matplotlib.pyplot" not in sys.modules

@@ -1,0 +1,210 @@
+"""The screen of a diagnosis and its criterion, on made-up trials and on one small set of logs."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+from reference import inputs, noise, thruster
+
+import diffthrust as dft
+from diffthrust.diagnosis._criteria import criterion, noises
+from diffthrust.diagnosis._probes import probes
+from diffthrust.diagnosis._screen import _anew, _packed, edge_of, scores, screened
+from diffthrust.diagnosis._trials import Trials
+from diffthrust.estimation._observer import WIDE
+from diffthrust.estimation._solver import _solve
+
+TIME = np.arange(500) * 0.05
+SAMPLES = 1000.0
+NOISE = ("noise.speed.drift.speed", "noise.speed.memory", "noise.thrust.colour",
+         "noise.thrust.correlation")  # fmt: skip
+
+
+def test_points_share_a_pass_as_far_as_there_is_room():
+    points = {"a": {"a.x": 1.0}, "b": {"b.x": 1.0, "b.y": 1.0}, "c": {"c.x": 1.0}}
+    assert [list(group) for group in _packed(points, 3)] == [["a", "b"], ["c"]]
+    assert [list(group) for group in _packed(points, 0)] == [["a"], ["b"], ["c"]]
+
+
+def test_noises_are_gains_with_their_memory():
+    found = noises(NOISE)
+    assert [noise.parameters for noise in found] == [NOISE[:2], NOISE[2:]]
+
+
+@dataclass(frozen=True)
+class Made:
+    """A trial with as much of `Trial` as the criterion reads."""
+
+    cost: float
+    values: dict = field(default_factory=dict)
+    names: tuple = ("alpha", "effect.size", *NOISE)
+    effects: tuple = ("effect",)
+    begin: None = None
+
+
+class Costs:
+    """Trials in which taking out each noise costs what was said."""
+
+    nuisance = NOISE
+    samples = SAMPLES
+
+    def __init__(self, drift, colour):
+        self.rise = {"noise.speed.drift.speed": drift, "noise.thrust.colour": colour}
+
+    def solve(self, effects, values, begin, budget, still=()):
+        lost = sum(rise for name, rise in self.rise.items() if values[name] == 0.0)
+        names = tuple(n for n in Made.names if n not in still)
+        return Made(100.0 + lost, dict(values), names, effects)
+
+
+@pytest.mark.parametrize(
+    ("drift", "colour", "kept"), [(50.0, 50.0, 4), (1.0, 50.0, 2), (1.0, 1.0, 0), (5.0, 5.0, 0)]
+)
+def test_the_criterion_takes_out_the_noise_that_is_not_worth_its_price(drift, colour, kept):
+    """A noise of two parameters is worth it where it gains more than ln(1000) = 6.9."""
+    values = {"noise.speed.drift.speed": 0.1, "noise.thrust.colour": 0.2}
+    values |= {"noise.speed.memory": 1.0, "noise.thrust.correlation": 1.0}
+    lost = sum(rise for rise in (drift, colour) if rise < np.log(SAMPLES))
+    expected = 2 * (100.0 + lost) + (2 + kept) * np.log(SAMPLES)
+    found = criterion(Costs(drift, colour), Made(100.0, values))
+    assert found == pytest.approx(expected)
+
+
+@pytest.fixture(scope="module")
+def trials():
+    """A shaft with Coulomb friction, and three candidates."""
+    rng = np.random.default_rng(2)
+    logs = []
+    for _ in range(2):
+        command = inputs.low_passed_random(TIME, 2.0, rng)
+        record = thruster.simulate(TIME, command, method="rk4", coulomb_friction=20.0)
+        record = noise.measure(record, rng, speed=noise.Sensor(0.3), thrust=noise.Sensor(0.2))
+        logs.append(dft.Log(record.time, record.inputs, record.measured))
+    fit = dft.fit(dft.Thruster(), logs, starts=2)
+    known = dft.effects.EFFECTS
+    names = ("coulomb_friction", "thrust_sensor_offset", "command_saturation")
+    made = Trials(fit.model, [known[n]() for n in names], logs, [])
+    return made, made.base(made.values_of(fit.model))
+
+
+@pytest.mark.slow
+def test_effects_scored_together_are_scored_as_alone(trials):
+    made, base = trials
+    levels = made.levels(base)
+    near = {name: probes(effect, levels)[0] for name, effect in made.candidates.items()}
+    assert not near.pop("command_saturation")  # a limit has no neighbourhood of its null
+    together = scores(made, base, near)
+    for name, points in near.items():
+        alone = scores(made, base, {name: points})[name]
+        # the others are there at some 1e-5 of their size
+        assert together[name][0][0] == pytest.approx(alone[0][0], abs=0.05)
+    gain = {name: 2 * (base.cost - pairs[0][0]) for name, pairs in together.items()}
+    assert gain["coulomb_friction"] > 50 > 15 > gain["thrust_sensor_offset"]
+
+
+def test_the_screen_leaves_out_what_is_hopeless_and_keeps_what_is_there(trials):
+    made, base = trials
+    told = []
+    found = screened(made, list(made.candidates), base, made.levels(base), told.append)
+    assert sorted(told) == sorted(made.candidates)
+    assert "coulomb_friction" in found
+    best = found["coulomb_friction"]
+    assert 2 * (base.cost - best.cost) > 50
+    assert best.values["coulomb_friction.level"] == pytest.approx(20.0, rel=0.1)
+
+
+def test_an_effect_at_its_null_is_idle(trials):
+    made, base = trials
+    there = made.solve(("coulomb_friction",), {**base.values, "coulomb_friction.level": 20.0})
+    assert not made.idle(there)
+    assert made.idle(replace(there, values=made.absent("coulomb_friction", there.values)))
+
+
+@pytest.mark.slow
+def test_an_instant_is_found_wherever_it_lies():
+    rng = np.random.default_rng(5)
+    command = inputs.low_passed_random(TIME, 2.0, rng)
+    record = thruster.simulate(TIME, command, method="rk4")
+    lost = np.where(TIME > 9.0, 0.9, 1.0)
+    record.measured["thrust"] = record.measured["thrust"] * lost
+    record = noise.measure(record, rng, speed=noise.Sensor(0.3), thrust=noise.Sensor(0.2))
+    log = dft.Log(record.time, record.inputs, record.measured)
+    made = Trials(dft.Thruster(), [dft.effects.ThrustDegradation()], [log], [])
+    base = made.base(made.values_of(dft.Thruster()))
+    found = screened(made, ["thrust_degradation"], base, made.levels(base))
+    values = found["thrust_degradation"].values
+    assert values["thrust_degradation.instant"] == pytest.approx(9.0, abs=0.5)
+    assert values["thrust_degradation.fraction"] == pytest.approx(0.1, rel=0.2)
+
+
+def test_the_edge_of_a_limit_is_found_from_inside():
+    edge = edge_of(1.0, 1.2, lambda value: value < 1.137)
+    assert 1.137 > edge > 1.137 * (1 - 2e-4)
+
+
+@pytest.mark.slow
+def test_a_limit_that_cuts_only_the_highest_commands_is_found():
+    rng = np.random.default_rng(8)
+    command = inputs.low_passed_random(TIME, 2.0, rng)
+    limit = 0.985 * np.abs(command).max()
+    record = thruster.simulate(TIME, np.clip(command, -limit, limit), method="rk4")
+    record = noise.measure(record, rng, speed=noise.Sensor(0.05), thrust=noise.Sensor(0.05))
+    log = dft.Log(record.time, {"command": command}, record.measured)
+    made = Trials(dft.Thruster(), [dft.effects.CommandSaturation()], [log], [])
+    base = made.base(made.values_of(dft.Thruster()))
+    found = screened(made, ["command_saturation"], base, made.levels(base))
+    assert found["command_saturation"].values["command_saturation.limit"] == pytest.approx(
+        limit, rel=5e-3
+    )
+
+
+def test_all_trials_share_one_compilation(trials):
+    made, base = trials
+    before = _solve._cache_size()
+    screened(made, list(made.candidates), base, made.levels(base))
+    made.settled(("coulomb_friction",), base.values, base.begin)
+    assert _solve._cache_size() == before
+    fresh = Trials(made.model, list(made.candidates.values()), made.logs[:1], [])
+    fresh.base(fresh.values_of(fresh.model))
+    assert _solve._cache_size() == before + 1  # from the first guess to the last limit of errors
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("what", "reach"), [("spikes of the sensor", 1.0), ("jolts", WIDE)])
+def test_large_errors_are_limited_only_where_they_are_spikes(what, reach):
+    rng = np.random.default_rng(4)
+    command = inputs.low_passed_random(TIME, 2.0, rng)
+    jolts = np.where(rng.random(TIME.size) < 0.03, rng.choice([-1.0, 1.0], TIME.size), 0.0)
+    if what == "jolts":  # of the shaft, which keeps the speed that they leave
+        record = thruster.simulate(TIME, command + 4.0 * jolts, method="rk4")
+    else:
+        record = thruster.simulate(TIME, command, method="rk4")
+    record = noise.measure(record, rng, speed=noise.Sensor(0.05), thrust=noise.Sensor(0.05))
+    if what != "jolts":
+        record.measured["speed"] = record.measured["speed"] + 10.0 * jolts
+    log = dft.Log(record.time, {"command": command}, record.measured)
+    made = Trials(dft.Thruster(), [], [log], [])
+    made.base(made.values_of(dft.Thruster()))
+    assert made.problem.arrays["reach"] == reach
+
+
+class Astray:
+    """Trials in which an effect shows only with the parameters as they were given."""
+
+    def __init__(self, costs):
+        self.costs = costs
+
+    def cost(self, effects, values, begin):
+        return self.costs[values["alpha"], values["effect.size"]]
+
+    def solve(self, effects, values, begin, budget):
+        return dict(values)
+
+
+@pytest.mark.parametrize(("low", "followed"), [(60.0, [0.5]), (99.5, [])])
+def test_far_points_are_tried_with_the_values_as_they_were_given(low, followed):
+    costs = {(1.0, 0.0): 100.0, (1.0, 0.2): np.nan, (1.0, 0.5): low, (1.0, 0.9): 80.0 + low}
+    present = Made(90.0, {"alpha": 7.0, "effect.size": 0.0}, effects=())
+    points = [{"effect.size": size} for size in (0.2, 0.5, 0.9)]
+    found = _anew(Astray(costs), "effect", present, points, {"alpha": 1.0})
+    assert [values["effect.size"] for values in found] == followed

@@ -1,0 +1,334 @@
+"""Fits: recovery, coverage, honest statuses, units, several logs, segments."""
+
+import numpy as np
+import pytest
+from reference import inputs, noise, thruster, vessel
+
+import diffthrust as dft
+from diffthrust.estimation._arrange import build, restarts
+from diffthrust.estimation._status import examine
+
+TRUE = {"alpha": 0.037, "beta": 42.0, "ct": 0.02}
+
+
+def record(seed=0, duration=30.0, step=0.05, speed=0.3, thrust=0.5, unsigned=False, **hidden):
+    rng = np.random.default_rng(seed)
+    time = inputs.grid(duration, step)
+    command = inputs.low_passed_random(time, 1.5, rng)
+    made = thruster.simulate(time, command, **TRUE, method="rk4", **hidden)
+    sensors = {
+        "speed": noise.Sensor(std=speed, unsigned=unsigned),
+        "thrust": noise.Sensor(std=thrust),
+    }
+    return noise.measure(made, rng, **sensors)
+
+
+def log_of(made, **kwargs):
+    return dft.Log(time=made.time, inputs=dict(made.inputs), measured=dict(made.measured), **kwargs)
+
+
+def test_recovers_the_truth_from_a_poor_guess_within_its_errors():
+    log = log_of(record())
+    fit = dft.fit(dft.Thruster(alpha=0.2, beta=10.0, ct=0.1), log)
+    assert fit.status is dft.Status.CONVERGED
+    for name, true in TRUE.items():
+        estimate = fit.parameters[name]
+        assert abs(estimate.value - true) < 4 * estimate.std_error
+        assert estimate.std_error < 0.01 * true
+    assert fit.noise["speed"] == pytest.approx(0.3, rel=0.1)
+    assert fit.noise["thrust"] == pytest.approx(0.5, rel=0.1)
+
+
+def test_noise_free_data_give_the_truth_to_the_integrators_accuracy():
+    made = record(speed=0.0, thrust=0.0)
+    fit = dft.fit(dft.Thruster(alpha=0.06, beta=30.0, ct=0.01), log_of(made), substeps=4)
+    for name, true in TRUE.items():
+        assert fit.parameters[name].value == pytest.approx(true, rel=1e-5)
+    assert fit.train.nrmse < 1e-5
+
+
+@pytest.mark.slow
+def test_standard_errors_cover_the_truth():
+    """100 repetitions, three parameters: 95 % intervals must cover 90 to 99 % of 300.
+
+    With independent intervals of 95 %, fewer than 270 or more than 297 of 300 come with
+    probability below 2e-3 (binomial).
+    """
+    covered = 0
+    model = dft.Thruster(**TRUE)
+    for seed in range(100):
+        fit = dft.fit(model, log_of(record(seed=seed, duration=15.0)), starts=1)
+        for name, true in TRUE.items():
+            estimate = fit.parameters[name]
+            covered += abs(estimate.value - true) < 1.96 * estimate.std_error
+    assert 270 <= covered <= 297
+
+
+@pytest.mark.parametrize("name", ["actuator_lag", "command_deadband", "reverse_thrust_asymmetry"])
+def test_each_effect_is_recovered_from_the_reference(name):
+    size, parameter = {
+        "actuator_lag": (0.12, "time_constant"),
+        "command_deadband": (0.25, "width"),
+        "reverse_thrust_asymmetry": (-0.2, "change"),
+    }[name]
+    made = record(seed=3, **{name: size})
+    effect = dft.effects.EFFECTS[name]()
+    plain = dft.fit(dft.Thruster(), log_of(made))
+    fit = dft.fit(dft.Thruster() + effect, log_of(made))
+    estimate = fit.parameters[f"{name}.{parameter}"]
+    assert fit.status.ok, fit.message
+    assert abs(estimate.value - size) < max(4 * estimate.std_error, 0.02 * abs(size))
+    assert fit.log_likelihood > plain.log_likelihood + 20
+
+
+def test_the_same_log_in_other_units_gives_the_same_fit():
+    made = record(seed=1)
+    ours = dft.fit(dft.Thruster(), log_of(made))
+    theirs = dft.Log(
+        time=made.time * 1e3,
+        inputs={"command": made.inputs["command"] * 1e3},
+        measured={
+            "speed": made.measured["speed"] * 60 / (2 * np.pi),
+            "thrust": made.measured["thrust"] / 1e3,
+        },
+        units={"time": "ms", "command": "mV", "speed": "rpm", "thrust": "kN"},
+    )
+    fit = dft.fit(dft.Thruster(), theirs)
+    for name, estimate in ours.parameters.items():
+        assert fit.parameters[name].value == pytest.approx(estimate.value, rel=1e-6)
+        assert fit.parameters[name].std_error == pytest.approx(estimate.std_error, rel=1e-4)
+    assert fit.train.nrmse == pytest.approx(ours.train.nrmse, rel=1e-6)
+
+
+class TwiceTheSame(dft.Effect):
+    """A gain on the drive: the same as beta."""
+
+    name = "drive_gain"
+    port = "drive"
+    gain: float = dft.parameter(1.0, bounds=(0, None))
+
+    def __call__(self, value, s):
+        return self.gain * value
+
+
+def test_a_redundant_parameter_is_named_and_has_no_standard_error():
+    fit = dft.fit(dft.Thruster() + TwiceTheSame(), log_of(record(seed=2)))
+    assert fit.status is dft.Status.NOT_IDENTIFIABLE
+    assert "beta" in fit.message
+    assert "drive_gain.gain" in fit.message
+    assert "alpha" not in fit.message
+    assert fit.checks.rank == fit.checks.free_parameters - 1
+    assert fit.parameters["beta"].std_error is None
+    assert fit.parameters["drive_gain.gain"].std_error is None
+    assert fit.parameters["alpha"].std_error is not None
+
+
+def test_a_parameter_that_the_logs_do_not_show_is_held_and_told():
+    made = record(seed=2)
+    log = dft.Log(
+        time=made.time, inputs=dict(made.inputs), measured={"speed": made.measured["speed"]}
+    )
+    fit = dft.fit(dft.Thruster(ct=0.011), log)
+    assert fit.status.ok
+    assert fit.parameters["ct"].value == 0.011
+    assert fit.parameters["ct"].std_error is None
+    assert any("ct" in note for note in fit.notes)
+
+
+def test_bounds_are_respected_and_contact_is_told():
+    low = dft.Thruster().replace(alpha={"value": 0.05, "bounds": (0.045, 0.2)})
+    fit = dft.fit(low, log_of(record()))
+    assert fit.status is dft.Status.AT_BOUND
+    assert fit.parameters["alpha"].at_bound
+    assert fit.parameters["alpha"].value == pytest.approx(0.045)
+    assert fit.parameters["alpha"].std_error is None
+
+
+def test_unsigned_speed_and_missing_samples():
+    made = record(seed=4, unsigned=True)
+    speed = made.measured["speed"].copy()
+    speed[50:90] = np.nan
+    log = dft.Log(
+        time=made.time,
+        inputs=dict(made.inputs),
+        measured={"speed": np.abs(speed), "thrust": made.measured["thrust"]},
+        unsigned=("speed",),
+    )
+    fit = dft.fit(dft.Thruster(alpha=0.1), log)
+    for name, true in TRUE.items():
+        assert fit.parameters[name].value == pytest.approx(true, rel=0.02)
+    assert fit.train.channels["speed"].samples == speed.size - 40
+
+
+def test_several_logs_with_their_own_initial_states():
+    made = [record(seed=s, duration=d) for s, d in ((5, 10.0), (6, 14.0), (7, 33.0))]
+    late = [log_of(m).slice(start=3.0) for m in made]
+    fit = dft.fit(dft.Thruster(), late)
+    assert fit.status.ok
+    for m, initial in zip(made, fit.initial, strict=True):
+        true = m.truth["speed"][np.searchsorted(m.time, 3.0 - 1e-9)]
+        assert initial["speed"] == pytest.approx(true, abs=0.5)
+    assert fit.parameters["alpha"].value == pytest.approx(0.037, rel=0.01)
+
+
+def test_student_t_forgives_spikes_where_the_gaussian_does_not():
+    made = record(seed=8)
+    speed = made.measured["speed"].copy()
+    rng = np.random.default_rng(0)
+    speed[rng.choice(speed.size, 20, replace=False)] += 150.0
+    log = dft.Log(
+        time=made.time,
+        inputs=dict(made.inputs),
+        measured={"speed": speed, "thrust": made.measured["thrust"]},
+    )
+    robust = dft.fit(dft.Thruster(), log, loss="student_t")
+    plain = dft.fit(dft.Thruster(), log)
+
+    assert abs(robust.parameters["beta"].value - 42.0) < 0.2
+    assert abs(plain.parameters["beta"].value - 42.0) > 0.4
+
+
+def test_a_prior_counts_as_one_more_measurement():
+    log = log_of(record(seed=9))
+    free = dft.fit(dft.Thruster(), log).parameters["ct"]
+    mean = free.value + 2 * free.std_error
+    prior = dft.Normal(mean=mean, std=free.std_error)
+    fit = dft.fit(dft.Thruster().replace(ct={"prior": prior}), log).parameters["ct"]
+    assert fit.value - free.value == pytest.approx(free.std_error, rel=0.05)
+    assert fit.std_error == pytest.approx(free.std_error / np.sqrt(2), rel=0.1)
+
+
+def test_measured_speed_as_the_input_fits_the_thrust_alone():
+    made = record(seed=10)
+    log = dft.Log(
+        time=made.time,
+        inputs={"speed": made.truth["speed"]},
+        measured={"thrust": made.measured["thrust"]},
+    )
+    fit = dft.fit(dft.Thruster(ct=0.1), log)
+    assert fit.status.ok
+    assert fit.parameters["ct"].value == pytest.approx(0.02, rel=0.01)
+    assert any("alpha" in note and "beta" in note for note in fit.notes)
+
+
+def test_a_failed_simulation_says_so():
+    class Explodes(dft.Effect):
+        """Feeds the shaft back with the wrong sign."""
+
+        name = "explodes"
+        port = "shaft"
+        gain: float = dft.parameter(1e4, bounds=(1e4, 1e5))
+
+        def __call__(self, value, s):
+            return value + self.gain * s.speed**3
+
+    fit = dft.fit(dft.Thruster() + Explodes(), log_of(record()), starts=2)
+    assert fit.status is dft.Status.SIMULATION_FAILED
+    assert fit.train.nrmse == np.inf
+
+
+def test_too_few_steps_are_not_called_converged():
+    problem = build(dft.Thruster(alpha=0.1, beta=10.0), [log_of(record())])
+    from diffthrust.estimation._solver import solve
+
+    stopped = solve(problem, problem.start(), budget=3)
+    assert not stopped.done
+    assert examine(problem, stopped.z, stopped.quadratic).gradient > 1e-3
+
+
+def vessel_log(seed, duration=60.0):
+    rng = np.random.default_rng(seed)
+    time = inputs.grid(duration, 0.1)
+    angle = np.deg2rad(20) * np.sign(np.sin(2 * np.pi * time / 16.0 + seed))
+    speed = 98.0 + 15.0 * np.sign(np.sin(2 * np.pi * time / 37.0))
+    made = vessel.simulate(time, {"propeller_speed": speed, "rudder_angle": angle}, method="rk4")
+    made = noise.measure(
+        made,
+        rng,
+        surge=noise.Sensor(std=0.01),
+        sway=noise.Sensor(std=0.01),
+        yaw_rate=noise.Sensor(std=0.01),
+    )
+    return log_of(made)
+
+
+def test_a_long_vessel_run_goes_through_segments_to_whole_runs():
+    fit = dft.fit(dft.Vessel(m11=9.0, m22=3.0, i33=2.0, d11=7.0), [vessel_log(0), vessel_log(1)])
+    assert fit.status.ok, fit.message
+    assert fit.horizon is None
+    for name in ("m11", "m22", "d11", "d22", "d33", "i33", "exponent"):
+        estimate = fit.parameters[name]
+        true = vessel.SIRAMDASU[name]
+        assert abs(estimate.value - true) < 4.5 * estimate.std_error, name
+
+
+def test_segments_restart_at_the_measured_state():
+    log = vessel_log(2)
+    problem = build(dft.Vessel(), [log], segmented=True)
+    set_ = restarts(problem, 10.0, hold=True)
+    chosen = np.flatnonzero(np.isfinite(np.asarray(set_.arrays["batches"][0]["restart_surge"][0])))
+    assert log.time[chosen] == pytest.approx([10.0, 20.0, 30.0, 40.0, 50.0])
+    low, high = set_.limits()
+    assert np.array_equal(low[len(set_.free) :], high[len(set_.free) :])
+    whole = restarts(problem, None)
+    assert not np.isfinite(np.asarray(whole.arrays["batches"][0]["restart_surge"])).any()
+
+
+@pytest.mark.parametrize(
+    ("kwargs", "words"),
+    [
+        ({"starts": 0}, "starts: expected at least 1"),
+        ({"loss": "huber"}, "loss: expected one of gaussian, student_t"),
+        ({"initial": "zero"}, "initial: expected one of"),
+        ({"horizon": -1.0}, "horizon: expected a positive"),
+        ({"horizon": "soon"}, "horizon: expected seconds or 'auto'"),
+    ],
+)
+def test_bad_arguments_are_refused_in_words(kwargs, words):
+    with pytest.raises(dft.InputError, match=words):
+        dft.fit(dft.Thruster(), log_of(record(duration=2.0)), **kwargs)
+
+
+def test_nothing_to_fit_and_nothing_measured():
+    log = log_of(record(duration=2.0))
+    with pytest.raises(dft.InputError, match="nothing to fit"):
+        dft.fit(dft.Thruster().fix("alpha", "beta", "ct"), log)
+    with pytest.raises(dft.InputError, match="at least one log"):
+        dft.fit(dft.Thruster(), [])
+    blind = dft.Log(
+        time=log.time, inputs=dict(log.inputs), measured={"torque": log.measured["speed"]}
+    )
+    with pytest.raises(dft.InputError, match="No log measures an output of 'thruster'"):
+        dft.fit(dft.Thruster(), blind)
+
+
+def test_json_has_the_contract_and_the_report_is_readable():
+    fit = dft.fit(dft.Thruster(), log_of(record()), holdout=log_of(record(seed=1)))
+    data = fit.to_json()
+    assert set(data) == {
+        "schema", "model", "effects", "status", "parameters", "train", "holdout", "checks"
+    }  # fmt: skip
+    assert set(data["parameters"]["alpha"]) == {"value", "std_error", "unit", "fixed", "at_bound"}
+    assert set(data["train"]["channels"]["speed"]) == {"rmse", "nrmse", "fit_percent", "samples"}
+    assert set(data["checks"]) == {
+        "gradient", "rank", "free_parameters", "condition", "starts", "starts_agreeing"
+    }  # fmt: skip
+    assert "alpha" in fit.report()
+    assert "converged" in fit.report()
+
+
+def test_physical_quantities_of_the_jason_thruster():
+    log = log_of(record(speed=0.05, thrust=0.1))
+    fit = dft.fit(dft.Thruster(), log)
+    found = dft.uncertainty.physical(fit, pitch=0.101, area=0.0527)
+    efficiency = np.sqrt(0.02 / (1000 * 0.0527 * 0.101**2))
+    volume = 0.0527 * efficiency * 0.101 / (2 * 0.037)
+    assert found["efficiency"].value == pytest.approx(efficiency, rel=2e-3)
+    assert found["volume"].value == pytest.approx(volume, rel=3e-3)
+    torque = 42.0 * 1000 * volume * efficiency**2 * 0.101**2
+    assert found["torque_constant"].value == pytest.approx(torque, rel=5e-3)
+    ct = fit.parameters["ct"]
+    half = 0.5 * ct.std_error / ct.value
+    assert found["efficiency"].std_error / found["efficiency"].value == pytest.approx(half)
+    with pytest.raises(dft.InputError, match="positive pitch"):
+        dft.uncertainty.physical(fit, pitch=0.0, area=0.05)

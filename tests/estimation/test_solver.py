@@ -1,0 +1,249 @@
+"""The bounded Levenberg-Marquardt method on problems with known answers, beside SciPy's."""
+
+from functools import cache
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+import pytest
+from scipy.optimize import least_squares, lsq_linear
+
+import diffthrust  # noqa: F401
+from diffthrust.estimation._likelihood import Quadratic
+from diffthrust.estimation._solver import BoundedLevenbergMarquardt, _in_box
+
+
+@cache
+def objective_of(residual):
+    """Half the sum of squares with its quadratic; one function for each residual, compiled once."""
+
+    def objective(y, args):
+        r, jacobian = residual(y), jax.jacfwd(residual)(y)
+        energy = jnp.sum(r**2)
+        cost = jnp.where(jnp.isfinite(energy), 0.5 * energy, jnp.inf)
+        q = Quadratic(
+            cost, jacobian.T @ r, jacobian.T @ jacobian, energy, jnp.ones(1), jnp.zeros((0, 0))
+        )
+        return q.cost, q
+
+    return objective
+
+
+def minimise(residual, start, low=None, high=None, budget=300):
+    """Minimise half the sum of squares; returns the point, the quadratic, done, and steps."""
+    start = jnp.asarray(start, float)
+    low = jnp.full(start.shape, -jnp.inf) if low is None else jnp.asarray(low, float)
+    high = jnp.full(start.shape, jnp.inf) if high is None else jnp.asarray(high, float)
+
+    solver = BoundedLevenbergMarquardt(rtol=0.0, atol=1e-15, lower=low, upper=high)
+    solution = optx.minimise(
+        objective_of(residual),
+        solver,
+        start,
+        (None, jnp.asarray(budget - 1)),
+        has_aux=True,
+        max_steps=300,
+        throw=False,
+    )
+    return (
+        np.asarray(solution.value),
+        solution.aux,
+        bool(solution.state.done),
+        int(solution.stats["num_steps"]),
+    )
+
+
+def rosenbrock(y):
+    return jnp.stack([10.0 * (y[1] - y[0] ** 2), 1.0 - y[0]])
+
+
+def powell(y):
+    """Singular at the solution (Powell 1962)."""
+    return jnp.stack(
+        [
+            y[0] + 10 * y[1],
+            jnp.sqrt(5.0) * (y[2] - y[3]),
+            (y[1] - 2 * y[2]) ** 2,
+            jnp.sqrt(10.0) * (y[0] - y[3]) ** 2,
+        ]
+    )
+
+
+TIMES = jnp.linspace(0.0, 3.0, 40)
+
+
+def decays(y):
+    """Two exponentials, with an answer that leaves residuals."""
+    data = 2.0 * jnp.exp(-0.7 * TIMES) + 1.0 * jnp.exp(-3.0 * TIMES) + 0.05 * jnp.sin(9.0 * TIMES)
+    return y[0] * jnp.exp(-y[1] * TIMES) + y[2] * jnp.exp(-y[3] * TIMES) - data
+
+
+@pytest.mark.parametrize("start", [[-1.2, 1.0], [5.0, -5.0], [0.0, 0.0], [-30.0, 40.0]])
+def test_rosenbrock(start):
+    y, q, done, steps = minimise(rosenbrock, start)
+    np.testing.assert_allclose(y, [1.0, 1.0], atol=1e-7)
+    assert done
+    assert float(q.cost) < 1e-14
+    assert steps < 200
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "point"),
+    [
+        ([-2.0, -2.0], [0.5, 2.0], [0.5, 0.25]),  # the valley leaves the box at its side
+        ([-2.0, -2.0], [2.0, 0.25], None),  # along the lid
+        ([1.5, -2.0], [3.0, 2.0], None),  # away from the solution, in a corner or on a side
+        ([-2.0, 1.5], [0.0, 3.0], None),
+    ],
+)
+@pytest.mark.parametrize("start", [[-1.0, 1.0], [0.4, 0.1], [0.0, 0.0]])
+def test_rosenbrock_in_a_box_that_leaves_the_solution_out(low, high, point, start):
+    begin = np.clip(start, low, high)
+    y, q, done, _ = minimise(rosenbrock, begin, low, high)
+    assert done
+    assert np.all((y >= low) & (y <= high))
+    if point:
+        np.testing.assert_allclose(y, point, atol=1e-7)
+    # Karush, Kuhn and Tucker: no gradient inside, and at a bound only outward.
+    gradient = np.asarray(q.gradient)
+    for i in range(2):
+        if y[i] <= low[i]:
+            assert gradient[i] >= -1e-6
+        elif y[i] >= high[i]:
+            assert gradient[i] <= 1e-6
+        else:
+            assert abs(gradient[i]) < 1e-5
+    inside = np.clip(begin, np.array(low) + 1e-9, np.array(high) - 1e-9)
+    peer = least_squares(
+        lambda v: np.asarray(rosenbrock(v)), inside, bounds=(low, high), xtol=1e-15, ftol=1e-15
+    )
+    assert float(q.cost) <= peer.cost * (1.0 + 1e-6) + 1e-12
+
+
+def test_a_linear_problem_with_active_bounds_has_its_known_answer():
+    # min (x + y - 3)^2 + (x - y)^2 with x <= 1: y follows from x = 1 as 1.5 of (2 + 1) / 2.
+    def residual(v):
+        return jnp.stack([v[0] + v[1] - 3.0, v[0] - v[1]])
+
+    y, q, done, steps = minimise(residual, [0.0, 0.0], [-5.0, -5.0], [1.0, 5.0])
+    np.testing.assert_allclose(y, [1.0, 1.5], atol=1e-9)
+    assert float(q.cost) == pytest.approx(0.25, rel=1e-12)
+    assert done
+    assert steps < 30
+
+
+def test_a_start_on_the_wrong_bound_leaves_it():
+    y, _, done, _ = minimise(rosenbrock, [-2.0, 3.0], [-2.0, -1.0], [2.0, 3.0])
+    np.testing.assert_allclose(y, [1.0, 1.0], atol=1e-7)
+    assert done
+
+
+@pytest.mark.parametrize("scale", [[1.0, 1.0, 1.0, 1.0], [1e6, 1.0, 1e-6, 1e3], [1e-6, 1e6, 1, 1]])
+def test_units_change_neither_the_answer_nor_the_way(scale):
+    scale = jnp.asarray(scale)
+    start = jnp.array([1.0, 0.3, 2.0, 6.0])
+    plain, q, _, steps = minimise(decays, start)
+    scaled, q_scaled, done, steps_scaled = minimise(lambda v: decays(v / scale), start * scale)
+    assert done
+    np.testing.assert_allclose(scaled / np.asarray(scale), plain, rtol=1e-6)
+    assert float(q_scaled.cost) == pytest.approx(float(q.cost), rel=1e-12)
+    assert abs(steps - steps_scaled) <= 1
+    peer = least_squares(
+        lambda v: np.asarray(decays(jnp.asarray(v))), start, xtol=1e-15, ftol=1e-15, gtol=1e-15
+    )
+    assert float(q.cost) <= peer.cost * (1.0 + 1e-9)
+    np.testing.assert_allclose(plain, peer.x, rtol=1e-5)
+
+
+def test_a_singular_solution_is_reached():
+    y, q, done, _ = minimise(powell, [3.0, -1.0, 0.0, 1.0])
+    assert done
+    assert float(q.cost) < 1e-12
+    assert np.max(np.abs(y)) < 1e-2
+
+
+def test_a_parameter_without_influence_stays_where_it_is():
+    def residual(v):
+        return jnp.stack([v[0] - 2.0, 0.0 * v[1]])
+
+    y, _, done, _ = minimise(residual, [0.0, 7.0])
+    np.testing.assert_allclose(y, [2.0, 7.0], atol=1e-9)
+    assert done
+
+
+def test_two_parameters_that_only_act_together_do_not_run_away():
+    def residual(v):
+        return jnp.stack([v[0] + v[1] - 2.0, 2.0 * (v[0] + v[1]) - 4.0])
+
+    y, q, done, _ = minimise(residual, [0.0, 0.5])
+    assert done
+    assert float(q.cost) < 1e-14
+    assert np.max(np.abs(y)) < 3.0
+
+
+def test_a_trial_that_fails_is_rejected_and_the_search_goes_on():
+    # No value beyond x = 1.2, where full steps from the start would land.
+    def residual(v):
+        bad = jnp.where(v[0] > 1.2, jnp.nan, 0.0)
+        return jnp.stack([jnp.exp(3.0 * v[0]) - jnp.exp(3.0), 0.1 * (v[0] - 1.0)]) + bad
+
+    y, q, done, _ = minimise(residual, [-1.0])
+    assert done
+    np.testing.assert_allclose(y, [1.0], atol=1e-7)
+    assert np.isfinite(float(q.cost))
+
+
+def test_a_start_that_fails_does_not_claim_success():
+    y, q, done, steps = minimise(lambda v: v * jnp.nan, [1.0, 2.0])
+    assert not done
+    assert steps <= 2
+    assert float(q.cost) == np.inf
+    np.testing.assert_allclose(y, [1.0, 2.0])
+
+
+def test_the_budget_is_kept():
+    _, q, done, steps = minimise(rosenbrock, [-30.0, 40.0], budget=5)
+    assert steps == 5
+    assert not done
+    assert np.isfinite(float(q.cost))
+
+
+def test_the_quadratic_that_comes_back_belongs_to_the_point_that_comes_back():
+    for budget in (1, 2, 3, 4, 7, 300):
+        y, q, _, _ = minimise(rosenbrock, [-1.2, 1.0], budget=budget)
+        r = np.asarray(rosenbrock(jnp.asarray(y)))
+        assert float(q.cost) == pytest.approx(0.5 * np.sum(r**2), rel=1e-12, abs=1e-20)
+
+
+def test_a_step_in_the_box_is_as_good_as_that_of_an_independent_solver():
+    rng, step = np.random.default_rng(0), jax.jit(_in_box)
+    for case in range(60):
+        n = 12
+        slopes = rng.normal(size=(n + 5, n)) * 10 ** rng.uniform(-3, 0, n) @ rng.normal(size=(n, n))
+        slopes /= np.linalg.norm(slopes, axis=0)  # strongly dependent columns
+        rest = 10.0 * rng.normal(size=n + 5)
+        matrix, slope = slopes.T @ slopes + 1e-6 * np.eye(n), slopes.T @ rest
+        low, high = -(10 ** rng.uniform(-2, 3, n)), 10 ** rng.uniform(-2, 3, n)
+        low[0] = high[1] = 0.0
+        if case % 2:  # on a bound but for rounding
+            low[2], high[3] = -1e-12, 1e-12
+        factor = np.linalg.cholesky(matrix).T
+        against = -np.linalg.solve(factor.T, slope)
+        known = lsq_linear(factor, against, (low, high), method="bvls", tol=1e-14).x
+        found = np.asarray(step(matrix, slope, low, high))
+        assert np.all((found >= low) & (found <= high))
+        ours, theirs = (slope @ x + 0.5 * x @ matrix @ x for x in (found, known))
+        assert ours <= theirs + 1e-6 * abs(theirs)
+
+
+@pytest.mark.parametrize(("power", "steps", "at"), [(1, 12, 8.0), (3, 30, 2.0)])
+def test_a_bound_on_a_ridge_does_not_stop_the_others(power, steps, at):
+    # along the ridge both grow together: a step that is cut off at the bound leads uphill
+    def residual(y):
+        return jnp.stack([10.0 * (y[0] - y[1] ** power), y[1] - 9.0, 0.1 * y[2]])
+
+    point, _, done, count = minimise(residual, [1.0, 1.0, 1.0], high=[8.0, 20.0, 20.0])
+    assert done
+    assert count < steps
+    np.testing.assert_allclose(point, [8.0, at, 0.0], rtol=1e-2, atol=1e-9)
