@@ -109,9 +109,9 @@ def _cost(pairs: Sequence[Any], noise: str, loss: str, step: float) -> tuple[flo
     def at(lag_one: float) -> float:
         news, jacobian = [], 0.0
         for (run, _), link in zip(pairs, links, strict=True):
-            seen, kept = np.isfinite(run), lag_one ** link["gap"][0, 0]
+            seen, kept = np.isfinite(run), lag_one ** link.gap[0, 0]
             scale = np.sqrt(1 - kept**2)
-            new = (run - kept * np.nan_to_num(run)[link["past"][0, 0]]) / scale
+            new = (run - kept * np.nan_to_num(run)[link.past[0, 0]]) / scale
             news.append(new[seen])
             jacobian += float(np.sum(np.log(scale[seen])))
         return _level_cost(np.concatenate(news), loss) + jacobian

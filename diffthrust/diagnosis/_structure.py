@@ -86,14 +86,14 @@ def unknown(
     names = names[: (trials.problem.layout.width or 0) - len(known)]
     problem = trials.problem.focus((*known, *names), trial.values, trial.begin)
     batches = []
-    for batch, indices in zip(problem.arrays["batches"], problem.order, strict=True):
-        length = batch["time"].shape[1]
+    for batch, indices in zip(problem.numbers.batches, problem.order, strict=True):
+        length = batch.time.shape[1]
         rows = np.zeros((KNOTS, len(indices), length))
         for row, index in enumerate(indices):
             rows[:, row, : series[index].shape[1]] = series[index]
         anew = {name: rows[i] for i, name in enumerate(given)}
-        batches.append({**batch, "inputs": {**batch["inputs"], **anew}})
-    problem = replace(problem, arrays={**problem.arrays, "batches": batches})
+        batches.append(replace(batch, inputs={**batch.inputs, **anew}))
+    problem = replace(problem, numbers=replace(problem.numbers, batches=batches))
     q = solve(problem, problem.start(), budget=1).quadratic
     p, found, covariance = score_test(q, len(known), len(names))
     beyond = KNOTS - len(names)  # hats for which so many effects left no room
@@ -217,7 +217,7 @@ def behind(trials: Trials, place: Place) -> tuple[str, ...]:
 
 def samples_at(trials: Trials, place: Place) -> float:
     """Measurements of what a place drives; all of them where it drives a state unmeasured."""
-    counts = np.asarray(trials.problem.arrays["counts"])
+    counts = np.asarray(trials.problem.numbers.counts)
     channels = trials.problem.layout.channels
     if place.target not in channels:
         return trials.samples

@@ -125,7 +125,7 @@ class Trials:
         self.unseen = (
             build(everything, self._with_series(unseen), **kept, width=width) if unseen else None
         )
-        self.samples = float(np.sum(first.arrays["counts"]))
+        self.samples = float(np.sum(first.numbers.counts))
         if self.samples <= (numbers := len(self.own) + len(self.nuisance)):
             raise InputError(
                 f"The training logs hold {self.samples:.0f} measurements, and {numbers} numbers of "
@@ -216,7 +216,7 @@ class Trials:
         start = {n: p.value for n, p in self.problem.named.items()} | dict(values)
         self._compile(start)
         limited, before = self.settled((), start), self.problem
-        self.problem = with_clip(before, before.arrays["clip"], reach=WIDE)
+        self.problem = with_clip(before, before.numbers.clip, reach=WIDE)
         wide = self.further(limited, budget=LONG)
         if wide.cost < limited.cost - REAL:
             return wide
@@ -250,7 +250,7 @@ class Trials:
 
         begun = side_by_side(one, guesses(self.nuisance))
         trial = min(begun, key=lambda trial: trial.expected)
-        reach = self.problem.arrays["reach"]
+        reach = self.problem.numbers.reach
         for _ in range(2):
             trial = self.further(trial, budget=LONG)
             self.problem = with_clip(self.problem, CLIP * trial.quadratic.sigma, reach)
@@ -328,7 +328,7 @@ class Trials:
         """
         if self.unseen is None:
             return float("nan")
-        unseen = with_clip(self.unseen, self.problem.arrays["clip"], self.problem.arrays["reach"])
+        unseen = with_clip(self.unseen, self.problem.numbers.clip, self.problem.numbers.reach)
         found = cost(settled_start(self._at(unseen, trial)))
         return found if np.isfinite(found) else float("inf")
 

@@ -14,14 +14,19 @@ the Student-t law, as a sum of squares with a forward-mode derivative. In the co
 step to the next it is a linear regression, which a fit finds from anywhere.
 """
 
+# ruff: noqa: F722  (shapes of arrays)
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float, Int
 
+from diffthrust.estimation._numbers import Array, Numbers
 from diffthrust.models._base.parameter import Parameter
 
 DIGITS = 6
@@ -30,6 +35,34 @@ FAR = 1e15
 """The gap where there is no earlier sample: nothing lasts so long, and it has a derivative."""
 RANGE = (1e-3, 0.9999)
 """Of the correlation from one step to the next: from white noise to a random walk."""
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, eq=False)
+class Links:
+    """For each sample the one measured before it.
+
+    Args:
+        past: its index.
+        gap: how long before [steps]; `FAR` where there is none.
+    """
+
+    past: Int[Array, "logs channels time"]
+    gap: Float[Array, "logs channels time"]
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, eq=False)
+class Gaps:
+    """The gaps of all logs.
+
+    Args:
+        steps: that occur.
+        counts: how often.
+    """
+
+    steps: Float[Array, "channels sizes"]
+    counts: Float[Array, "channels sizes"]
 
 
 def name_of(channel: str) -> str:
@@ -47,9 +80,7 @@ def parameters(channels: Sequence[str]) -> dict[str, Parameter]:
     return {name_of(c): Parameter(0.5, "", RANGE, size=0.3) for c in channels}
 
 
-def linked(
-    time: np.ndarray, measured: np.ndarray, anew: np.ndarray, step: float
-) -> dict[str, np.ndarray]:
+def linked(time: np.ndarray, measured: np.ndarray, anew: np.ndarray, step: float) -> Links:
     """For each sample the one measured before it, and how long before.
 
     Args:
@@ -57,9 +88,6 @@ def linked(
         measured: ``(B, C, T)``; NaN where nothing was measured.
         anew: ``(B, T)``, true where a simulation begins anew, and with it the noise.
         step: in which gaps are counted [s].
-
-    Returns:
-        ``past``, its index, and ``gap`` [steps], `FAR` where there is none, ``(B, C, T)`` each.
     """
     seen = np.isfinite(measured)
     place = np.arange(time.shape[1])
@@ -70,13 +98,13 @@ def linked(
     before = np.maximum(past, 0)
     together = seen & (past >= 0) & (segment[row, before] == segment[:, None, :])
     gap = np.where(together, (time[:, None, :] - time[row, before]) / step, FAR)
-    return {"past": np.where(together, past, 0), "gap": gap}
+    return Links(np.where(together, past, 0), gap)
 
 
-def gaps(batches: Sequence[Mapping[str, Any]]) -> dict[str, np.ndarray]:
-    """The gaps of all logs: the ``steps`` that occur and how often, ``(C, U)`` each."""
+def gaps_of(links: Sequence[Links]) -> Gaps:
+    """The gaps of all logs."""
     found = []
-    for channel in zip(*(np.moveaxis(np.asarray(b["gap"]), 1, 0) for b in batches), strict=True):
+    for channel in zip(*(np.moveaxis(np.asarray(b.gap), 1, 0) for b in links), strict=True):
         all_gaps = np.concatenate([part.ravel() for part in channel])
         finite = all_gaps[all_gaps < FAR]
         size = 10.0 ** np.floor(np.log10(finite))
@@ -88,10 +116,10 @@ def gaps(batches: Sequence[Mapping[str, Any]]) -> dict[str, np.ndarray]:
     def padded(values: np.ndarray, fill: float) -> np.ndarray:
         return np.concatenate([values, np.full(widest - values.size, fill)])
 
-    return {
-        "steps": np.stack([padded(steps, FAR) for steps, _ in found]),
-        "counts": np.stack([padded(counts.astype(float), 0.0) for _, counts in found]),
-    }
+    return Gaps(
+        steps=np.stack([padded(steps, FAR) for steps, _ in found]),
+        counts=np.stack([padded(counts.astype(float), 0.0) for _, counts in found]),
+    )
 
 
 def level(lag_one: Any, gap: Any, often: Any, samples: Any) -> Any:
@@ -99,15 +127,15 @@ def level(lag_one: Any, gap: Any, often: Any, samples: Any) -> Any:
     return jnp.exp(0.5 * jnp.sum(often * jnp.log1p(-(lag_one ** (2.0 * gap)))) / samples)
 
 
-def levels(channels: Sequence[str], arrays: Mapping[str, Any], values: Mapping[str, Any]) -> Any:
+def levels(channels: Sequence[str], numbers: Numbers, values: Mapping[str, Any]) -> Any:
     """The same of each channel of a problem, ``(C,)``, at some values of its parameters."""
-    gaps, counts = arrays["gaps"], arrays["counts"]
+    gaps: Gaps = numbers.gaps
     kept = jnp.stack([jnp.asarray(values[name_of(c)]) for c in channels])
     return jnp.stack(
         [
             level(one, steps, often, samples)
             for one, steps, often, samples in zip(
-                kept, gaps["steps"], gaps["counts"], counts, strict=True
+                kept, gaps.steps, gaps.counts, numbers.counts, strict=True
             )
         ]
     )

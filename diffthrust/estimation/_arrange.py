@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from diffthrust._support._running.batching import padded_length
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
-from diffthrust.estimation._ar1 import gaps, linked, parameters
+from diffthrust.estimation._ar1 import gaps_of, linked, parameters
+from diffthrust.estimation._numbers import Batch, Numbers, Restart
 from diffthrust.estimation._observer import Observer
 from diffthrust.estimation._problem import Layout, Problem
 from diffthrust.logs._log import Log
@@ -80,7 +80,7 @@ def build(
         grids.append(Grid(hold, substeps, restarted, uniform))
         batches.append(_batch(model, group, channels, starts, restarted))
         order.append(tuple(indices))
-    counts = sum(np.isfinite(b["measured"]).sum(axis=(0, 2)) for b in batches)
+    counts = sum(np.isfinite(b.measured).sum(axis=(0, 2)) for b in batches)
     spread = [_spread(model, logs, n) for n in channels]
     layout = Layout(
         key=Key(model.bind({})),
@@ -96,20 +96,20 @@ def build(
         lasting=lasting,
     )
     priors = {n: named[n].prior for n in free if named[n].prior is not None}
-    arrays = {
-        "batches": batches,
-        "values": {name: np.asarray(p.value, float) for name, p in named.items()},
-        "scales": np.array([named[n].scale for n in free], float),
-        "noise": np.array([1.0 if s is None else s for s in noise]),
-        "floor": np.array([(1e-8 * s) ** 2 for s in spread]),
-        "counts": np.asarray(counts, float),
-        "clip": np.full(len(channels), np.inf),
-        "reach": np.ones(()),
-        "prior": {
+    numbers = Numbers(
+        batches=batches,
+        values={name: np.asarray(p.value, float) for name, p in named.items()},
+        scales=np.array([named[n].scale for n in free], float),
+        noise=np.array([1.0 if s is None else s for s in noise]),
+        floor=np.array([(1e-8 * s) ** 2 for s in spread]),
+        counts=np.asarray(counts, float),
+        clip=np.full(len(channels), np.inf),
+        reach=np.ones(()),
+        prior={
             n: (np.asarray(p.mean, float), np.asarray(p.std, float)) for n, p in priors.items() if p
         },
-    }
-    problem = Problem(model, tuple(logs), layout, arrays, tuple(order), nuisance=nuisance)
+    )
+    problem = Problem(model, tuple(logs), layout, numbers, tuple(order), nuisance=nuisance)
     return _linked(problem) if lasting else problem
 
 
@@ -129,41 +129,38 @@ def restarts(problem: Problem, horizon: float | None, *, hold: bool = False) -> 
     if not any(grid.restarted for grid in problem.layout.grids) and hold == problem.held:
         return problem
     batches = []
-    for grid, batch, indices in zip(
-        problem.layout.grids, problem.arrays["batches"], problem.order, strict=True
-    ):
-        series = {name: np.array(batch["state_" + name]) for name in grid.restarted}
+    for batch, indices in zip(problem.numbers.batches, problem.order, strict=True):
+        series = {name: np.array(restart.series) for name, restart in batch.restarts.items()}
         for row, index in enumerate(indices):
             time = problem.logs[index].time
             ours = [np.isfinite(s[row, : time.size]) for s in series.values()]
             ours = [seen for seen in ours if seen.any()]
             seen = np.all(ours, axis=0) if ours else np.zeros(time.size, bool)
-            chosen = np.zeros(batch["time"].shape[1], bool)
+            chosen = np.zeros(batch.time.shape[1], bool)
             for begin in _multiples(time, horizon):
                 later = np.flatnonzero(seen & (time >= begin))
                 if later.size:
                     chosen[later[0]] = True
             for s in series.values():
                 s[row, ~chosen] = np.nan
-        anew = {"restart_" + name: s for name, s in series.items()}
-        batches.append({**batch, **anew})
-    arrays = {**problem.arrays, "batches": batches}
-    problem = replace(problem, arrays=arrays, held=hold)
+        anew = {name: replace(r, value=series[name]) for name, r in batch.restarts.items()}
+        batches.append(replace(batch, restarts=anew))
+    problem = replace(problem, numbers=replace(problem.numbers, batches=batches), held=hold)
     return _linked(problem) if problem.layout.lasting else problem
 
 
 def _linked(problem: Problem) -> Problem:
     """The problem with what noise that lasts needs to know of the samples' distances."""
     batches, step = [], min(log.step for log in problem.logs)
-    for grid, batch in zip(problem.layout.grids, problem.arrays["batches"], strict=True):
-        time = np.asarray(batch["time"])
+    for batch in problem.numbers.batches:
+        time = np.asarray(batch.time)
         anew = np.zeros(time.shape, bool)
-        for name in grid.restarted:
-            anew |= np.isfinite(np.asarray(batch["restart_" + name]))
-        links = linked(time, np.asarray(batch["measured"]), anew, step)
-        batches.append({**batch, **links})
-    told = {"batches": batches, "gaps": gaps(batches)}
-    return replace(problem, arrays={**problem.arrays, **told})
+        for restart in batch.restarts.values():
+            anew |= np.isfinite(np.asarray(restart.value))
+        links = linked(time, np.asarray(batch.measured), anew, step)
+        batches.append(replace(batch, links=links))
+    gaps = gaps_of([batch.links for batch in batches])
+    return replace(problem, numbers=replace(problem.numbers, batches=batches, gaps=gaps))
 
 
 def _multiples(time: np.ndarray, horizon: float | None) -> np.ndarray:
@@ -226,7 +223,7 @@ def _batch(
     channels: Sequence[str],
     starts: Sequence[str],
     restarted: Sequence[str],
-) -> dict[str, Any]:
+) -> Batch:
     length = padded_length(max(len(log) for log in logs))
 
     def padded(values: np.ndarray, fill: str) -> np.ndarray:
@@ -242,20 +239,23 @@ def _batch(
             if name in log.measured:
                 measured[row, column, : len(log)] = log.values(name, model.outputs[name])
     first = [starting_states(model, log) for log in logs]
-    batch: dict[str, Any] = {
-        "time": np.stack([padded(log.time, "edge") for log in logs]),
-        "inputs": {n: np.stack([padded(g[n], "edge") for g in given]) for n in given[0]},
-        "measured": measured,
-        "start": np.array([[f[n] for n in starts] for f in first]).reshape(len(logs), len(starts)),
-        "held": {n: np.array([f[n] for f in first]) for n in first[0] if n not in starts},
-        "unsigned": np.array([[n in log.unsigned for n in channels] for log in logs]),
+    restarts = {
+        name: Restart(
+            series=np.stack([padded(_restart_values(model, log, name), "nan") for log in logs]),
+            value=np.full((len(logs), length), np.nan),
+            unsigned=np.array([name in log.unsigned for log in logs]),
+        )
+        for name in restarted
     }
-    for name in restarted:
-        batch["sign_" + name] = np.array([name in log.unsigned for log in logs])
-        series = [_restart_values(model, log, name) for log in logs]
-        batch["state_" + name] = np.stack([padded(s, "nan") for s in series])
-        batch["restart_" + name] = np.full((len(logs), length), np.nan)
-    return batch
+    return Batch(
+        time=np.stack([padded(log.time, "edge") for log in logs]),
+        inputs={n: np.stack([padded(g[n], "edge") for g in given]) for n in given[0]},
+        measured=measured,
+        start=np.array([[f[n] for n in starts] for f in first]).reshape(len(logs), len(starts)),
+        held={n: np.array([f[n] for f in first]) for n in first[0] if n not in starts},
+        unsigned=np.array([[n in log.unsigned for n in channels] for log in logs]),
+        restarts=restarts,
+    )
 
 
 def _restart_values(model: Model, log: Log, name: str) -> np.ndarray:

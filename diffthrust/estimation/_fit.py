@@ -200,7 +200,7 @@ def fit(
         disturbance=disturbance_of(final, best.z) if final.nuisance else None,
         held=final.held,
         limits=limits_of(final) if observer and loss == "student_t" else None,
-        reach=float(final.arrays["reach"]),
+        reach=float(final.numbers.reach),
         guess=guess,
     )
 

@@ -60,7 +60,7 @@ def clipped(found: Search, problem: Problem) -> tuple[Search, Problem]:
     for _ in range(2):
         problem = with_clip(problem, CLIP * found.best.quadratic.sigma)
         found = found.followed(problem)
-    wide = with_clip(problem, problem.arrays["clip"], reach=WIDE)
+    wide = with_clip(problem, problem.numbers.clip, reach=WIDE)
     freer = found.followed(wide)
     if freer.best.quadratic.cost < found.best.quadratic.cost - REAL:
         return freer, wide
@@ -122,7 +122,7 @@ def disturbance_of(problem: Problem, z: np.ndarray) -> dict[str, Estimate]:
 
 def limits_of(problem: Problem) -> dict[str, float]:
     """By channel the size of a large error."""
-    return dict(zip(problem.layout.channels, map(float, problem.arrays["clip"]), strict=True))
+    return dict(zip(problem.layout.channels, map(float, problem.numbers.clip), strict=True))
 
 
 def one_step(fit: Fit, logs: Sequence[Log], substeps: int = 1) -> list[dict[str, np.ndarray]]:

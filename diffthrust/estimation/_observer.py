@@ -13,15 +13,18 @@ logs ask: without random forces the gains vanish, and the simulation error is le
 are not states (a thrust) are read from the corrected states and have a colour only.
 """
 
+# ruff: noqa: F722  (shapes of arrays)
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jaxtyping import Bool, Float
 
+from diffthrust.estimation._numbers import Array, Batch
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Parameter
@@ -127,15 +130,29 @@ def guesses(names: Collection[str]) -> tuple[dict[str, float], ...]:
     return {}, quiet, {**quiet, **{n: 0.9 for n in quiet if n.endswith(".colour")}}
 
 
+class Limits(NamedTuple):
+    """By channel the size of a large error, and at how many times that errors are limited."""
+
+    clip: Float[Array, " channels"]
+    reach: Float[Array, ""]
+
+
 class Correction:
     """One run of an observer over one log; the `Observe` of `march`."""
 
     def __init__(
-        self, observer: Observer, model: Model, values: Mapping[str, Any], time: Any, log: Any
+        self,
+        observer: Observer,
+        model: Model,
+        values: Mapping[str, Any],
+        time: Float[Array, " time"],
+        measured: Float[Array, "channels time"],
+        unsigned: Bool[Array, " channels"],
+        limits: Limits,
     ) -> None:
         self.observer, self.model, self.values = observer, model, values
-        self.unsigned, self.clip = log["unsigned"], log["clip"]
-        self.limit = log["reach"] * self.clip
+        self.unsigned, self.clip = unsigned, limits.clip
+        self.limit = limits.reach * self.clip
         step = jnp.diff(time, append=time[-1:])
         kept = {f"drift.{n}": values[f"noise.{n}.memory"] for n in observer.forced}
         kept |= {f"colour.{c}": values[f"noise.{c}.correlation"] for c in observer.channels}
@@ -144,8 +161,8 @@ class Correction:
         }
         self.between: Mapping[str, float] = {**dict.fromkeys(kept, 1.0), "rate": 0.0}
         rate = jnp.where(step > 0, 1.0 / jnp.where(step > 0, step, 1.0), 0.0)
-        measured = {c: log["measured"][i] for i, c in enumerate(observer.channels)}
-        self.rows = {**self.rows, **measured, "rate": rate}
+        seen = {c: measured[i] for i, c in enumerate(observer.channels)}
+        self.rows = {**self.rows, **seen, "rate": rate}
         self.start: Mapping[str, Any] = {f"drift.{n}": 0.0 for n in observer.forced}
         self.start = {**self.start, **{f"colour.{c}": 0.0 for c in observer.fed}}
 
@@ -219,7 +236,13 @@ def direction(modelled: Any, width: Any) -> Any:
 
 
 def innovations(
-    observer: Observer, model: Model, grid: Grid, values: Mapping[str, Any], log: Any, start: Any
+    observer: Observer,
+    model: Model,
+    grid: Grid,
+    values: Mapping[str, Any],
+    log: Batch,
+    start: Mapping[str, Any],
+    limits: Limits,
 ) -> tuple[Any, dict[str, Any]]:
     """Errors of the one-step predictions, ``(C, T)``, and the states before each correction.
 
@@ -232,13 +255,13 @@ def innovations(
         model: the model with (possibly traced) parameter values.
         grid: how to integrate.
         values: gains and memories by name.
-        log: arrays of one log: time, inputs, measured ``(C, T)``, unsigned and clip
-            ``(C,)``, and reach.
+        log: one log.
         start: initial states.
+        limits: beyond which errors correct no further.
     """
-    run = Correction(observer, model, values, log["time"], log)
-    series, path = march(model, grid, log["time"], log["inputs"], start, {}, run)
-    signals = {**series, "time": log["time"]}
+    run = Correction(observer, model, values, log.time, log.measured, log.unsigned, limits)
+    series, path = march(model, grid, log.time, log.inputs, start, {}, run)
+    signals = {**series, "time": log.time}
     ahead = read_out(model, Signals({**path, **signals}))
     corrected = run.correct(path, signals, run.rows)
     after = read_out(model, Signals({**corrected, **signals}))

@@ -11,8 +11,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from diffthrust.estimation._likelihood import named_values, noise_of
-from diffthrust.estimation._observer import innovations
+from diffthrust.estimation._numbers import Batch, Numbers
+from diffthrust.estimation._observer import Limits, innovations
 from diffthrust.estimation._problem import Layout, Problem
+from diffthrust.simulation._simulate import Grid
 
 ROUNDS = 2
 """Rounds of Gauss-Newton for initial states: the errors are nearly linear in them."""
@@ -42,12 +44,12 @@ def passes(problem: Problem, z: np.ndarray | None = None) -> list[Pass]:
     """
     z = problem.start() if z is None else z
     found: dict[int, Pass] = {}
-    batches = problem.arrays["batches"]
-    done, _ = _pass(problem.layout, problem.arrays, jnp.asarray(z))
+    batches = problem.numbers.batches
+    done, _ = _pass(problem.layout, problem.numbers, jnp.asarray(z))
     for batch, indices, (errors, path) in zip(batches, problem.order, done, strict=True):
-        measured = np.asarray(batch["measured"])
+        measured = np.asarray(batch.measured)
         errors = np.where(np.isnan(measured), np.nan, errors)
-        series = {**batch["inputs"], **path, "time": batch["time"]}
+        series = {**batch.inputs, **path, "time": batch.time}
         series = {name: np.asarray(values) for name, values in series.items()}
         for row, index in enumerate(indices):
             size = len(problem.logs[index])
@@ -66,7 +68,7 @@ def settled_start(problem: Problem) -> Problem:
     if not states:
         return problem
     z = problem.start()
-    limit = (problem.arrays["reach"] * np.asarray(problem.arrays["clip"]))[:, None]
+    limit = (problem.numbers.reach * np.asarray(problem.numbers.clip))[:, None]
 
     def weighed(at: np.ndarray) -> list[np.ndarray]:
         rests = [np.clip(one.errors / limit, -1.0, 1.0) for one in passes(problem, at)]
@@ -91,7 +93,7 @@ def settled_start(problem: Problem) -> Problem:
 
 def cost(problem: Problem) -> float:
     """Negative log-likelihood at the problem's values."""
-    return float(_pass(problem.layout, problem.arrays, jnp.asarray(problem.start()))[1])
+    return float(_pass(problem.layout, problem.numbers, jnp.asarray(problem.start()))[1])
 
 
 def nrmse(problem: Problem) -> float:
@@ -115,29 +117,25 @@ def with_clip(problem: Problem, clip: Any, reach: Any = 1.0) -> Problem:
         clip: size of a large error, ``(C,)``.
         reach: errors are limited at so many times that.
     """
-    given = {"clip": np.asarray(clip, float), "reach": np.asarray(reach, float)}
-    return replace(problem, arrays={**problem.arrays, **given})
+    clip, reach = np.asarray(clip, float), np.asarray(reach, float)
+    return replace(problem, numbers=replace(problem.numbers, clip=clip, reach=reach))
 
 
 @partial(jax.jit, static_argnums=0)
-def _pass(layout: Layout, arrays: Any, z: Any) -> Any:
+def _pass(layout: Layout, numbers: Numbers, z: Any) -> Any:
     """Errors ``(B, C, T)`` and the paths of each batch of logs; negative log-likelihood of all."""
     observer = layout.observer
     assert observer is not None
-    n, m = layout.width or len(layout.free), len(layout.starts)
-    values = named_values(layout, arrays, z[:n])
-    model = layout.key.model.bind(values)
-    at, out = n, []
-    for grid, batch in zip(layout.grids, arrays["batches"], strict=True):
-        count = batch["time"].shape[0]
-        starts = z[at : at + count * m].reshape(count, m)
-        at += count * m
+    shared, starts = numbers.split(z, layout.shared)
+    values = named_values(layout, numbers, shared)
+    model, limits = layout.key.model.bind(values), Limits(numbers.clip, numbers.reach)
+    out = []
+    for grid, batch, start in zip(layout.grids, numbers.batches, starts, strict=True):
 
-        def one(log: Any, grid: Any = grid) -> Any:
-            told = {**log, "clip": arrays["clip"], "reach": arrays["reach"]}
-            begin = {name: log["start"][i] for i, name in enumerate(layout.starts)}
-            states = {**log["held"], **begin}
-            return innovations(observer, model, grid, values, told, states)
+        def one(log: Batch, grid: Grid = grid) -> Any:
+            begin = {name: log.start[i] for i, name in enumerate(layout.starts)}
+            states = {**log.held, **begin}
+            return innovations(observer, model, grid, values, log, states, limits)
 
-        out.append(jax.lax.map(one, {**batch, "start": starts}))
-    return out, noise_of(layout, arrays, [errors for errors, _ in out])[0]
+        out.append(jax.lax.map(one, replace(batch, start=start)))
+    return out, noise_of(layout, numbers, [errors for errors, _ in out])[0]

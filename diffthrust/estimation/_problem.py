@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
+from diffthrust.estimation._numbers import Numbers
 from diffthrust.estimation._observer import Observer
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
@@ -38,6 +38,11 @@ class Layout:
     width: int | None = None
     lasting: bool = False
 
+    @property
+    def shared(self) -> int:
+        """Number of coordinates before the initial states of the logs."""
+        return self.width or len(self.free)
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -47,7 +52,7 @@ class Problem:
         model: the model; its values are where the fit starts.
         logs: the logs as they were given, with gaps in time bridged.
         layout: the static part.
-        arrays: the numeric part, a pytree of arrays.
+        numbers: the numeric part.
         order: for each batch, the indices of its logs.
         held: initial states stay at their measured values.
         nuisance: parameters of the observer or of the noise, estimated with the model's.
@@ -57,7 +62,7 @@ class Problem:
     model: Model
     logs: tuple[Log, ...]
     layout: Layout
-    arrays: Mapping[str, Any] = field(repr=False)
+    numbers: Numbers = field(repr=False)
     order: tuple[tuple[int, ...], ...] = ()
     held: bool = False
     nuisance: Mapping[str, Parameter] = field(default_factory=dict, repr=False)
@@ -100,16 +105,14 @@ class Problem:
         rest = {n: np.asarray(values.get(n, p.value), float) for n, p in named.items()}
         moved = replace(self, model=model, nuisance=nuisance, chosen=tuple(names))
         scales = np.array([moved.named[n].scale for n in layout.free])
-        numbers = {"chosen": np.array(chosen), "values": rest, "scales": scales}
-        batches = list(self.arrays["batches"])
+        batches = self.numbers.batches
         if begin is not None and begin.size:
-            sizes = [batch["start"].size for batch in batches]
-            parts = np.split(begin, np.cumsum(sizes)[:-1])
-            batches = [
-                {**batch, "start": part.reshape(batch["start"].shape)}
-                for batch, part in zip(batches, parts, strict=True)
-            ]
-        return replace(moved, arrays={**self.arrays, **numbers, "batches": batches})
+            _, starts = self.numbers.split(begin, 0)
+            batches = [replace(b, start=start) for b, start in zip(batches, starts, strict=True)]
+        numbers = replace(
+            self.numbers, chosen=np.array(chosen), values=rest, scales=scales, batches=batches
+        )
+        return replace(moved, numbers=numbers)
 
     @property
     def local(self) -> int:
@@ -131,7 +134,7 @@ class Problem:
         """Coordinates of the model's present values and of the measured initial states."""
         named = self.named
         ahead = [float(named[n].to_coordinate(named[n].value)) for n in self.free]
-        states = [np.asarray(batch["start"]).reshape(-1) for batch in self.arrays["batches"]]
+        states = [np.asarray(batch.start).reshape(-1) for batch in self.numbers.batches]
         spare = np.zeros(self.shared - len(ahead))
         return np.concatenate([np.asarray(ahead, float), spare, *states])
 
@@ -176,7 +179,7 @@ class Problem:
     @property
     def shared(self) -> int:
         """Number of coordinates before the initial states of the logs."""
-        return self.layout.width or len(self.free)
+        return self.layout.shared
 
     def values(self, z: np.ndarray) -> dict[str, float]:
         """Values of all parameters at some coordinates."""

@@ -93,7 +93,7 @@ def problem_of(fit: Fit, logs: Log | Sequence[Log]) -> tuple[Problem, np.ndarray
     ]
     z = np.concatenate([problem.start()[: problem.shared], np.ravel(begin)])
     cost = float(solve(problem, z, budget=1).quadratic.cost)
-    samples = float(np.sum(problem.arrays["counts"]))
+    samples = float(np.sum(problem.numbers.counts))
     if not math.isclose(cost, -fit.log_likelihood, rel_tol=0, abs_tol=SAME * samples):
         raise InputError(
             f"These are not the training logs of the fit: it reports a log-likelihood of "

@@ -167,10 +167,10 @@ class Solved(NamedTuple):
 
 
 @partial(jax.jit, static_argnums=0)
-def _solve(layout: Any, arrays: Any, z: Any, low: Any, high: Any, budget: Any, atol: Any) -> Any:
+def _solve(layout: Any, numbers: Any, z: Any, low: Any, high: Any, budget: Any, atol: Any) -> Any:
     solver = BoundedLevenbergMarquardt(rtol=0.0, atol=atol, lower=low, upper=high)
     solution = optx.minimise(
-        _objective(layout), solver, z, (arrays, budget), has_aux=True, max_steps=MOST_STEPS,
+        _objective(layout), solver, z, (numbers, budget), has_aux=True, max_steps=MOST_STEPS,
         throw=False,
     )  # fmt: skip
     return solution.value, solution.aux, solution.state.done, solution.stats["num_steps"]
@@ -178,7 +178,7 @@ def _solve(layout: Any, arrays: Any, z: Any, low: Any, high: Any, budget: Any, a
 
 def _further(layout: Any, given: Any) -> Any:
     """Some steps of `_solve` from where the last ones ended: the same iteration, in parts."""
-    arrays, y, state, low, high, budget, atol = given
+    numbers, y, state, low, high, budget, atol = given
     solver = BoundedLevenbergMarquardt(rtol=0.0, atol=atol, lower=low, upper=high)
     objective = _objective(layout)
 
@@ -188,7 +188,7 @@ def _further(layout: Any, given: Any) -> Any:
 
     def step(carry: Any) -> Any:
         y, state, count = carry
-        y, state, _ = solver.step(objective, y, (arrays, budget), {}, state, frozenset())
+        y, state, _ = solver.step(objective, y, (numbers, budget), {}, state, frozenset())
         return y, state, count + 1
 
     return jax.lax.while_loop(on, step, (y, state, 0))[:2]
@@ -215,16 +215,16 @@ def solve(
     like all others, so that nothing is compiled for them.
     """
     low, high = problem.limits() if limits is None else limits
-    z, layout, arrays = np.clip(z, low, high), problem.layout, problem.arrays
+    z, layout, numbers = np.clip(z, low, high), problem.layout, problem.numbers
     side_by_side = lanes()
     if side_by_side is None:
         told = (low, high, np.asarray(budget - 1), np.asarray(tolerance))
-        value, quadratic, done, steps = _solve(layout, arrays, z, *told)
+        value, quadratic, done, steps = _solve(layout, numbers, z, *told)
         quadratic = Quadratic(*(np.asarray(part) for part in quadratic))
         return Solved(np.asarray(value), quadratic, bool(done), int(steps))
     state = _begin(layout, z)
     while not (state.done or state.failed):
-        given = (arrays, z, state, low, high, np.asarray(budget - 1), np.asarray(tolerance))
+        given = (numbers, z, state, low, high, np.asarray(budget - 1), np.asarray(tolerance))
         z, state = side_by_side.ask(_further, layout, given)
     return Solved(z, state.quadratic, bool(state.done), int(state.steps))
 

@@ -109,7 +109,7 @@ def examine(problem: Problem, z: np.ndarray, q: Quadratic) -> Local:
     length = length[inside]
     values, vectors = np.linalg.eigh(scaled)
     null = values <= RANK_LIMIT * max(values.max(initial=0.0), 1e-300)
-    samples = float(np.sum(problem.arrays["counts"]))
+    samples = float(np.sum(problem.numbers.counts))
     energy = max(float(q.energy), 0.01 * samples)  # residuals at rounding have no direction
     gradient = np.max(np.abs(slope) / np.sqrt(energy), initial=0.0)
     kept = vectors[:, ~null]

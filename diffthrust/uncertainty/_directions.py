@@ -171,7 +171,7 @@ def directions_of(problem: Problem, z: np.ndarray) -> Directions:
     unit = whole / slopes  # coordinates in a relative change of one
     length = length * unit
     values, vectors = np.linalg.eigh(left * np.outer(length, length))
-    samples = float(np.sum(problem.arrays["counts"]))
+    samples = float(np.sum(problem.numbers.counts))
     wide = inflation(problem, samples, inside.size + beside.size)
     found = []
     for value, vector in zip(values[::-1], vectors.T[::-1], strict=True):

@@ -95,7 +95,7 @@ def _reach(problem: Problem, z: np.ndarray, level: float) -> float:
     """Standard errors from the estimate to the ends of the covariance's interval."""
     if problem.layout.lasting:
         return math.sqrt(threshold_of(problem, z, level))
-    left = float(np.sum(problem.arrays["counts"])) - z.size
+    left = float(np.sum(problem.numbers.counts)) - z.size
     known = any(problem.layout.known_noise) or problem.layout.loss != "gaussian" or left < 1
     return quantile(level, math.inf if known else left)
 

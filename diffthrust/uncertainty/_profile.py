@@ -163,7 +163,7 @@ def threshold_of(problem: Problem, z: np.ndarray, confidence: float) -> float:
     plain = NormalDist().inv_cdf(0.5 + 0.5 * confidence) ** 2
     if problem.layout.loss != "gaussian" or any(problem.layout.known_noise):
         return plain
-    samples = float(np.sum(problem.arrays["counts"]))
+    samples = float(np.sum(problem.numbers.counts))
     left = samples - z.size
     if left < 1:
         return plain
@@ -172,12 +172,12 @@ def threshold_of(problem: Problem, z: np.ndarray, confidence: float) -> float:
 
 def independent(problem: Problem, z: np.ndarray) -> float:
     """How many independent samples tell as much about a mean, under noise that lasts."""
-    values, gaps, total = problem.values(z), problem.arrays["gaps"], 0.0
+    values, gaps, total = problem.values(z), problem.numbers.gaps, 0.0
     for i, name in enumerate(problem.layout.channels):
-        often = np.asarray(gaps["counts"][i])
-        apart = float(often @ np.asarray(gaps["steps"][i])) / max(float(often.sum()), 1.0)
+        often = np.asarray(gaps.counts[i])
+        apart = float(often @ np.asarray(gaps.steps[i])) / max(float(often.sum()), 1.0)
         kept = values[name_of(name)] ** apart  # between neighbours, some steps apart
-        total += float(problem.arrays["counts"][i]) * (1 - kept) / (1 + kept)
+        total += float(problem.numbers.counts[i]) * (1 - kept) / (1 + kept)
     return max(total, 2.0)
 
 

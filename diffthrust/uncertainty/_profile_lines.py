@@ -13,6 +13,7 @@ import numpy as np
 import optimistix as optx
 
 from diffthrust.estimation._likelihood import Quadratic, evaluate, named_values
+from diffthrust.estimation._numbers import Numbers
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._solver import MOST_STEPS, BoundedLevenbergMarquardt, solve
 
@@ -132,7 +133,7 @@ class QuantityLine:
     @cached_property
     def _slope(self) -> tuple[float, np.ndarray]:
         value, slope = _quantity(
-            self.problem.layout, self.function, self.problem.arrays, self.best.z, self.index
+            self.problem.layout, self.function, self.problem.numbers, self.best.z, self.index
         )
         return float(value), np.asarray(slope)
 
@@ -160,7 +161,7 @@ class QuantityLine:
         z, quadratic, value, pull, _ = _pulled(
             self.problem.layout,
             self.function,
-            self.problem.arrays,
+            self.problem.numbers,
             jnp.asarray(near.z),
             jnp.asarray(low),
             jnp.asarray(high),
@@ -181,16 +182,16 @@ Line = ParameterLine | QuantityLine
 """What can be held at a place while all else goes where the cost is least."""
 
 
-def _of(layout: Any, function: Function, arrays: Any, z: Any, index: Any) -> Any:
-    values = named_values(layout, arrays, z[: len(layout.free)])
+def _of(layout: Any, function: Function, numbers: Numbers, z: Any, index: Any) -> Any:
+    values = named_values(layout, numbers, z[: len(layout.free)])
     found = function(values)
     return jnp.stack([jnp.asarray(v, float) for v in found.values()])[index]
 
 
 @partial(jax.jit, static_argnums=(0, 1))
-def _quantity(layout: Any, function: Function, arrays: Any, z: Any, index: Any) -> Any:
+def _quantity(layout: Any, function: Function, numbers: Numbers, z: Any, index: Any) -> Any:
     def of(y: Any) -> Any:
-        return _of(layout, function, arrays, y, index)
+        return _of(layout, function, numbers, y, index)
 
     return of(z), jax.jacfwd(of)(z)
 
@@ -199,7 +200,7 @@ def _quantity(layout: Any, function: Function, arrays: Any, z: Any, index: Any) 
 def _pulled(
     layout: Any,
     function: Function,
-    arrays: Any,
+    numbers: Numbers,
     z: Any,
     low: Any,
     high: Any,
@@ -228,11 +229,11 @@ def _pulled(
         objective,
         solver,
         z,
-        (arrays, jnp.asarray(MOST_STEPS - 1)),
+        (numbers, jnp.asarray(MOST_STEPS - 1)),
         has_aux=True,
         max_steps=MOST_STEPS,
         throw=False,
     )
-    rest = of(solution.value, arrays)
+    rest = of(solution.value, numbers)
     value = rest * width + target
     return solution.value, solution.aux, value, 0.5 * rest**2, solution.state.done

@@ -12,6 +12,7 @@ import numpy as np
 
 from diffthrust._support.correlation import lag_one
 from diffthrust.estimation._likelihood import TAIL, jacobians, noise_of, weights
+from diffthrust.estimation._numbers import Numbers
 from diffthrust.estimation._problem import Layout, Problem
 
 
@@ -64,14 +65,14 @@ def scores(problem: Problem, z: np.ndarray) -> Scores:
     Example:
         >>> scores(*problem_of(fit, logs)).lag_one()
     """
-    done = _pass(problem.layout, problem.arrays, jnp.asarray(z))
+    done = _pass(problem.layout, problem.numbers, jnp.asarray(z))
     n, m = problem.shared, len(problem.layout.starts)
     curvature = np.zeros((z.size, z.size))
     found: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
     at = n
-    for part, batch, indices in zip(done, problem.arrays["batches"], problem.order, strict=True):
+    for part, batch, indices in zip(done, problem.numbers.batches, problem.order, strict=True):
         values, rests, gram = (np.asarray(a) for a in part)
-        absent = np.isnan(np.asarray(batch["measured"]))
+        absent = np.isnan(np.asarray(batch.measured))
         rests = np.where(absent, np.nan, rests)
         values = np.where(absent[:, :, None], np.nan, values)
         for row, index in enumerate(indices):
@@ -87,25 +88,25 @@ def scores(problem: Problem, z: np.ndarray) -> Scores:
         residuals=tuple(r for _, _, r in by_log),
         curvature=curvature,
         prior=_prior(problem, z),
-        samples=int(np.sum(problem.arrays["counts"])),
+        samples=int(np.sum(problem.numbers.counts)),
     )
 
 
 def _prior(problem: Problem, z: np.ndarray) -> np.ndarray:
     out = np.zeros((z.size, z.size))
     slopes = problem.slopes(z)
-    for name, (_, std) in problem.arrays["prior"].items():
+    for name, (_, std) in problem.numbers.prior.items():
         i = problem.free.index(name)
         out[i, i] = (slopes[i] / float(std)) ** 2
     return out
 
 
 @partial(jax.jit, static_argnums=0)
-def _pass(layout: Layout, arrays: Any, z: Any) -> list[tuple[Any, Any, Any]]:
+def _pass(layout: Layout, numbers: Numbers, z: Any) -> list[tuple[Any, Any, Any]]:
     """By batch scores ``(B, C, n + m, T)``, residuals ``(B, C, T)``, grams of n + m columns."""
-    passes = jacobians(layout, arrays, z)
-    _, sigma = noise_of(layout, arrays, [rest for rest, _ in passes])
-    bend = _bend(layout, arrays, [rest for rest, _ in passes], sigma)
+    passes = jacobians(layout, numbers, z)
+    _, sigma = noise_of(layout, numbers, [rest for rest, _ in passes])
+    bend = _bend(layout, numbers, [rest for rest, _ in passes], sigma)
     out = []
     for rest, jacobian in passes:
         level = sigma[None, :, None]
@@ -116,14 +117,14 @@ def _pass(layout: Layout, arrays: Any, z: Any) -> list[tuple[Any, Any, Any]]:
     return out
 
 
-def _bend(layout: Layout, arrays: Any, rests: list[Any], sigma: Any) -> Any:
+def _bend(layout: Layout, numbers: Numbers, rests: list[Any], sigma: Any) -> Any:
     """Mean slope of the law's score over the samples of each channel, ``(C,)``."""
     if layout.loss == "gaussian":
         return jnp.ones_like(sigma)
     total = jnp.zeros_like(sigma)
-    for rest, batch in zip(rests, arrays["batches"], strict=True):
+    for rest, batch in zip(rests, numbers.batches, strict=True):
         square = (rest / sigma[None, :, None]) ** 2
         slope = (TAIL + 1) * (TAIL - square) / (TAIL + square) ** 2
-        total += jnp.where(jnp.isnan(batch["measured"]), 0.0, slope).sum(axis=(0, 2))
+        total += jnp.where(jnp.isnan(batch.measured), 0.0, slope).sum(axis=(0, 2))
     # of the law itself it is 5 / 7; a law with heavier shoulders may lower it, not to nothing
-    return jnp.maximum(total / arrays["counts"], 0.1)
+    return jnp.maximum(total / numbers.counts, 0.1)

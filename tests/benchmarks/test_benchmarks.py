@@ -132,7 +132,7 @@ def test_where_the_time_of_a_fit_goes():
         steps = solve(problem, problem.start()).steps
         run, once, fit = interleaved(
             lambda model=model: dft.simulate(model, log, substeps=1),
-            lambda p=problem, z=z: jax.block_until_ready(compiled(p.layout, p.arrays, z)),
+            lambda p=problem, z=z: jax.block_until_ready(compiled(p.layout, p.numbers, z)),
             lambda p=problem: solve(p, p.start()),
             repeats=7,
         )

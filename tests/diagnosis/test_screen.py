@@ -185,7 +185,7 @@ def test_large_errors_are_limited_only_where_they_are_spikes(what, reach):
     log = dft.Log(record.time, {"command": command}, record.measured)
     made = Trials(dft.Thruster(), [], [log], [])
     made.base(made.values_of(dft.Thruster()))
-    assert made.problem.arrays["reach"] == reach
+    assert made.problem.numbers.reach == reach
 
 
 class Astray:

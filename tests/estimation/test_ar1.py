@@ -94,7 +94,7 @@ def test_gaps_of_one_ten_and_a_hundred_steps_are_told_apart():
     noise[0] = 0.0
     measured = log_of(time, {"speed": true + noise})
     problem = build(dft.Thruster(), [measured], substeps=20, lasting=True, initial="measured")
-    assert np.sum(np.asarray(problem.arrays["gaps"]["counts"]) > 0) == 3
+    assert np.sum(np.asarray(problem.numbers.gaps.counts) > 0) == 3
     step = problem.logs[0].step
     kept = np.array([0.3, 0.9])
     rests = [problem_rest(problem, noise)]
@@ -114,9 +114,9 @@ def test_noise_begins_anew_where_the_simulation_does():
     rng = np.random.default_rng(2)
     log = thruster_log(rng, size=200)
     problem = build(dft.Thruster(), [log], substeps=1, lasting=True, segmented=True)
-    whole = np.asarray(problem.arrays["gaps"]["counts"]).sum()
+    whole = np.asarray(problem.numbers.gaps.counts).sum()
     cut = restarts(problem, 2.0)
-    assert whole - np.asarray(cut.arrays["gaps"]["counts"]).sum() == 2 * 4  # 2 channels, 4 restarts
+    assert whole - np.asarray(cut.numbers.gaps.counts).sum() == 2 * 4  # 2 channels, 4 restarts
     assert np.isfinite(costs(cut, [0.2])[0])
 
 

@@ -266,12 +266,13 @@ def test_segments_restart_at_the_measured_state():
     log = vessel_log(2)
     problem = build(dft.Vessel(), [log], segmented=True)
     set_ = restarts(problem, 10.0, hold=True)
-    chosen = np.flatnonzero(np.isfinite(np.asarray(set_.arrays["batches"][0]["restart_surge"][0])))
+    surge = set_.numbers.batches[0].restarts["surge"]
+    chosen = np.flatnonzero(np.isfinite(np.asarray(surge.value[0])))
     assert log.time[chosen] == pytest.approx([10.0, 20.0, 30.0, 40.0, 50.0])
     low, high = set_.limits()
     assert np.array_equal(low[len(set_.free) :], high[len(set_.free) :])
     whole = restarts(problem, None)
-    assert not np.isfinite(np.asarray(whole.arrays["batches"][0]["restart_surge"])).any()
+    assert not np.isfinite(np.asarray(whole.numbers.batches[0].restarts["surge"].value)).any()
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ compiled = jax.jit(evaluate, static_argnums=0)
 
 
 def evaluated(problem, z):
-    return jax.tree.map(np.asarray, compiled(problem.layout, problem.arrays, jnp.asarray(z)))
+    return jax.tree.map(np.asarray, compiled(problem.layout, problem.numbers, jnp.asarray(z)))
 
 
 @functools.cache
@@ -80,7 +80,7 @@ def plain_cost(problem, z):
     cost = 0.0
     for i, (_name, rest) in enumerate(plain_residuals(problem, z).items()):
         known = problem.layout.known_noise[i]
-        sigma = float(problem.arrays["noise"][i])
+        sigma = float(problem.numbers.noise[i])
 
         def gaussian(s, rest=rest):
             return 0.5 * np.sum(rest**2) / s**2 + rest.size * np.log(s)
@@ -103,7 +103,7 @@ def plain_cost(problem, z):
         cost += law(sigma)
         if problem.layout.loss == "gaussian":  # constants that the package leaves out
             cost -= rest.size * np.log(sigma) if known else 0.5 * rest.size
-    for name, (mean, std) in problem.arrays["prior"].items():
+    for name, (mean, std) in problem.numbers.prior.items():
         cost += 0.5 * ((problem.values(z)[name] - float(mean)) / float(std)) ** 2
     return cost
 
@@ -209,7 +209,7 @@ def test_the_information_is_that_of_the_differenced_residuals(name):
         columns.append((whitened(z + away) - whitened(z - away)) / 2e-5)
     jacobian = np.stack(columns, axis=1)
     information = jacobian.T @ jacobian
-    for prior, (_, std) in problem.arrays["prior"].items():
+    for prior, (_, std) in problem.numbers.prior.items():
         i = problem.free.index(prior)
         information[i, i] += (problem.slopes(z)[i] / float(std)) ** 2
     length = np.sqrt(np.diagonal(information))
@@ -376,7 +376,7 @@ def test_a_restart_waits_for_a_measurement():
     seen["speed"][35:60] = np.nan
     log = Log(r.time, r.inputs, seen)
     problem = restarts(build(GUESS, [log], segmented=True), 2.0)
-    anew = np.asarray(problem.arrays["batches"][0]["restart_speed"])[0]
+    anew = np.asarray(problem.numbers.batches[0].restarts["speed"].value)[0]
     assert np.flatnonzero(np.isfinite(anew)).tolist() == [60, 80, 120]
 
 

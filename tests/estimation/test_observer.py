@@ -18,7 +18,8 @@ from diffthrust.effects import ActuatorLag, LinearDamping
 from diffthrust.estimation._arrange import build
 from diffthrust.estimation._innovations import observer_for, one_step, one_step_errors
 from diffthrust.estimation._likelihood import evaluate
-from diffthrust.estimation._observer import direction, innovations, limited
+from diffthrust.estimation._observer import Limits, direction, innovations, limited
+from diffthrust.estimation._one_step import with_clip
 from diffthrust.estimation._solver import solve
 from diffthrust.estimation._status import Status, examine
 from diffthrust.specs._file import FitPart
@@ -28,7 +29,7 @@ GUESS = dft.Thruster(alpha=0.045, beta=38.0, ct=0.022)
 
 
 def evaluated(problem, z):
-    return jax.tree.map(np.asarray, compiled(problem.layout, problem.arrays, jnp.asarray(z)))
+    return jax.tree.map(np.asarray, compiled(problem.layout, problem.numbers, jnp.asarray(z)))
 
 
 def arranged(model, logs, *, initial="measured", **gains):
@@ -212,7 +213,7 @@ def test_what_sensors_do(case):
     log = Log(full.time[:800], {"u": u}, {"x": y}, unsigned=unsigned)
     gains = Kalman().as_observer()
     problem = arranged(FirstOrder(), [log], **gains)
-    problem = replace(problem, arrays={**problem.arrays, "clip": jnp.array([clip])})
+    problem = with_clip(problem, [clip])
     found = one_step_errors(problem, problem.start())[0]["x"]
     expected = plain_observer(log, gains, FirstOrder(), clip)
     np.testing.assert_array_equal(np.isnan(found), np.isnan(y))
@@ -264,7 +265,7 @@ def test_the_gradient_is_that_of_the_cost(loss):
     width, observer = len(problem.free), problem.layout.observer
     problem = build(GUESS, [log], loss=loss, observer=observer, width=width)
     problem = problem.focus(problem.free, problem.values(problem.start()))
-    problem = replace(problem, arrays={**problem.arrays, "clip": jnp.array([3.0, 3.0])})
+    problem = with_clip(problem, [3.0, 3.0])
     z = problem.start()
     q = evaluated(problem, z)
     ahead = 1e-5 * np.eye(z.size)
@@ -412,10 +413,12 @@ def test_a_driving_state_that_is_not_measured_follows_the_gusts():
     assert {"noise.velocity.gain.position", "noise.velocity.memory"} <= set(fit.disturbance)
     values = {name: e.value for name, e in fit.disturbance.items()}
     problem = build(fit.model, [log], initial="measured", observer=observer_for(model, [log]))
-    batch = jax.tree.map(lambda a: a[0], problem.arrays["batches"][0])
-    told = {**batch, "clip": problem.arrays["clip"], "reach": 1.0}
+    batch = jax.tree.map(lambda a: a[0], problem.numbers.batches[0])
+    limits = Limits(problem.numbers.clip, 1.0)
     layout = problem.layout
-    _, path = innovations(layout.observer, fit.model, layout.grids[0], values, told, batch["held"])
+    _, path = innovations(
+        layout.observer, fit.model, layout.grids[0], values, batch, batch.held, limits
+    )
     ours = np.sqrt(np.mean((np.asarray(path["velocity"]) - truth) ** 2))
     known = dft.simulate(dft.AxisVehicle(), log)["velocity"]
     plain = np.sqrt(np.mean((known - truth) ** 2))

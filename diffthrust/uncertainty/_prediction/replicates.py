@@ -11,7 +11,14 @@ import jax.numpy as jnp
 import numpy as np
 
 from diffthrust.estimation._likelihood import TAIL
-from diffthrust.estimation._observer import Correction, Observer, is_memory, limited, observer_of
+from diffthrust.estimation._observer import (
+    Correction,
+    Limits,
+    Observer,
+    is_memory,
+    limited,
+    observer_of,
+)
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Signals
@@ -60,11 +67,9 @@ def random_runs(
     sigma = np.stack([draws.noise[c] for c in known], axis=1)
     fit = draws.fit
     clip = [fit.limits.get(c, np.inf) if fit and fit.limits else np.inf for c in known]
-    given = {
-        "clip": jnp.asarray(np.array(clip, float)),
-        "reach": jnp.asarray(np.array(fit.reach if fit else 1.0, float)),
-        "unsigned": jnp.asarray(np.array([c in log.unsigned for c in known], bool)),
-    }
+    limits = Limits(
+        jnp.asarray(np.array(clip, float)), jnp.asarray(np.array(fit.reach if fit else 1.0, float))
+    )
     found = _random(
         Key(model),
         grid,
@@ -74,7 +79,8 @@ def random_runs(
         inputs,
         _starts(draws, log, rng),
         jnp.asarray(sigma[:, :, None] * law),
-        given,
+        jnp.asarray(np.array([c in log.unsigned for c in known], bool)),
+        limits,
     )
     return {c: np.asarray(found[c])[:, original] for c in known if c in channels}
 
@@ -129,12 +135,13 @@ def _random(
     inputs: Any,
     start: Any,
     errors: Any,
-    given: Any,
+    unsigned: Any,
+    limits: Limits,
 ) -> Any:
     def one(each: Any) -> Any:
         values, begin, error = each
         model = key.model.bind(values)
-        run = _Driven(observer, model, values, time, {**given, "measured": error})
+        run = _Driven(observer, model, values, time, error, unsigned, limits)
         series, path = march(model, grid, time, inputs, begin, {}, run)
         signals = {**series, "time": time}
         ahead = read_out(model, Signals({**path, **signals}))

@@ -68,7 +68,7 @@ def noise_draws(posterior: Posterior, chains: Chains, seed: int) -> np.ndarray:
     else, N rms^2 / sigma^2 is chi-square distributed with N degrees of freedom.
     """
     rng = np.random.default_rng([seed, 1])
-    counts = np.asarray(posterior.problem.arrays["counts"])
+    counts = np.asarray(posterior.problem.numbers.counts)
     out = []
     for channel in posterior.unknown:
         level = chains.levels[..., channel]

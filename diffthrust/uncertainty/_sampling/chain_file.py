@@ -51,23 +51,23 @@ class Stored:
 def identity(posterior: Posterior, **settings: Any) -> dict[str, dict[str, str]]:
     """What makes a chain that of one problem, in words: model, parameters, data, settings."""
     problem, fit = posterior.problem, posterior.fit
-    layout, arrays = problem.layout, problem.arrays
+    layout, numbers = problem.layout, problem.numbers
     structure = re.sub(r" at 0x[0-9a-f]+", "", repr(problem.model.structure))
     parameters = {}
     for name, p in problem.named.items():
         held = f"fixed at {p.value!r}" if p.fixed or name not in layout.free else "free"
         parameters[name] = f"{held}, {p.transform}, within {p.range_text()}, prior {p.prior}"
     data, begun = {}, hashlib.sha256()
-    for batch, indices in zip(arrays["batches"], problem.order, strict=True):
-        anew = {k: v for k, v in batch.items() if k.startswith("restart_")}
-        _digest(begun, anew)
+    for batch, indices in zip(numbers.batches, problem.order, strict=True):
+        _digest(begun, {name: restart.value for name, restart in batch.restarts.items()})
+        lasting = {n: (r.series, r.unsigned) for n, r in batch.restarts.items()}
+        rest = {**vars(batch), "restarts": lasting}
         for row, index in enumerate(indices):
             digest = hashlib.sha256()
-            rest = {k: v for k, v in batch.items() if k not in anew}
             _digest(digest, jax.tree.map(lambda a, row=row: a[row], rest))
             data[f"log {index + 1}"] = digest.hexdigest()
     for i, channel in enumerate(layout.channels):
-        known = float(arrays["noise"][i]) if layout.known_noise[i] else None
+        known = float(numbers.noise[i]) if layout.known_noise[i] else None
         data[f"noise of {channel}"] = "estimated" if known is None else repr(known)
     told = {
         **settings,
@@ -78,8 +78,8 @@ def identity(posterior: Posterior, **settings: Any) -> dict[str, dict[str, str]]
         "horizon": fit.horizon,
         "restarts": begun.hexdigest()[:12] if fit.horizon is not None else None,
         "coordinates": posterior.labels,
-        "scales": [f"{s:.9g}" for s in np.asarray(arrays["scales"])],
-        "limits of errors": [f"{s:.9g}" for s in np.asarray(arrays["clip"])],
+        "scales": [f"{s:.9g}" for s in np.asarray(numbers.scales)],
+        "limits of errors": [f"{s:.9g}" for s in np.asarray(numbers.clip)],
     }
     return {
         "model": {str(problem.model): hashlib.sha256(structure.encode()).hexdigest()},

@@ -18,6 +18,7 @@ from diffthrust._support._running.batching import lanes, run
 from diffthrust._support.errors import InputError
 from diffthrust.estimation._ar1 import levels
 from diffthrust.estimation._likelihood import TAIL, named_values, noise_of, residuals
+from diffthrust.estimation._numbers import Numbers
 from diffthrust.estimation._problem import Layout, Problem
 from diffthrust.estimation._rebuild import problem_of
 from diffthrust.estimation._result import Fit
@@ -48,34 +49,31 @@ def log_density(shape: Shape, data: Any, x: Any) -> tuple[Any, Any]:
     """
     layout, count = shape.layout, data["moved"].shape[0]
     z = data["base"].at[data["moved"]].set(x[:count])
-    arrays = data["arrays"]
+    numbers: Numbers = data["numbers"]
     if shape.sampled:
         where = jnp.asarray(shape.sampled)
-        arrays = {**arrays, "noise": arrays["noise"].at[where].set(jnp.exp(x[count:]))}
+        noise = jnp.asarray(numbers.noise).at[where].set(jnp.exp(x[count:]))
+        numbers = replace(numbers, noise=noise)
         layout = replace(layout, known_noise=(True,) * len(layout.channels))
-    n, m = len(layout.free), len(layout.starts)
-    rests, at = [], n
-    for index, batch in enumerate(arrays["batches"]):
-        size = batch["time"].shape[0]
-        starts = z[at : at + size * m].reshape(size, m)
-        at += size * m
+    shared, starts = numbers.split(z, len(layout.free))
+    rests = []
+    for index, pairs in enumerate(zip(numbers.batches, starts, strict=True)):
 
-        def one(given: Any, index: int = index) -> Any:
-            log, start = given
-            return residuals(layout, index, arrays, log, z[:n], start)
+        def one(pair: Any, index: int = index) -> Any:
+            return residuals(layout, index, numbers, pair[0], shared, pair[1])
 
-        if size == 1:  # a loop of one turn would keep the compiler from fusing
-            rests.append(one(jax.tree.map(lambda a: a[0], (batch, starts)))[None])
+        if pairs[0].time.shape[0] == 1:  # a loop of one turn would keep the compiler from fusing
+            rests.append(one(jax.tree.map(lambda a: a[0], pairs))[None])
         else:
-            rests.append(jax.lax.map(one, (batch, starts)))
-    cost, sigma = noise_of(layout, arrays, rests)
-    values = named_values(layout, arrays, z[:n])
-    for name, (mean, std) in arrays["prior"].items():
+            rests.append(jax.lax.map(one, pairs))
+    cost, sigma = noise_of(layout, numbers, rests)
+    values = named_values(layout, numbers, shared)
+    for name, (mean, std) in numbers.prior.items():
         cost += 0.5 * ((values[name] - mean) / std) ** 2
         if layout.transforms[layout.free.index(name)] == "log":
             cost -= jnp.log(values[name])  # a density in the value, seen from its logarithm
     if layout.lasting:  # the likelihood works with the level of what is new in each sample
-        sigma = sigma / levels(layout.channels, arrays, values)
+        sigma = sigma / levels(layout.channels, numbers, values)
     inside = jnp.all((x >= data["low"]) & (x <= data["high"]))
     return jnp.where(inside & jnp.isfinite(cost), -cost, -jnp.inf), sigma
 
@@ -140,7 +138,7 @@ class Posterior:
     def data(self) -> dict[str, Any]:
         """The numeric part, a pytree of arrays."""
         return {
-            "arrays": self.problem.arrays,
+            "numbers": self.problem.numbers,
             "base": jnp.asarray(self.base),
             "moved": jnp.asarray(self.moved),
             "low": jnp.asarray(self.low),
@@ -192,7 +190,7 @@ class Posterior:
         information = solve(self.problem, self.base, budget=1).quadratic.information
         own = np.zeros((self.dim, self.dim))
         own[: self.moved.size, : self.moved.size] = information[np.ix_(self.moved, self.moved)]
-        counts = np.asarray(self.problem.arrays["counts"])
+        counts = np.asarray(self.problem.numbers.counts)
         for row, channel in enumerate(self.sampled, start=self.moved.size):
             own[row, row] = 2.0 * counts[channel] * TAIL / (TAIL + 3.0)
         width = 0.25 * (self.high - self.low)

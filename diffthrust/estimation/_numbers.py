@@ -1,0 +1,99 @@
+"""The numbers of an estimation problem: what its compiled code is given beside the coordinates."""
+
+# ruff: noqa: F722  (shapes of arrays)
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import jax
+import numpy as np
+from jaxtyping import Bool, Float, Int, PyTree
+
+Array = np.ndarray | jax.Array
+"""Of NumPy where it is made, as many arrays of JAX would cost time; of JAX in compiled code."""
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, eq=False)
+class Restart:
+    """Where simulations set a state to its measured value.
+
+    Args:
+        series: the measured values, NaN where there are none.
+        value: those that the state is set to; NaN where it runs on.
+        unsigned: the sensor reports the absolute value.
+    """
+
+    series: Float[Array, "logs time"]
+    value: Float[Array, "logs time"]
+    unsigned: Bool[Array, " logs"]
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Logs of the same inputs and of similar length, padded to one length.
+
+    In compiled code also one log of a batch, without the first dimension.
+
+    Args:
+        time: time stamps [s]; a padded step has no length.
+        inputs: series by name.
+        measured: NaN where nothing was measured.
+        start: initial values of the states that are estimated.
+        held: initial values of the others, by name.
+        unsigned: the sensor of a channel reports the absolute value.
+        restarts: by state.
+        links: what the noise model needs to know of each sample.
+    """
+
+    time: Float[Array, "logs time"]
+    inputs: Mapping[str, Float[Array, "logs time"]]
+    measured: Float[Array, "logs channels time"]
+    start: Float[Array, "logs states"]
+    held: Mapping[str, Float[Array, " logs"]]
+    unsigned: Bool[Array, "logs channels"]
+    restarts: Mapping[str, Restart]
+    links: PyTree[Array] = None
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, eq=False)
+class Numbers:
+    """The numeric part of a problem.
+
+    Args:
+        batches: the logs.
+        values: of all parameters, those of the noise included, by name.
+        scales: of the free parameters.
+        noise: known noise levels; 1 where a level is estimated.
+        floor: what is added to an estimated variance, so that its logarithm stays finite.
+        counts: of the measured values.
+        prior: mean and standard deviation, by name of the parameter.
+        clip: size of a large one-step error.
+        reach: errors are limited at so many times that.
+        chosen: places of the coordinates that are moved, where the layout has a width.
+        gaps: what the noise model needs to know of all samples together.
+    """
+
+    batches: Sequence[Batch]
+    values: Mapping[str, Float[Array, ""]]
+    scales: Float[Array, " free"]
+    noise: Float[Array, " channels"]
+    floor: Float[Array, " channels"]
+    counts: Float[Array, " channels"]
+    prior: Mapping[str, tuple[Float[Array, ""], Float[Array, ""]]]
+    clip: Float[Array, " channels"]
+    reach: Float[Array, ""]
+    chosen: Int[Array, " width"] | None = None
+    gaps: PyTree[Array] = None
+
+    def split(self, z: Array, shared: int) -> tuple[Array, list[Array]]:
+        """The first coordinates, so many, and by batch the initial states, ``(logs, states)``."""
+        at, starts = shared, []
+        for batch in self.batches:
+            count, states = batch.start.shape
+            starts.append(z[at : at + count * states].reshape(count, states))
+            at += count * states
+        return z[:shared], starts
