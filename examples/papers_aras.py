@@ -15,9 +15,12 @@ from pathlib import Path
 
 import numpy as np
 from _data import output_folder
+from printed.aras import printed_figures
+from printed.printed import printed_table
+from printed.transfer import depth_loop, gain_limit, plot_responses, step_response
 
 import diffthrust as dft
-from diffthrust import Column, papers
+from diffthrust import Column
 from diffthrust.papers import aras
 
 NAME = "aras_2013_table4_depth_sensor.csv"
@@ -34,7 +37,7 @@ def record(seed: int, seconds: float = 40.0, step: float = 0.02) -> dft.Log:
     time = np.arange(0.0, seconds, step)
     levels = rng.uniform(-aras.SUPPLY, aras.SUPPLY, 20)
     command = levels[(time * 20 / seconds).astype(int)]
-    answer, single = np.zeros(time.size), aras.step_response(aras.plant(), time)
+    answer, single = np.zeros(time.size), step_response(aras.plant(), time)
     for start in np.flatnonzero(np.diff(command, prepend=0.0)):
         answer[start:] += (command[start] - (command[start - 1] if start else 0.0)) * single[
             : time.size - start
@@ -49,7 +52,7 @@ log = dft.read_log(table, time=None, inputs={"depth": Column("depth_m", unit="m"
                    measured=columns)  # fmt: skip
 readings = {name: log.values(name, "V") for name in columns}
 calibration = aras.calibrate(log.values("depth", "m"), readings)
-print(papers.printed_table(aras.printed_figures(calibration)))
+print(printed_table(printed_figures(calibration)))
 print(calibration.sentence)
 for name, line in calibration.lines.items():
     slope = f"{line.slope:.4f} ± {line.slope_error:.4f} V/m"
@@ -60,9 +63,9 @@ motor = aras.thruster(load=aras.load_from(280.4))
 steady = aras.steady_map(motor, np.linspace(0.0, 1e-4 * 280.4**2, 50))
 print(f"At 280.4 rad/s equation 7 gives {steady.printed[-1]:.2f} V; with the friction of table 1 "
       f"it takes {steady.own[-1]:.2f} V.")  # fmt: skip
-swing = aras.step_response(aras.depth_loop(), np.linspace(0.0, 3.0, 3001))
+swing = step_response(depth_loop(), np.linspace(0.0, 3.0, 3001))
 print(f"Depth loop, gain 1: first {-swing.min():.2f} set points the wrong way, then to "
-      f"{swing[-1]:.3f} of it; unstable from a gain of {aras.gain_limit():.2f} on.")  # fmt: skip
+      f"{swing[-1]:.3f} of it; unstable from a gain of {gain_limit():.2f} on.")  # fmt: skip
 
 train, unseen = [record(1), record(2)], record(3)
 chosen = dft.blackbox.select(train, input="command", output="depth", orders=(1, 2, 3),
@@ -76,7 +79,7 @@ print(f"State space of order 2: G(s) = {states.transfer()}")
 figures = {
     "calibration": calibration.plot(),
     "steady_map": steady.plot(),
-    "transfer": aras.plot_responses(),
+    "transfer": plot_responses(),
     "blackbox": model.plot(unseen),
 }
 for name, figure in figures.items():

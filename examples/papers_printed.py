@@ -14,14 +14,18 @@ that depart by more than 5 % are listed once more below the table, among them
 - Aras et al. 2013: depths of 6.082 m and 70 m, the bucket, the encoder's speed, and a proportional
   loop that is said to reach its set point.
 
-Rows that need table 4 of Aras et al. are there where the environment variable DIFFTHRUST_DATA
-names the folder of ``aras_2013_table4_depth_sensor.csv``.
+The rows of each paper are made in ``printed/``. Those that need table 4 of Aras et al. are there
+where the environment variable DIFFTHRUST_DATA names the folder of
+``aras_2013_table4_depth_sensor.csv``.
 
     python examples/papers_printed.py
 """
 
 import os
 from pathlib import Path
+
+from printed.all import printed_figures
+from printed.printed import printed_table
 
 import diffthrust as dft
 from diffthrust import Column, papers
@@ -43,8 +47,8 @@ def table_4() -> papers.aras.Calibration | None:
 
 def main() -> None:
     calibration = table_4()
-    rows = papers.printed_figures(calibration)
-    print(papers.printed_table(rows, width=170))
+    rows = printed_figures(calibration)
+    print(printed_table(rows, width=170))
     if calibration is None:
         print(f"Without the rows of table 4 of Aras et al.: {NAME} is not in DIFFTHRUST_DATA.")
 

@@ -3,13 +3,10 @@ from . import siramdasu as siramdasu
 from . import yoerger as yoerger
 from ._commands import lowpass_noise as lowpass_noise
 from ._commands import staircase as staircase
-from ._line import Line as Line
+from ._line import FittedLine as FittedLine
 from ._line import fit_line as fit_line
 from ._manoeuvres import Manoeuvres as Manoeuvres
 from ._manoeuvres import manoeuvres as manoeuvres
-from ._printed import Printed as Printed
-from ._printed import printed_table as printed_table
-from ._printed_all import printed_figures as printed_figures
 from ._steady import Steady as Steady
 from ._steady import steady_portions as steady_portions
 from ._tabulated import TabulatedVessel as TabulatedVessel

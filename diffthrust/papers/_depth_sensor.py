@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.figures import BLUE, GREY, VERMILLION, styled
 from diffthrust._support.tables import number
-from diffthrust.papers._line import Line, fit_line, numbers
+from diffthrust.papers._line import FittedLine, fit_line, numbers
 from diffthrust.uncertainty._prediction.physical import Quantity
 
 if TYPE_CHECKING:
@@ -85,8 +84,8 @@ class Calibration:
         datasheet: the line that was tested.
     """
 
-    lines: Mapping[str, Line]
-    together: Line
+    lines: Mapping[str, FittedLine]
+    together: FittedLine
     tests: Mapping[str, LineTest]
     same: LineTest
     datasheet: Datasheet = field(default_factory=Datasheet)
@@ -119,34 +118,21 @@ class Calibration:
         if self.fits:
             return f"{line} fits the readings ({test}, level {test.level:g})."
         each = sum(t.rejected for name, t in self.tests.items() if name != "together")
-        told = (
+        sentence = (
             f"{line} does not fit the readings ({test}, level {test.level:g}; rejected for {each} "
             f"of {len(self.lines)} readings by themselves): at the surface they lie {away:.2f} V "
             f"from it, and rise by {self.slope} where it rises by {d.slope:g} V/m."
         )
         if self.same.rejected:
-            told += f" The readings differ among themselves, too ({self.same})."
-        return told
+            sentence += f" The readings differ among themselves, too ({self.same})."
+        return sentence
 
     def plot(self) -> Figure:
         """The readings, the line through them, and the datasheet's."""
-        from matplotlib.figure import Figure
+        from diffthrust.papers._figures import calibration_figure
 
-        figure = Figure(figsize=(6.5, 4.4), layout="constrained")
-        axes = figure.subplots()
-        x = np.array([0.0, max(float(line.x.max()) for line in self.lines.values())])
-        looks = (("o", BLUE), ("s", "#009E73"), ("^", "#CC79A7"), ("v", GREY))
-        for i, (name, line) in enumerate(self.lines.items()):
-            marker, colour = looks[min(i, 3)]
-            axes.plot(line.x, line.y, marker, color=colour, markersize=4, label=name)
-        told = f"line: {self.together.slope:.4f} V/m, {self.together.intercept:.3f} V"
-        axes.plot(x, self.together(x), color=VERMILLION, linewidth=1.3, label=told)
         d = self.datasheet
-        axes.plot(x, d(x), color="black", linestyle="--", linewidth=1.3,
-                  label=f"datasheet: {d.slope:g} V/m, {d.intercept:g} V")  # fmt: skip
-        styled(axes, "Depth sensor: readings and the datasheet's line", "depth [m]", "reading [V]")
-        axes.legend(fontsize=8, frameon=False, loc="center right")
-        return figure
+        return calibration_figure(self.lines, self.together, d.slope, d.intercept)
 
 
 def calibrate(

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.figures import BLUE, GREY, VERMILLION, styled
 from diffthrust.uncertainty._prediction.physical import Quantity
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True)
-class Line:
+class FittedLine:
     """y = slope x + intercept, by least squares.
 
     Args:
@@ -49,18 +45,6 @@ class Line:
         spread = float(np.std(self.y))
         return float(np.sqrt(np.mean((self.y - self(self.x)) ** 2))) / spread
 
-    def draw(self, axes: Axes, x: str, y: str, title: str = "", others: Any = None) -> None:
-        """Points and line on axes; ``others`` are points ``(x, y)`` that were not fitted."""
-        axes.plot(self.x, self.y, "o", color=BLUE, markersize=5, label="fitted to")
-        seen = [self.x]
-        if others is not None:
-            axes.plot(*others, "s", color=GREY, markersize=5, label="verified on")
-            seen.append(np.asarray(others[0]))
-        ends = np.array([min(0.0, *(np.min(v) for v in seen)), max(np.max(v) for v in seen)])
-        axes.plot(ends, self(ends), color=VERMILLION, linewidth=1.3, label="line")
-        styled(axes, title, x, y)
-        axes.legend(fontsize=8, frameon=False)
-
 
 def numbers(what: str, values: Any) -> np.ndarray:
     """Values as floats; ``what`` names them where they are none."""
@@ -70,7 +54,7 @@ def numbers(what: str, values: Any) -> np.ndarray:
         raise InputError(f"{what}: expected numbers ({error}).", "Correct them.") from None
 
 
-def fit_line(x: Any, y: Any, what: str, *, through_origin: bool = False) -> Line:
+def fit_line(x: Any, y: Any, what: str, *, through_origin: bool = False) -> FittedLine:
     """The line of least squares through points.
 
     Args:
@@ -96,5 +80,5 @@ def fit_line(x: Any, y: Any, what: str, *, through_origin: bool = False) -> Line
     variance = float(np.sum((y - matrix @ found) ** 2)) / left if left else np.nan
     errors = np.sqrt(variance * np.diag(np.linalg.inv(matrix.T @ matrix)))
     if through_origin:
-        return Line(float(found[0]), 0.0, float(errors[0]), 0.0, x, y)
-    return Line(float(found[0]), float(found[1]), float(errors[0]), float(errors[1]), x, y)
+        return FittedLine(float(found[0]), 0.0, float(errors[0]), 0.0, x, y)
+    return FittedLine(float(found[0]), float(found[1]), float(errors[0]), float(errors[1]), x, y)

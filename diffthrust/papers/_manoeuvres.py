@@ -9,7 +9,7 @@ import numpy as np
 
 from diffthrust._support.validation import number
 from diffthrust.logs._log import Log
-from diffthrust.papers._steady import records, stretches
+from diffthrust.papers._steady import records, true_stretches
 from diffthrust.papers._undisturbed import cut_out, without_noise
 
 
@@ -90,7 +90,7 @@ def manoeuvres(
         for kind, where in kinds.items():
             found[kind] += [
                 cut_out(log, log.time[first], log.time[last])
-                for first, last in stretches(where)
+                for first, last in true_stretches(where)
                 if log.time[last] - log.time[first] >= least
             ]
     return Manoeuvres(**{kind: tuple(portions) for kind, portions in found.items()})

@@ -145,7 +145,7 @@ def records(what: str, logs: Any) -> tuple[Log, ...]:
     return found
 
 
-def stretches(good: np.ndarray) -> list[tuple[int, int]]:
+def true_stretches(good: np.ndarray) -> list[tuple[int, int]]:
     """First and last index of each run of true values."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(int), [0]])))
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]

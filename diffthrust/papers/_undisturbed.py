@@ -8,7 +8,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust.logs._log import Log
-from diffthrust.papers._steady import steady_portions, stretches
+from diffthrust.papers._steady import steady_portions, true_stretches
 
 _STRAIGHT = 0.01
 """Radians: a propeller this far from amidships is meant to push straight ahead."""
@@ -70,7 +70,7 @@ def undisturbed(
                 good |= ~arc
         found += [
             cut_out(log, log.time[first], log.time[last])
-            for first, last in stretches(good)
+            for first, last in true_stretches(good)
             if log.time[last] - log.time[first] >= least
         ]
     if not found:

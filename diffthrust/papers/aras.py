@@ -12,19 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.figures import BLUE, VERMILLION, styled
+from diffthrust._support.transfer import Transfer, transfer_of
 from diffthrust.control import PID, Loop
 from diffthrust.models import DCMotorThruster
-from diffthrust.papers._aras_printed import printed_figures as printed_figures
 from diffthrust.papers._depth_sensor import Calibration as Calibration
 from diffthrust.papers._depth_sensor import Datasheet as Datasheet
 from diffthrust.papers._depth_sensor import calibrate as calibrate
 from diffthrust.papers._line import numbers
-from diffthrust.papers._printed_transfer import depth_loop as depth_loop
-from diffthrust.papers._printed_transfer import gain_limit as gain_limit
-from diffthrust.papers._printed_transfer import plant as plant
-from diffthrust.papers._printed_transfer import plot_responses as plot_responses
-from diffthrust.papers._printed_transfer import step_response as step_response
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,6 +27,22 @@ SUPPLY = 13.0
 """Voltage of the open-loop record [V]."""
 WATER = 1024.0
 """Density of the water [kg/m^3]."""
+
+
+def plant() -> Transfer:
+    """G(s) = (-28.77 s + 16.28) / (s^2 + 45.09 s + 16.33), from a voltage to the depth sensor's.
+
+    Its zero at 0.57 1/s lies in the right half plane: the answer to a step begins in the wrong
+    direction. The paper writes G = X / Y and calls X the input; as a plant only the reverse makes
+    sense, for 1 / G has more zeros than poles and an unstable pole.
+
+    Source: Aras et al. 2013, equation 12.
+
+    Example:
+        >>> dft.papers.aras.plant().poles
+        array([-44.7...,  -0.365...])
+    """
+    return transfer_of(((-28.77, 16.28), (1.0, 45.09, 16.33)))
 
 
 def thruster(*, load: float = 1e-6, thrust: float = 1e-4) -> DCMotorThruster:
@@ -101,18 +111,9 @@ class SteadyMap:
 
     def plot(self) -> Figure:
         """Voltage against thrust, by equation 7 and of the model."""
-        from matplotlib.figure import Figure
+        from diffthrust.papers._figures import steady_map_figure
 
-        figure = Figure(figsize=(6.0, 4.0), layout="constrained")
-        axes = figure.subplots()
-        axes.plot(self.thrust, self.printed, color=VERMILLION, linestyle="--",
-                  label="equation 7: R T / Km + Ke √(T / KT)")  # fmt: skip
-        axes.plot(
-            self.thrust, self.own, color=BLUE, label="steady state of the model, with friction"
-        )
-        styled(axes, "Steady map of the thruster", "thrust [N]", "voltage [V]")
-        axes.legend(fontsize=8, frameon=False)
-        return figure
+        return steady_map_figure(self.thrust, self.printed, self.own)
 
 
 def steady_map(motor: DCMotorThruster, thrust: Any) -> SteadyMap:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,33 +19,25 @@ from diffthrust._support.errors import InputError
 from diffthrust.estimation._arguments import listed
 from diffthrust.logs._log import Log
 from diffthrust.models import Vessel
-from diffthrust.papers._line import Line, fit_line
-from diffthrust.papers._siramdasu_printed import printed_figures as printed_figures
+from diffthrust.papers._line import FittedLine, fit_line
 from diffthrust.papers._steady import Steady, records, steady_portions
+from diffthrust.papers._transients import (
+    AMIDSHIPS,
+    ANGLE,
+    SCREW,
+    SURGE,
+    SWAY,
+    YAW,
+    Transient,
+    surge_transient,
+    yaw_transient,
+)
+from diffthrust.simulation._simulate import simulate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_N, _ANGLE = ("propeller_speed", "rev/s"), ("rudder_angle", "rad")
-_U, _V, _R = ("surge", "m/s"), ("sway", "m/s"), ("yaw_rate", "rad/s")
-_INPUTS = ("propeller_speed", "rudder_angle")
-_ZERO = 1e-3
-"""Radians: a propeller this far from amidships counts as straight."""
-
-
-@dataclass(frozen=True)
-class Transient:
-    """A time constant, from how a speed approaches its steady value.
-
-    Args:
-        time_constant: [s].
-        runs: ``(time, measured, fitted)`` of the runs it was fitted to, from the step on.
-        others: the same of the runs it was verified on.
-    """
-
-    time_constant: float
-    runs: tuple[tuple[np.ndarray, np.ndarray, np.ndarray], ...] = field(repr=False)
-    others: tuple[tuple[np.ndarray, np.ndarray, np.ndarray], ...] = field(repr=False)
+_INPUTS = (SCREW[0], ANGLE[0])
 
 
 @dataclass(frozen=True)
@@ -64,19 +56,22 @@ class Sequential:
     """
 
     vessel: Vessel
-    steady_speed: Line
+    steady_speed: FittedLine
     surge: Transient
-    m22: Line
-    d22: Line
-    d33: Line
+    m22: FittedLine
+    d22: FittedLine
+    d33: FittedLine
     yaw: Transient
     verification: dict[str, tuple[np.ndarray, np.ndarray]]
 
     def plot(self) -> Figure:
         """The paper's figures 3, 4, 5, 6, 7 and 10."""
-        from diffthrust.papers._siramdasu_figures import sequential_figure
+        from diffthrust.papers._figures import sequential_figure
 
-        return sequential_figure(self)
+        lines = {"m22": self.m22, "d22": self.d22, "d33": self.d33}
+        return sequential_figure(
+            self.vessel, self.steady_speed, self.surge, lines, self.yaw, self.verification
+        )
 
 
 def sequential(
@@ -113,24 +108,24 @@ def sequential(
     straight = records("sequential, straight", straight)
     line, d11 = _steady_speed(straight, settle)
     exponent = line.slope
-    surge = _surge_transient(straight, listed(verify), exponent, d11)
+    surge = surge_transient(straight, listed(verify), exponent, d11)
     m11 = surge.time_constant * d11
     circles = listed(circles)
     ends = [_last(log, settle) for log in circles]
-    angles = np.array([end.mean(*_ANGLE) for end in ends])
-    turning = np.abs(angles) > _ZERO
+    angles = np.array([end.mean(*ANGLE) for end in ends])
+    turning = np.abs(angles) > AMIDSHIPS
     if turning.sum() < 2:
         raise InputError(
             f"sequential: expected two or more circles at held angles, found {int(turning.sum())}.",
             "Give runs that end at a held angle, to either side.",
         )
-    n, u, v, r = (np.array([end.mean(*c) for end in ends]) for c in (_N, _U, _V, _R))
+    n, u, v, r = (np.array([end.mean(*c) for end in ends]) for c in (SCREW, SURGE, SWAY, YAW))
     push = n**exponent
     widest = turning & (np.abs(angles) > 0.95 * np.max(np.abs(angles)))
     rest = turning & ~widest
     points: dict[str, tuple[np.ndarray, np.ndarray]] = {}
 
-    def line_of(name: str, x: np.ndarray, y: np.ndarray) -> Line:
+    def line_of(name: str, x: np.ndarray, y: np.ndarray) -> FittedLine:
         points[name] = (x[rest], y[rest])
         return fit_line(x[widest], y[widest], f"sequential, {name}", through_origin=True)
 
@@ -145,7 +140,7 @@ def sequential(
             f"sequential: {wrong[0]} came out as {values[wrong[0]]:.3g}, which has no meaning.",
             "Look at the signs of sway, yaw rate and angle (see dft.Vessel), and at the lines.",
         )
-    yaw = _yaw_transient(circles, ends, widest, values, exponent, lever_arm)
+    yaw = yaw_transient(circles, ends, widest, values, exponent, lever_arm)
     vessel = Vessel(
         "propeller",
         **values,
@@ -201,10 +196,8 @@ def sensitivity(
 
     Source: Siramdasu & Fahimi 2013, section 4, table 3 and figure 11.
     """
-    from diffthrust.simulation._simulate import simulate
-
     straight = listed(straight)
-    levels = np.array([_last(log, settle).mean(*_N) for log in straight])
+    levels = np.array([_last(log, settle).mean(*SCREW) for log in straight])
     each = np.unique(np.round(levels, 3))
     if each.size < 3:
         raise InputError(
@@ -239,9 +232,9 @@ def _last(log: Log, settle: float) -> Steady:
     return steady_portions(log, settle=settle, least=0.5, inputs=_INPUTS)[-1]
 
 
-def _steady_speed(straight: Sequence[Log], settle: float) -> tuple[Line, float]:
+def _steady_speed(straight: Sequence[Log], settle: float) -> tuple[FittedLine, float]:
     ends = [_last(log, settle) for log in straight]
-    n, u = (np.array([end.mean(*c) for end in ends]) for c in (_N, _U))
+    n, u = (np.array([end.mean(*c) for end in ends]) for c in (SCREW, SURGE))
     if np.any(n <= 0) or np.any(u <= 0):
         raise InputError(
             "sequential: expected straight runs ahead, found steady propeller speeds from "
@@ -250,94 +243,3 @@ def _steady_speed(straight: Sequence[Log], settle: float) -> tuple[Line, float]:
         )
     line = fit_line(np.log(n), np.log(u), "sequential, exponent and d11")
     return line, float(np.exp(-line.intercept))
-
-
-def _surge_transient(
-    runs: Sequence[Log], others: Sequence[Log], exponent: float, d11: float
-) -> Transient:
-    """The time constant that all runs from rest have in common, equation (12)."""
-    from scipy.optimize import least_squares
-
-    def rising(log: Log) -> tuple[np.ndarray, np.ndarray, float]:
-        n, u = log.values(*_N), log.values(*_U)
-        begin = int(np.argmax(n > 0))
-        seen = np.isfinite(u[begin:])
-        time = (log.time[begin:] - log.time[begin])[seen]
-        return time, u[begin:][seen], float(np.median(n[begin:])) ** exponent / d11
-
-    def course(time: np.ndarray, u: np.ndarray, end: float, lag: float) -> np.ndarray:
-        return end + (u[0] - end) * np.exp(-time / lag)
-
-    data = [rising(log) for log in runs]
-
-    def residual(x: np.ndarray) -> np.ndarray:
-        return np.concatenate([course(t, u, end, np.exp(x[0])) - u for t, u, end in data])
-
-    lag = float(np.exp(least_squares(residual, [0.0]).x[0]))
-
-    def shown(logs: Sequence[Log]) -> tuple[Any, ...]:
-        return tuple((t, u, course(t, u, e, lag)) for t, u, e in map(rising, logs))
-
-    return Transient(lag, shown(runs), shown(others))
-
-
-def _yaw_transient(
-    circles: Sequence[Log],
-    ends: Sequence[Steady],
-    fitted: np.ndarray,
-    values: dict[str, float],
-    exponent: float,
-    lever_arm: float,
-) -> Transient:
-    """The time constant of turning in, equation (16), with exponentials for surge and sway."""
-    from scipy.optimize import least_squares
-
-    def turning(log: Log, end: Steady) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        angle, n, r = log.values(*_ANGLE), log.values(*_N), log.values(*_R)
-        held = np.abs(angle - end.mean(*_ANGLE)) < _ZERO
-        begin = int(np.argmax(held))
-        time = log.time[begin:] - log.time[begin]
-        u, v = (_exponential(time, log.values(*c)[begin:]) for c in (_U, _V))
-        moment = (values["m11"] - values["m22"]) * u * v
-        moment -= lever_arm * n[begin:] ** exponent * np.sin(angle[begin:])
-        return time, r[begin:], moment / values["d33"]
-
-    def course(time: np.ndarray, r: np.ndarray, target: np.ndarray, lag: float) -> np.ndarray:
-        """A first-order lag behind a target that is straight between the samples."""
-        out = np.empty(time.size)
-        out[0] = r[np.isfinite(r)][0]
-        for k, h in enumerate(np.diff(time)):
-            kept, slope = np.exp(-h / lag), (target[k + 1] - target[k]) / h
-            out[k + 1] = target[k + 1] - slope * lag + kept * (out[k] - target[k] + slope * lag)
-        return out
-
-    chosen = [i for i in range(len(circles)) if abs(ends[i].mean(*_ANGLE)) > _ZERO]
-    data = {i: turning(circles[i], ends[i]) for i in chosen}
-
-    def residual(x: np.ndarray) -> np.ndarray:
-        each = [course(t, r, g, np.exp(x[0])) - r for i, (t, r, g) in data.items() if fitted[i]]
-        joined = np.concatenate(each)
-        return joined[np.isfinite(joined)]
-
-    lag = float(np.exp(least_squares(residual, [0.0]).x[0]))
-    shown = {i: (t, r, course(t, r, g, lag)) for i, (t, r, g) in data.items()}
-    return Transient(
-        lag,
-        tuple(run for i, run in shown.items() if fitted[i]),
-        tuple(run for i, run in shown.items() if not fitted[i]),
-    )
-
-
-def _exponential(time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """The course of an exponential through samples, equations (17) and (18)."""
-    from scipy.optimize import least_squares
-
-    seen = np.isfinite(values)
-    t, y = time[seen], values[seen]
-
-    def course(x: np.ndarray, t: np.ndarray) -> np.ndarray:
-        return x[0] * np.exp(-np.exp(x[1]) * t) + x[2]
-
-    start = [y[0] - y[-1], 0.0, y[-1]]
-    found = least_squares(lambda x: course(x, t) - y, start).x
-    return course(found, time)

@@ -13,19 +13,17 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.figures import BLUE, VERMILLION, styled, thinned
 from diffthrust.logs._log import Log
 from diffthrust.models import Thruster
-from diffthrust.papers._line import Line, fit_line
+from diffthrust.papers._line import FittedLine, fit_line
 from diffthrust.papers._steady import Steady, steady_portions
-from diffthrust.papers._yoerger_printed import printed_figures as printed_figures
 from diffthrust.simulation._simulate import simulate
 from diffthrust.uncertainty._prediction.physical import Quantity
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Direction = Literal["forward", "reverse", "both"]
+CommandDirection = Literal["forward", "reverse", "both"]
 _SPEED, _THRUST, _COMMAND = ("speed", "rad/s"), ("thrust", "N"), ("command", "V")
 
 
@@ -40,8 +38,8 @@ class StaticTest:
         direction: of the commands that were used.
     """
 
-    thrust: Line
-    speed: Line
+    thrust: FittedLine
+    speed: FittedLine
     portions: tuple[Steady, ...]
     direction: str
 
@@ -57,14 +55,9 @@ class StaticTest:
 
     def plot(self) -> Figure:
         """The two lines, as in the paper's figures 8 and 9."""
-        from matplotlib.figure import Figure
+        from diffthrust.papers._figures import static_test_figure
 
-        figure = Figure(figsize=(9.0, 3.8), layout="constrained")
-        left, right = figure.subplots(1, 2)
-        self.thrust.draw(left, "speed |speed| [rad²/s²]", "thrust [N]", f"ct = {self.ct}")
-        self.speed.draw(right, "command [V]", "speed |speed| [rad²/s²]",
-                        f"beta/alpha = {self.ratio}")  # fmt: skip
-        return figure
+        return static_test_figure(self.thrust, self.speed, self.ct, self.ratio)
 
 
 @dataclass(frozen=True)
@@ -91,21 +84,13 @@ class DynamicTest:
 
     def plot(self) -> Figure:
         """Command, and measured and simulated thrust (or speed), as in the paper's figure 10."""
-        from matplotlib.figure import Figure
+        from diffthrust.papers._figures import dynamic_test_figure
 
         name, unit = _SPEED if self.ct is None else _THRUST
-        found = simulate(self.model, self.log)[name]
-        figure = Figure(figsize=(8.0, 4.6), layout="constrained")
-        top, below = figure.subplots(2, 1, sharex=True)
-        top.plot(*thinned(self.log.time, self.log.values(*_COMMAND)), color="0.4", linewidth=0.9)
-        styled(top, "Dynamic test", "", "command [V]")
-        measured = self.log.values(name, unit)
-        below.plot(*thinned(self.log.time, measured), color=BLUE, linewidth=1.2, label="measured")
-        below.plot(*thinned(self.log.time, found), color=VERMILLION, linewidth=1.0,
-                   linestyle="--", label="simulated")  # fmt: skip
-        styled(below, "", "time [s]", f"{name} [{unit}]")
-        below.legend(fontsize=8, frameon=False, ncols=2)
-        return figure
+        return dynamic_test_figure(
+            self.log.time, self.log.values(*_COMMAND), self.log.values(name, unit),
+            simulate(self.model, self.log)[name], f"{name} [{unit}]",
+        )  # fmt: skip
 
 
 def static_test(
@@ -113,7 +98,7 @@ def static_test(
     *,
     settle: float,
     least: float = 0.5,
-    direction: Direction = "forward",
+    direction: CommandDirection = "forward",
 ) -> StaticTest:
     """Find ct and beta/alpha from steady thrust, speed and command.
 
@@ -158,7 +143,7 @@ def static_test(
 
 
 def dynamic_test(
-    log: Log, *, cutoff: float | None = None, direction: Direction = "both"
+    log: Log, *, cutoff: float | None = None, direction: CommandDirection = "both"
 ) -> DynamicTest:
     """Find alpha, beta and ct by least squares on a moving record.
 

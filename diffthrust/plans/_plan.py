@@ -14,7 +14,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.files import made_folder, write_whole
 from diffthrust._support.names import listing
 from diffthrust.logs._log import Log
-from diffthrust.papers._steady import stretches
+from diffthrust.papers._steady import true_stretches
 from diffthrust.plans._excited import excited
 
 _NEAR = 0.02
@@ -196,7 +196,7 @@ class Plan:
                 [np.abs(log.values(n, units.get(n, "")) - x) <= _NEAR * spans[n]
                  for n, x in level.inputs.items()], axis=0
             )  # fmt: skip
-            for first, last in stretches(held):
+            for first, last in true_stretches(held):
                 lasted = float(log.time[last] - log.time[first])
                 part = slice(first, last + 1)
                 absent = tuple(n for n in self.measure if n not in log.measured

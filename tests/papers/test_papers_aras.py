@@ -1,17 +1,24 @@
 """The motor, the depth sensor and the printed transfer function of Aras et al. 2013."""
 
 import re
+import sys
 
 import control
 import numpy as np
 import pytest
+from places import EXAMPLES
 from scipy import stats
 from shared_data import data_folder
 from test_examples import figure, run
 
 import diffthrust as dft
-from diffthrust import Column, InputError, papers
+from diffthrust import Column, InputError
 from diffthrust.papers import aras
+
+sys.path.insert(0, str(EXAMPLES))  # what is printed is part of an example, which is no package
+from printed.aras import printed_figures
+from printed.printed import printed_table
+from printed.transfer import depth_loop, gain_limit, plot_responses, step_response
 
 DEPTH = np.linspace(0.0, 3.6, 13)
 
@@ -135,8 +142,8 @@ def test_table_4_against_the_datasheet():
     assert all(test.rejected for test in found.tests.values())
     assert found.offset.value == pytest.approx(1.61, abs=0.01)
     assert 8.4 < found.depth(3.0) < 9.5  # neither 6.082 m nor 16.3 m
-    rows = aras.printed_figures(found)
-    text = papers.printed_table(rows)
+    rows = printed_figures(found)
+    text = printed_table(rows)
     assert "not held by them: F(6, 33)" in " ".join(text.split())
     depths = [row.ours for row in rows if row.what == "3 V as a depth"]
     np.testing.assert_allclose(depths, [8.92, 16.29, 6.06], atol=0.01)
@@ -159,34 +166,34 @@ def test_the_printed_transfer_function():
     assert np.real(g(0.0)) == pytest.approx(16.28 / 16.33)
     time = np.linspace(0.0, 12.0, 601)
     exact = control.step_response(control.TransferFunction(g.num, g.den), time).outputs
-    found = aras.step_response(g, time, 13.0)
+    found = step_response(g, time, 13.0)
     np.testing.assert_allclose(found, 13.0 * exact, atol=1e-9)
     assert found[1] < 0  # in the wrong direction first
 
 
 def test_the_depth_loop_rests_at_half_of_the_set_point():
     g = control.TransferFunction([-28.77, 16.28], [1.0, 45.09, 16.33])
-    closed, loop = control.feedback(g, 1.0), aras.depth_loop(1.0)
+    closed, loop = control.feedback(g, 1.0), depth_loop(1.0)
     s = 1j * np.array([0.0, 0.3, 4.0, 50.0])
     np.testing.assert_allclose(loop(s), closed(s), rtol=1e-9)
     assert np.real(loop(0.0)) == pytest.approx(0.4992, abs=1e-4)
     assert np.all(np.real(loop.poles) < 0)
-    limit = aras.gain_limit()
-    assert np.all(np.real(aras.depth_loop(0.999 * limit).poles) < 0)
-    assert np.any(np.real(aras.depth_loop(1.001 * limit).poles) > 0)
-    titles = [axes.get_title(loc="left") for axes in aras.plot_responses().axes]
+    limit = gain_limit()
+    assert np.all(np.real(depth_loop(0.999 * limit).poles) < 0)
+    assert np.any(np.real(depth_loop(1.001 * limit).poles) > 0)
+    titles = [axes.get_title(loc="left") for axes in plot_responses().axes]
     assert titles == ["Open loop: G(s)", "Depth loop, proportional gain 1"]
 
 
 def test_the_printed_figures_need_no_data():
-    rows = {row.what: row for row in aras.printed_figures()}
+    rows = {row.what: row for row in printed_figures()}
     assert "eq. 9, offset" not in rows  # it needs table 4
     for row in rows.values():
         if row.what.startswith("G(s)"):
             assert row.ratio == pytest.approx(1.0, abs=2e-3)
     assert rows["deepest reading, 5 V"].ratio == pytest.approx(1.0, abs=2e-3)
     assert rows["set point reached, gain 1"].ratio == pytest.approx(0.5, abs=2e-3)
-    text = papers.printed_table(rows.values())
+    text = printed_table(rows.values())
     assert text.splitlines()[0].split() == ["Figure", "Paper", "Ours", "Unit", "Ratio", "Remark"]
 
 
@@ -205,9 +212,9 @@ def test_the_printed_figures_need_no_data():
             "'load': expected a positive value",
         ),
         (lambda: aras.steady_map(aras.thruster(), [np.nan]), "finite numbers"),
-        (lambda: aras.depth_loop(0.0), "other than zero"),
-        (lambda: aras.step_response(aras.plant(), [1.0, 2.0]), "from 0 on"),
-        (lambda: aras.step_response(([1.0], [1.0, 1.0], 2.0), [0.0, 1.0]), "dead time of 2 s"),
+        (lambda: depth_loop(0.0), "other than zero"),
+        (lambda: step_response(aras.plant(), [1.0, 2.0]), "from 0 on"),
+        (lambda: step_response(([1.0], [1.0, 1.0], 2.0), [0.0, 1.0]), "dead time of 2 s"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(call, words):

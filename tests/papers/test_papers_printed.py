@@ -1,14 +1,18 @@
 """Every row of the papers' printed figures, against closed forms and SciPy."""
 
 import math
+import sys
 
 import numpy as np
 import pytest
+from places import EXAMPLES
 from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares, root
 from test_examples import run
 
-from diffthrust import papers
+sys.path.insert(0, str(EXAMPLES))  # the figures are part of an example, which is no package
+from printed.all import printed_figures
+from printed.printed import printed_table
 
 ALPHA, BETA, CT = 0.037, 42.0, 0.022
 VOLT = CT * BETA / ALPHA  # steady thrust at 1 V [N]
@@ -17,7 +21,7 @@ C, M11, M22, D11, D22, D33, ARM = 0.27, 5.23, 5.93, 4.03, 5.48, 1.13, 0.5
 
 @pytest.fixture(scope="module")
 def rows():
-    return papers.printed_figures()
+    return printed_figures()
 
 
 def lag_of(power):
@@ -193,9 +197,9 @@ def test_the_remarks_name_what_follows(rows):
 
 
 def test_one_table_shows_all_papers(rows):
-    lines = papers.printed_table(rows, width=160).splitlines()
+    lines = printed_table(rows, width=160).splitlines()
     assert lines[0].split() == ["Source", "Figure", "Paper", "Ours", "Unit", "Ratio", "Remark"]
-    assert [papers.printed_table([]).split()[0], len(lines) >= len(rows)] == ["Figure", True]
+    assert [printed_table([]).split()[0], len(lines) >= len(rows)] == ["Figure", True]
     assert sum(line.startswith("Siramdasu 2013") for line in lines) == 17
 
 

@@ -1,4 +1,4 @@
-"""The transfer function that a paper prints of its thruster, and the loop around it."""
+"""The depth loop around the transfer function that Aras et al. 2013 print, and its answers."""
 
 from __future__ import annotations
 
@@ -6,30 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from diffthrust._support.errors import InputError
-from diffthrust._support.figures import BLUE, VERMILLION, styled
-from diffthrust._support.transfer import Transfer, transfer_of
+from diffthrust import InputError
+from diffthrust._support.figures import BLUE, VERMILLION, styled  # the library's own look
+from diffthrust._support.transfer import Transfer, transfer_of  # offered by no folder
+from diffthrust.papers.aras import plant
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-_NUM, _DEN = (-28.77, 16.28), (1.0, 45.09, 16.33)
-
-
-def plant() -> Transfer:
-    """G(s) = (-28.77 s + 16.28) / (s^2 + 45.09 s + 16.33), from a voltage to the depth sensor's.
-
-    Its zero at 0.57 1/s lies in the right half plane: the answer to a step begins in the wrong
-    direction. The paper writes G = X / Y and calls X the input; as a plant only the reverse makes
-    sense, for 1 / G has more zeros than poles and an unstable pole.
-
-    Source: Aras et al. 2013, equation 12.
-
-    Example:
-        >>> dft.papers.aras.plant().poles
-        array([-44.7...,  -0.365...])
-    """
-    return transfer_of((_NUM, _DEN))
 
 
 def depth_loop(gain: float = 1.0) -> Transfer:
@@ -45,13 +28,15 @@ def depth_loop(gain: float = 1.0) -> Transfer:
         raise InputError(
             f"depth_loop, gain: expected a number other than zero, found {gain!r}.", "Correct it."
         )
-    num = gain * np.array([0.0, *_NUM])
-    return transfer_of((num[1:], np.array(_DEN) + num))
+    g = plant()
+    num = gain * np.array([0.0, *g.num])
+    return transfer_of((num[1:], g.den + num))
 
 
 def gain_limit() -> float:
     """The proportional gain at which the depth loop begins to swing: 45.09 / 28.77."""
-    return -_DEN[1] / _NUM[0]
+    g = plant()
+    return float(-g.den[1] / g.num[0])
 
 
 def step_response(linear: Any, time: Any, size: float = 1.0) -> np.ndarray:

@@ -5,16 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from printed.printed import Printed
 
+from diffthrust import Log, Thruster, describing_function, simulate
 from diffthrust.control import PoleCancellation
-from diffthrust.cycles._thruster_loop import PAPER, thruster_loop_cycle
-from diffthrust.describing._describe import describing_function
-from diffthrust.logs._log import Log
-from diffthrust.models import Thruster
-from diffthrust.papers._commands import lowpass_noise, staircase
-from diffthrust.papers._printed import Printed
-from diffthrust.simulation._simulate import simulate
-from diffthrust.uncertainty._prediction.physical import torque_driven
+from diffthrust.cycles import thruster_loop_cycle
+from diffthrust.papers import lowpass_noise, staircase
+from diffthrust.papers.yoerger import dynamic_test, static_test
+from diffthrust.uncertainty._prediction.physical import torque_driven  # `physical` without a fit
 
 _STATIC_CT, _DYNAMIC_CT = 0.022, 0.019
 _PITCH, _AREA, _DENSITY = 0.101, 0.0527, 1000.0
@@ -31,7 +29,7 @@ def printed_figures() -> list[Printed]:
     what they show. The vehicles of figures 1 and 2 are not described.
 
     Example:
-        >>> print(dft.papers.printed_table(dft.papers.yoerger.printed_figures()))
+        >>> print(printed_table(printed_figures()))
     """
     dynamic = Thruster(alpha=0.037, beta=42.0, ct=_DYNAMIC_CT)
     jason = dynamic.replace(ct=_STATIC_CT)
@@ -39,8 +37,6 @@ def printed_figures() -> list[Printed]:
 
 
 def _tests(dynamic: Thruster) -> list[Printed]:
-    from diffthrust.papers.yoerger import dynamic_test, static_test  # it offers these figures
-
     levels = _record(dynamic, *staircase([2.0, 4.0, 6.0, 8.0, _FULL], 6.0, 0.02))
     static = static_test(levels, settle=5.0)
     moving = dynamic_test(_record(dynamic, *lowpass_noise(40.0, 0.02, peak=4.0, seed=1)))
@@ -118,7 +114,7 @@ def _lags(jason: Thruster) -> list[Printed]:
 def _cycle(jason: Thruster, dynamic: Thruster) -> list[Printed]:
     drag, free = thruster_loop_cycle(jason), thruster_loop_cycle(jason, drag=0.0)
     other = thruster_loop_cycle(dynamic, drag=0.0, verify=False)
-    predicted, simulated = PAPER["predicted"], PAPER["simulated"]
+    predicted, simulated = 15.7, 15.6
     rows = [
         Printed("limit cycle predicted, command", predicted, free.printed, "N",
                 f"by the printed formula (6) with ct = 0.022; with 0.019 {other.printed:.1f} N"),

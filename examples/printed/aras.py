@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from printed.printed import Printed
+from printed.transfer import depth_loop, step_response
 
-from diffthrust.logs._log import Log
-from diffthrust.papers._depth_sensor import Calibration, Datasheet
-from diffthrust.papers._printed import Printed
-from diffthrust.papers._printed_transfer import depth_loop, plant, step_response
+from diffthrust import Log, blackbox
+from diffthrust.papers.aras import Calibration, Datasheet, plant
 
 _SURFACE = 1.848
 """Reading in air that section 4.2 prints [V]."""
@@ -20,10 +20,11 @@ def printed_figures(calibration: Calibration | None = None) -> list[Printed]:
     """Every printed figure of the paper that can be checked.
 
     Args:
-        calibration: of table 4 (`calibrate`); without it the rows that need it are left out.
+        calibration: of table 4 (`dft.papers.aras.calibrate`); without it the rows that need it are
+            left out.
 
     Example:
-        >>> print(dft.papers.printed_table(dft.papers.aras.printed_figures()))
+        >>> print(printed_table(printed_figures()))
     """
     rows = [*(_table_4(calibration) if calibration else []), *_sensor(), *_encoder(), *_transfer()]
     order = list(dict.fromkeys(row.what for row in rows))
@@ -104,8 +105,6 @@ def _transfer() -> list[Printed]:
 
 def _refound() -> list[float]:
     """The coefficients of G(s), found again from what it answers to steps of 13 V with noise."""
-    from diffthrust import blackbox
-
     step, n, rng = 0.01, 4000, np.random.default_rng(0)
     command = 13.0 * (np.arange(n) // 500 % 2)
     time = step * np.arange(n)
@@ -119,5 +118,5 @@ def _refound() -> list[float]:
         measured={"depth": answer + 0.005 * rng.standard_normal(n)},
         units={"command": "V", "depth": "V"},
     )
-    found = blackbox.output_error(log, input="command", output="depth").transfer()
-    return [float(x) for x in (*found.num, *found.den[1:])]
+    refound = blackbox.output_error(log, input="command", output="depth").transfer()
+    return [float(x) for x in (*refound.num, *refound.den[1:])]

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from diffthrust.papers import aras, siramdasu, yoerger
-from diffthrust.papers._depth_sensor import Calibration
-from diffthrust.papers._printed import Printed
+from printed import aras, siramdasu, yoerger
+from printed.printed import Printed
+
+from diffthrust.papers.aras import Calibration
 
 
 def printed_figures(calibration: Calibration | None = None) -> list[Printed]:
@@ -16,11 +17,11 @@ def printed_figures(calibration: Calibration | None = None) -> list[Printed]:
     records, by closed forms, and by simulation.
 
     Args:
-        calibration: of table 4 of Aras et al. (`aras.calibrate`); without it the rows that need it
-            are left out.
+        calibration: of table 4 of Aras et al. (`dft.papers.aras.calibrate`); without it the rows
+            that need it are left out.
 
     Example:
-        >>> print(dft.papers.printed_table(dft.papers.printed_figures(), width=160))
+        >>> print(printed_table(printed_figures(), width=160))
     """
     papers = {
         "Yoerger 1990": yoerger.printed_figures(),

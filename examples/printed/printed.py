@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from diffthrust._support.tables import number, plain_table, rendered
+from diffthrust._support.tables import number, plain_table, rendered  # the library's own look
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,10 @@ import math
 from dataclasses import replace
 
 import numpy as np
+from printed.printed import Printed
 
-from diffthrust.logs._log import Log
-from diffthrust.models import Vessel
-from diffthrust.papers._printed import Printed
-from diffthrust.simulation._simulate import simulate
+from diffthrust import Log, Vessel, simulate
+from diffthrust.papers.siramdasu import sensitivity, sequential
 
 _SPEEDS, _CIRCLING = (69.2, 98.0, 120.0), 98.0
 _ANGLES = (-24.0, -16.0, 8.0, 16.0, 24.0)
@@ -29,7 +28,7 @@ def printed_figures() -> list[Printed]:
     ``examples/path_tracking.py`` runs that test in a wind of its own.
 
     Example:
-        >>> print(dft.papers.printed_table(dft.papers.siramdasu.printed_figures()))
+        >>> print(printed_table(printed_figures()))
     """
     boat = Vessel()
     straight = [_record(boat, n, 0.0, 15.0) for n in _SPEEDS]
@@ -39,8 +38,6 @@ def printed_figures() -> list[Printed]:
 
 
 def _ratios(boat: Vessel, straight: list[Log], circles: list[Log]) -> list[Printed]:
-    from diffthrust.papers.siramdasu import sequential  # it offers these figures
-
     found = sequential(straight, circles, settle=_SETTLE)
     names = {"exponent": "C", "d11": "d11/A", "m11": "m11/A", "m22": "m22/A", "d22": "d22/A",
              "d33": "d33/A", "i33": "I33/A"}  # fmt: skip
@@ -66,7 +63,7 @@ def _ratios(boat: Vessel, straight: list[Log], circles: list[Log]) -> list[Print
 
 def _speeds(boat: Vessel, straight: list[Log]) -> list[Printed]:
     rest = [float(log.measured["surge"][-1]) for log in straight]
-    told = ", ".join(f"{u:.3f}" for u in rest)
+    speeds = ", ".join(f"{u:.3f}" for u in rest)
 
     def turning(speed: float) -> float:
         return (boat.d11 * speed) ** (1.0 / boat.exponent)
@@ -74,7 +71,7 @@ def _speeds(boat: Vessel, straight: list[Log]) -> list[Printed]:
     return [
         Printed("n for 0.8 m/s", 76.4, turning(0.8), "rev/s", "(d11/A 0.8)^(1/C)"),
         Printed("steady speed of the tests", 0.75, rest[_SPEEDS.index(_CIRCLING)], "m/s",
-                f"at n = 98, 15 s from rest; all three straight runs lie above it: {told} m/s; "
+                f"at n = 98, 15 s from rest; all three straight runs lie above it: {speeds} m/s; "
                 f"0.75 m/s takes {turning(0.75):.1f} rev/s"),
         Printed("section 5.2, before the turn", 0.8, rest[_SPEEDS.index(_CIRCLING)], "m/s",
                 "if at the n = 98 of section 5.1; section 5.2 prints none"),
@@ -101,8 +98,6 @@ def _signs(boat: Vessel) -> list[Printed]:
 
 
 def _sensitivity(straight: list[Log], circles: list[Log]) -> list[Printed]:
-    from diffthrust.papers.siramdasu import sensitivity
-
     middle = straight[_SPEEDS.index(_CIRCLING)]
     slow = replace(
         middle, measured={**middle.measured, "surge": (1.0 - _WRONG) * middle.measured["surge"]}

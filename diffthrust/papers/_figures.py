@@ -1,0 +1,144 @@
+"""The figures of the papers' methods."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from diffthrust._support.figures import BLUE, GREY, VERMILLION, styled, thinned
+from diffthrust.models import Vessel
+from diffthrust.papers._line import FittedLine
+from diffthrust.papers._transients import Transient
+from diffthrust.uncertainty._prediction.physical import Quantity
+
+_Points = tuple[np.ndarray, np.ndarray]
+
+
+def static_test_figure(
+    thrust: FittedLine, speed: FittedLine, ct: Quantity, ratio: Quantity
+) -> Figure:
+    """The two lines of a static test."""
+    figure = Figure(figsize=(9.0, 3.8), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    _line(left, thrust, "speed |speed| [rad²/s²]", "thrust [N]", f"ct = {ct}")
+    _line(right, speed, "command [V]", "speed |speed| [rad²/s²]", f"beta/alpha = {ratio}")
+    return figure
+
+
+def dynamic_test_figure(
+    time: np.ndarray, command: np.ndarray, measured: np.ndarray, simulated: np.ndarray, label: str
+) -> Figure:
+    """The command of a dynamic test, and what was measured and simulated."""
+    figure = Figure(figsize=(8.0, 4.6), layout="constrained")
+    top, below = figure.subplots(2, 1, sharex=True)
+    top.plot(*thinned(time, command), color="0.4", linewidth=0.9)
+    styled(top, "Dynamic test", "", "command [V]")
+    below.plot(*thinned(time, measured), color=BLUE, linewidth=1.2, label="measured")
+    below.plot(*thinned(time, simulated), color=VERMILLION, linewidth=1.0,
+               linestyle="--", label="simulated")  # fmt: skip
+    styled(below, "", "time [s]", label)
+    below.legend(fontsize=8, frameon=False, ncols=2)
+    return figure
+
+
+def steady_map_figure(thrust: np.ndarray, printed: np.ndarray, own: np.ndarray) -> Figure:
+    """Voltage against thrust, by equation 7 and of the model."""
+    figure = Figure(figsize=(6.0, 4.0), layout="constrained")
+    axes = figure.subplots()
+    axes.plot(thrust, printed, color=VERMILLION, linestyle="--",
+              label="equation 7: R T / Km + Ke √(T / KT)")  # fmt: skip
+    axes.plot(thrust, own, color=BLUE, label="steady state of the model, with friction")
+    styled(axes, "Steady map of the thruster", "thrust [N]", "voltage [V]")
+    axes.legend(fontsize=8, frameon=False)
+    return figure
+
+
+def calibration_figure(
+    lines: Mapping[str, FittedLine], together: FittedLine, slope: float, intercept: float
+) -> Figure:
+    """The readings of a depth sensor, the line through them, and the datasheet's."""
+    figure = Figure(figsize=(6.5, 4.4), layout="constrained")
+    axes = figure.subplots()
+    x = np.array([0.0, max(float(line.x.max()) for line in lines.values())])
+    looks = (("o", BLUE), ("s", "#009E73"), ("^", "#CC79A7"), ("v", GREY))
+    for i, (name, line) in enumerate(lines.items()):
+        marker, colour = looks[min(i, 3)]
+        axes.plot(line.x, line.y, marker, color=colour, markersize=4, label=name)
+    label = f"line: {together.slope:.4f} V/m, {together.intercept:.3f} V"
+    axes.plot(x, together(x), color=VERMILLION, linewidth=1.3, label=label)
+    axes.plot(x, slope * x + intercept, color="black", linestyle="--", linewidth=1.3,
+              label=f"datasheet: {slope:g} V/m, {intercept:g} V")  # fmt: skip
+    styled(axes, "Depth sensor: readings and the datasheet's line", "depth [m]", "reading [V]")
+    axes.legend(fontsize=8, frameon=False, loc="center right")
+    return figure
+
+
+def sequential_figure(
+    vessel: Vessel,
+    steady_speed: FittedLine,
+    surge: Transient,
+    lines: Mapping[str, FittedLine],
+    yaw: Transient,
+    verification: Mapping[str, _Points],
+) -> Figure:
+    """Six panels: what each parameter of a vessel was read from, fitted and verified.
+
+    Args:
+        vessel: with the values found.
+        steady_speed: ln of the steady surge against ln of the propeller speed.
+        surge: how surge approaches it.
+        lines: of ``m22``, ``d22`` and ``d33``.
+        yaw: how the yaw rate turns in.
+        verification: by parameter, the points that were not fitted.
+    """
+    figure = Figure(figsize=(12.0, 7.2), layout="constrained")
+    panels = figure.subplots(2, 3).ravel()
+    _line(
+        panels[0], steady_speed, "ln of propeller speed [rev/s]", "ln of steady surge [m/s]",
+        f"exponent = {vessel.exponent:.3g}, d11 = {vessel.d11:.3g}",
+    )  # fmt: skip
+    panels[0].set_xlim(steady_speed.x.min() - 0.1, steady_speed.x.max() + 0.1)
+    panels[0].set_ylim(steady_speed.y.min() - 0.1, steady_speed.y.max() + 0.1)
+    _transient(panels[1], surge, "surge [m/s]", f"m11 = {vessel.m11:.3g}")
+    for axes, name, x, y in (
+        (panels[2], "m22", "v r", "d11 u - n^C cos a"),
+        (panels[3], "d22", "v [m/s]", "n^C sin a - m11 u r"),
+        (panels[4], "d33", "r [rad/s]", "(m11 - m22) u v - L n^C sin a"),
+    ):
+        line = lines[name]
+        _line(axes, line, x, y, f"{name} = {line.slope:.3g}", verification[name])
+        ends = [*axes.get_lines()[0].get_xdata(), *axes.get_lines()[1].get_xdata()]  # pyright: ignore
+        axes.set_xlim(min(*ends, 0.0) * 1.1, max(*ends, 0.0) * 1.1 + 1e-3)
+    _transient(panels[5], yaw, "yaw rate [rad/s]", f"i33 = {vessel.i33:.3g}")
+    return figure
+
+
+def _line(
+    axes: Axes, line: FittedLine, x: str, y: str, title: str, others: _Points | None = None
+) -> None:
+    """_Points and their line; ``others`` are points ``(x, y)`` that were not fitted."""
+    axes.plot(line.x, line.y, "o", color=BLUE, markersize=5, label="fitted to")
+    shown = [line.x]
+    if others is not None:
+        axes.plot(*others, "s", color=GREY, markersize=5, label="verified on")
+        shown.append(others[0])
+    ends = np.array([min(0.0, *(np.min(v) for v in shown)), max(np.max(v) for v in shown)])
+    axes.plot(ends, line(ends), color=VERMILLION, linewidth=1.3, label="line")
+    styled(axes, title, x, y)
+    axes.legend(fontsize=8, frameon=False)
+
+
+def _transient(axes: Axes, transient: Transient, label: str, title: str) -> None:
+    for kind, runs, colour in (
+        ("fitted to", transient.runs, BLUE),
+        ("verified on", transient.others, GREY),
+    ):
+        for k, (time, measured, _) in enumerate(runs):
+            axes.plot(time, measured, ".", color=colour, markersize=3, label="" if k else kind)
+    for k, (time, _, course) in enumerate((*transient.runs, *transient.others)):
+        axes.plot(time, course, color=VERMILLION, linewidth=1.2, label="" if k else "curve")
+    styled(axes, title, "time since the step [s]", label)
+    axes.legend(fontsize=8, frameon=False)
