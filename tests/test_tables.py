@@ -7,7 +7,7 @@ import pytest
 
 import diffthrust as dft
 from diffthrust._support.tables import number, rendered, with_error
-from diffthrust.cli._effects import effects_table
+from diffthrust.cli._tables import catalogue_table
 from diffthrust.comparison._tables import comparison_table
 from diffthrust.effects import EFFECTS
 from diffthrust.estimation._tables import fit_table
@@ -54,7 +54,7 @@ def test_the_table_of_a_comparison(fit, line):
 
 def test_the_catalogue_of_effects():
     models = {name: model() for name, model in MODELS.items()}
-    text = " ".join(rendered(effects_table(EFFECTS.values(), models)).split())
+    text = " ".join(rendered(catalogue_table(EFFECTS.values(), models)).split())
     for name, effect in EFFECTS.items():
         assert name in text
         assert (effect.__doc__ or "").strip().splitlines()[0] in text

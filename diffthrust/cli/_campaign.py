@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from diffthrust.cli._options import JsonPath, names_in, show, written
-from diffthrust.cli._session import CHECK_FAILED, session
+from diffthrust._support.files import write_json
+from diffthrust._support.progress import Progress
+from diffthrust.cli._session import CHECK_FAILED, JsonPath, effect_names, session, show, written
 
 _EVERY = 30.0
 """Seconds between two lines of progress where there is no terminal."""
 
 
-class Task(StrEnum):
+class TaskName(StrEnum):
     """The tasks, by the names of the option."""
 
     fit = "fit"
@@ -25,13 +25,13 @@ class Task(StrEnum):
     sample = "sample"
 
 
-def campaign(
+def campaign_command(
     directory: Annotated[
         Path, typer.Argument(metavar="DIR", help="A folder, searched with all that is below it.")
     ],
     task: Annotated[
-        Task, typer.Option("--task", help="What to do with each spec that is found.")
-    ] = Task.fit,
+        TaskName, typer.Option("--task", help="What to do with each spec that is found.")
+    ] = TaskName.fit,
     output: Annotated[
         Path, typer.Option("--output", metavar="OUT", help="Where the results go.")
     ] = Path("campaign_output"),
@@ -69,10 +69,10 @@ def campaign(
     Exit status 1 where a spec has no result: it failed, ran out of time, or lost its worker.
     """
     with session() as progress:
-        from diffthrust.many import campaign as run
+        from diffthrust.many import campaign
         from diffthrust.many._campaign.tables import campaign_table
 
-        done = run(
+        finished = campaign(
             directory,
             task=task.value,
             output=output,
@@ -81,24 +81,22 @@ def campaign(
             time_limit=time_limit,
             report=report,
             progress=progress or _lines(),
-            candidates=names_in(candidates),
+            candidates=effect_names(candidates),
             method=method,
             draws=draws,
             warmup=warmup,
             seed=seed,
         )
         if json:
-            from diffthrust._support.files import write_json
-
-            write_json(json, done.to_json())
-        table = campaign_table(done)
+            write_json(json, finished.to_json())
+        table = campaign_table(finished)
     show(table)
-    written(done.path, json)
-    if not done.ok:
+    written(finished.path, json)
+    if not finished.ok:
         raise typer.Exit(CHECK_FAILED)
 
 
-def _lines() -> Callable[[str, float], None]:
+def _lines() -> Progress:
     """Progress as a line on standard error from time to time, for the files of batch systems."""
     last = time.monotonic()
 

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from diffthrust.cli._options import JsonPath, ends, show, written
-from diffthrust.cli._session import CHECK_FAILED, session
+from diffthrust._support.files import write_json
+from diffthrust.cli._session import CHECK_FAILED, JsonPath, file_type, session, show, written
 
 if TYPE_CHECKING:
     from diffthrust.checks._check import Checked
 
-MOST = 10
+_ANNOTATIONS = 10
 """Annotations of one kind that GitHub shows for a step."""
 
 
@@ -41,7 +41,7 @@ def check_command(
             "--junit",
             metavar="FILE.xml",
             help="Write the results as JUnit XML, for CI services.",
-            callback=ends(".xml"),
+            callback=file_type(".xml"),
         ),
     ] = None,
     json: JsonPath = None,
@@ -49,14 +49,11 @@ def check_command(
     """Run every fit.toml below DIR again; exit status 1 where one has moved."""
     with session() as progress:
         from diffthrust.checks._check import check
+        from diffthrust.checks._tables import check_table
 
         checked = check(directory, update, progress, jobs=jobs, junit=junit)
         if json:
-            from diffthrust._support.files import write_json
-
             write_json(json, checked.to_json())
-    from diffthrust.checks._tables import check_table
-
     show(check_table(checked, everything))
     if os.environ.get("GITHUB_ACTIONS") == "true":
         for line in error_lines(checked):
@@ -71,10 +68,10 @@ def error_lines(checked: Checked) -> list[str]:
     from diffthrust.checks._tables import by_size, sentence
 
     lines = []
-    for run in [run for run in checked.runs if not run.ok][:MOST]:
+    for run in [run for run in checked.runs if not run.ok][:_ANNOTATIONS]:
         file, title = (_escaped(str(part), ":,") for part in (run.file, run.fit))
-        told = "\n".join(map(sentence, by_size(row for row in run.rows if not row.ok)))
-        lines.append(f"::error file={file},title={title}::{_escaped(told)}")
+        moved = "\n".join(map(sentence, by_size(row for row in run.rows if not row.ok)))
+        lines.append(f"::error file={file},title={title}::{_escaped(moved)}")
     return lines
 
 

@@ -1,99 +1,72 @@
-"""The demo of a diagnosis: a thruster with effects that its model lacks, as a user's folder."""
+"""The command ``diffthrust demo``: a fit, or a diagnosis, of logs that come with the package."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
-import numpy as np
+import typer
 
-from diffthrust import effects
 from diffthrust._support.errors import InputError
-from diffthrust._support.files import made_folder, write_whole
-from diffthrust.logs._log import Log
-from diffthrust.models import Thruster
-from diffthrust.simulation._simulate import simulate
-
-STEP = 0.05
-SAMPLES = 1200
-SEEDS = {"train_1.csv": 1, "train_2.csv": 2, "unseen.csv": 3}
-HIDDEN = (
-    effects.CommandDeadband(width=0.25),
-    effects.ReverseThrustAsymmetry(change=-0.15),
-)
-SPEC = """\
-# A simulated thruster with effects that the plain model lacks. Which? Ask:
-#
-#     diffthrust diagnose {folder} --report diagnosis.html
-
-model = "thruster"
-
-[logs]
-train = ["train_1.csv", "train_2.csv"]
-holdout = ["unseen.csv"]
-time = {{ column = "time", unit = "s" }}
-
-[channels.command]
-column = "command"
-unit = "V"
-
-[channels.speed]
-column = "speed"
-unit = "rad/s"
-
-[channels.thrust]
-column = "thrust"
-unit = "N"
-"""
+from diffthrust.cli._diagnose import diagnose_command
+from diffthrust.cli._session import session, show, write_figure, written
 
 
-def hidden_folder(folder: Path) -> Path:
-    """Write three logs of a thruster with hidden effects, and a spec of the plain model.
-
-    Args:
-        folder: where to; made if it is not there.
-
-    Returns:
-        The folder, as `load_spec` takes it.
-
-    Raises:
-        InputError: the folder cannot be made or written to.
-
-    Example:
-        >>> spec = load_spec(hidden_folder(Path("demo_output")))
-    """
-    folder_at(folder)
-    spec = folder / "fit.toml"
-    if spec.exists() and not spec.read_text(errors="replace").startswith(SPEC.split(".")[0]):
-        raise InputError(
-            f"{spec}: expected an empty folder or that of an earlier demo, found another spec.",
-            "Name another folder: diffthrust demo --missing --output DIR.",
-        )
-    for name, seed in SEEDS.items():
-        write_whole(folder / name, _table(seed).encode())
-    write_whole(spec, SPEC.format(folder=folder).encode())
-    return folder
+def demo_command(
+    output: Annotated[
+        Path, typer.Option("--output", metavar="DIR", help="Where to put what it writes.")
+    ] = Path("demo_output"),
+    missing: Annotated[
+        bool,
+        typer.Option("--missing", help="Diagnose a thruster with effects that its model lacks."),
+    ] = False,
+) -> None:
+    """Fit the thruster to a log that comes with the package, and try it on an unseen one."""
+    if missing:
+        _diagnosed(output)
+    else:
+        _fitted(output)
 
 
-def folder_at(folder: Path) -> Path:
-    """The folder, made if it is not there.
+def _diagnosed(output: Path) -> None:
+    with session():
+        from diffthrust.cli._demo_logs import hidden_folder
+
+        folder = hidden_folder(output)
+    show(f"Made three logs of a thruster, and a spec of a plainer one, in {folder}.")
+    diagnose_command(folder, report=output / "diagnosis.html")
+
+
+def _fitted(output: Path) -> None:
+    with session() as progress:
+        from diffthrust.cli._demo_logs import folder_at
+        from diffthrust.comparison._page import comparisons_of
+        from diffthrust.estimation._tables import fit_table
+        from diffthrust.specs._spec import load_spec
+
+        loaded = load_spec(_demo_folder())
+        train, holdout = loaded.train_logs(), loaded.holdout_logs()
+        fit = loaded.fit(progress, train=train, holdout=holdout)
+        figure = folder_at(output) / "comparison.png"
+        write_figure(figure, comparisons_of(fit, train, holdout)["unseen logs"].plot())
+    show(fit_table(fit))
+    assert fit.holdout is not None
+    show(f"Error on the unseen log: NRMSE {fit.holdout.nrmse:.4f}.")
+    written(figure)
+
+
+def _demo_folder() -> Path:
+    """The folder of the demo's spec and logs, in a wheel or in a checkout.
 
     Raises:
-        InputError: it cannot be made.
+        InputError: neither place has it.
     """
-    return made_folder(folder, "Name another: diffthrust demo --output DIR.")
-
-
-def _table(seed: int) -> str:
-    """One log as CSV: levels of the command held for a while, and sensors with noise."""
-    rng = np.random.default_rng(seed)
-    time = STEP * np.arange(SAMPLES)
-    command = np.repeat(rng.uniform(-4.0, 4.0, SAMPLES // 30), 30)
-    real = Thruster(alpha=0.037, beta=42.0, ct=0.02)
-    for effect in HIDDEN:
-        real = real + effect
-    found = simulate(real, Log(time, {"command": command}, {}))
-    speed = found["speed"] + rng.normal(0.0, 0.3, SAMPLES)
-    thrust = found["thrust"] + rng.normal(0.0, 0.2, SAMPLES)
-    rows = zip(time, command, speed, thrust, strict=True)
-    lines = [",".join(f"{value:.4f}" for value in row) for row in rows]
-    return "\n".join(["time,command,speed,thrust", *lines, ""])
+    here = Path(__file__).resolve().parent
+    places = (here / "demo_log", here.parents[1] / "fits" / "jason_thruster")
+    for place in places:
+        if (place / "fit.toml").is_file():
+            return place
+    raise InputError(
+        f"The demo's log is missing; it is looked for in {places[0]} and {places[1]}.",
+        "Install the package again.",
+    )

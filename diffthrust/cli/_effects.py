@@ -1,46 +1,18 @@
-"""The catalogue of effects as a table for people."""
+"""The command ``diffthrust effects``: the catalogue."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING
-
-from rich.console import Group, RenderableType
-from rich.markup import escape
-from rich.table import Table
-from rich.text import Text
-
-from diffthrust.models._base.effect import Effect
-from diffthrust.models._base.model import Model
-
-if TYPE_CHECKING:
-    pass
+from diffthrust.cli._session import session, show
 
 
-def effects_table(effects: Iterable[type[Effect]], models: Mapping[str, Model]) -> RenderableType:
-    """The catalogue: what each effect does, where, with which parameters, for which models."""
-    parts: list[RenderableType] = []
-    for effect in sorted(effects, key=lambda e: (e.port, e.name)):
-        suits = [name for name, model in models.items() if _suits(model, effect())]
-        first = (effect.__doc__ or "").strip().splitlines()
-        table = Table(box=None, show_header=False, padding=(0, 1), pad_edge=False)
-        table.add_column(style="dim", no_wrap=True)
-        table.add_column()
-        table.add_row("  port", ", ".join(effect.ports))
-        for name, p in effect.declared.items():
-            start = f"{name} [{p.unit or '-'}]" + (" (fixed)" if p.fixed else "")
-            null = f", null {p.null:g}" if p.null is not None else ""
-            table.add_row("  parameter", escape(f"{start}, starts at {p.value:g}{null}"))
-        table.add_row("  needs", ", ".join(effect.needs) or "nothing besides the model's channels")
-        table.add_row("  models", ", ".join(suits) or "none of the catalogue")
-        title = Text.assemble((effect.name, "bold cyan"), f": {first[0] if first else ''}")
-        parts += [title, table, Text()]
-    return Group(*parts)
+def effects_command() -> None:
+    """List the effects that a model can be given: what each does, where, and its parameters."""
+    with session():
+        from diffthrust.cli._tables import catalogue_table
+        from diffthrust.models import MODELS, Vessel
+        from diffthrust.models._base.registry import catalogue
 
-
-def _suits(model: Model, effect: Effect) -> bool:
-    try:
-        _ = model + effect
-    except ValueError:
-        return False
-    return True
+        models = {name: model() for name, model in MODELS.items()}
+        models["vessel (twin)"] = Vessel(drive="twin")
+        table = catalogue_table(catalogue().values(), models)
+    show(table)

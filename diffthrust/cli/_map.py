@@ -2,24 +2,39 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 
 from diffthrust._support.errors import InputError
-from diffthrust.cli._options import JsonPath, SpecPath, ends, show, written
-from diffthrust.cli._session import session
+from diffthrust._support.files import write_json
+from diffthrust.cli._session import (
+    FIGURE_TYPES,
+    JsonPath,
+    SpecPath,
+    file_type,
+    session,
+    show,
+    write_figure,
+    written,
+)
 
-POINTS = 24
+if TYPE_CHECKING:
+    import numpy as np
+
+    from diffthrust.logs._log import Log
+    from diffthrust.models._base.model import Model
+
+_POINTS = 24
 """Amplitudes and frequencies of a map, where these are not given."""
-SPAN = 50.0
+_SPAN = 50.0
 """The largest amplitude over the smallest, where these are not given."""
 
 
-class Method(StrEnum):
+class MapMethod(StrEnum):
     """How the map is worked out, by the names of the option."""
 
     simulation = "simulation"
@@ -42,15 +57,15 @@ def map_command(
     frequencies: Annotated[
         str,
         typer.Option("--frequencies", metavar="A,B,... or MIN:MAX:N", help="In rad/s; N as above."),
-    ] = f"0.1:30:{POINTS}",
+    ] = f"0.1:30:{_POINTS}",
     method: Annotated[
-        Method,
+        MapMethod,
         typer.Option(
             "--method",
             help="simulation and harmonic_balance take any model; paper and consistent are the "
             "closed forms of the plain thruster.",
         ),
-    ] = Method.simulation,
+    ] = MapMethod.simulation,
     harmonics: Annotated[
         int, typer.Option("--harmonics", metavar="N", min=1, help="Of the harmonic balance.")
     ] = 15,
@@ -82,7 +97,7 @@ def map_command(
             "--figure",
             metavar="FILE.png",
             help="Draw gain and phase.",
-            callback=ends(".png", ".svg", ".pdf"),
+            callback=file_type(*FIGURE_TYPES),
         ),
     ] = None,
 ) -> None:
@@ -98,9 +113,9 @@ def map_command(
                 "--draws: expected a fit, whose covariance is drawn from, found --no-fit.",
                 "Leave one of the two out.",
             )
-        grids = {"frequencies": numbers("--frequencies", frequencies)}
+        grids = {"frequencies": grid_points("--frequencies", frequencies)}
         if amplitudes is not None:
-            grids["amplitudes"] = numbers("--amplitudes", amplitudes)
+            grids["amplitudes"] = grid_points("--amplitudes", amplitudes)
         loaded = load_spec(spec)
         train, unseen = loaded.train_logs(), loaded.holdout_logs()
         if amplitudes is None:
@@ -111,30 +126,30 @@ def map_command(
             **{"method": method.value, "harmonics": harmonics},
         }
         if draws is None:
-            found = describing_function(fit or loaded.model, **grids, **asked)
-            table = describing_table(found)
+            response = describing_function(fit or loaded.model, **grids, **asked)
+            table = describing_table(response)
         else:
-            found = uncertainty(fit, **grids, **asked, draws=draws)
-            table = band_table(found)
+            response = uncertainty(fit, **grids, **asked, draws=draws)
+            table = band_table(response)
         if json:
-            from diffthrust._support.files import write_json
-
             status = {"status": fit.status.value, "message": fit.message} if fit else None
-            write_json(json, {**found.to_json(), "fit": status})
+            write_json(json, {**response.to_json(), "fit": status})
         if figure:
-            _write_figure(figure, found)
+            write_figure(figure, response.plot())
     if fit:
         show(f"Status: {fit.status.value}. {fit.message}")
     show(table)
     written(json, figure)
 
 
-def numbers(option: str, text: str) -> np.ndarray:
+def grid_points(option: str, text: str) -> np.ndarray:
     """The numbers in ``a,b,c``, or the N evenly in the logarithm in ``min:max:n``.
 
     Raises:
         InputError: neither.
     """
+    import numpy as np
+
     try:
         if ":" in text:
             low, high, count = text.split(":")
@@ -151,25 +166,16 @@ def numbers(option: str, text: str) -> np.ndarray:
         ) from None
 
 
-def _within(model: Any, name: str, logs: Any, bias: float) -> np.ndarray:
+def _within(model: Model, name: str, logs: Sequence[Log], bias: float) -> np.ndarray:
     """Amplitudes up to the largest that the logs show, for a map of what was identified."""
+    import numpy as np
+
     from diffthrust.simulation._inputs import inputs_of
 
-    given = [inputs_of(model, log).get(name, np.zeros(1)) for log in logs]
-    largest = max((float(np.nanmax(np.abs(series - bias))) for series in given), default=0.0)
+    every = [inputs_of(model, log).get(name, np.zeros(1)) for log in logs]
+    largest = max((float(np.nanmax(np.abs(series - bias))) for series in every), default=0.0)
     if not largest > 0:
         raise InputError(
             f"The logs do not tell how far {name!r} swings.", "Give --amplitudes, as 0.1:10:24."
         )
-    return np.geomspace(largest / SPAN, largest, POINTS)
-
-
-def _write_figure(path: Path, found: Any) -> None:
-    from io import BytesIO
-
-    from diffthrust._support.files import ending, write_whole
-
-    kind = ending(path, ".png", ".svg", ".pdf").removeprefix(".")
-    out = BytesIO()
-    found.plot().savefig(out, format=kind, dpi=120)
-    write_whole(path, out.getvalue())
+    return np.geomspace(largest / _SPAN, largest, _POINTS)

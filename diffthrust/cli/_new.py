@@ -8,8 +8,7 @@ from typing import Annotated
 import typer
 
 from diffthrust._support.errors import InputError
-from diffthrust.cli._options import show, written
-from diffthrust.cli._session import session
+from diffthrust.cli._session import session, show, written
 
 
 def new_command(

@@ -4,27 +4,35 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from diffthrust.cli._options import JsonPath, ReportPath, SpecPath, ends, show, written
-from diffthrust.cli._session import session
+from diffthrust._support.files import write_json
+from diffthrust.cli._session import (
+    JsonPath,
+    ReportPath,
+    SpecPath,
+    file_type,
+    session,
+    show,
+    written,
+)
 
 
-class Method(StrEnum):
+class Sampler(StrEnum):
     """The samplers, by the names of the option."""
 
     emcee = "emcee"
     nuts = "nuts"
 
 
-def sample(
+def sample_command(
     spec: SpecPath,
     method: Annotated[
-        Method,
+        Sampler,
         typer.Option("--method", help="emcee: an ensemble of walkers; nuts: along the gradient."),
-    ] = Method.emcee,
+    ] = Sampler.emcee,
     draws: Annotated[
         int, typer.Option("--draws", metavar="N", min=10, help="Draws of each walker or chain.")
     ] = 2000,
@@ -40,7 +48,7 @@ def sample(
             "--file",
             metavar="CHAIN.h5",
             help="Keep the chain in this file (emcee); a run that was killed goes on from it.",
-            callback=ends(".h5", ".hdf5"),
+            callback=file_type(".h5", ".hdf5"),
         ),
     ] = None,
     walkers: Annotated[
@@ -53,16 +61,16 @@ def sample(
     """Draw from the posterior: what the logs say of each parameter, and how far to trust it."""
     with session() as progress:
         from diffthrust.specs._spec import load_spec
-        from diffthrust.uncertainty._sampling.sample import check
-        from diffthrust.uncertainty._sampling.sample import sample as run
-        from diffthrust.uncertainty._sampling.summary import Sampled, sampled
+        from diffthrust.uncertainty._sampling.page import write_report
+        from diffthrust.uncertainty._sampling.sample import check, sample
+        from diffthrust.uncertainty._sampling.summary import sampled
         from diffthrust.uncertainty._sampling.tables import sample_table
 
         check(method.value, draws, warmup, chains, seed, walkers, file)  # before the fit
         loaded = load_spec(spec)
         train, unseen = loaded.train_logs(), loaded.holdout_logs()
         fit = loaded.fit(progress, train=train, holdout=unseen)
-        post = run(
+        post = sample(
             fit,
             train,
             method=method.value,
@@ -74,19 +82,11 @@ def sample(
             file=file,
             progress=progress,
         )
-        found: Sampled = sampled(post, fit, train, unseen, seed=seed)
+        posterior = sampled(post, fit, train, unseen, seed=seed)
         if json:
-            from diffthrust._support.files import write_json
-
-            write_json(json, found.to_json())
+            write_json(json, posterior.to_json())
         if report:
-            _report(report, found, loaded)
-        table = sample_table(found)
+            write_report(posterior, report, title=f"Posterior: {loaded.name}", spec=loaded.text)
+        table = sample_table(posterior)
     show(table)
     written(file, json, report)
-
-
-def _report(path: Path, found: Any, loaded: Any) -> None:
-    from diffthrust.uncertainty._sampling.page import write_report
-
-    write_report(found, path, title=f"Posterior: {loaded.name}", spec=loaded.text)

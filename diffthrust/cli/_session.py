@@ -1,4 +1,4 @@
-"""What every command of the command line runs in."""
+"""What the commands share: what they run in, their options, and how results are shown."""
 
 from __future__ import annotations
 
@@ -7,17 +7,26 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.files import ending, write_whole
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from rich.console import RenderableType
+
+    from diffthrust._support.progress import Progress
 
 DONE, CHECK_FAILED, BAD_INPUT, DEFECT, STOPPED = 0, 1, 2, 3, 130
+FIGURE_TYPES = (".png", ".svg", ".pdf")
 
 
 @contextmanager
-def session() -> Iterator[Callable[[str, float], None] | None]:
+def session() -> Iterator[Progress | None]:
     """What every command needs: the cache, progress on a terminal, and errors as one message."""
     from diffthrust._support._running.cache import enable_compilation_cache
 
@@ -54,7 +63,7 @@ def _warned(message: Warning | str, category: type[Warning], *_: Any, **__: Any)
 
 
 @contextmanager
-def _progress() -> Iterator[Callable[[str, float], None] | None]:
+def _progress() -> Iterator[Progress | None]:
     """A bar on standard error where that is a terminal; nothing elsewhere."""
     if not sys.stderr.isatty():
         yield None
@@ -66,3 +75,80 @@ def _progress() -> Iterator[Callable[[str, float], None] | None]:
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("reading", total=1.0)
         yield lambda message, done: bar.update(task, description=message, completed=done)
+
+
+SpecPath = Annotated[
+    Path, typer.Argument(metavar="SPEC", help="A spec file (TOML), or a folder with a fit.toml.")
+]
+
+
+def file_type(*kinds: str) -> Callable[[Path | None], Path | None]:
+    """A check before the work: the name of a file says what will be in it."""
+
+    def check(path: Path | None) -> Path | None:
+        try:
+            if path:
+                ending(path, *kinds)
+        except InputError as error:
+            raise typer.BadParameter(str(error)) from None
+        return path
+
+    return check
+
+
+JsonPath = Annotated[
+    Path | None,
+    typer.Option(
+        "--json",
+        metavar="FILE.json",
+        help="Write the results as JSON.",
+        callback=file_type(".json"),
+    ),
+]
+ReportPath = Annotated[
+    Path | None,
+    typer.Option(
+        "--report",
+        metavar="FILE.html",
+        help="Write a page with tables and figures.",
+        callback=file_type(".html", ".htm"),
+    ),
+]
+
+
+def effect_names(text: str | None) -> list[str] | None:
+    """The names in ``a,b,c``."""
+    if text is None:
+        return None
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    if not names:
+        raise InputError(
+            "--candidates: expected names of effects, found none.",
+            "Name them with commas between, or leave --candidates out to try all.",
+        )
+    return names
+
+
+def show(thing: RenderableType) -> None:
+    """Print text or a table."""
+    from rich.console import Console
+
+    # files and pipes have no width: let no table be folded there
+    console = Console(width=None if sys.stdout.isatty() else 140, highlight=False)
+    console.print(thing)
+
+
+def write_figure(path: Path, figure: Figure) -> None:
+    """Write a figure in the format that the name of the file ends in."""
+    from io import BytesIO
+
+    out = BytesIO()
+    figure.savefig(out, format=ending(path, *FIGURE_TYPES).removeprefix("."), dpi=120)
+    write_whole(path, out.getvalue())
+
+
+def written(*paths: Path | None) -> None:
+    """Name the files that were written."""
+    for path in paths:
+        if path:
+            typer.echo(f"Written: {path}")

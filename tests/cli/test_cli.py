@@ -18,7 +18,7 @@ import diffthrust
 import diffthrust as dft
 from diffthrust._support._running import cache
 from diffthrust.cli import _app
-from diffthrust.cli._demo import HIDDEN, hidden_folder
+from diffthrust.cli._demo_logs import HIDDEN, hidden_folder
 from diffthrust.specs._spec import load_spec
 
 

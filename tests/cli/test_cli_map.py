@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from diffthrust._support.errors import InputError
 from diffthrust.cli import _app
-from diffthrust.cli._map import numbers
+from diffthrust.cli._map import grid_points
 
 JASON = FITS / "jason_thruster"
 
@@ -88,9 +88,9 @@ def test_bad_words_end_with_status_2(words, match):
     assert match in result.stderr
 
 
-def test_numbers():
-    np.testing.assert_allclose(numbers("x", "2, 1,1"), [1.0, 2.0])
-    np.testing.assert_allclose(numbers("x", "0.1:10:3"), [0.1, 1.0, 10.0])
+def test_grid_points():
+    np.testing.assert_allclose(grid_points("x", "2, 1,1"), [1.0, 2.0])
+    np.testing.assert_allclose(grid_points("x", "0.1:10:3"), [0.1, 1.0, 10.0])
     for text in ("1:2", "1:2:x", "0:1:4", "1:2:1", "a,b"):
         with pytest.raises(InputError):
-            numbers("x", text)
+            grid_points("x", text)

@@ -1,0 +1,61 @@
+"""The command ``diffthrust compare``: a model held against its logs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from diffthrust._support.files import write_json
+from diffthrust.cli._session import (
+    JsonPath,
+    ReportPath,
+    SpecPath,
+    session,
+    show,
+    write_figure,
+    written,
+)
+
+
+def compare_command(
+    spec: SpecPath,
+    no_fit: Annotated[
+        bool, typer.Option("--no-fit", help="Take the parameters as the spec gives them.")
+    ] = False,
+    json: JsonPath = None,
+    report: ReportPath = None,
+    figure: Annotated[
+        Path | None,
+        typer.Option("--figure", metavar="FILE.png", help="Draw the unseen logs, or all if none."),
+    ] = None,
+) -> None:
+    """Hold a model against its logs, run by run, after a fit or as it stands."""
+    with session() as progress:
+        from diffthrust.comparison._page import comparisons_of, write_report
+        from diffthrust.comparison._tables import comparison_table
+        from diffthrust.specs._spec import load_spec
+
+        loaded = load_spec(spec)
+        train, holdout = loaded.train_logs(), loaded.holdout_logs()
+        fit = None if no_fit else loaded.fit(progress, train=train, holdout=holdout)
+        comparisons = comparisons_of(fit or loaded.model, train, holdout)
+        if json:
+            parts = {name.split()[0]: c.to_json() for name, c in comparisons.items()}
+            head = {k: next(iter(parts.values()))[k] for k in ("schema", "model", "effects")}
+            short = {k: {n: v[n] for n in ("errors", "runs")} for k, v in parts.items()}
+            short = {"train": short["training"], "holdout": short.get("unseen")}
+            status = fit.status.value if fit else None
+            write_json(json, {**head, "status": status, **short})
+        if report:
+            write_report(
+                report, title=loaded.name, spec=loaded.text, comparisons=comparisons, fit=fit
+            )
+        if figure:
+            write_figure(figure, list(comparisons.values())[-1].plot())
+    if fit:
+        show(f"Status: {fit.status.value}. {fit.message}")
+    for name, comparison in comparisons.items():
+        show(comparison_table(comparison, name))
+    written(json, report, figure)

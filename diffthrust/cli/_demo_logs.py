@@ -1,0 +1,99 @@
+"""Logs for a diagnosis: a thruster with effects that its model lacks, as a user's folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from diffthrust import effects
+from diffthrust._support.errors import InputError
+from diffthrust._support.files import made_folder, write_whole
+from diffthrust.logs._log import Log
+from diffthrust.models import Thruster
+from diffthrust.simulation._simulate import simulate
+
+_STEP = 0.05
+_SAMPLES = 1200
+_SEEDS = {"train_1.csv": 1, "train_2.csv": 2, "unseen.csv": 3}
+HIDDEN = (
+    effects.CommandDeadband(width=0.25),
+    effects.ReverseThrustAsymmetry(change=-0.15),
+)
+_SPEC = """\
+# A simulated thruster with effects that the plain model lacks. Which? Ask:
+#
+#     diffthrust diagnose {folder} --report diagnosis.html
+
+model = "thruster"
+
+[logs]
+train = ["train_1.csv", "train_2.csv"]
+holdout = ["unseen.csv"]
+time = {{ column = "time", unit = "s" }}
+
+[channels.command]
+column = "command"
+unit = "V"
+
+[channels.speed]
+column = "speed"
+unit = "rad/s"
+
+[channels.thrust]
+column = "thrust"
+unit = "N"
+"""
+
+
+def hidden_folder(folder: Path) -> Path:
+    """Write three logs of a thruster with hidden effects, and a spec of the plain model.
+
+    Args:
+        folder: where to; made if it is not there.
+
+    Returns:
+        The folder, as `load_spec` takes it.
+
+    Raises:
+        InputError: the folder cannot be made or written to.
+
+    Example:
+        >>> spec = load_spec(hidden_folder(Path("demo_output")))
+    """
+    folder_at(folder)
+    spec = folder / "fit.toml"
+    if spec.exists() and not spec.read_text(errors="replace").startswith(_SPEC.split(".")[0]):
+        raise InputError(
+            f"{spec}: expected an empty folder or that of an earlier demo, found another spec.",
+            "Name another folder: diffthrust demo --missing --output DIR.",
+        )
+    for name, seed in _SEEDS.items():
+        write_whole(folder / name, _table(seed).encode())
+    write_whole(spec, _SPEC.format(folder=folder).encode())
+    return folder
+
+
+def folder_at(folder: Path) -> Path:
+    """The folder, made if it is not there.
+
+    Raises:
+        InputError: it cannot be made.
+    """
+    return made_folder(folder, "Name another: diffthrust demo --output DIR.")
+
+
+def _table(seed: int) -> str:
+    """One log as CSV: levels of the command held for a while, and sensors with noise."""
+    rng = np.random.default_rng(seed)
+    time = _STEP * np.arange(_SAMPLES)
+    command = np.repeat(rng.uniform(-4.0, 4.0, _SAMPLES // 30), 30)
+    real = Thruster(alpha=0.037, beta=42.0, ct=0.02)
+    for effect in HIDDEN:
+        real = real + effect
+    outputs = simulate(real, Log(time, {"command": command}, {}))
+    speed = outputs["speed"] + rng.normal(0.0, 0.3, _SAMPLES)
+    thrust = outputs["thrust"] + rng.normal(0.0, 0.2, _SAMPLES)
+    rows = zip(time, command, speed, thrust, strict=True)
+    lines = [",".join(f"{value:.4f}" for value in row) for row in rows]
+    return "\n".join(["time,command,speed,thrust", *lines, ""])

@@ -1,0 +1,48 @@
+"""The command ``diffthrust diagnose``: what a model lacks."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from diffthrust._support.files import write_json
+from diffthrust.cli._session import (
+    JsonPath,
+    ReportPath,
+    SpecPath,
+    effect_names,
+    session,
+    show,
+    written,
+)
+
+
+def diagnose_command(
+    spec: SpecPath,
+    candidates: Annotated[
+        str | None,
+        typer.Option(
+            "--candidates",
+            metavar="A,B,...",
+            help="Effects to try, also script.py:Class; 'all', the default, is the catalogue.",
+        ),
+    ] = None,
+    json: JsonPath = None,
+    report: ReportPath = None,
+) -> None:
+    """Find what a model lacks: where it fails, which effect is missing, what cannot be told."""
+    with session() as progress:
+        from diffthrust.diagnosis._page import write_report
+        from diffthrust.diagnosis._tables import diagnosis_table
+        from diffthrust.specs._spec import load_spec
+
+        loaded = load_spec(spec)
+        diagnosis = loaded.diagnose(progress, candidates=effect_names(candidates))
+        if json:
+            write_json(json, diagnosis.to_json())
+        if report:
+            write_report(diagnosis, report, title=f"Diagnosis: {loaded.name}", spec=loaded.text)
+        table = diagnosis_table(diagnosis)
+    show(table)
+    written(json, report)

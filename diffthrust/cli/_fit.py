@@ -1,0 +1,27 @@
+"""The command ``diffthrust fit``: the parameters that logs give a model."""
+
+from __future__ import annotations
+
+from diffthrust._support.files import write_json
+from diffthrust.cli._session import JsonPath, ReportPath, SpecPath, session, show, written
+
+
+def fit_command(spec: SpecPath, json: JsonPath = None, report: ReportPath = None) -> None:
+    """Estimate the free parameters of a model from logs, and try it on unseen ones."""
+    with session() as progress:
+        from diffthrust.comparison._page import comparisons_of, write_report
+        from diffthrust.estimation._tables import fit_table
+        from diffthrust.specs._spec import load_spec
+
+        loaded = load_spec(spec)
+        train, holdout = loaded.train_logs(), loaded.holdout_logs()
+        fit = loaded.fit(progress, train=train, holdout=holdout)
+        if json:
+            write_json(json, fit.to_json())
+        if report:
+            comparisons = comparisons_of(fit, train, holdout)
+            write_report(
+                report, title=loaded.name, spec=loaded.text, comparisons=comparisons, fit=fit
+            )
+    show(fit_table(fit))
+    written(json, report)
