@@ -1,2 +1,2 @@
-from ._check import Checked as Checked
 from ._check import check as check
+from ._result import Checked as Checked

@@ -4,67 +4,26 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import NoReturn
 
 from diffthrust._support._running.pool import processors
 from diffthrust._support.errors import InputError
-from diffthrust.checks._expected import Row
-from diffthrust.checks._parallel import Task, run_all
-from diffthrust.checks._run import Run, run_again
+from diffthrust._support.files import ending
+from diffthrust._support.progress import Progress
+from diffthrust.checks._result import Checked, FitRun
+from diffthrust.checks._run import Task, run_again, run_all
 from diffthrust.specs._file import NAME
 
-FEWEST = 3
+_FEWEST = 3
 """Fits below which another process is not worth its start."""
-
-
-@dataclass(frozen=True)
-class Checked:
-    """The outcome of a check.
-
-    Args:
-        runs: one for each fit, in the order of their names.
-    """
-
-    runs: tuple[Run, ...]
-
-    @property
-    def rows(self) -> tuple[Row, ...]:
-        """One for each quantity of each fit."""
-        return tuple(row for run in self.runs for row in run.rows)
-
-    @property
-    def ok(self) -> bool:
-        """Whether every row agrees."""
-        return all(run.ok for run in self.runs)
-
-    @property
-    def fits(self) -> tuple[str, ...]:
-        """Names of the fits, in order."""
-        return tuple(run.fit for run in self.runs)
-
-    @property
-    def updated(self) -> tuple[str, ...]:
-        """Names of the fits whose [expected] block was written anew."""
-        return tuple(run.fit for run in self.runs if run.updated)
-
-    def to_json(self) -> dict[str, Any]:
-        """The rows as plain data."""
-        return {
-            "schema": 1,
-            "ok": self.ok,
-            "updated": list(self.updated),
-            "rows": [row.to_json() for row in self.rows],
-            "fits": [run.to_json() for run in self.runs],
-        }
 
 
 def check(
     directory: Path | str,
     update: bool = False,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
     *,
     jobs: int | None = None,
     junit: Path | str | None = None,
@@ -98,11 +57,9 @@ def check(
     if jobs is not None and jobs < 1:
         raise InputError(f"jobs: expected 1 or more, found {jobs}.", "Give how many at a time.")
     if junit is not None:
-        from diffthrust._support.files import ending
-
         ending(Path(junit), ".xml")
     tasks = tasks_in(Path(directory), update)
-    runs = _runs(tasks, min(len(tasks), jobs or _default_jobs(len(tasks))), progress)
+    runs = _runs(tasks, min(len(tasks), jobs or default_jobs(len(tasks))), progress)
     _warn(runs)
     checked = Checked(tuple(runs))
     if junit is not None:
@@ -120,7 +77,7 @@ def tasks_in(directory: Path, update: bool = False) -> list[Task]:
     Raises:
         InputError: there are none, or a folder cannot be read.
     """
-    found: list[Task] = []
+    tasks: list[Task] = []
     seen: set[str] = set()
     for folder, below, files in os.walk(directory, followlinks=True, onerror=_unreadable):
         real = os.path.realpath(folder)
@@ -133,13 +90,13 @@ def tasks_in(directory: Path, update: bool = False) -> list[Task]:
             path = Path(folder)
             whole = path == directory
             name = path.resolve().name if whole else path.relative_to(directory).as_posix()
-            found.append(Task(name, path / NAME, update))
-    if not found:
+            tasks.append(Task(name, path / NAME, update))
+    if not tasks:
         raise InputError(
             f"{directory}: expected fits as {directory / 'NAME' / NAME}, found none.",
             "Name the folder that holds the folders of the fits; diffthrust new NAME makes one.",
         )
-    return sorted(found)
+    return sorted(tasks)
 
 
 def _unreadable(error: OSError) -> NoReturn:
@@ -151,29 +108,27 @@ def _unreadable(error: OSError) -> NoReturn:
     )
 
 
-def _default_jobs(count: int) -> int:
-    return max(1, min(processors(), -(-count // FEWEST)))
+def default_jobs(count: int) -> int:
+    return max(1, min(processors(), -(-count // _FEWEST)))
 
 
-def _runs(
-    tasks: Sequence[Task], jobs: int, progress: Callable[[str, float], None] | None
-) -> list[Run]:
+def _runs(tasks: Sequence[Task], jobs: int, progress: Progress | None) -> list[FitRun]:
     """Run all; the outcomes come in the order of the tasks, whatever finishes first."""
     if jobs == 1:
         each = ((i, run_again(*task)) for i, task in enumerate(tasks))
     else:
         each = run_all(tasks, jobs)
-    found: dict[int, Run] = {}
+    outcomes: dict[int, FitRun] = {}
     if progress:
         progress(tasks[0].fit, 0.0)
     for i, run in each:
-        found[i] = run
+        outcomes[i] = run
         if progress:
-            progress(run.fit, len(found) / len(tasks))
-    return [found[i] for i in range(len(tasks))]
+            progress(run.fit, len(outcomes) / len(tasks))
+    return [outcomes[i] for i in range(len(tasks))]
 
 
-def _warn(runs: Sequence[Run]) -> None:
+def _warn(runs: Sequence[FitRun]) -> None:
     """Warn of what the fits warned of, each named."""
     from diffthrust.simulation._step_size import CoarseStepWarning
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
+
+import tomlkit
+from tomlkit.container import OutOfOrderTableProxy
+from tomlkit.items import Item, Table
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
@@ -16,17 +19,17 @@ from diffthrust.specs._file import ExpectedNumber, ExpectedPart, parse_toml
 if TYPE_CHECKING:
     from diffthrust.estimation._result import Fit
 
-ERRORS = ("train_nrmse", "holdout_nrmse")
-SHARE = 0.1
+_ERRORS = ("train_nrmse", "holdout_nrmse")
+_SHARE = 0.1
 """A parameter may move by this share of its standard error."""
-ROUNDING = 1e-8
+_ROUNDING = 1e-8
 """What refits may differ by, as a share of the value, where standard errors are smaller still."""
-RELATIVE = 1e-4
+_RELATIVE = 1e-4
 """The same where no standard error is written."""
 
 
 @dataclass(frozen=True)
-class Row:
+class CheckRow:
     """One quantity of one fit, expected and found.
 
     Args:
@@ -76,7 +79,7 @@ class Row:
         return {**vars(self), "difference": self.difference, "verdict": self.verdict}
 
 
-class Found(NamedTuple):
+class FoundNumber(NamedTuple):
     """A number of a fit: its standard error, and the least tolerance that makes sense."""
 
     value: float
@@ -84,13 +87,13 @@ class Found(NamedTuple):
     least: float = 1e-12
 
 
-def compared(name: str, expected: ExpectedPart, fit: Fit) -> Iterator[Row]:
+def compared(name: str, expected: ExpectedPart, fit: Fit) -> Iterator[CheckRow]:
     """A row for each quantity that the block holds, in the order of reading."""
     if expected.status is not None:
         found = fit.status.value
-        yield Row(name, "status", expected.status, found, None, found == expected.status)
+        yield CheckRow(name, "status", expected.status, found, None, found == expected.status)
     numbers = {f"parameters.{key}": number for key, number in expected.parameters.items()}
-    for key in ERRORS:
+    for key in _ERRORS:
         if (number := getattr(expected, key)) is not None:
             numbers[key] = number
     now = found_numbers(fit)
@@ -101,16 +104,16 @@ def compared(name: str, expected: ExpectedPart, fit: Fit) -> Iterator[Row]:
             near = nearest(quantity, known)
             mend = f"{quantity!r} is no result of this fit{'; ' + near if near else ''}; "
             mend += f"there are {listing(known)}."
-            yield Row(name, quantity, number.value, None, number.tolerance, False, mend)
+            yield CheckRow(name, quantity, number.value, None, number.tolerance, False, mend)
             continue
         value, error, _ = now[key]
         allowed = _allowed(number, now[key])
         ok = abs(value - number.value) <= allowed
         error = error if number.std_error is None else number.std_error
-        yield Row(name, quantity, number.value, value, allowed, ok, std_error=error)
+        yield CheckRow(name, quantity, number.value, value, allowed, ok, std_error=error)
 
 
-def _allowed(expected: ExpectedNumber, now: Found) -> float:
+def _allowed(expected: ExpectedNumber, now: FoundNumber) -> float:
     """How far a number may move: as it says itself, or by its standard error, or by its size.
 
     A refit of the same data differs by rounding alone, far less than a tenth of a standard error.
@@ -118,53 +121,74 @@ def _allowed(expected: ExpectedNumber, now: Found) -> float:
     if expected.tolerance is not None:
         return expected.tolerance
     if expected.std_error is not None:
-        return max(SHARE * expected.std_error, ROUNDING * abs(expected.value), now.least)
-    return max(SHARE * (now.std_error or 0.0), RELATIVE * abs(now.value), now.least)
+        return max(_SHARE * expected.std_error, _ROUNDING * abs(expected.value), now.least)
+    return max(_SHARE * (now.std_error or 0.0), _RELATIVE * abs(now.value), now.least)
 
 
-def found_numbers(fit: Fit) -> dict[str, Found]:
+def found_numbers(fit: Fit) -> dict[str, FoundNumber]:
     """Every number worth expecting; those not finite left out."""
     out = {}
     for name, e in fit.parameters.items():
         if not e.fixed:
             known = e.std_error is not None and math.isfinite(e.std_error)
-            number = Found(e.value, e.std_error if known else None)
+            number = FoundNumber(e.value, e.std_error if known else None)
             if e.at_bound:  # how near it comes to the bound means nothing
-                number = number._replace(least=RELATIVE * fit.model.parameters[name].scale)
+                number = number._replace(least=_RELATIVE * fit.model.parameters[name].scale)
             out[f"parameters.{name}"] = number
-    for name, error in zip(ERRORS, (fit.train, fit.holdout), strict=True):
+    for name, error in zip(_ERRORS, (fit.train, fit.holdout), strict=True):
         if error is not None:
-            out[name] = Found(error.nrmse)
+            out[name] = FoundNumber(error.nrmse)
     return {name: number for name, number in out.items() if math.isfinite(number.value)}
 
 
 def updated(text: str, file: Path, expected: ExpectedPart | None, fit: Fit) -> str:
     """The text of the spec with its [expected] block brought up to a fit.
 
-    Every byte outside the block stays. Numbers that still hold stay as they are written, and so
-    do tolerances; standard errors are added where there are none.
+    Every byte outside the block stays, and so do its comments and the order of its keys. Numbers
+    that still hold stay as they are, and so do tolerances; standard errors are added where there
+    are none.
 
     Raises:
-        InputError: the block is written in a form that cannot be replaced by itself.
+        InputError: the block is written in a form that cannot be changed by itself.
     """
     kept = expected or ExpectedPart()
     old = {f"parameters.{key}": number for key, number in kept.parameters.items()}
-    old |= {key: getattr(kept, key) for key in ERRORS}
+    old |= {key: getattr(kept, key) for key in _ERRORS}
     wanted = {key: _renewed(old.get(key), found) for key, found in found_numbers(fit).items()}
     held = {key: number for key, number in old.items() if number is not None}
     if expected is not None and kept.status == fit.status.value and held == wanted:
         return text
-    lines = [f'status = "{fit.status.value}"']
-    lines += [f"{key} = {_written(wanted[key])}" for key in ERRORS if key in wanted]
-    lines += ["", "[expected.parameters]"]
-    for key, number in wanted.items():
-        name = key.removeprefix("parameters.")
-        if name != key:
-            quoted = name if re.fullmatch(r"[\w-]+", name) else f'"{name}"'
-            lines.append(f"{quoted} = {_written(number)}")
-    new = _replaced(text, lines)
-    before, after = parse_toml(text, file), parse_toml(new, file)
-    if _without(before) != _without(after) or "parameters" not in after.get("expected", {}):
+    return with_expected(text, file, fit.status.value, wanted)
+
+
+def with_expected(text: str, file: Path, status: str, numbers: Mapping[str, ExpectedNumber]) -> str:
+    """The text of a spec with a status and numbers in its [expected] block.
+
+    Raises:
+        InputError: the block is written in a form that cannot be changed by itself.
+    """
+    before = parse_toml(text, file)
+    mark = "\ufeff" * text.startswith("\ufeff")
+    line_ends = "\r\n" if "\n" not in text.replace("\r\n", "") and "\r\n" in text else "\n"
+    document = tomlkit.parse(text.removeprefix(mark).replace(line_ends, "\n"))
+    if "expected" not in document:
+        lines = tomlkit.dumps(document)
+        gap = "" if not lines or lines.endswith("\n") else "\n"
+        document = tomlkit.parse(f"{lines}{gap}\n[expected]\n")
+    if isinstance(document["expected"], OutOfOrderTableProxy):  # its tables stand apart: join them
+        document["expected"] = tomlkit.table()
+    table = document["expected"]
+    values = {key: _written(number) for key, number in numbers.items()}
+    errors = {key: value for key, value in values.items() if key in _ERRORS}
+    parameters = {
+        key.removeprefix("parameters."): value for key, value in values.items() if key not in errors
+    }
+    if isinstance(table, Table):
+        _fill(table, {"status": tomlkit.item(status), **errors})
+        _fill(table["parameters"], parameters)
+    new = mark + tomlkit.dumps(document).replace("\n", line_ends)
+    block = {"status": status, **errors, "parameters": parameters}
+    if parse_toml(new, file) != {**before, "expected": block}:
         raise InputError(
             f"{file}: the expected values are not written as one [expected] table, so they cannot "
             "be updated in place.",
@@ -173,58 +197,44 @@ def updated(text: str, file: Path, expected: ExpectedPart | None, fit: Fit) -> s
     return new
 
 
-def _renewed(old: ExpectedNumber | None, now: Found) -> ExpectedNumber:
+def _renewed(old: ExpectedNumber | None, now: FoundNumber) -> ExpectedNumber:
     """The number to expect from now on."""
     if old is None:
         return ExpectedNumber(value=now.value, std_error=now.std_error)
     holds = abs(now.value - old.value) <= _allowed(old, now)
     error = now.std_error
     if holds and error is not None and old.std_error is not None:
-        error = old.std_error if abs(error - old.std_error) <= SHARE * old.std_error else error
+        error = old.std_error if abs(error - old.std_error) <= _SHARE * old.std_error else error
     value = old.value if holds else now.value
     return ExpectedNumber(value=value, std_error=error, tolerance=old.tolerance)
 
 
-def _written(number: ExpectedNumber) -> str:
+def _written(number: ExpectedNumber) -> Item:
     """The number as TOML, alone or in a table with what else is known of it."""
     parts = [f"value = {number.value:.10g}"]
     if number.std_error is not None:
         parts.append(f"std_error = {number.std_error:.4g}")
     if number.tolerance is not None:
         parts.append(f"tolerance = {number.tolerance:.10g}")
-    return f"{{ {', '.join(parts)} }}" if len(parts) > 1 else f"{number.value:.10g}"
+    written = f"{{ {', '.join(parts)} }}" if len(parts) > 1 else f"{number.value:.10g}"
+    return tomlkit.value(written)
 
 
-def _without(data: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in data.items() if key != "expected"}
-
-
-def _replaced(text: str, block: list[str]) -> str:
-    """The text with the lines of its [expected] tables replaced, or with the block at its end."""
-    end = "\r\n" if "\r\n" in text else "\n"
-    rows = text.splitlines(keepends=True)
-    inside = [False] * len(rows)
-    here = False
-    for i, row in enumerate(rows):
-        if re.match(r"\s*\[", row) and re.match(r"\s*\[[^=]*\]\s*(#.*)?$", row.rstrip("\r\n")):
-            here = re.match(r"\s*\[\s*expected\s*[.\]]", row) is not None
-        inside[i] = here
-    if not any(inside):
-        gap = "" if not text or text.endswith("\n") else end
-        return text + gap + end + end.join(["[expected]", *block]) + end
-    first = inside.index(True)
-    last = first
-    while last < len(rows) and inside[last]:
-        last += 1
-    after = last
-    while after > first + 1 and re.match(r"\s*(#.*)?$", rows[after - 1].rstrip("\r\n")):
-        after -= 1  # blank lines and comments before the next table belong to that table
-    head = rows[first] if re.match(r"\s*\[\s*expected\s*\]", rows[first]) else f"[expected]{end}"
-    notes = []  # comments that open the block stay
-    for row in rows[first + 1 : after]:
-        if not row.lstrip().startswith("#"):
-            break
-        notes.append(row)
-    rest = [row for row, within in zip(rows[last:], inside[last:], strict=True) if not within]
-    head = head if head.endswith("\n") else head + end
-    return "".join([*rows[:first], head, *notes, end.join(block), end, *rows[after:last], *rest])
+def _fill(table: Table, values: Mapping[str, Item]) -> None:
+    """Give a table these values and no others, beside the table of parameters."""
+    tail = []  # blank lines and comments before the next table belong to that table
+    while table.value.body and table.value.body[-1][0] is None:
+        tail.append(table.value.body.pop()[1])
+    for key in [key for key in table if key not in values and key != "parameters"]:
+        del table[key]
+    for key, value in values.items():
+        if key not in table:
+            table.add(key, value)
+        elif table[key] != value:
+            table[key] = value
+    if "status" in values and not isinstance(table.get("parameters"), Table):
+        table.pop("parameters", None)
+        table.add(tomlkit.nl())
+        table.add("parameters", tomlkit.table())
+    for item in reversed(tail):
+        table.add(item)

@@ -1,62 +1,26 @@
-"""One stored fit run again, and what became of it."""
+"""Stored fits run again, here or in several processes."""
 
 from __future__ import annotations
 
 import os
 import time
 import warnings
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from contextlib import closing
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+from diffthrust._support._running.pool import pooled
+from diffthrust._support._running.process import LineProcess, ProcessDied, ProcessNotStarted
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import write_whole
-from diffthrust.checks._expected import Row, compared, updated
+from diffthrust.checks._expected import CheckRow, compared, updated
+from diffthrust.checks._result import FitRun, not_run
+from diffthrust.specs._compile_key import compile_key
 from diffthrust.specs._spec import load_spec
 
 
-@dataclass(frozen=True)
-class Run:
-    """One fit, run again.
-
-    Args:
-        fit: its name, the path of its folder as seen from the folder of all fits.
-        file: its spec file.
-        rows: one for each quantity.
-        updated: its [expected] block was written anew.
-        seconds: how long it took.
-        warnings: what the fit warned of.
-    """
-
-    fit: str
-    file: Path
-    rows: tuple[Row, ...]
-    updated: bool = False
-    seconds: float = 0.0
-    warnings: tuple[str, ...] = ()
-
-    @property
-    def ok(self) -> bool:
-        """Whether every row agrees."""
-        return all(row.ok for row in self.rows)
-
-    def to_json(self) -> dict[str, Any]:
-        """The run without its rows as plain data."""
-        return {
-            "fit": self.fit,
-            "file": str(self.file),
-            "ok": self.ok,
-            "updated": self.updated,
-            "seconds": self.seconds,
-        }
-
-
-def not_run(fit: str, problem: str, mend: str) -> Row:
-    """The only row of a fit that could not be run: it failed, and says why."""
-    return Row(fit, "cannot be run", None, problem, None, False, mend)
-
-
-def run_again(fit: str, file: Path, update: bool) -> Run:
+def run_again(fit: str, file: Path, update: bool) -> FitRun:
     """Run a stored fit and hold it against its [expected] block, or bring the block up to it.
 
     Args:
@@ -82,16 +46,16 @@ def run_again(fit: str, file: Path, update: bool) -> Run:
             problem = f"a defect of diffthrust, not of your input: {type(error).__name__}: {error}"
             mend = f"Please report it, with what DIFFTHRUST_DEBUG=1 diffthrust fit {file} prints."
             rows = [not_run(fit, problem, mend)]
-    told = tuple(str(w.message) for w in caught if issubclass(w.category, CoarseStepWarning))
-    return Run(fit, file, tuple(rows), new, time.perf_counter() - begin, told)
+    coarse = tuple(str(w.message) for w in caught if issubclass(w.category, CoarseStepWarning))
+    return FitRun(fit, file, tuple(rows), new, time.perf_counter() - begin, coarse)
 
 
-def _rows(name: str, path: Path, update: bool) -> tuple[list[Row], bool]:
+def _rows(name: str, path: Path, update: bool) -> tuple[list[CheckRow], bool]:
     spec = load_spec(path)
     expected = spec.file.expected
     if expected is None and not update:
         mend = "Look at it with diffthrust fit, then write the block: diffthrust check --update."
-        return [Row(name, "no [expected] block", None, None, None, False, mend)], False
+        return [CheckRow(name, "no [expected] block", None, None, None, False, mend)], False
     fit = spec.fit()
     if update:
         text = updated(spec.text, path, expected, fit)
@@ -104,5 +68,60 @@ def _rows(name: str, path: Path, update: bool) -> tuple[list[Row], bool]:
     rows = list(compared(name, expected, fit))
     if not rows:
         mend = "Remove the empty [expected] block and run diffthrust check --update."
-        rows = [Row(name, "empty [expected] block", None, None, None, False, mend)]
+        rows = [CheckRow(name, "empty [expected] block", None, None, None, False, mend)]
     return rows, False
+
+
+class Task(NamedTuple):
+    """A fit to run: its name, its spec file, and whether to write its [expected] block."""
+
+    fit: str
+    file: Path
+    update: bool
+
+
+def run_all(tasks: Sequence[Task], jobs: int) -> Iterator[tuple[int, FitRun]]:
+    """Run fits in several processes.
+
+    Args:
+        tasks: the fits.
+        jobs: how many processes.
+
+    Yields:
+        The place of a task and what became of it, as they finish. A fit whose process dies is one
+        that could not be run.
+    """
+    processes = [LineProcess(f"{__name__}:run_plain") for _ in range(jobs)]
+    keys = [compile_key(task.file) for task in tasks]
+    with closing(pooled(tasks, keys, processes, _in_process)) as each:
+        yield from (outcome for outcome in each if outcome is not None)
+
+
+def run_plain(question: list[Any]) -> dict[str, Any]:
+    """Run a fit where this is called; `Task` and `FitRun` as plain data."""
+    fit, file, update = question
+    run = run_again(fit, Path(file), update)
+    return {
+        "rows": [vars(row) for row in run.rows],
+        "updated": run.updated,
+        "seconds": run.seconds,
+        "warnings": run.warnings,
+    }
+
+
+def _in_process(process: LineProcess, task: Task) -> FitRun:
+    try:
+        plain = process.ask([task.fit, str(task.file), task.update])
+    except ProcessNotStarted as how:
+        raise InputError(
+            f"A process for the fits cannot be started ({how}).",
+            "See what it printed above; --jobs 1 does without.",
+        ) from None
+    except ProcessDied as how:
+        problem = f"the process that ran it died ({how})."
+        mend = f"Run diffthrust fit {task.file} alone; if memory was short, take fewer --jobs."
+        return FitRun(task.fit, task.file, (not_run(task.fit, problem, mend),))
+    rows = tuple(CheckRow(**row) for row in plain["rows"])
+    return FitRun(
+        task.fit, task.file, rows, plain["updated"], plain["seconds"], tuple(plain["warnings"])
+    )

@@ -13,10 +13,10 @@ from rich.text import Text
 from diffthrust._support.tables import number, plain_table, with_error
 
 if TYPE_CHECKING:
-    from diffthrust.checks._check import Checked
-    from diffthrust.checks._expected import Row
+    from diffthrust.checks._expected import CheckRow
+    from diffthrust.checks._result import Checked
 
-MOST = 10
+_LISTED = 10
 """Names that the summary lists."""
 
 
@@ -49,10 +49,10 @@ def check_table(checked: Checked, everything: bool = False) -> RenderableType:
     return Group(*parts, *_remarks(rows), *_summary(checked))
 
 
-def by_size(rows: Iterable[Row]) -> list[Row]:
+def by_size(rows: Iterable[CheckRow]) -> list[CheckRow]:
     """Rows with the largest change first: what was not compared, words, then standard errors."""
 
-    def size(row: Row) -> tuple[int, float]:
+    def size(row: CheckRow) -> tuple[int, float]:
         if row.difference is not None:
             return 2, -abs(row.difference)
         if isinstance(row.expected, float) and row.change is not None:
@@ -62,11 +62,11 @@ def by_size(rows: Iterable[Row]) -> list[Row]:
     return sorted(rows, key=size)
 
 
-def by_how_much(row: Row) -> str:
+def by_how_much(row: CheckRow) -> str:
     """The change in expected standard errors; in per cent where there is none.
 
     Example:
-        >>> by_how_much(Row("one", "alpha", 1.0, 1.4, 0.01, False, std_error=0.1))
+        >>> by_how_much(CheckRow("one", "alpha", 1.0, 1.4, 0.01, False, std_error=0.1))
         '+4.0 std errors'
     """
     if row.difference is not None:
@@ -80,11 +80,11 @@ def by_how_much(row: Row) -> str:
     return f"{100 * row.change / abs(row.expected):+.2g} %"
 
 
-def sentence(row: Row) -> str:
+def sentence(row: CheckRow) -> str:
     """A row in words, for lists that hold no tables.
 
     Example:
-        >>> sentence(Row("one", "alpha", 1.0, 1.4, 0.01, False, std_error=0.1))
+        >>> sentence(CheckRow("one", "alpha", 1.0, 1.4, 0.01, False, std_error=0.1))
         'alpha: expected 1.000, found 1.400 (+4.0 std errors)'
     """
     if row.expected is None:
@@ -94,7 +94,7 @@ def sentence(row: Row) -> str:
     return f"{row.quantity}: expected {_cell(row.expected, row)}, found {found}{by}"
 
 
-def _remarks(rows: Iterable[Row]) -> list[Text]:
+def _remarks(rows: Iterable[CheckRow]) -> list[Text]:
     """Problems in full, and each mend once, with the fits that it is for."""
     problems = [Text(f"{row.fit}: {row.found}") for row in rows if _wordy(row)]
     fits: dict[str, list[str]] = {}
@@ -125,15 +125,15 @@ def _fits(count: int) -> str:
 
 def _names(fits: Iterable[str]) -> str:
     names = list(dict.fromkeys(fits))
-    more = len(names) - MOST
-    return ", ".join(names[:MOST]) + (f" and {more} more" if more > 0 else "")
+    more = len(names) - _LISTED
+    return ", ".join(names[:_LISTED]) + (f" and {more} more" if more > 0 else "")
 
 
-def _wordy(row: Row) -> bool:
+def _wordy(row: CheckRow) -> bool:
     return isinstance(row.found, str) and " " in row.found
 
 
-def _cell(value: float | str | None, row: Row) -> str:
+def _cell(value: float | str | None, row: CheckRow) -> str:
     """A number to the third digit of its standard error, so that a move of a hundredth is seen."""
     if isinstance(value, str):
         return escape(value)

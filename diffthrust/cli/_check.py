@@ -12,7 +12,7 @@ from diffthrust._support.files import write_json
 from diffthrust.cli._session import CHECK_FAILED, JsonPath, file_type, session, show, written
 
 if TYPE_CHECKING:
-    from diffthrust.checks._check import Checked
+    from diffthrust.checks._result import Checked
 
 _ANNOTATIONS = 10
 """Annotations of one kind that GitHub shows for a step."""

@@ -8,7 +8,7 @@ from diffthrust._support.errors import InputError
 from diffthrust.specs._file import parse_spec, read_spec_text
 
 
-def alike(file: Path) -> str:
+def compile_key(file: Path) -> str:
     """The same text for specs that share code: model, channels, options, lengths of logs.
 
     A guess, which costs a compilation where it is wrong and nothing else.

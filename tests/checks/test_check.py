@@ -11,11 +11,12 @@ import pytest
 from places import FITS
 
 from diffthrust import CoarseStepWarning, InputError
-from diffthrust.checks._check import check, tasks_in
-from diffthrust.checks._expected import _replaced
-from diffthrust.checks._run import run_again
+from diffthrust.checks import check
+from diffthrust.checks._check import tasks_in  # private: which fits are found
+from diffthrust.checks._expected import with_expected  # private: the text alone
+from diffthrust.checks._run import run_again  # private: one fit, in another order
+from diffthrust.specs import load_spec
 from diffthrust.specs._file import ExpectedNumber
-from diffthrust.specs._spec import load_spec
 
 
 @pytest.fixture
@@ -112,20 +113,41 @@ def test_a_block_that_cannot_be_replaced_is_refused(fits):
     assert path.read_bytes() == before
 
 
+TOP = 'status = "ok"\ntrain_nrmse = 2\n'
+REST = '\n[expected.parameters]\np = { value = 1, std_error = 0.1 }\n"e.q" = 3\n'
+
+
 @pytest.mark.parametrize(
     ("text", "result"),
     [
-        ("a = 1", "a = 1\n\n[expected]\nX\n"),
-        ("[expected]\ny = 1", "[expected]\nX\n"),
-        ("[expected]\ny = 1\n\n[b]\n", "[expected]\nX\n\n[b]\n"),
-        ("[expected.parameters]\ny = [\n 1]\n[b]\n", "[expected]\nX\n[b]\n"),
-        ("[expected]\ny = 1\n[b]\n[expected.c]\nz = 1\n[d]\n", "[expected]\nX\n[b]\n[d]\n"),
-        ("[ expected ]\n# note\ny = 1\n# next\n[b]\n", "[ expected ]\n# note\nX\n# next\n[b]\n"),
-        ("[expectedly]\ny = 1\n", "[expectedly]\ny = 1\n\n[expected]\nX\n"),
+        ("a = 1", f"a = 1\n\n[expected]\n{TOP}{REST}"),
+        ("[expected]\ny = 1", f"[expected]\n{TOP}{REST}"),
+        ("[expected]\ny = 1\n\n[b]\n", f"[expected]\n{TOP}{REST}\n[b]\n"),
+        ("[expected.parameters]\ny = [\n 1]\n[b]\n", f"[expected]\n{TOP}{REST}[b]\n"),
+        (
+            "[expected]\ny = 1\n[b]\n[expected.c]\nz = 1\n[d]\n",
+            f"[expected]\n{TOP}{REST}\n[b]\n[d]\n",
+        ),
+        (
+            "[ expected ]\n# note\ny = 1\n# next\n[b]\n",
+            f"[ expected ]\n# note\n{TOP}{REST.replace('expected', ' expected ')}# next\n[b]\n",
+        ),
+        ("[expectedly]\ny = 1\n", f"[expectedly]\ny = 1\n\n[expected]\n{TOP}{REST}"),
+        (
+            "\ufeff[expected]\n[expected.parameters]\n# why\ne.q = 1\np = 3 # so\n\n# next\n[b]",
+            f"\ufeff[expected]\n{TOP}\n[expected.parameters]\n# why\n"
+            'p = { value = 1, std_error = 0.1 } # so\n"e.q" = 3\n\n# next\n[b]',
+        ),
     ],
 )
-def test_replacing_the_block(text, result):
-    assert _replaced(text, ["X"]) == result
+def test_writing_the_block(text, result):
+    """Comments stay, and so does the order of what is there already."""
+    numbers = {
+        "train_nrmse": ExpectedNumber(value=2),
+        "parameters.p": ExpectedNumber(value=1, std_error=0.1),
+        "parameters.e.q": ExpectedNumber(value=3),
+    }
+    assert with_expected(text, Path("fit.toml"), "ok", numbers) == result
 
 
 def written(fits: Path, key: str) -> ExpectedNumber:

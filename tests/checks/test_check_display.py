@@ -5,27 +5,27 @@ from __future__ import annotations
 from pathlib import Path
 
 from diffthrust._support.tables import rendered
-from diffthrust.checks._check import Checked
-from diffthrust.checks._expected import Row
-from diffthrust.checks._run import Run
-from diffthrust.checks._tables import check_table
-from diffthrust.cli._check import error_lines
+from diffthrust.checks import Checked
+from diffthrust.checks._expected import CheckRow  # private: outcomes made by hand
+from diffthrust.checks._result import FitRun  # private: outcomes made by hand
+from diffthrust.checks._tables import check_table  # private: what the command prints
+from diffthrust.cli._check import error_lines  # private: what GitHub is told
 
 ROWS = (
-    Row("one", "alpha", 1.0, 1.0, 0.1, True),
-    Row("two [x]", "beta", 1.0, 2.0, 0.1, False, std_error=0.25),
-    Row("two [x]", "train_nrmse", 0.1, 0.2, 0.1, False),
-    Row("three", "cannot be run", None, "line 3 is bad", None, False, "Mend it."),
-    Row("four", "ct", 1.0, 0.0, 0.1, False, std_error=0.125),
-    Row("five", "cannot be run", None, "line 4 is bad", None, False, "Mend it."),
+    CheckRow("one", "alpha", 1.0, 1.0, 0.1, True),
+    CheckRow("two [x]", "beta", 1.0, 2.0, 0.1, False, std_error=0.25),
+    CheckRow("two [x]", "train_nrmse", 0.1, 0.2, 0.1, False),
+    CheckRow("three", "cannot be run", None, "line 3 is bad", None, False, "Mend it."),
+    CheckRow("four", "ct", 1.0, 0.0, 0.1, False, std_error=0.125),
+    CheckRow("five", "cannot be run", None, "line 4 is bad", None, False, "Mend it."),
 )
 
 
-def outcome(*rows: Row, updated: bool = False) -> Checked:
+def outcome(*rows: CheckRow, updated: bool = False) -> Checked:
     names = dict.fromkeys(row.fit for row in rows)
     return Checked(
         tuple(
-            Run(name, Path("fits", name), tuple(row for row in rows if row.fit == name), updated)
+            FitRun(name, Path("fits", name), tuple(row for row in rows if row.fit == name), updated)
             for name in names
         )
     )
@@ -67,7 +67,7 @@ def test_what_github_shows_at_the_spec_files():
     first, *_ = error_lines(outcome(*ROWS))
     assert first.startswith("::error file=fits/two [x],title=two [x]::beta: expected 1.000, found")
     assert "(+4.0 std errors)%0Atrain_nrmse" in first
-    many = [Row(f"f:{i}", "status", "a", "b%\n", None, False) for i in range(12)]
+    many = [CheckRow(f"f:{i}", "status", "a", "b%\n", None, False) for i in range(12)]
     lines = error_lines(outcome(*many))
     assert len(lines) == 10
     assert lines[0] == "::error file=fits/f%3A0,title=f%3A0::status: expected a, found b%25%0A"

@@ -11,9 +11,9 @@ import pytest
 from made_fits import made_fits
 from typer.testing import CliRunner
 
-from diffthrust.checks._check import Checked, check
+from diffthrust.checks import Checked, check
 from diffthrust.cli import _app
-from diffthrust.specs._spec import load_spec
+from diffthrust.specs import load_spec
 
 COUNT = 200
 REPEATS = 20

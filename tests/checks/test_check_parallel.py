@@ -10,18 +10,18 @@ import pytest
 from places import FITS
 
 from diffthrust import InputError
-from diffthrust._support._running.pool import Groups
-from diffthrust.checks._check import _default_jobs, check, tasks_in
-from diffthrust.checks._parallel import run_all
-from diffthrust.checks._run import run_again
-from diffthrust.specs._compile_key import alike
+from diffthrust._support._running.pool import Groups  # private: who takes what
+from diffthrust.checks import check
+from diffthrust.checks._check import default_jobs, tasks_in  # private: how work is divided
+from diffthrust.checks._run import run_again, run_all  # private: processes beside this one
+from diffthrust.specs._compile_key import compile_key  # private: no result shows it
 
 SENSOR = FITS / "depth_sensor"
 
 
 def test_few_fits_need_no_other_process(monkeypatch):
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(8)), raising=False)
-    assert [_default_jobs(count) for count in (1, 3, 4, 9, 10, 200)] == [1, 1, 2, 3, 4, 8]
+    assert [default_jobs(count) for count in (1, 3, 4, 9, 10, 200)] == [1, 1, 2, 3, 4, 8]
     with pytest.raises(InputError, match="1 or more"):
         check("fits", jobs=0)
 
@@ -37,7 +37,7 @@ def test_a_worker_stays_with_fits_that_share_compiled_code(tmp_path):
     (tmp_path / "f7").mkdir()
     (tmp_path / "f7" / "fit.toml").write_text("no toml")
     tasks = tasks_in(tmp_path)
-    groups = Groups([alike(task.file) for task in tasks])
+    groups = Groups([compile_key(task.file) for task in tasks])
 
     def take(last: Hashable | None) -> tuple[Hashable, str]:
         given = groups.next(last)

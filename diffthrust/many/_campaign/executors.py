@@ -15,7 +15,7 @@ from diffthrust.many._campaign.job import Job
 from diffthrust.many._campaign.perform import helped, new_process, perform
 from diffthrust.many._campaign.store import Row
 from diffthrust.many._campaign.task import head
-from diffthrust.specs._compile_key import alike
+from diffthrust.specs._compile_key import compile_key
 
 _CONNECT = 5.0
 """Seconds in which the scheduler of a cluster must answer."""
@@ -52,7 +52,7 @@ def outcomes(
 def _on_processes(workers: int, jobs: Sequence[Job]) -> Generator[Row | None]:
     """On processes of this machine: each stays with specs that share compiled code."""
     processes = [new_process() for _ in range(workers)]
-    keys = [alike(Path(job.spec)) if workers > 1 else "" for job in jobs]
+    keys = [compile_key(Path(job.spec)) if workers > 1 else "" for job in jobs]
     with closing(pooled(jobs, keys, processes, _helped)) as each:
         for found in each:
             yield None if found is None else found[1]

@@ -1,0 +1,91 @@
+"""The outcome of a check: what became of each stored fit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from diffthrust.checks._expected import CheckRow
+
+
+@dataclass(frozen=True)
+class FitRun:
+    """One fit, run again.
+
+    Args:
+        fit: its name, the path of its folder as seen from the folder of all fits.
+        file: its spec file.
+        rows: one for each quantity.
+        updated: its [expected] block was written anew.
+        seconds: how long it took.
+        warnings: what the fit warned of.
+    """
+
+    fit: str
+    file: Path
+    rows: tuple[CheckRow, ...]
+    updated: bool = False
+    seconds: float = 0.0
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def ok(self) -> bool:
+        """Whether every row agrees."""
+        return all(row.ok for row in self.rows)
+
+    def to_json(self) -> dict[str, Any]:
+        """The run without its rows as plain data."""
+        return {
+            "fit": self.fit,
+            "file": str(self.file),
+            "ok": self.ok,
+            "updated": self.updated,
+            "seconds": self.seconds,
+        }
+
+
+def not_run(fit: str, problem: str, mend: str) -> CheckRow:
+    """The only row of a fit that could not be run: it failed, and says why."""
+    return CheckRow(fit, "cannot be run", None, problem, None, False, mend)
+
+
+@dataclass(frozen=True)
+class Checked:
+    """The outcome of a check.
+
+    Args:
+        runs: one for each fit, in the order of their names.
+    """
+
+    runs: tuple[FitRun, ...]
+
+    @property
+    def rows(self) -> tuple[CheckRow, ...]:
+        """One for each quantity of each fit."""
+        return tuple(row for run in self.runs for row in run.rows)
+
+    @property
+    def ok(self) -> bool:
+        """Whether every row agrees."""
+        return all(run.ok for run in self.runs)
+
+    @property
+    def fits(self) -> tuple[str, ...]:
+        """Names of the fits, in order."""
+        return tuple(run.fit for run in self.runs)
+
+    @property
+    def updated(self) -> tuple[str, ...]:
+        """Names of the fits whose [expected] block was written anew."""
+        return tuple(run.fit for run in self.runs if run.updated)
+
+    def to_json(self) -> dict[str, Any]:
+        """The rows as plain data."""
+        return {
+            "schema": 1,
+            "ok": self.ok,
+            "updated": list(self.updated),
+            "rows": [row.to_json() for row in self.rows],
+            "fits": [run.to_json() for run in self.runs],
+        }
