@@ -1,55 +1,80 @@
 """Harmonic balance of a whole loop around a model: its states take part in the unknowns."""
 
+# ruff: noqa: F722  (shapes of arrays)
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import partial
-from typing import Any
+from typing import Protocol
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Complex, Float
 
 from diffthrust._support.transfer import Transfer
-from diffthrust.cycles._model_element import ModelElement, plain_rate
-from diffthrust.cycles._oscillation import Harmonics
+from diffthrust.cycles._oscillation import CycleSeries
+from diffthrust.models._base.signals import Relaxing
+from diffthrust.simulation._integrate import plain_rate
 
 _ITERATIONS = 20
 
 
+class Equations(Protocol):
+    """A system from an input to an output; equal and of one hash where the compiled code is."""
+
+    @property
+    def states(self) -> tuple[str, ...]: ...
+
+    @property
+    def values(self) -> dict[str, Array]: ...
+
+    def evaluate(
+        self,
+        values: Mapping[str, Array],
+        states: Mapping[str, Array],
+        command: Array,
+        time: Array,
+    ) -> tuple[dict[str, Array | Relaxing], Array]: ...
+
+
 def balanced_states(
-    transfer: Transfer, element: ModelElement, amplitude: float, frequency: float, harmonics: int
-) -> tuple[Harmonics, np.ndarray] | None:
+    transfer: Transfer,
+    element: Equations,
+    answer: np.ndarray,
+    amplitude: float,
+    frequency: float,
+) -> CycleSeries | None:
     """The cycle near a solution of the describing function.
 
     Args:
         transfer: the linear part.
         element: the model.
+        answer: coefficients of its states' answer to a sine, complex ``(states, harmonics + 1)``.
         amplitude: of the fundamental at its input, the first guess.
         frequency: [rad/s], the first guess.
-        harmonics: the highest harmonic.
 
     Returns:
-        The cycle and the coefficients of the model's states, complex ``(states, harmonics + 1)``;
-        ``None`` where Newton's method does not converge near the guess.
+        ``None`` where there is no answer, or Newton's method does not converge near the guess.
     """
-    own = element.answer(amplitude, frequency, harmonics)
-    if not np.isfinite(own).all():
+    if not np.isfinite(answer).all():
         return None
+    harmonics = answer.shape[1] - 1
     order = np.arange(harmonics + 1)
     # the answer to a sine, moved by a quarter turn: the phase is held to that of a cosine
     sine = np.zeros((1, harmonics + 1), complex)
     sine[0, 1] = amplitude
-    c = np.concatenate([sine, own * 1j**order])
+    c = np.concatenate([sine, answer * 1j**order])
     sizes = np.maximum(np.abs(c).max(axis=1), 1e-300)
     c = c / sizes[:, None]
     z = np.stack([c.real, c.imag], axis=1).reshape(-1)
     width = max(9, transfer.den.size)  # one compilation for all loops of usual order
     num, den = (np.concatenate([np.zeros(width - c.size), c]) for c in (transfer.num, transfer.den))
     loop = [jnp.asarray(x) for x in (num, den, transfer.delay, frequency, sizes)]
-    worst, found, w = np.inf, c, frequency
+    worst, series, w = np.inf, c, frequency
     for _ in range(_ITERATIONS):
-        r, slopes, found, w = (
+        r, slopes, series, w = (
             np.asarray(x)
             for x in _missed(element, harmonics, element.values, *loop, jnp.asarray(z))
         )
@@ -61,25 +86,22 @@ def balanced_states(
         except np.linalg.LinAlgError:
             return None
         z = z + step * min(1.0, 0.3 / max(np.abs(step).max(), 1e-300))
-    if not (worst < 1e-7 and 0.5 < w / frequency < 2.0):
-        return None
-    if not 0.3 < abs(found[0, 1]) / amplitude < 3.0:
-        return None
-    return Harmonics(float(w), order, found[0], found[-1]), found[1:-1]
+    cycle = CycleSeries(float(w), order, series[0], series[-1], series[1:-1])
+    return cycle if worst < 1e-7 and cycle.near(amplitude, frequency) else None
 
 
 @partial(jax.jit, static_argnums=(0, 1))
 def _missed(
-    element: ModelElement,
+    element: Equations,
     harmonics: int,
-    values: Any,
-    num: Any,
-    den: Any,
-    delay: Any,
-    frequency: Any,
-    sizes: Any,
-    z: Any,
-) -> tuple[Any, Any, Any, Any]:
+    values: Mapping[str, Array],
+    num: Float[Array, " n"],
+    den: Float[Array, " n"],
+    delay: Float[Array, ""],
+    frequency: Float[Array, ""],
+    sizes: Float[Array, " signals"],
+    z: Float[Array, " unknowns"],
+) -> tuple[Array, Array, Array, Array]:
     """What is missed, its slopes, the coefficients of input, states and output, the frequency."""
     names, count = element.states, harmonics + 1
     points = 8 * count
@@ -90,10 +112,10 @@ def _missed(
     turn = jax.lax.complex(jnp.cos(turns), jnp.sin(turns))
     share = jnp.where(order == 0, 1.0, 2.0).astype(complex) / points
 
-    def analysed(signal: Any) -> Any:
+    def analysed(signal: Float[Array, " points"]) -> Complex[Array, " count"]:
         return share * (jnp.conj(turn).T @ signal.astype(complex))
 
-    def residual(z: Any) -> tuple[Any, Any]:
+    def residual(z: Array) -> tuple[Array, tuple[Array, Array, Array]]:
         rows = z.reshape(1 + len(names), 2, count)
         log_w = rows[0, 1, 1]  # the input's fundamental has no imaginary part: its phase is held
         imaginary = rows[:, 1].at[0, 1].set(0.0).at[:, 0].set(0.0)
@@ -116,9 +138,9 @@ def _missed(
         missed = jnp.stack([loop, *own])
         # the imaginary part of a mean is always zero: its unknown is held at zero instead
         held = missed.imag.at[:, 0].set(rows[:, 1, 0])
-        found = jnp.concatenate([c * sizes[:, None].astype(complex), analysed(y)[None]])
+        series = jnp.concatenate([c * sizes[:, None].astype(complex), analysed(y)[None]])
         flat = jnp.stack([missed.real, held], axis=1).reshape(-1)
-        return flat, (flat, found, w)
+        return flat, (flat, series, w)
 
-    slopes, (r, found, w) = jax.jacfwd(residual, has_aux=True)(z)
-    return r, slopes, found, w
+    slopes, (r, series, w) = jax.jacfwd(residual, has_aux=True)(z)
+    return r, slopes, series, w

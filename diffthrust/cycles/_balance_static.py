@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 
 from diffthrust._support.transfer import Transfer
-from diffthrust.cycles._element import Static
-from diffthrust.cycles._oscillation import Harmonics
+from diffthrust.cycles._oscillation import CycleSeries
 
 _PIECES = 180
 _POINTS = np.polynomial.legendre.leggauss(3)
@@ -23,9 +23,21 @@ _TAIL = 5e-4
 """Share of the fundamental that the last harmonic of the input may have."""
 
 
+class PeriodElement(Protocol):
+    """What the balance asks of an element."""
+
+    @property
+    def odd(self) -> bool: ...
+
+    @property
+    def bends(self) -> tuple[float, ...]: ...
+
+    def over(self, e: np.ndarray) -> np.ndarray: ...
+
+
 def balanced(
-    transfer: Transfer, element: Static, amplitude: float, frequency: float, harmonics: int
-) -> Harmonics | None:
+    transfer: Transfer, element: PeriodElement, amplitude: float, frequency: float, harmonics: int
+) -> CycleSeries | None:
     """The cycle near a solution of the describing function.
 
     Where Newton's method fails with all harmonics at once they are added little by little; where
@@ -41,24 +53,28 @@ def balanced(
     Returns:
         ``None`` where Newton's method does not converge near the guess.
     """
-    sine = Harmonics(frequency, np.array([1]), np.array([amplitude + 0j]), np.zeros(1, complex))
-    found = _solved(transfer, element, sine, sine, harmonics)
-    if found is None:
-        found = sine
+    sine = CycleSeries(frequency, np.array([1]), np.array([amplitude + 0j]), np.zeros(1, complex))
+    cycle = _solved(transfer, element, sine, sine, harmonics)
+    if cycle is None:
+        cycle = sine
         for highest in sorted({*(n for n in (1, 3, 9) if n < harmonics), harmonics}):
-            found = _solved(transfer, element, sine, found, highest)
-            if found is None:
+            cycle = _solved(transfer, element, sine, cycle, highest)
+            if cycle is None:
                 return None
-    tail = np.abs(found.input[-2:]).max() / np.abs(found.input).max()
+    tail = np.abs(cycle.input[-2:]).max() / np.abs(cycle.input).max()
     if tail > _TAIL and harmonics > 1:
-        more = _solved(transfer, element, sine, found, 4 * harmonics + 1)
-        found = found if more is None else more
-    return found
+        more = _solved(transfer, element, sine, cycle, 4 * harmonics + 1)
+        cycle = cycle if more is None else more
+    return cycle
 
 
 def _solved(
-    transfer: Transfer, element: Static, sine: Harmonics, guess: Harmonics, harmonics: int
-) -> Harmonics | None:
+    transfer: Transfer,
+    element: PeriodElement,
+    sine: CycleSeries,
+    guess: CycleSeries,
+    harmonics: int,
+) -> CycleSeries | None:
     """Newton's method with so many harmonics; ``None`` where it ends far from the sine."""
     order = np.arange(1, harmonics + 1, 2) if element.odd else np.arange(harmonics + 1)
     amplitude, frequency = float(sine.input[0].real), sine.frequency
@@ -83,12 +99,10 @@ def _solved(
         if now > 0.2 * before:  # the slopes are kept while they serve
             jacobian = None
     e, w = unknowns.taken(z)
-    if np.abs(r).max() > 1e-6 or not 0.5 < w / frequency < 2.0:
+    if np.abs(r).max() > 1e-6:
         return None
-    first = int(np.flatnonzero(order == 1)[0])
-    if not 0.3 < abs(e[first]) / amplitude < 3.0:
-        return None
-    return Harmonics(float(w), order, e, output_of(element, order, e))
+    cycle = CycleSeries(float(w), order, e, output_of(element, order, e))
+    return cycle if cycle.near(amplitude, frequency) else None
 
 
 class _Unknowns:
@@ -99,7 +113,7 @@ class _Unknowns:
         self.mean = int(order[0] == 0)
         self.turning = order[self.mean :]
 
-    def start(self, guess: Harmonics) -> np.ndarray:
+    def start(self, guess: CycleSeries) -> np.ndarray:
         """The unknowns of a cycle that may have fewer harmonics."""
         m, count = self.mean, self.turning.size
         z = np.zeros(m + 2 * count)
@@ -122,19 +136,19 @@ class _Unknowns:
 
 
 def _slopes(
-    transfer: Transfer, element: Static, unknowns: _Unknowns, z: np.ndarray, r: np.ndarray
+    transfer: Transfer, element: PeriodElement, unknowns: _Unknowns, z: np.ndarray, r: np.ndarray
 ) -> np.ndarray:
-    found = np.empty((r.size, z.size))
+    slopes = np.empty((r.size, z.size))
     for i in range(z.size):
         moved = z.copy()
         moved[i] += 1e-6
-        found[:, i] = (_residual(transfer, element, unknowns, moved) - r) / 1e-6
-    return found
+        slopes[:, i] = (_residual(transfer, element, unknowns, moved) - r) / 1e-6
+    return slopes
 
 
 def _shortened(
     transfer: Transfer,
-    element: Static,
+    element: PeriodElement,
     unknowns: _Unknowns,
     z: np.ndarray,
     r: np.ndarray,
@@ -153,7 +167,7 @@ def _shortened(
 
 
 def _residual(
-    transfer: Transfer, element: Static, unknowns: _Unknowns, z: np.ndarray
+    transfer: Transfer, element: PeriodElement, unknowns: _Unknowns, z: np.ndarray
 ) -> np.ndarray:
     e, w = unknowns.taken(z)
     y = output_of(element, unknowns.order, e)
@@ -162,12 +176,12 @@ def _residual(
     # at a pole of G (k = 0 with an integrator) the output itself must vanish
     size = np.maximum(np.abs(den), 1e-9 * np.abs(num))
     size = np.where(np.abs(den) > 1e-12 * np.abs(num), size, np.abs(num))
-    found = (den * e + num * np.exp(-transfer.delay * s) * y) / size / unknowns.amplitude
+    missed = (den * e + num * np.exp(-transfer.delay * s) * y) / size / unknowns.amplitude
     m = unknowns.mean
-    return np.concatenate([found[:m].real, found[m:].real, found[m:].imag])
+    return np.concatenate([missed[:m].real, missed[m:].real, missed[m:].imag])
 
 
-def output_of(element: Static, order: np.ndarray, e: np.ndarray) -> np.ndarray:
+def output_of(element: PeriodElement, order: np.ndarray, e: np.ndarray) -> np.ndarray:
     """Fourier coefficients of the settled output for those of the input.
 
     Args:
@@ -198,8 +212,8 @@ def output_of(element: Static, order: np.ndarray, e: np.ndarray) -> np.ndarray:
     turns = _turns(places, order)
     y = element.over((turns * e).sum(axis=1).real)
     weight = np.concatenate([0.0 * half, half * _POINTS[1]], axis=1).reshape(-1)
-    found = ((weight * y)[:, None] * turns.conj()).sum(axis=0) / math.pi
-    return np.where(order == 0, 0.5 * found, found)
+    y_k = ((weight * y)[:, None] * turns.conj()).sum(axis=0) / math.pi
+    return np.where(order == 0, 0.5 * y_k, y_k)
 
 
 def _turns(angle: np.ndarray, order: np.ndarray) -> np.ndarray:

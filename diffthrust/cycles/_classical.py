@@ -9,12 +9,14 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
-from diffthrust.cycles._element import Static, positive, straight
+from diffthrust.cycles._element import positive
+from diffthrust.cycles._static_element import Static, straight
 
 
-def _amplitudes(amplitude: Any, frequency: Any) -> np.ndarray:
+def _amplitudes(amplitude: ArrayLike, frequency: ArrayLike) -> np.ndarray:
     return np.broadcast_arrays(np.asarray(amplitude, float), np.asarray(frequency, float))[0]
 
 
@@ -51,15 +53,15 @@ class Relay(Static):
         """Hysteresis or half the dead zone; none for an ideal relay."""
         return self.least or None
 
-    def describing(self, amplitude: Any, frequency: Any) -> np.ndarray:
+    def describing(self, amplitude: ArrayLike, frequency: ArrayLike) -> np.ndarray:
         """4 level / (pi A) (sqrt(1 - (b/A)^2) - j h/A), with b the hysteresis h or dead zone."""
         a = _amplitudes(amplitude, frequency)
         share = self.least / a
         cosine = np.sqrt(np.maximum(0.0, 1.0 - share**2))
         turned = share if self.hysteresis else 0.0
         silent = np.nan if self.hysteresis else 0.0  # it does not switch: its sign is unknown
-        found = 4.0 * self.level / (math.pi * a) * (cosine - 1j * turned)
-        return np.where(a > self.least, found, silent)
+        n = 4.0 * self.level / (math.pi * a) * (cosine - 1j * turned)
+        return np.where(a > self.least, n, silent)
 
     def over(self, e: np.ndarray) -> np.ndarray:
         """The output over a settled period."""
@@ -115,7 +117,7 @@ class Saturation(Static):
         """The input at which the output stops to rise."""
         return self.limit / self.slope
 
-    def describing(self, amplitude: Any, frequency: Any) -> np.ndarray:
+    def describing(self, amplitude: ArrayLike, frequency: ArrayLike) -> np.ndarray:
         """2 k/pi (asin(d/A) + d/A sqrt(1 - (d/A)^2)), d = limit / k; k below d."""
         share = np.minimum(1.0, self.scale / _amplitudes(amplitude, frequency))
         return (self.slope * _kept(share)).astype(complex)
@@ -153,7 +155,7 @@ class DeadZone(Static):
         """Half the width of the band."""
         return self.width
 
-    def describing(self, amplitude: Any, frequency: Any) -> np.ndarray:
+    def describing(self, amplitude: ArrayLike, frequency: ArrayLike) -> np.ndarray:
         """The slope less the describing function of a saturation at the band; zero within it."""
         share = np.minimum(1.0, self.width / _amplitudes(amplitude, frequency))
         return (self.slope * (1.0 - _kept(share))).astype(complex)
@@ -190,7 +192,7 @@ class Backlash(Static):
         """Half the width of the play."""
         return self.gap
 
-    def describing(self, amplitude: Any, frequency: Any) -> np.ndarray:
+    def describing(self, amplitude: ArrayLike, frequency: ArrayLike) -> np.ndarray:
         """k/2 (1 + 2/pi (asin x + x sqrt(1-x^2))) - j 4 k b/(pi A) (1 - b/A), x = 1 - 2 b/A."""
         a = _amplitudes(amplitude, frequency)
         share = np.minimum(1.0, self.gap / a)

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from diffthrust._support.transfer import Transfer
-from diffthrust.cycles._element import Nonlinearity, Static
+from diffthrust.cycles._element import Nonlinearity
 
-_FINE, _COARSE = (320, 400), (32, 32)
 _SAME = 1e-4
 _STENCIL = 1e-4
 
@@ -53,41 +52,24 @@ def grid_of(
     frequencies: np.ndarray | None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """The amplitudes and frequencies [rad/s] of the cells; a given pair is the ends of a range."""
-    counts = _FINE if isinstance(element, Static) else _COARSE
     if frequencies is None:
         corners = transfer.corners
         top = 100.0 * corners[-1]
         if transfer.delay:  # the first turn of the dead time; later ones are asked for by range
             top = min(top, 5.0 / transfer.delay)
         low = min(0.01 * corners[0], 0.01 * top)
-        if not isinstance(element, Static):
-            low, top = 10.0 * low, 0.1 * top
-        frequencies = np.array([low, top])
-    w = _grid(frequencies, counts[1])
+        frequencies = np.array([element.inward[0] * low, element.inward[1] * top])
+    w = _grid(frequencies, element.cells[1])
     if amplitudes is None:
-        return _amplitudes(transfer, element, w, counts[0]), w
-    return _grid(amplitudes, counts[0]), w
+        return element.amplitudes(transfer, w), w
+    return _grid(amplitudes, element.cells[0]), w
 
 
-def _grid(given: np.ndarray, count: int) -> np.ndarray:
-    return np.geomspace(given[0], given[1], count) if given.size == 2 else given
+def _grid(ends: np.ndarray, count: int) -> np.ndarray:
+    return np.geomspace(ends[0], ends[1], count) if ends.size == 2 else ends
 
 
-def _amplitudes(
-    transfer: Transfer, element: Nonlinearity, frequencies: np.ndarray, count: int
-) -> np.ndarray:
-    if not isinstance(element, Static):
-        return np.geomspace(1e-3, 1e2, count)
-    if element.scale is not None:
-        beyond = element.scale * np.geomspace(1e-5, 1e5, count)
-        return element.least + beyond
-    # an ideal relay has no scale of its own: A = |G| times the fundamental of its output
-    gain = np.abs(transfer(1j * frequencies)) * np.abs(element.describing(1.0, 1.0))
-    seen = gain[np.isfinite(gain) & (gain > 0)]
-    return np.geomspace(0.5 * seen.min(), 2.0 * seen.max(), count)
-
-
-def balance(
+def loop_balance(
     transfer: Transfer, element: Nonlinearity, amplitude: np.ndarray, frequency: np.ndarray
 ) -> np.ndarray:
     """1 + N(A, w) G(jw), NaN where there is no describing function."""
@@ -109,11 +91,11 @@ def crossings(
     Returns:
         The solutions, and 1 + N G, ``(a, f)``.
     """
-    f = balance(transfer, element, amplitudes[:, None], frequencies[None, :])
-    found: list[Crossing] = []
+    f = loop_balance(transfer, element, amplitudes[:, None], frequencies[None, :])
+    solutions: list[Crossing] = []
     for i, j, apart in _candidates(_turning(np.real(f)), _turning(np.imag(f))):
         cell = amplitudes[i : i + 2], frequencies[j : j + 2]
-        if any(_cells_apart(cell, c) < apart for c in found):
+        if any(_cells_apart(cell, c) < apart for c in solutions):
             continue
         place = _polished(transfer, element, *cell)
         if place is None:
@@ -121,14 +103,14 @@ def crossings(
         a, w = place
         inside = amplitudes[0] <= a <= amplitudes[-1] and frequencies[0] <= w <= frequencies[-1]
         known = any(
-            abs(np.log(a / c.amplitude)) + abs(np.log(w / c.frequency)) < _SAME for c in found
+            abs(np.log(a / c.amplitude)) + abs(np.log(w / c.frequency)) < _SAME for c in solutions
         )
         if inside and not known:
             edge = a < amplitudes[1] or a > amplitudes[-2]
             edge = edge or w < frequencies[1] or w > frequencies[-2]
             growth, others = stability(transfer, element, a, w)
-            found.append(Crossing(float(a), float(w), growth, others, bool(edge)))
-    return sorted(found, key=lambda c: c.amplitude), f
+            solutions.append(Crossing(float(a), float(w), growth, others, bool(edge)))
+    return sorted(solutions, key=lambda c: c.amplitude), f
 
 
 def _turning(values: np.ndarray) -> np.ndarray:
@@ -145,7 +127,7 @@ def _stencil(
     above = a - element.least
     step = np.array([0.0, _STENCIL, -_STENCIL, 0.0, 0.0])
     at = element.least + above * np.exp(step)
-    f = balance(transfer, element, at, w * np.exp(step[[0, 3, 4, 1, 2]]))
+    f = loop_balance(transfer, element, at, w * np.exp(step[[0, 3, 4, 1, 2]]))
     return complex(f[0]), (f[1] - f[2]) / (2 * _STENCIL), (f[3] - f[4]) / (2 * _STENCIL)
 
 

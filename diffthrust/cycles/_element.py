@@ -6,40 +6,52 @@ times that sine: the describing function (Gelb & Vander Velde 1968, chapter 2).
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from diffthrust._support.errors import InputError
+from diffthrust._support.transfer import Transfer
+from diffthrust._support.validation import number
+from diffthrust.cycles._oscillation import Course, CycleSeries
 
-_GAUSS = np.polynomial.legendre.leggauss(64)
-_NUDGE = 1e-9
+
+class NotSimulated(Exception):
+    """A loop that cannot be simulated from a cycle; its text says why."""
 
 
 class Nonlinearity(ABC):
-    """A nonlinear element: how it answers a sine.
+    """A nonlinear element: how it answers a sine, and what a search for limit cycles asks besides.
 
-    ``odd`` says that the output of -e is minus that of e, so that there are no even harmonics;
-    ``scale`` is the input at which its behaviour changes, ``None`` where there is none; below the
-    amplitude ``least`` it has no output, or none that is known; ``delay`` [s] is a dead time before
-    it, which `describing` leaves to the linear part.
+    `describing` is enough for cycles to be found; with `balanced` they are refined, and with
+    `courses` simulated.
     """
 
     odd: bool = True
+    """The output of -e is minus that of e, so that there are no even harmonics."""
     least: float = 0.0
+    """Below this amplitude it has no output, or none that is known."""
     delay: float = 0.0
+    """A dead time [s] before it, which `describing` leaves to the linear part."""
+    unit: str = ""
+    """Unit of the input."""
+    lags: bool = True
+    """Its describing function depends on the frequency, too."""
+    cells: tuple[int, int] = (32, 32)
+    """Amplitudes and frequencies of the grid on which cycles are sought."""
+    inward: tuple[float, float] = (10.0, 0.1)
+    """On the ends of the widest range of frequencies, for the default one."""
+    harmonics: int = 15
+    """The highest in the balance, by default."""
 
     @property
     def scale(self) -> float | None:
-        """The input at which the behaviour changes."""
+        """The input at which the behaviour changes; ``None`` where there is none."""
         return None
 
     @abstractmethod
-    def describing(self, amplitude: Any, frequency: Any) -> np.ndarray:
+    def describing(self, amplitude: ArrayLike, frequency: ArrayLike) -> np.ndarray:
         """The describing function N(A, w), complex.
 
         Args:
@@ -67,149 +79,41 @@ class Nonlinearity(ABC):
             return np.array([n.real]), np.ones(1)
         return np.array([n.imag / frequency, n.real]), np.ones(1)
 
+    def amplitudes(self, transfer: Transfer, frequencies: np.ndarray) -> np.ndarray:
+        """The amplitudes at which cycles are sought by default, rising."""
+        return np.geomspace(1e-3, 1e2, self.cells[0])
 
-class Static(Nonlinearity):
-    """An element that answers the course of its input, however fast: a curve, perhaps with memory.
+    def balanced(
+        self, transfer: Transfer, amplitude: float, frequency: float, harmonics: int
+    ) -> CycleSeries | None:
+        """The cycle near a solution of the describing function, by a balance of harmonics.
 
-    A subclass gives `over` (and `at`, where that can be faster), the levels of the input at which
-    the output jumps or bends, and, if it remembers, `rest` and `passage`.
-    """
-
-    jumps: tuple[float, ...] = ()
-    """Levels of the input at which the output jumps, whatever came before."""
-    bends: tuple[float, ...] = ()
-    """Levels at which the output jumps, perhaps, or bends: where an integral is split."""
-
-    @abstractmethod
-    def over(self, e: np.ndarray) -> np.ndarray:
-        """The output over one period, settled, from inputs in their order, ``(n,)``."""
-
-    def at(self, e: float) -> float:
-        """The output for one input, of an element without memory."""
-        return float(self.over(np.array([e]))[0])
-
-    def describing(self, amplitude: Any, frequency: Any) -> np.ndarray:
-        """By quadrature over a quarter turn either way, split where the output jumps or bends."""
-        a, _ = np.broadcast_arrays(np.asarray(amplitude, float), np.asarray(frequency, float))
-        levels, back = np.unique(a, return_inverse=True)
-        found = np.array([self._projected(level) for level in levels], complex)
-        return found[back].reshape(a.shape)
-
-    def _projected(self, amplitude: float) -> float:
-        inner = [math.asin(b / amplitude) for b in self.bends if abs(b) < amplitude]
-        ends = np.array([-0.5 * math.pi, *sorted(inner), 0.5 * math.pi])
-        half = 0.5 * np.diff(ends)[:, None]
-        angle = (0.5 * (ends[1:] + ends[:-1])[:, None] + half * _GAUSS[0]).reshape(-1)
-        weight = (half * _GAUSS[1]).reshape(-1)
-        sine = np.sin(angle)
-        return 2.0 / (math.pi * amplitude) * float(weight @ (self.over(amplitude * sine) * sine))
-
-    def rest(self, e: float) -> Any:
-        """What the element remembers when its input has always been ``e``."""
-        return None
-
-    def passage(self, before: float, after: float, memory: Any) -> tuple[float, float, Any]:
-        """The output while the input goes straight from one value to another.
-
-        Where the output jumps on the way, the straight line that has the same mean and the same
-        first moment stands for it: a linear system that follows cannot tell them apart to the
-        third order of the step.
+        Args:
+            transfer: the linear part.
+            amplitude: of the fundamental, the first guess.
+            frequency: [rad/s], the first guess.
+            harmonics: the highest harmonic.
 
         Returns:
-            Output at the start and the end, and what the element remembers then.
+            ``None`` where the balance does not converge near the guess.
         """
-        rise = after - before
-        cuts = [
-            (jump - before) / rise
-            for jump in self.jumps
-            if min(before, after) < jump < max(before, after)
-        ]
-        if not cuts:
-            tiny = _NUDGE * rise
-            return self.at(before + tiny), self.at(after - tiny), memory
-        ends = [0.0, *sorted(cuts), 1.0]
-        pieces = []
-        for s, t in pairwise(ends):
-            inward = _NUDGE * (t - s)
-            first, last = before + (s + inward) * rise, before + (t - inward) * rise
-            pieces.append((s, t, self.at(first), self.at(last)))
-        return (*straight(pieces), memory)
+        return None
 
+    def courses(
+        self, transfer: Transfer, cycle: CycleSeries, factors: tuple[float, ...], periods: int
+    ) -> list[Course]:
+        """Simulate the loop from starts on a cycle, made larger or smaller.
 
-def straight(pieces: Sequence[tuple[float, float, float, float]]) -> tuple[float, float]:
-    """The line over a step that has the mean and the first moment of a broken one.
+        Args:
+            transfer: the linear part.
+            cycle: where to start.
+            factors: on the cycle's size at the start, one simulation for each.
+            periods: how long, in periods of the cycle.
 
-    Args:
-        pieces: ``(start, end, value at the start, value at the end)``, in shares of the step.
-    """
-    mean = moment = 0.0
-    for s, t, u, v in pieces:
-        width = t - s
-        mean += 0.5 * width * (u + v)
-        moment += width * (0.5 * s * (u + v) + width * (u / 6.0 + v / 3.0))
-    slope = 12.0 * (moment - 0.5 * mean)
-    return mean - 0.5 * slope, mean + 0.5 * slope
-
-
-class StaticNonlinearity(Static):
-    """A curve of your own, without memory; its describing function comes by quadrature.
-
-    Args:
-        function: from inputs to outputs, arrays of the same shape ``(n,)``.
-        jumps: inputs at which it jumps.
-        bends: inputs at which it bends sharply.
-        scale: the input at which its behaviour changes, for the default range of a search.
-        name: a word for reports and figures.
-
-    Raises:
-        InputError: it is no function, or does not give finite numbers of the same shape.
-
-    Example:
-        >>> cubic = StaticNonlinearity(lambda e: e**3)
-    """
-
-    def __init__(
-        self,
-        function: Callable[[Any], Any],
-        *,
-        jumps: Sequence[float] = (),
-        bends: Sequence[float] = (),
-        scale: float = 1.0,
-        name: str = "function",
-    ) -> None:
-        if not callable(function):
-            raise InputError(
-                f"Expected a function from inputs to outputs, found {function!r}.",
-                "Give a function of one array, such as lambda e: e**3.",
-            )
-        self.function, self.name = function, name
-        self.jumps = tuple(float(jump) for jump in jumps)
-        self.bends = (*self.jumps, *(float(bend) for bend in bends))
-        self._scale = positive("scale", scale)
-        probe = self._scale * np.linspace(0.03, 2.03, 9)
-        self.odd = bool(np.allclose(self.over(-probe), -self.over(probe), rtol=1e-9))
-
-    @property
-    def scale(self) -> float:
-        """The input at which the behaviour changes, as given."""
-        return self._scale
-
-    def over(self, e: np.ndarray) -> np.ndarray:
-        """The function's values."""
-        with np.errstate(all="ignore"):  # what is not finite is named below
-            found = np.asarray(self.function(e), float)
-        if found.shape != e.shape or not np.isfinite(found).all():
-            raise InputError(
-                f"The nonlinear element '{self.name}': expected {e.size} finite outputs for inputs "
-                f"between {e.min():.4g} and {e.max():.4g}, found shape {found.shape}"
-                + (", not all finite." if found.shape == e.shape else "."),
-                "Let the function act on every entry of an array and stay finite there, or search "
-                "smaller amplitudes.",
-            )
-        return found
-
-    def __str__(self) -> str:
-        return self.name
+        Raises:
+            NotSimulated: and why.
+        """
+        raise NotSimulated("the element says nothing of its course in time")
 
 
 def positive(what: str, value: Any, zero: bool = False) -> float:
@@ -218,11 +122,5 @@ def positive(what: str, value: Any, zero: bool = False) -> float:
     Raises:
         InputError: something else.
     """
-    try:
-        found = math.nan if isinstance(value, bool | str) else float(value)
-    except (TypeError, ValueError):
-        found = math.nan
-    if not math.isfinite(found) or found < 0 or (found == 0 and not zero):
-        limit = "zero or more" if zero else "above zero"
-        raise InputError(f"{what}: expected a number {limit}, found {value!r}.", "Correct it.")
-    return found
+    expected = "a number zero or more" if zero else "a number above zero"
+    return number(what, value, lambda x: x > 0 or (zero and x == 0), expected)

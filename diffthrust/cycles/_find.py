@@ -10,28 +10,27 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.transfer import Transfer, transfer_of
-from diffthrust.cycles._balance_model import balanced_states
-from diffthrust.cycles._balance_static import balanced
 from diffthrust.cycles._crossings import Crossing, crossings, grid_of, loop_poles
-from diffthrust.cycles._element import Nonlinearity, Static, StaticNonlinearity
+from diffthrust.cycles._element import Nonlinearity
+from diffthrust.cycles._limit_cycle import LimitCycle
 from diffthrust.cycles._model_element import ModelElement
-from diffthrust.cycles._oscillation import Harmonics
-from diffthrust.cycles._result import LimitCycle, LimitCycles
+from diffthrust.cycles._oscillation import CycleSeries
+from diffthrust.cycles._result import LimitCycles
+from diffthrust.cycles._static_element import StaticNonlinearity
 from diffthrust.cycles._verify import verified
 from diffthrust.models._base.model import Model
-
-_STATIC_HARMONICS, _MODEL_HARMONICS = 25, 15
 
 
 def limit_cycles(
     linear: Any,
     nonlinearity: Any,
     *,
-    amplitudes: Any = None,
-    frequencies: Any = None,
+    amplitudes: ArrayLike | None = None,
+    frequencies: ArrayLike | None = None,
     verify: bool = True,
     harmonics: int | None = None,
 ) -> LimitCycles:
@@ -77,8 +76,8 @@ def limit_cycles(
         range_of("amplitudes", amplitudes, element.least),
         range_of("frequencies", frequencies, 0.0),
     )
-    found, f = crossings(transfer, element, a, w)
-    cycles = tuple(_followed(transfer, element, c, high, verify) for c in found)
+    solutions, f = crossings(transfer, element, a, w)
+    cycles = tuple(_followed(transfer, element, c, high, verify) for c in solutions)
     size = np.where(np.isfinite(f), np.abs(f), np.inf)
     i, j = np.unravel_index(int(np.argmin(size)), size.shape)
     return LimitCycles(
@@ -127,15 +126,10 @@ def element_of(nonlinearity: Any) -> Nonlinearity:
 def _followed(
     transfer: Transfer, element: Nonlinearity, c: Crossing, harmonics: int, verify: bool
 ) -> LimitCycle:
-    cycle, states, checked = None, None, None
-    if verify and isinstance(element, Static):
-        cycle = balanced(transfer, element, c.amplitude, c.frequency, harmonics)
-    elif verify and isinstance(element, ModelElement):
-        both = balanced_states(transfer, element, c.amplitude, c.frequency, harmonics)
-        cycle, states = both if both is not None else (None, None)
+    cycle, check = None, None
     if verify:
-        begin = cycle or _sine(element, c)
-        checked = verified(transfer, element, begin, states, c.growth)
+        cycle = element.balanced(transfer, c.amplitude, c.frequency, harmonics)
+        check = verified(transfer, element, cycle or _sine(element, c), c.growth)
     return LimitCycle(
         amplitude=c.amplitude,
         frequency=c.frequency,
@@ -143,18 +137,17 @@ def _followed(
         growth=c.growth,
         at_edge=c.edge,
         refined=cycle.oscillation if cycle is not None else None,
-        simulated=checked.oscillation if checked else None,
-        lasts=checked.lasts if checked else None,
-        simulation=checked.words if checked else "not simulated",
+        simulated=check.oscillation if check else None,
+        lasts=check.lasts if check else None,
+        simulation=check.words if check else "not simulated",
         harmonics=cycle,
-        states=states,
     )
 
 
-def _sine(element: Nonlinearity, c: Crossing) -> Harmonics:
+def _sine(element: Nonlinearity, c: Crossing) -> CycleSeries:
     n = complex(element.describing(c.amplitude, c.frequency))
     coefficients = np.array([0.0, c.amplitude], complex)
-    return Harmonics(c.frequency, np.array([0, 1]), coefficients, n * coefficients)
+    return CycleSeries(c.frequency, np.array([0, 1]), coefficients, n * coefficients)
 
 
 def _rightmost(transfer: Transfer, element: Nonlinearity, a: np.ndarray, w: np.ndarray) -> float:
@@ -167,9 +160,9 @@ def _rightmost(transfer: Transfer, element: Nonlinearity, a: np.ndarray, w: np.n
     return float(np.real(poles).max()) if poles.size else float("-inf")
 
 
-def _harmonics(harmonics: Any, element: Nonlinearity) -> int:
+def _harmonics(harmonics: int | None, element: Nonlinearity) -> int:
     if harmonics is None:
-        return _STATIC_HARMONICS if isinstance(element, Static) else _MODEL_HARMONICS
+        return element.harmonics
     if isinstance(harmonics, bool) or not isinstance(harmonics, int) or not 1 <= harmonics <= 200:
         raise InputError(
             f"harmonics: expected a whole number from 1 to 200, found {harmonics!r}.", "Correct it."
@@ -177,7 +170,7 @@ def _harmonics(harmonics: Any, element: Nonlinearity) -> int:
     return harmonics
 
 
-def range_of(what: str, given: Any, least: float) -> np.ndarray | None:
+def range_of(what: str, given: ArrayLike | None, least: float) -> np.ndarray | None:
     """A range or grid as given, cut where the element begins to have an output.
 
     Raises:
@@ -186,23 +179,23 @@ def range_of(what: str, given: Any, least: float) -> np.ndarray | None:
     if given is None:
         return None
     try:
-        found = np.atleast_1d(np.asarray(given, float))
+        values = np.atleast_1d(np.asarray(given, float))
     except (TypeError, ValueError):
-        found = np.array([np.nan])
-    fine = found.ndim == 1 and found.size >= 2 and np.isfinite(found).all()
-    if not (fine and found[0] > 0 and (np.diff(found) > 0).all()):
+        values = np.array([np.nan])
+    fine = values.ndim == 1 and values.size >= 2 and np.isfinite(values).all()
+    if not (fine and values[0] > 0 and (np.diff(values) > 0).all()):
         raise InputError(
             f"{what}: expected a lowest and a highest value above zero, or a rising grid of them; "
             f"found {given!r}.",
             f"Write {what}=(0.01, 10.0).",
         )
-    if found[-1] <= least:
+    if values[-1] <= least:
         raise InputError(
             f"{what}: the element has no output up to an input of {least:.4g}, and the range ends "
-            f"at {found[-1]:.4g}.",
+            f"at {values[-1]:.4g}.",
             "Raise the end of the range.",
         )
-    if found[0] <= least:
-        start = least + 1e-6 * (found[-1] - least)
-        found = np.concatenate([[start], found[found > start]])
-    return found
+    if values[0] <= least:
+        start = least + 1e-6 * (values[-1] - least)
+        values = np.concatenate([[start], values[values > start]])
+    return values

@@ -8,10 +8,16 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
+from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
-from diffthrust.cycles._element import Nonlinearity
+from diffthrust._support.transfer import Transfer
+from diffthrust.cycles._balance_model import balanced_states
+from diffthrust.cycles._element import Nonlinearity, NotSimulated
+from diffthrust.cycles._oscillation import Course, CycleSeries
+from diffthrust.cycles._run_model import course_of, simulated_states
 from diffthrust.describing._periodic.period import Cycle, Lane
 from diffthrust.describing._periodic.respond import Reason, respond, some
 from diffthrust.describing._periodic.solvers import HarmonicBalance, Shooting
@@ -76,6 +82,7 @@ class ModelElement(Nonlinearity):
                 f"The model '{self.model}' has no states.",
                 "Give its curve as a dft.cycles.StaticNonlinearity.",
             )
+        self.unit = self.model.inputs[input]
         late = [e.name for e in self.model.effects if e.memory and input in e.ports]
         if late:
             raise InputError(
@@ -92,7 +99,7 @@ class ModelElement(Nonlinearity):
         return tuple(self.model.all_states)
 
     @property
-    def values(self) -> dict[str, Any]:
+    def values(self) -> dict[str, Array]:
         """The parameter values, by full name."""
         return {name: jnp.asarray(p.value, float) for name, p in self.model.parameters.items()}
 
@@ -108,8 +115,12 @@ class ModelElement(Nonlinearity):
         return hash(self.structure)
 
     def evaluate(
-        self, values: Mapping[str, Any], states: Mapping[str, Any], command: Any, time: Any
-    ) -> tuple[dict[str, Any], Any]:
+        self,
+        values: Mapping[str, Array],
+        states: Mapping[str, Array],
+        command: Array,
+        time: Array,
+    ) -> tuple[dict[str, Array | Relaxing], Array]:
         """Rates of the states and the output; traceable, elementwise.
 
         Args:
@@ -125,20 +136,18 @@ class ModelElement(Nonlinearity):
         rates, outputs = equations_of(model, s, port)
         return {**rates, **port.rates}, outputs[self.output]
 
-    def describing(self, amplitude: Any, frequency: Any) -> np.ndarray:
+    def describing(self, amplitude: ArrayLike, frequency: ArrayLike) -> np.ndarray:
         """The describing function by shooting; NaN where no settled answer was found."""
         a, w = np.broadcast_arrays(np.asarray(amplitude, float), np.asarray(frequency, float))
         lanes = self._lanes(a.reshape(-1), w.reshape(-1))
-        solver, found = (
-            Shooting(self._driven, len(self.model.all_states)),
-            np.full(a.size, np.nan + 0j),
-        )
+        solver = Shooting(self._driven, len(self.model.all_states))
+        n = np.full(a.size, np.nan + 0j)
         for steps in _STEPS:
-            left = np.flatnonzero(np.isnan(found))
+            left = np.flatnonzero(np.isnan(n))
             if left.size:
                 answers = respond(solver, self._cycle, some(lanes, left), samples=steps)
-                found[left] = np.where(answers.reason == Reason.SETTLED, answers.first, np.nan)
-        return found.reshape(a.shape)
+                n[left] = np.where(answers.reason == Reason.SETTLED, answers.first, np.nan)
+        return n.reshape(a.shape)
 
     def answer(self, amplitude: float, frequency: float, harmonics: int) -> np.ndarray:
         """The states' answer to a sine: coefficients, complex ``(states, harmonics + 1)``.
@@ -147,9 +156,33 @@ class ModelElement(Nonlinearity):
         """
         lanes = self._lanes(np.array([amplitude]), np.array([frequency]))
         solver = HarmonicBalance(self._driven, len(self.model.all_states), harmonics)
-        found = respond(solver, self._cycle, lanes)
-        x = np.where(found.reason[0] == Reason.SETTLED, found.x[0], np.nan)
+        settled = respond(solver, self._cycle, lanes)
+        x = np.where(settled.reason[0] == Reason.SETTLED, settled.x[0], np.nan)
         return np.concatenate([x[:, :1], x[:, 1::2] - 1j * x[:, 2::2]], axis=1)
+
+    def balanced(
+        self, transfer: Transfer, amplitude: float, frequency: float, harmonics: int
+    ) -> CycleSeries | None:
+        """The cycle near a solution of the describing function; the states take part."""
+        answer = self.answer(amplitude, frequency, harmonics)
+        return balanced_states(transfer, self, answer, amplitude, frequency)
+
+    def courses(
+        self, transfer: Transfer, cycle: CycleSeries, factors: tuple[float, ...], periods: int
+    ) -> list[Course]:
+        """Simulate the loop from starts on a cycle whose states are known.
+
+        Raises:
+            NotSimulated: they are not.
+            InputError: both the linear part and the model pass a step at once.
+        """
+        if cycle.states is None:
+            raise NotSimulated("the balance of harmonics did not converge")
+        return simulated_states(transfer, self, cycle, cycle.states, factors, periods)
+
+    def course(self, transfer: Transfer, output: float, period: float, duration: float) -> Course:
+        """Simulate the loop from rest: see `course_of`."""
+        return course_of(transfer, self, output, period, duration)
 
     @property
     def _driven(self) -> Model:
@@ -184,22 +217,17 @@ def checked_model(model: Any) -> Model:
     Raises:
         InputError: neither.
     """
-    found = getattr(model, "model", model)
-    if not isinstance(found, Model):
+    bare_model = getattr(model, "model", model)
+    if not isinstance(bare_model, Model):
         raise InputError(
             f"Expected a model or a fit, found {model!r}.", "Give dft.Thruster() or a fit."
         )
-    return found
+    return bare_model
 
 
 def _without_delay(model: Model, input: str) -> tuple[Model, float]:
     """A model without the delays of an input, and the dead time [s] that they amount to."""
-    found = [e for e in model.effects if isinstance(e, CommandDelay) and input in e.ports]
-    for effect in found:
+    delays = [e for e in model.effects if isinstance(e, CommandDelay) and input in e.ports]
+    for effect in delays:
         model = model - effect.name
-    return model, float(sum(effect.delay for effect in found))
-
-
-def plain_rate(rate: Any) -> Any:
-    """The number in a rate that may be `Relaxing`."""
-    return rate.rate if isinstance(rate, Relaxing) else rate
+    return model, float(sum(effect.delay for effect in delays))

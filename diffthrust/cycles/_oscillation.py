@@ -37,7 +37,7 @@ class Oscillation:
 
 
 @dataclass(frozen=True)
-class Harmonics:
+class CycleSeries:
     """Input and output of the element over a period: the real part of sum c_k exp(j k w t).
 
     Args:
@@ -45,12 +45,15 @@ class Harmonics:
         order: the k, ``(m,)``, rising, with 1 among them.
         input: coefficients of the input, complex ``(m,)``.
         output: coefficients of the output, complex ``(m,)``.
+        states: those of the element's states, complex ``(states, m)``; ``None`` where it has none,
+            or they are not known.
     """
 
     frequency: float
     order: np.ndarray
     input: np.ndarray
     output: np.ndarray
+    states: np.ndarray | None = None
 
     def signal(self, coefficients: np.ndarray, time: np.ndarray) -> np.ndarray:
         """Values at times [s], ``(n,)``."""
@@ -58,15 +61,41 @@ class Harmonics:
         return np.real(turn @ coefficients)
 
     @property
+    def fundamental(self) -> complex:
+        """The input's first coefficient beside its mean."""
+        return complex(self.input[int(np.flatnonzero(self.order == 1)[0])])
+
+    def near(self, amplitude: float, frequency: float) -> bool:
+        """Whether it still is the oscillation that was guessed, and no other one."""
+        size, pace = abs(self.fundamental) / amplitude, self.frequency / frequency
+        return 0.3 < size < 3.0 and 0.5 < pace < 2.0
+
+    @property
     def oscillation(self) -> Oscillation:
         """The input in numbers."""
         time = np.linspace(0.0, 2.0 * math.pi / self.frequency, 1024, endpoint=False)
         e = self.signal(self.input, time)
-        first = int(np.flatnonzero(self.order == 1)[0])
         offset = float(self.input[0].real) if self.order[0] == 0 else 0.0
         return Oscillation(
-            float(abs(self.input[first])), 0.5 * float(np.ptp(e)), self.frequency, offset
+            float(abs(self.fundamental)), 0.5 * float(np.ptp(e)), self.frequency, offset
         )
+
+
+@dataclass(frozen=True)
+class Course:
+    """A simulated course of the element's input.
+
+    Args:
+        time: [s], evenly spaced, ``(n,)``.
+        input: the element's input, ``(n,)``.
+        output: the element's output, ``(n,)``.
+        fled: the simulation was ended because it had grown a thousandfold.
+    """
+
+    time: np.ndarray
+    input: np.ndarray
+    output: np.ndarray
+    fled: bool
 
 
 def measured(time: np.ndarray, e: np.ndarray, turns: int = 4) -> Oscillation | None:

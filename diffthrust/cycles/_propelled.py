@@ -8,9 +8,12 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
+from numpy.typing import ArrayLike
 
 from diffthrust.cycles._element import positive
 from diffthrust.cycles._model_element import ModelElement
+from diffthrust.models._base.signals import Relaxing
 
 _SINE = 8.0 / (3.0 * math.pi)
 """The describing function of x|x| over the amplitude of x."""
@@ -50,14 +53,18 @@ class PropelledAxis(ModelElement):
         return (*super().states, "vehicle.velocity")
 
     @property
-    def values(self) -> dict[str, Any]:
+    def values(self) -> dict[str, Array]:
         """The thruster's parameters, mass and drag."""
         own = {"vehicle.mass": self.mass, "vehicle.drag": self.drag}
         return {**super().values, **{name: jnp.asarray(value) for name, value in own.items()}}
 
     def evaluate(
-        self, values: Mapping[str, Any], states: Mapping[str, Any], command: Any, time: Any
-    ) -> tuple[dict[str, Any], Any]:
+        self,
+        values: Mapping[str, Array],
+        states: Mapping[str, Array],
+        command: Array,
+        time: Array,
+    ) -> tuple[dict[str, Array | Relaxing], Array]:
         """Rates of the states, and the velocity."""
         own = {name: value for name, value in states.items() if name != "vehicle.velocity"}
         rates, thrust = super().evaluate(values, own, command, time)
@@ -65,7 +72,7 @@ class PropelledAxis(ModelElement):
         force = thrust - values["vehicle.drag"] * v * jnp.abs(v)
         return {**rates, "vehicle.velocity": force / values["vehicle.mass"]}, v
 
-    def describing(self, amplitude: Any, frequency: Any) -> np.ndarray:
+    def describing(self, amplitude: ArrayLike, frequency: ArrayLike) -> np.ndarray:
         """That of the thruster times that of the vehicle, one after the other."""
         n = self.thruster.describing(amplitude, frequency)
         w = np.asarray(frequency, float)

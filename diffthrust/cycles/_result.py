@@ -3,62 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from diffthrust._support.transfer import Transfer
 from diffthrust.cycles._element import Nonlinearity
-from diffthrust.cycles._model_element import ModelElement
-from diffthrust.cycles._oscillation import Harmonics, Oscillation
+from diffthrust.cycles._limit_cycle import LimitCycle
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-
-@dataclass(frozen=True)
-class LimitCycle:
-    """One limit cycle.
-
-    Args:
-        amplitude: of the fundamental at the element's input, by the describing function.
-        frequency: [rad/s], by the describing function.
-        stable: whether it lasts by the quasi-static criterion; ``None``: undecided.
-        growth: how fast a relative deviation of the amplitude grows [1/s] by that criterion.
-        at_edge: it lies at the edge of the range that was searched.
-        refined: the same by a balance of more harmonics; ``None`` where that was not asked for or
-            did not converge near it.
-        simulated: the same as measured in a full simulation; of an unstable one its first turns.
-        lasts: whether simulations from 10 % below and above come back; ``None``: undecided.
-        simulation: what they did, in words.
-        harmonics: Fourier coefficients of the refined cycle.
-        states: those of a model's states, complex ``(states, m)``.
-    """
-
-    amplitude: float
-    frequency: float
-    stable: bool | None
-    growth: float
-    at_edge: bool
-    refined: Oscillation | None
-    simulated: Oscillation | None
-    lasts: bool | None
-    simulation: str
-    harmonics: Harmonics | None = field(repr=False, default=None)
-    states: np.ndarray | None = field(repr=False, default=None)
-
-    @property
-    def best(self) -> Oscillation:
-        """The most faithful numbers there are: refined, simulated, or the describing function's."""
-        own = Oscillation(self.amplitude, self.amplitude, self.frequency, 0.0)
-        return self.refined or self.simulated or own
-
-    @property
-    def verdict(self) -> str:
-        """``"stable"``, ``"unstable"`` or ``"undecided"``: the simulation's word before others."""
-        word = self.lasts if self.lasts is not None else self.stable
-        return "undecided" if word is None else "stable" if word else "unstable"
 
 
 @dataclass(frozen=True, repr=False)
@@ -105,10 +60,7 @@ class LimitCycles:
     @property
     def unit(self) -> str:
         """Unit of the amplitudes, with a space in front; empty where there is none."""
-        if not isinstance(self.element, ModelElement):
-            return ""
-        unit = self.element.model.inputs[self.element.input]
-        return f" {unit}" if unit else ""
+        return f" {self.element.unit}" if self.element.unit else ""
 
     @property
     def sentence(self) -> str:
@@ -119,13 +71,13 @@ class LimitCycles:
         )
         if not self.cycles:
             return f"No limit cycle for {ranges}: {self._without()}"
-        told = "; ".join(
+        each = "; ".join(
             f"{c.verdict}, amplitude {c.best.amplitude:.4g}{self.unit}, {c.best.frequency:.4g} "
             f"rad/s (period {c.best.period:.4g} s)"
             for c in self.cycles
         )
         count = "One limit cycle" if len(self) == 1 else f"{len(self)} limit cycles"
-        return f"{count} for {ranges}: {told}."
+        return f"{count} for {ranges}: {each}."
 
     def _without(self) -> str:
         small, large = self.ends
@@ -192,9 +144,8 @@ class LimitCycles:
                 word = "stable" if c.stable else "unstable"
                 lines.append(f"   the quasi-static criterion says {word}: trust the simulation")
             lines.append(f"   {'':22}{'fundamental':>12}{'peak':>12}{'rad/s':>12}{'offset':>12}")
-            own = Oscillation(c.amplitude, c.amplitude, c.frequency, 0.0)
             rows = {
-                "describing function": own,
+                "describing function": c.described,
                 "balance of harmonics": c.refined,
                 "simulation": c.simulated,
             }
@@ -211,7 +162,7 @@ class LimitCycles:
 
     def plot(self) -> Figure:
         """G(jw) and -1/N(A, w) in the complex plane, with the cycles at their intersections."""
-        from diffthrust.cycles._nyquist_figure import nyquist_figure
+        from diffthrust.cycles._figures_nyquist import nyquist_figure
 
         return nyquist_figure(self)
 

@@ -9,40 +9,30 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any, Protocol
 
 import numpy as np
 
 from diffthrust._support.transfer import Transfer
-from diffthrust.cycles._element import Static
-from diffthrust.cycles._oscillation import Harmonics
+from diffthrust.cycles._oscillation import Course, CycleSeries
 
-STEPS = 256
+STEPS_A_PERIOD = 256
 """Steps per period."""
 BEYOND = 1e3
 """A course is followed until it has grown to so many times the cycle."""
 
 
-@dataclass(frozen=True)
-class Course:
-    """A simulated course of the element's input.
+class StepElement(Protocol):
+    """What the simulation asks of an element: see `Static`."""
 
-    Args:
-        time: [s], evenly spaced, ``(n,)``.
-        input: the element's input, ``(n,)``.
-        output: the element's output, ``(n,)``.
-        fled: the simulation was ended because it had grown a thousandfold.
-    """
+    def rest(self, e: float) -> Any: ...
 
-    time: np.ndarray
-    input: np.ndarray
-    output: np.ndarray
-    fled: bool
+    def passage(self, before: float, after: float, memory: Any) -> tuple[float, float, Any]: ...
 
 
 def simulated(
-    transfer: Transfer, element: Static, cycle: Harmonics, factor: float, periods: float
+    transfer: Transfer, element: StepElement, cycle: CycleSeries, factor: float, periods: float
 ) -> Course:
     """Simulate from a start on a cycle, made larger or smaller.
 
@@ -54,7 +44,7 @@ def simulated(
         periods: how long, in periods of the cycle.
     """
     period = cycle.oscillation.period
-    wait = period / STEPS
+    wait = period / STEPS_A_PERIOD
     if periods <= 32:  # what is left of a slow cycle may turn faster
         fast = 2.0 * math.pi / transfer.corners[-1] / 64
         wait = max(min(wait, fast), 0.25 * wait)
@@ -75,7 +65,7 @@ def simulated(
 
 def _march(
     transfer: Transfer,
-    element: Static,
+    element: StepElement,
     step: float,
     x: np.ndarray,
     memory: object,
@@ -114,7 +104,7 @@ def _march(
     return Course(step * np.arange(count + 1), e, y, False)
 
 
-def states_on(transfer: Transfer, cycle: Harmonics) -> np.ndarray:
+def states_on(transfer: Transfer, cycle: CycleSeries) -> np.ndarray:
     """States of the linear part at the start of a cycle, ``(n,)``.
 
     The mean of a state behind an integrator follows from the mean of the element's input.

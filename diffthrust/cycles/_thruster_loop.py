@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
 from diffthrust.cycles._element import positive
 from diffthrust.cycles._find import limit_cycles
 from diffthrust.cycles._model_element import ModelElement, checked_model
+from diffthrust.cycles._oscillation import Course
 from diffthrust.cycles._propelled import PropelledAxis
 from diffthrust.cycles._result import LimitCycle, LimitCycles
-from diffthrust.cycles._run_model import course_of
-from diffthrust.cycles._run_static import Course
 from diffthrust.models._base.model import Model
 
 if TYPE_CHECKING:
@@ -150,11 +150,10 @@ class ThrusterLoop:
             InputError: something that is no positive number.
         """
         x, end = positive("displacement", displacement), positive("duration", duration)
-        element, k = self.found.element, self.newton
-        assert isinstance(element, ModelElement)
+        element, k = _element(self.model, self.mass, self.drag), self.newton
         force = self.mass * self.natural_frequency**2 * x
         period = 2.0 * math.pi / self.natural_frequency
-        run = course_of(self.found.transfer, element, {}, force / k, period, end)
+        run = element.course(self.found.transfer, force / k, period, end)
         thrust = run.output
         if self.drag:  # the element's output is the velocity
             rise = np.gradient(thrust, run.time)
@@ -163,13 +162,20 @@ class ThrusterLoop:
 
     def plot(self, displacement: float = 0.02, duration: float = 60.0) -> Figure:
         """Command and thrust from rest beside the set point (the paper's figure 14)."""
-        from diffthrust.cycles._nyquist_figure import course_figure
+        from diffthrust.cycles._figures_course import course_figure
 
-        return course_figure(self, self.course(displacement, duration))
+        levels = {"printed formula": self.printed, "consistent formula": self.consistent}
+        if len(self.found):
+            levels["balance of harmonics"] = self.newton * self.cycle.best.peak
+        title = (
+            f"{self.model} on a vehicle of {self.mass:.4g} kg, drag {self.drag:.4g} N s2/m2\n"
+            f"position control for {self.natural_frequency:.4g} rad/s, damping {self.damping:.4g}"
+        )
+        return course_figure(self.course(displacement, duration), levels, title)
 
     def plot_poles(self) -> Figure:
         """How the closed loop's poles move as the command grows (the paper's figure 13)."""
-        from diffthrust.cycles._pole_figure import pole_figure
+        from diffthrust.cycles._figures_pole import pole_figure
 
         f = self.found
         top = 8.0 * max([c.amplitude for c in f], default=self.consistent / self.newton)
@@ -185,8 +191,8 @@ def thruster_loop_cycle(
     drag: float = 67.0,
     natural_frequency: float = 1.0,
     damping: float = 0.707,
-    amplitudes: Any = None,
-    frequencies: Any = None,
+    amplitudes: ArrayLike | None = None,
+    frequencies: ArrayLike | None = None,
     verify: bool = True,
 ) -> ThrusterLoop:
     """The limit cycle that a thruster causes in a vehicle's position control.
@@ -228,11 +234,8 @@ def thruster_loop_cycle(
     alpha, beta, ct = (positive(name, named[name].value) for name in ("alpha", "beta", "ct"))
     newton = ct * beta / alpha
     gains = [2.0 * zeta * wn * mass / newton, wn**2 * mass / newton]
-    if drag:  # the element ends at the velocity: what is left of the loop is linear
-        element = PropelledAxis(thruster, mass=mass, drag=drag)
-        linear = (gains, [1.0, 0.0])
-    else:
-        element, linear = ModelElement(thruster), (gains, [mass, 0.0, 0.0])
+    element = _element(thruster, mass, drag)
+    linear = (gains, [1.0, 0.0] if drag else [mass, 0.0, 0.0])
     if frequencies is None:
         frequencies = (0.1 * wn, 10.0 * wn)
     if amplitudes is None:  # around what the formula says for a pure inertia
@@ -243,6 +246,11 @@ def thruster_loop_cycle(
         linear, element, amplitudes=amplitudes, frequencies=frequencies, verify=verify
     )
     return ThrusterLoop(thruster, mass, drag, wn, zeta, found, newton)
+
+
+def _element(thruster: Model, mass: float, drag: float) -> ModelElement:
+    """With drag it ends at the velocity, so that what is left of the loop is linear."""
+    return PropelledAxis(thruster, mass=mass, drag=drag) if drag else ModelElement(thruster)
 
 
 def _row(name: str, fundamental: float | None, peak: float | None, frequency: float) -> str:

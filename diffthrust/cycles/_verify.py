@@ -5,14 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from diffthrust._support.transfer import Transfer
-from diffthrust.cycles._element import Nonlinearity, Static
-from diffthrust.cycles._model_element import ModelElement
-from diffthrust.cycles._oscillation import Harmonics, Oscillation, envelope, measured
-from diffthrust.cycles._run_model import simulated_states
-from diffthrust.cycles._run_static import Course, simulated
+from diffthrust.cycles._element import Nonlinearity, NotSimulated
+from diffthrust.cycles._oscillation import Course, CycleSeries, Oscillation, envelope, measured
 
 _LENGTHS = (16, 32, 64, 128, 256)
 _FACTORS = (1.0, 0.9, 1.1)
@@ -37,11 +32,7 @@ class Verification:
 
 
 def verified(
-    transfer: Transfer,
-    element: Nonlinearity,
-    cycle: Harmonics,
-    states: np.ndarray | None,
-    growth: float,
+    transfer: Transfer, element: Nonlinearity, cycle: CycleSeries, growth: float
 ) -> Verification:
     """Simulate the whole loop from a cycle and from 10 % below and above it.
 
@@ -49,21 +40,15 @@ def verified(
         transfer: the linear part.
         element: the nonlinear element.
         cycle: the cycle.
-        states: coefficients of a model's states on it, complex ``(states, m)``.
         growth: of a deviation [1/s], which sets how long to simulate.
     """
     period = cycle.oscillation.period
     wanted = 4.0 / max(abs(growth) * period, 1e-9)
     periods = next((n for n in _LENGTHS if n >= wanted), _LENGTHS[-1])
-    if isinstance(element, Static):
-        if transfer.direct:
-            words = "not simulated: the linear part passes a step at once to an element that does"
-            return Verification(None, None, words)
-        runs = [simulated(transfer, element, cycle, factor, periods) for factor in _FACTORS]
-    elif isinstance(element, ModelElement) and states is not None:
-        runs = simulated_states(transfer, element, cycle, states, _FACTORS, periods)
-    else:
-        return Verification(None, None, "not simulated: the balance of harmonics did not converge")
+    try:
+        runs = element.courses(transfer, cycle, _FACTORS, periods)
+    except NotSimulated as reason:
+        return Verification(None, None, f"not simulated: {reason}")
     return _judged(runs, cycle.oscillation, periods)
 
 
@@ -81,11 +66,11 @@ def _judged(runs: list[Course], cycle: Oscillation, periods: int) -> Verificatio
     if lasts:
         words = "simulations from 10 % below and above come back to it"
     else:
-        told = [
+        sides_said = [
             f"from 10 % {side} it {_fate(run, end, cycle, periods)}"
             for side, run, end in zip(("below", "above"), sides, ends, strict=True)
         ]
-        words = ("the simulation leaves it: " if lasts is False else "") + ", ".join(told)
+        words = ("the simulation leaves it: " if lasts is False else "") + ", ".join(sides_said)
     return Verification(seen, lasts, words)
 
 

@@ -111,11 +111,11 @@ def advance(
         """The rates; of relaxing states the part that the frozen decay leaves."""
         found = rates(state, u)
         return {
-            name: _rate(k) + weights[name]["decay"] * state[name] if name in weights else k
+            name: plain_rate(k) + weights[name]["decay"] * state[name] if name in weights else k
             for name, k in found.items()
         }
 
-    k1 = {name: _rate(k) for name, k in rates(x, early).items()}
+    k1 = {name: plain_rate(k) for name, k in rates(x, early).items()}
     n1 = slope(stage(x.__getitem__, lambda n: x[n] + h * weights[n]["start"] * k1[n]), early)
     w = {name: _Stage(x[name], h, k1[name], n1[name], weights[name]) for name in weights}
     a = stage(lambda n: x[n] + 0.5 * h * n1[n], lambda n: w[n].middle(n1[n]))
@@ -133,7 +133,8 @@ def advance(
     )
 
 
-def _rate(k: Any) -> Any:
+def plain_rate(k: Any) -> Any:
+    """The number in a rate that may be `Relaxing`."""
     return k.rate if isinstance(k, Relaxing) else k
 
 

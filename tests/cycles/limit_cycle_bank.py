@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from diffthrust.cycles._classical import Backlash, DeadZone, Relay, Saturation
-from diffthrust.cycles._element import StaticNonlinearity
+from diffthrust.cycles import Backlash, DeadZone, Relay, Saturation, StaticNonlinearity
 
 
 @dataclass(frozen=True)

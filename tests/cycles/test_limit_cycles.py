@@ -16,16 +16,20 @@ from scipy.integrate import solve_ivp
 
 import diffthrust as dft
 from diffthrust import InputError
-from diffthrust._support.transfer import transfer_of
-from diffthrust.cycles._balance_model import balanced_states
-from diffthrust.cycles._balance_static import balanced, output_of
-from diffthrust.cycles._classical import Backlash, DeadZone, Relay, Saturation
-from diffthrust.cycles._element import StaticNonlinearity
-from diffthrust.cycles._find import limit_cycles
-from diffthrust.cycles._model_element import ModelElement
-from diffthrust.cycles._pole_figure import plot_pole_motion
-from diffthrust.cycles._thruster_loop import thruster_loop_cycle
-from diffthrust.describing._describe import describing_function
+from diffthrust._support.transfer import transfer_of  # private: the linear part alone
+from diffthrust.cycles import (
+    Backlash,
+    DeadZone,
+    ModelElement,
+    Nonlinearity,
+    Relay,
+    Saturation,
+    StaticNonlinearity,
+    limit_cycles,
+    plot_pole_motion,
+    thruster_loop_cycle,
+)
+from diffthrust.cycles._balance_static import output_of  # private: the harmonics of one passage
 from diffthrust.effects import (
     ActuatorLag,
     CommandDeadband,
@@ -196,6 +200,30 @@ def test_intersections_are_those_of_python_control():
     ((a, w),) = theirs.intersections
     (c,) = limit_cycles(plant, Saturation(1.0), verify=False)
     np.testing.assert_allclose((c.amplitude, c.frequency), (a, w), rtol=1e-3)
+
+
+class Cube(Nonlinearity):
+    def describing(self, amplitude, frequency):
+        a, _ = np.broadcast_arrays(np.asarray(amplitude, float), np.asarray(frequency, float))
+        return (0.75 * a**2).astype(complex)
+
+
+class SimulatedCube(Cube):
+    def courses(self, transfer, cycle, factors, periods):
+        curve = StaticNonlinearity(lambda e: e**3)
+        return curve.courses(transfer, cycle, factors, periods)
+
+
+def test_a_new_element_is_one_class():
+    linear = third_order(6.0, 1.0, 2.0)
+    (known,) = limit_cycles(linear, StaticNonlinearity(lambda e: e**3), verify=False)
+    (found,), (simulated,) = limit_cycles(linear, Cube()), limit_cycles(linear, SimulatedCube())
+    for c in (found, simulated):
+        np.testing.assert_allclose((c.amplitude, c.frequency), (known.amplitude, 2**0.5), rtol=1e-6)
+        assert c.refined is None
+    assert found.lasts is None
+    assert found.simulation.startswith("not simulated: ")
+    assert simulated.lasts is False
 
 
 # The linear part.
@@ -482,19 +510,19 @@ def test_quick_thrusters_do_not_cycle():
 def test_a_balance_of_one_harmonic_is_the_consistent_formula():
     loop = jason(drag=0.0)
     c = loop.cycle
-    first, _ = balanced_states(loop.found.transfer, loop.found.element, c.amplitude, c.frequency, 1)
+    first = loop.found.element.balanced(loop.found.transfer, c.amplitude, c.frequency, 1)
     o = first.oscillation
     np.testing.assert_allclose(loop.newton * o.amplitude, loop.consistent, rtol=1e-3)
     np.testing.assert_allclose(o.frequency, loop.natural_frequency, rtol=1e-3)
     relay, (c,) = BANK[0], found_in(0)
-    first = balanced(transfer_of(relay.linear), relay.element, c.amplitude, c.frequency, 1)
+    first = relay.element.balanced(transfer_of(relay.linear), c.amplitude, c.frequency, 1)
     np.testing.assert_allclose(first.oscillation.amplitude, c.amplitude, rtol=1e-6)
 
 
 def test_describing_function_of_a_model_is_that_of_the_map():
     model = dft.Thruster(**JASON)
     a, w = np.array([0.05, 0.5, 5.0]), np.array([0.3, 1.0, 4.0])
-    found = describing_function(model, a, w, method="harmonic_balance")
+    found = dft.describing_function(model, a, w, method="harmonic_balance")
     ours = ModelElement(model).describing(a[:, None], w[None, :])
     np.testing.assert_allclose(ours, found.complex, rtol=1e-3)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import literal, styled
@@ -19,7 +20,9 @@ if TYPE_CHECKING:
 _COUNT = 64
 
 
-def plot_pole_motion(linear: Any, nonlinearity: Any, *, amplitudes: Any = None) -> Figure:
+def plot_pole_motion(
+    linear: Any, nonlinearity: Any, *, amplitudes: ArrayLike | None = None
+) -> Figure:
     """The root locus of the quasi-linear loop over the amplitude at the element's input.
 
     Where the poles cross to the left as the amplitude grows, an oscillation that is too small
@@ -139,7 +142,7 @@ def axis_crossings(a: np.ndarray, poles: np.ndarray) -> list[tuple[float, float,
         a: amplitudes, ``(m,)``.
         poles: complex ``(m, n)``.
     """
-    found = []
+    crossed = []
     upper = np.where(np.imag(poles) > 1e-6 * np.abs(poles), poles, -np.inf)
     best = np.argmax(np.real(upper), axis=1)
     pair = upper[np.arange(a.size), best]
@@ -149,8 +152,8 @@ def axis_crossings(a: np.ndarray, poles: np.ndarray) -> list[tuple[float, float,
             share = one.real / (one.real - two.real)
             amplitude = a[i] * (a[i + 1] / a[i]) ** share
             w = one.imag + share * (two.imag - one.imag)
-            found.append((float(amplitude), float(w), bool(two.real < 0)))
-    return found
+            crossed.append((float(amplitude), float(w), bool(two.real < 0)))
+    return crossed
 
 
 def _window(transfer: Transfer, poles: np.ndarray) -> float:

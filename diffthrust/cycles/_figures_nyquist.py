@@ -3,26 +3,49 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from diffthrust._support.figures import BLUE, GREY, VERMILLION, literal, styled
-from diffthrust.cycles._element import Static
+from diffthrust._support.figures import BLUE, VERMILLION, literal, styled
+from diffthrust._support.transfer import Transfer
+from diffthrust.cycles._element import Nonlinearity
+from diffthrust.cycles._limit_cycle import LimitCycle
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from diffthrust._support.transfer import Transfer
-    from diffthrust.cycles._result import LimitCycles
-    from diffthrust.cycles._run_static import Course
-    from diffthrust.cycles._thruster_loop import ThrusterLoop
-
 _MARKS = {"stable": ("o", "black"), "unstable": ("o", "white"), "undecided": ("D", "0.7")}
 
 
-def nyquist_figure(found: LimitCycles) -> Figure:
+class Searched(Protocol):
+    """What the figure shows: see `LimitCycles`."""
+
+    @property
+    def transfer(self) -> Transfer: ...
+
+    @property
+    def element(self) -> Nonlinearity: ...
+
+    @property
+    def cycles(self) -> Sequence[LimitCycle]: ...
+
+    @property
+    def amplitudes(self) -> tuple[float, float]: ...
+
+    @property
+    def frequencies(self) -> tuple[float, float]: ...
+
+    @property
+    def nearest(self) -> tuple[float, float, float]: ...
+
+    @property
+    def unit(self) -> str: ...
+
+
+def nyquist_figure(searched: Searched) -> Figure:
     """The polar plot of the linear part and of the element, their crossings labelled.
 
     The window is laid around the crossings, or without any around the place where the two come
@@ -32,23 +55,23 @@ def nyquist_figure(found: LimitCycles) -> Figure:
 
     figure = Figure(figsize=(7.4, 6.8), layout="constrained")
     axes = figure.add_subplot()
-    transfer, element = found.transfer, found.element
-    w = np.geomspace(*found.frequencies, 4000)
-    a = np.geomspace(*found.amplitudes, 400 if not isinstance(element, Static) else 2000)
-    if isinstance(element, Static) and element.scale:
+    transfer, element, cycles = searched.transfer, searched.element, searched.cycles
+    w = np.geomspace(*searched.frequencies, 4000)
+    a = np.geomspace(*searched.amplitudes, 400 if element.lags else 2000)
+    if not element.lags and element.scale:
         a = np.unique(np.concatenate([a, element.least + element.scale * np.geomspace(1e-6, 50)]))
-    places = [complex(transfer(1j * c.frequency)) for c in found]
+    places = [complex(transfer(1j * c.frequency)) for c in cycles]
     if not places:
-        places = [complex(transfer(1j * found.nearest[2]))]
+        places = [complex(transfer(1j * searched.nearest[2]))]
     radius = 2.5 * max(max(abs(p) for p in places), 1e-12)
     _drawn(axes, transfer(1j * w), radius, BLUE, "G(jw)", "-")
-    frequencies = list(dict.fromkeys(c.frequency for c in found)) or [found.nearest[2]]
-    for i, frequency in enumerate(frequencies[:1] if isinstance(element, Static) else frequencies):
+    frequencies = list(dict.fromkeys(c.frequency for c in cycles)) or [searched.nearest[2]]
+    for i, frequency in enumerate(frequencies if element.lags else frequencies[:1]):
         with np.errstate(divide="ignore", invalid="ignore"):
             curve = -1.0 / element.describing(a, frequency)
-        label = "-1/N(A)" if isinstance(element, Static) else f"-1/N(A, {frequency:.3g} rad/s)"
+        label = f"-1/N(A, {frequency:.3g} rad/s)" if element.lags else "-1/N(A)"
         _drawn(axes, curve, radius, VERMILLION, label, ("-", "--", ":", "-.")[i % 4])
-    for number, (c, place) in enumerate(zip(found, places, strict=False), 1):
+    for number, (c, place) in enumerate(zip(cycles, places, strict=False), 1):
         mark, face = _MARKS[c.verdict]
         best, side = c.best, _clear_side(transfer, c.frequency)
         axes.plot(
@@ -59,7 +82,7 @@ def nyquist_figure(found: LimitCycles) -> Figure:
             markerfacecolor=face,
             markersize=7,
             zorder=4,
-            label=f"{number}. {c.verdict}: amplitude {best.amplitude:.4g}{found.unit}, "
+            label=f"{number}. {c.verdict}: amplitude {best.amplitude:.4g}{searched.unit}, "
             f"{best.frequency:.4g} rad/s",
         )
         axes.annotate(
@@ -82,7 +105,7 @@ def nyquist_figure(found: LimitCycles) -> Figure:
         limits(min(0.0, *parts, 0.0) - 0.5 * radius, max(0.0, *parts, 0.0) + 0.5 * radius)
     axes.set_aspect("equal")
     figure.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=9)
-    if not len(found):
+    if not cycles:
         axes.text(
             0.02, 0.98, "no limit cycle in the range", transform=axes.transAxes, va="top",
             fontsize=10,
@@ -119,32 +142,3 @@ def _drawn(
                     "", (z[k].real, z[k].imag), (z[k - 1].real, z[k - 1].imag),
                     arrowprops={"arrowstyle": "-|>", "color": colour, "mutation_scale": 16},
                 )  # fmt: skip
-
-
-def course_figure(loop: ThrusterLoop, course: Course) -> Figure:
-    """Command and thrust over time, with what the formulas and the balance say of the peak."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(8.4, 4.4), layout="constrained")
-    axes = figure.add_subplot()
-    axes.plot(course.time, course.output, color=GREY, linewidth=1.6, label="thrust")
-    axes.plot(course.time, course.input, color=BLUE, linewidth=1.3, label="command")
-    levels = {"printed formula": (loop.printed, ":"), "consistent formula": (loop.consistent, "--")}
-    if len(loop.found):
-        levels["balance of harmonics"] = (loop.newton * loop.cycle.best.peak, "-")
-    for name, (level, style) in levels.items():
-        for side in (level, -level):
-            axes.axhline(
-                side,
-                color=VERMILLION,
-                linestyle=style,
-                linewidth=0.9,
-                label=f"{name}: {level:.2f} N" if side > 0 else "",
-            )
-    title = (
-        f"{loop.model} on a vehicle of {loop.mass:.4g} kg, drag {loop.drag:.4g} N s2/m2\n"
-        f"position control for {loop.natural_frequency:.4g} rad/s, damping {loop.damping:.4g}"
-    )
-    styled(axes, title, "time [s]", "force [N]")
-    figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize=8.5)
-    return figure

@@ -1,0 +1,53 @@
+"""One limit cycle in numbers, and its verdict."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from diffthrust.cycles._oscillation import CycleSeries, Oscillation
+
+
+@dataclass(frozen=True)
+class LimitCycle:
+    """One limit cycle.
+
+    Args:
+        amplitude: of the fundamental at the element's input, by the describing function.
+        frequency: [rad/s], by the describing function.
+        stable: whether it lasts by the quasi-static criterion; ``None``: undecided.
+        growth: how fast a relative deviation of the amplitude grows [1/s] by that criterion.
+        at_edge: it lies at the edge of the range that was searched.
+        refined: the same by a balance of more harmonics; ``None`` where that was not asked for or
+            did not converge near it.
+        simulated: the same as measured in a full simulation; of an unstable one its first turns.
+        lasts: whether simulations from 10 % below and above come back; ``None``: undecided.
+        simulation: what they did, in words.
+        harmonics: Fourier coefficients of the refined cycle.
+    """
+
+    amplitude: float
+    frequency: float
+    stable: bool | None
+    growth: float
+    at_edge: bool
+    refined: Oscillation | None
+    simulated: Oscillation | None
+    lasts: bool | None
+    simulation: str
+    harmonics: CycleSeries | None = field(repr=False, default=None)
+
+    @property
+    def described(self) -> Oscillation:
+        """What the describing function says of it."""
+        return Oscillation(self.amplitude, self.amplitude, self.frequency, 0.0)
+
+    @property
+    def best(self) -> Oscillation:
+        """The most faithful numbers there are: refined, simulated, or the describing function's."""
+        return self.refined or self.simulated or self.described
+
+    @property
+    def verdict(self) -> str:
+        """``"stable"``, ``"unstable"`` or ``"undecided"``: the simulation's word before others."""
+        word = self.lasts if self.lasts is not None else self.stable
+        return "undecided" if word is None else "stable" if word else "unstable"
