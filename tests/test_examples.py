@@ -14,7 +14,7 @@ import pytest
 from places import EXAMPLES
 from shared_data import data_folder
 
-from diffthrust.specs._spec import load_spec
+from diffthrust.specs import load_spec
 
 
 def run(name: str, folder: Path, **environment: str) -> str:

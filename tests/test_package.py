@@ -32,8 +32,18 @@ def test_the_flag_stands_where_xla_reads_it(given, left):
     assert done.stdout.strip() == left
 
 
-def test_import_brings_no_package_that_is_slow_to_import():
+def test_no_name_at_the_door_brings_a_package_that_is_slow_to_import():
     slow = ("arviz", "emcee", "h5py", "matplotlib.pyplot", "pandas", "pint", "pyarrow", "scipy")
-    code = f"import sys, diffthrust; print([m for m in {slow} if m in sys.modules])"
+    code = f"""import sys, diffthrust as dft
+assert "jax" not in sys.modules
+touched = [getattr(dft, name) for name in dft.__all__]
+print([name for name in {slow} if name in sys.modules])"""
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("order", ["jax, diffthrust", "diffthrust, jax"])
+def test_importing_the_package_switches_double_precision_on(order):
+    code = f"import {order}; import jax.numpy as jnp; print(jnp.ones(()).dtype)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "float64"

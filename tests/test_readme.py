@@ -7,9 +7,9 @@ from typing import get_args
 import pytest
 from places import ROOT
 
-from diffthrust.diagnosis._result import Verdict
-from diffthrust.estimation._status import Status
-from diffthrust.specs._spec import load_spec
+from diffthrust import Status
+from diffthrust.diagnosis._result import Verdict  # private: no user types it
+from diffthrust.specs import load_spec
 
 TEXT = (ROOT / "README.md").read_text()
 

@@ -24,9 +24,9 @@ import diffthrust as dft
 from benchmarks.peers._numba import best_fit, numba_rk4, peer_fit
 from benchmarks.peers._problem import GUESS, TRUTH, guesses, record
 from diffthrust.effects import ActuatorLag, CommandDeadband, ReverseThrustAsymmetry
-from diffthrust.estimation._arrange import build
-from diffthrust.estimation._likelihood import evaluate
-from diffthrust.estimation._solver import solve
+from diffthrust.estimation._arrange import build  # private: the solver by itself
+from diffthrust.estimation._likelihood import evaluate  # private: one pass of it
+from diffthrust.estimation._solver import solve  # private: the solver by itself
 from diffthrust.simulation import _simulate
 
 pytestmark = pytest.mark.benchmark
@@ -145,8 +145,8 @@ LONG = """
 import os, sys, time
 import numpy as np
 import diffthrust as dft
-from diffthrust.estimation._arrange import build
-from diffthrust.estimation._solver import solve
+from diffthrust.estimation._arrange import build  # private: the solver by itself
+from diffthrust.estimation._solver import solve  # private: the solver by itself
 n = int(sys.argv[1])
 rng = np.random.default_rng(0)
 t = 0.01 * np.arange(n)

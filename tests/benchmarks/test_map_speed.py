@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 import diffthrust as dft
 from benchmarks.test_benchmarks import show
 from diffthrust import effects
-from diffthrust.describing._describe import describing_function
+from diffthrust.describing import describing_function
 
 pytestmark = pytest.mark.benchmark
 

@@ -15,8 +15,8 @@ import diffthrust as dft
 from benchmarks.peers._jobs import fewest
 from benchmarks.peers._numba import numba_rk4
 from benchmarks.test_benchmarks import make_log, show
-from diffthrust.uncertainty._sampling.density import posterior_of
-from diffthrust.uncertainty._sampling.sample import sample
+from diffthrust.uncertainty import sample
+from diffthrust.uncertainty._sampling.density import posterior_of  # private: the density alone
 
 pytestmark = pytest.mark.benchmark
 
