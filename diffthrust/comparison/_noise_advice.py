@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from diffthrust.estimation._ar1 import RANGE, linked
-from diffthrust.estimation._likelihood import TAIL
+from diffthrust.estimation._laws import TAIL
 
 LAWS = (("white", "gaussian"), ("white", "student_t"), ("ar1", "gaussian"), ("ar1", "student_t"))
 ROUNDS = 60

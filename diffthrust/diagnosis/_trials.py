@@ -19,15 +19,19 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust.diagnosis._ports import KNOTS, places_of, readings, unknown_at
 from diffthrust.diagnosis._score_test import promise
-from diffthrust.estimation._arrange import build, channels_of
+from diffthrust.estimation._arrange import build
+from diffthrust.estimation._laws import StudentT
 from diffthrust.estimation._likelihood import Quadratic
 from diffthrust.estimation._observer import CLIP, REAL, WIDE, guesses, is_memory, observer_of
 from diffthrust.estimation._one_step import cost, nrmse, passes, settled_start, with_clip
 from diffthrust.estimation._problem import Problem
+from diffthrust.estimation._registry import NOISES
+from diffthrust.estimation._residuals import Innovations
 from diffthrust.estimation._solver import solve
 from diffthrust.logs._log import Log
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
+from diffthrust.simulation._inputs import measured_outputs
 
 Item = TypeVar("Item")
 Found = TypeVar("Found")
@@ -107,7 +111,7 @@ class Trials:
     ) -> None:
         self.model = model
         self.logs = tuple(logs)
-        channels = channels_of(model, logs)
+        channels = measured_outputs(model, logs)
         self.places = places_of(model, logs[0], channels)
         self.unknowns = {place.port: unknown_at(place.port)() for place in self.places}
         everything = model
@@ -116,15 +120,14 @@ class Trials:
         self.candidates = {effect.name: effect for effect in candidates}
         self.own = tuple(n for n, p in model.parameters.items() if not p.fixed)
         remembering = {p for e in model.effects if e.memory for p in e.ports}
-        observer = observer_of(model, logs[0], channels, remembering, noise_model == "ar1")
-        kept = {"substeps": substeps, "observer": observer, "loss": "student_t"}
-        first = build(everything, self._with_series(logs), **kept)
+        observer = observer_of(model, logs[0], channels, remembering, NOISES[noise_model].lasts)
+        likelihood = Innovations(law=StudentT(), observer=observer)
+        arrange = partial(build, everything, substeps=substeps, likelihood=likelihood)
+        first = arrange(self._with_series(logs))
         self.nuisance = tuple(n for n, p in first.nuisance.items() if not p.fixed)
         width = len(self.own) + max(len(self.nuisance), KNOTS) + ROOM
         self.problem = replace(first, layout=replace(first.layout, width=width))
-        self.unseen = (
-            build(everything, self._with_series(unseen), **kept, width=width) if unseen else None
-        )
+        self.unseen = arrange(self._with_series(unseen), width=width) if unseen else None
         self.samples = float(np.sum(first.numbers.counts))
         if self.samples <= (numbers := len(self.own) + len(self.nuisance)):
             raise InputError(

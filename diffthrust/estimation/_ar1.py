@@ -17,16 +17,17 @@ step to the next it is a linear regression, which a fit finds from anywhere.
 # ruff: noqa: F722  (shapes of arrays)
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
-from diffthrust.estimation._numbers import Array, Numbers
+from diffthrust.estimation._noise import WHITE, Doubt, Noise
+from diffthrust.estimation._numbers import Array, Batch, Numbers
 from diffthrust.models._base.parameter import Parameter
 
 DIGITS = 6
@@ -65,19 +66,99 @@ class Gaps:
     counts: Float[Array, "channels sizes"]
 
 
-def name_of(channel: str) -> str:
+@dataclass(frozen=True)
+class AR1(Noise):
+    """Each channel's noise is a first-order autoregression, whose correlation is estimated."""
+
+    word: ClassVar[str] = "ar1"
+
+    def parameters(self, channels: Sequence[str]) -> dict[str, Parameter]:
+        """The correlations of the channels' noise, by name, with a value to start from.
+
+        Example:
+            >>> AR1().parameters(["speed"])["noise.speed.lag_one"].value
+            0.5
+        """
+        return {_name(c): Parameter(0.5, "", RANGE, size=0.3) for c in channels}
+
+    def guesses(self, names: Collection[str]) -> tuple[Mapping[str, float], ...]:
+        """As given, and twice nearly white."""
+        nearly = dict.fromkeys(names, 0.02)
+        return {}, nearly, nearly
+
+    def arranged(self, numbers: Numbers, step: float) -> Numbers:
+        """With the samples' distances."""
+        batches = []
+        for batch in numbers.batches:
+            time = np.asarray(batch.time)
+            anew = np.zeros(time.shape, bool)
+            for restart in batch.restarts.values():
+                anew |= np.isfinite(np.asarray(restart.value))
+            links = linked(time, np.asarray(batch.measured), anew, step)
+            batches.append(replace(batch, links=links))
+        return replace(numbers, batches=batches, gaps=_gaps([batch.links for batch in batches]))
+
+    def new(
+        self,
+        channels: Sequence[str],
+        rests: Sequence[Any],
+        log: Batch,
+        numbers: Numbers,
+        values: Mapping[str, Any],
+    ) -> Sequence[Any]:
+        """What the sample before does not tell."""
+        scales, links = self.levels(channels, numbers, values), log.links
+        return [
+            _whitened(
+                rest,
+                ~jnp.isnan(log.measured[i]),
+                links.past[i],
+                links.gap[i],
+                values[_name(name)],
+                scales[i],
+            )
+            for i, (name, rest) in enumerate(zip(channels, rests, strict=True))
+        ]
+
+    def levels(self, channels: Sequence[str], numbers: Numbers, values: Mapping[str, Any]) -> Any:
+        """At some values of the correlations."""
+        gaps: Gaps = numbers.gaps
+        kept = jnp.stack([jnp.asarray(values[_name(c)]) for c in channels])
+        return jnp.stack(
+            [
+                _level(one, steps, often, samples)
+                for one, steps, often, samples in zip(
+                    kept, gaps.steps, gaps.counts, numbers.counts, strict=True
+                )
+            ]
+        )
+
+    def independent(
+        self, channels: Sequence[str], numbers: Numbers, values: Mapping[str, float]
+    ) -> float:
+        """Of the samples that are measured, as far apart as they are on the whole."""
+        gaps: Gaps = numbers.gaps
+        total = 0.0
+        for i, name in enumerate(channels):
+            often = np.asarray(gaps.counts[i])
+            apart = float(often @ np.asarray(gaps.steps[i])) / max(float(often.sum()), 1.0)
+            kept = values[_name(name)] ** apart  # between neighbours, some steps apart
+            total += float(numbers.counts[i]) * (1 - kept) / (1 + kept)
+        return max(total, 2.0)
+
+    def doubt(self, tables: bool) -> Doubt:
+        """What is new has no reason to be correlated."""
+        return Doubt(
+            WHITE,
+            "What is new in the noise at each sample is still correlated with the sample before "
+            "({}): the noise is of another kind, or something is missing from the model. The "
+            "standard errors assume an autoregression and are too small.",
+        )
+
+
+def _name(channel: str) -> str:
     """The parameter of a channel's noise: its correlation from one step to the next."""
     return f"noise.{channel}.lag_one"
-
-
-def parameters(channels: Sequence[str]) -> dict[str, Parameter]:
-    """The correlations of the channels' noise, by name, with a value to start from.
-
-    Example:
-        >>> parameters(["speed"])["noise.speed.lag_one"].value
-        0.5
-    """
-    return {name_of(c): Parameter(0.5, "", RANGE, size=0.3) for c in channels}
 
 
 def linked(time: np.ndarray, measured: np.ndarray, anew: np.ndarray, step: float) -> Links:
@@ -101,7 +182,7 @@ def linked(time: np.ndarray, measured: np.ndarray, anew: np.ndarray, step: float
     return Links(np.where(together, past, 0), gap)
 
 
-def gaps_of(links: Sequence[Links]) -> Gaps:
+def _gaps(links: Sequence[Links]) -> Gaps:
     """The gaps of all logs."""
     found = []
     for channel in zip(*(np.moveaxis(np.asarray(b.gap), 1, 0) for b in links), strict=True):
@@ -122,26 +203,12 @@ def gaps_of(links: Sequence[Links]) -> Gaps:
     )
 
 
-def level(lag_one: Any, gap: Any, often: Any, samples: Any) -> Any:
+def _level(lag_one: Any, gap: Any, often: Any, samples: Any) -> Any:
     """Geometric mean of sqrt(1 - phi^2): the level of what is new over that of the noise."""
     return jnp.exp(0.5 * jnp.sum(often * jnp.log1p(-(lag_one ** (2.0 * gap)))) / samples)
 
 
-def levels(channels: Sequence[str], numbers: Numbers, values: Mapping[str, Any]) -> Any:
-    """The same of each channel of a problem, ``(C,)``, at some values of its parameters."""
-    gaps: Gaps = numbers.gaps
-    kept = jnp.stack([jnp.asarray(values[name_of(c)]) for c in channels])
-    return jnp.stack(
-        [
-            level(one, steps, often, samples)
-            for one, steps, often, samples in zip(
-                kept, gaps.steps, gaps.counts, numbers.counts, strict=True
-            )
-        ]
-    )
-
-
-def whitened(rest: Any, seen: Any, past: Any, gap: Any, lag_one: Any, scale: Any) -> Any:
+def _whitened(rest: Any, seen: Any, past: Any, gap: Any, lag_one: Any, scale: Any) -> Any:
     """What is new in each residual of one channel, ``(T,)``; zero where nothing was measured."""
     phi = lag_one**gap
     return jnp.where(seen, scale * (rest - phi * rest[past]) / jnp.sqrt(1.0 - phi**2), 0.0)

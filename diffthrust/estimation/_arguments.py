@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from diffthrust._support.errors import InputError
+from diffthrust.estimation._registry import LAWS, LIKELIHOODS, NOISES
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._inputs import inputs_of
@@ -61,22 +62,23 @@ def check_arguments(
             f"Expected a model, found {model!r}.", "Give an instance, such as dft.Thruster()."
         )
     for what, value, known in (
-        ("loss", loss, ("gaussian", "student_t")),
+        ("loss", loss, LAWS),
         ("initial", initial, ("auto", "estimate", "measured")),
-        ("likelihood", likelihood, ("simulation", "innovations")),
-        ("noise_model", noise_model, ("white", "ar1")),
+        ("likelihood", likelihood, LIKELIHOODS),
+        ("noise_model", noise_model, NOISES),
     ):
         if value not in known:
             raise InputError(
                 f"{what}: expected one of {', '.join(known)}, found {value!r}.", "Correct it."
             )
-    if likelihood == "innovations" and noise_model != "white":
+    corrects = LIKELIHOODS[likelihood].corrects
+    if corrects and noise_model != "white":
         raise InputError(
             f"noise_model: expected 'white' with the innovations form, found {noise_model!r}: it "
             "has lasting sensor errors of its own.",
             "Leave noise_model out, or use likelihood='simulation'.",
         )
-    if likelihood == "innovations" and horizon is not None and horizon != "auto":
+    if corrects and horizon is not None and horizon != "auto":
         raise InputError(  # every sample sets the states right: there is nothing else to set
             f"horizon: the innovations form goes through whole runs, found {horizon!r}.",
             "Leave the horizon out, or use likelihood='simulation'.",

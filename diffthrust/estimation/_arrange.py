@@ -10,15 +10,13 @@ import numpy as np
 from diffthrust._support._running.batching import padded_length
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
-from diffthrust.estimation._ar1 import gaps_of, linked, parameters
 from diffthrust.estimation._numbers import Batch, Numbers, Restart
-from diffthrust.estimation._observer import Observer
 from diffthrust.estimation._problem import Layout, Problem
+from diffthrust.estimation._residuals import Likelihood, SimulationError
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
-from diffthrust.models._base.parameter import Parameter
 from diffthrust.simulation._errors import unwrapped
-from diffthrust.simulation._inputs import bridged, hold_of, inputs_of
+from diffthrust.simulation._inputs import bridged, hold_of, inputs_of, measured_outputs
 from diffthrust.simulation._simulate import Grid, Key, starting_states
 from diffthrust.simulation._step_size import sensor_noise
 
@@ -33,21 +31,19 @@ def build(
     substeps: int = 1,
     initial: str = "estimate",
     segmented: bool = False,
-    loss: str = "gaussian",
-    observer: Observer | None = None,
+    likelihood: Likelihood | None = None,
     width: int | None = None,
-    lasting: bool = False,
 ) -> Problem:
     """Arrange a model and its logs for estimation.
 
-    With an ``observer`` the likelihood is that of the one-step predictions; with ``lasting`` noise
-    it is an autoregression, see `_ar1`.
+    The likelihood is that of the simulation error, white and Gaussian, where none is given.
 
     Raises:
         InputError: no measured channel that the model puts out, a missing input, or a unit of the
             wrong dimension.
     """
-    channels = channels_of(model, logs)
+    likelihood = SimulationError() if likelihood is None else likelihood
+    channels = measured_outputs(model, logs)
     if not channels:
         found = sorted({name for log in logs for name in log.measured})
         raise InputError(
@@ -56,19 +52,12 @@ def build(
             "Map a column to one of these channels.",
         )
     logs = tuple(bridged(log)[0] for log in logs)
-    nuisance: dict[str, Parameter] = {}
-    free_states = tuple(n for n in model.states if not any(n in log.inputs for log in logs))
-    if observer:
-        free_states = observer.fed
-        longest, step = max(log.duration for log in logs), min(log.step for log in logs)
-        nuisance = observer.parameters(longest, step)
-    elif lasting:
-        nuisance = parameters(channels)
+    nuisance = likelihood.parameters(channels, logs)
     named = {**model.parameters, **nuisance}
     free = tuple(name for name, p in named.items() if not p.fixed)
-    starts = free_states if initial == "estimate" else ()
+    starts = likelihood.starts(model, logs) if initial == "estimate" else ()
     noise = _known_noise(model, logs, channels)
-    if nuisance:  # a given level is the sensor's: neither a prediction's nor that of what is new
+    if likelihood.corrects or likelihood.noise.lasts:  # a given level is the sensor's alone
         noise = [None] * len(noise)
     grids, batches, order = [], [], []
     for indices, hold in _grouped(model, logs):
@@ -90,10 +79,8 @@ def build(
         known_noise=tuple(s is not None for s in noise),
         starts=starts,
         grids=tuple(grids),
-        loss=loss,
-        observer=observer,
+        likelihood=likelihood,
         width=width,
-        lasting=lasting,
     )
     priors = {n: named[n].prior for n in free if named[n].prior is not None}
     numbers = Numbers(
@@ -110,12 +97,7 @@ def build(
         },
     )
     problem = Problem(model, tuple(logs), layout, numbers, tuple(order), nuisance=nuisance)
-    return _linked(problem) if lasting else problem
-
-
-def channels_of(model: Model, logs: Sequence[Log]) -> tuple[str, ...]:
-    """The outputs of a model that any of the logs measures."""
-    return tuple(n for n in model.outputs if any(n in log.measured for log in logs))
+    return _for_noise(problem)
 
 
 def restarts(problem: Problem, horizon: float | None, *, hold: bool = False) -> Problem:
@@ -145,22 +127,14 @@ def restarts(problem: Problem, horizon: float | None, *, hold: bool = False) -> 
                 s[row, ~chosen] = np.nan
         anew = {name: replace(r, value=series[name]) for name, r in batch.restarts.items()}
         batches.append(replace(batch, restarts=anew))
-    problem = replace(problem, numbers=replace(problem.numbers, batches=batches), held=hold)
-    return _linked(problem) if problem.layout.lasting else problem
+    numbers = replace(problem.numbers, batches=batches)
+    return _for_noise(replace(problem, numbers=numbers, held=hold))
 
 
-def _linked(problem: Problem) -> Problem:
-    """The problem with what noise that lasts needs to know of the samples' distances."""
-    batches, step = [], min(log.step for log in problem.logs)
-    for batch in problem.numbers.batches:
-        time = np.asarray(batch.time)
-        anew = np.zeros(time.shape, bool)
-        for restart in batch.restarts.values():
-            anew |= np.isfinite(np.asarray(restart.value))
-        links = linked(time, np.asarray(batch.measured), anew, step)
-        batches.append(replace(batch, links=links))
-    gaps = gaps_of([batch.links for batch in batches])
-    return replace(problem, numbers=replace(problem.numbers, batches=batches, gaps=gaps))
+def _for_noise(problem: Problem) -> Problem:
+    """The problem with what its noise needs to know of the samples."""
+    step = min(log.step for log in problem.logs)
+    return replace(problem, numbers=problem.layout.likelihood.noise.arranged(problem.numbers, step))
 
 
 def _multiples(time: np.ndarray, horizon: float | None) -> np.ndarray:

@@ -3,31 +3,29 @@
 from __future__ import annotations
 
 import math
-import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
-from typing import Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from diffthrust._support._running.batching import lanes
 from diffthrust._support.progress import Progress
+from diffthrust._support.warned import warn
 from diffthrust.estimation._arguments import check_arguments, listed
 from diffthrust.estimation._arrange import build
 from diffthrust.estimation._horizons import schedule, through, whole_runs
-from diffthrust.estimation._innovations import (
-    clipped,
-    disturbance_of,
-    limits_of,
-    observer_for,
-    polished,
-)
+from diffthrust.estimation._innovations import disturbance_of, limits_of, refined
 from diffthrust.estimation._insensitive import without_silent
 from diffthrust.estimation._likelihood import noise_levels
-from diffthrust.estimation._notes import correlation_notes
+from diffthrust.estimation._multistart import Search
+from diffthrust.estimation._notes import correlation_doubts
 from diffthrust.estimation._problem import Problem
+from diffthrust.estimation._registry import likelihood_of
+from diffthrust.estimation._residuals import Likelihood
 from diffthrust.estimation._result import Estimate, Fit
-from diffthrust.estimation._status import Checks, Local, examine, judge
+from diffthrust.estimation._solver import Solved
+from diffthrust.estimation._status import Checks, Local, Status, examine, judge
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._runs import Run, pooled_errors, runs_over
@@ -112,97 +110,183 @@ def fit(
         noise_model=noise_model,
         horizon=horizon,
     )
-    guess = {name: p.value for name, p in model.parameters.items()}
-    rng = np.random.default_rng(seed)
-    chosen = substeps or 1  # the first guess may need more than the optimum does
-    observer = observer_for(model, logs) if likelihood == "innovations" else None
-    horizons = (None,) if observer else schedule(model, logs, horizon)
-    whole = horizon == "auto" and horizons != (None,)
-    refitted = False
-    while True:
-        notes: list[str] = []  # of this pass: a refit tells its own
-        arrange = partial(
-            build,
-            logs=logs,
-            substeps=chosen,
-            initial="measured" if initial == "measured" else "estimate",
-            segmented=any(h is not None for h in horizons),
-            loss=loss,
-            observer=observer,
-            lasting=noise_model == "ar1",
-        )
-        problem = arrange(model)
-        if horizons != (None,) and not any(grid.restarted for grid in problem.layout.grids):
-            horizons, whole = (None,), False
-            notes.append("No state is measured as it is: whole runs are fitted, not segments.")
-        begin = horizons[0] is None
-        problem, silent, first = without_silent(problem, arrange, rng, begin)
-        found, final = through(problem, horizons, initial == "auto", starts, rng, progress, first)
-        length = horizons[-1]
-        if whole:
-            found, final, length = whole_runs(found, final, length, notes)
-        if observer and loss == "student_t":
-            found, final = clipped(found, final)
-        if observer:
-            found = polished(found, final)
-        model_found = final.model_at(found.best.z)
-        failed = not np.isfinite(found.best.quadratic.cost)
-        states = tuple(final.initial_states(found.best.z))
-        initial_states = None if failed else states
-        runs = runs_over(model_found, logs, initial=initial_states, substeps=chosen)
-        needed = _substeps(model_found, runs)
-        if needed <= chosen or refitted or substeps:
-            break
-        model, chosen, refitted = _unfixed(model_found, silent), needed, True
-    if refitted:
-        notes.append(
-            f"The integration step was too coarse at the optimum: refitted with {chosen} steps per "
-            "sample."
-        )
-    if silent:
-        notes.append(f"These logs say nothing about {', '.join(silent)}: held at the value given.")
-    if needed > chosen:
-        notes.append(
-            f"At the optimum the model needs {needed} integrator steps per sample, but {chosen} "
-            "were used: parameters and errors are off by more than the sensor noise explains."
-        )
-        if lanes() is None:  # of many fits, each has its note
-            warnings.warn(notes[-1], CoarseStepWarning, stacklevel=2)
-    best = found.best
-    local = examine(final, best.z, best.quadratic)
-    agreeing = found.agreeing_on(final)
-    status, message = judge(
-        local, float(best.quadratic.cost), found.begun, agreeing, found.rivals(final)
+    law = likelihood_of(likelihood, noise_model, loss, model, logs)
+    task = _Task(
+        logs=logs,
+        likelihood=law,
+        horizons=(None,) if law.corrects else schedule(model, logs, horizon),
+        automatic=horizon == "auto",
+        initial=initial,
+        starts=starts,
+        rng=np.random.default_rng(seed),
+        progress=progress,
     )
-    notes += correlation_notes(final, best.z, runs)
-    steps = chosen if failed else substeps
+    # the first guess may need more steps than the optimum does
+    optimum, again = _pass(task, model, substeps or 1), ()
+    if not substeps and optimum.needed > optimum.substeps:
+        optimum = _pass(task, optimum.released, optimum.needed)
+        again = (
+            f"The integration step was too coarse at the optimum: refitted with {optimum.substeps} "
+            "steps per sample.",
+        )
+    coarse = optimum.coarse
+    if coarse:
+        warn(coarse, CoarseStepWarning)
+    local = examine(optimum.problem, optimum.best.z, optimum.best.quadratic)
+    status, message, checks = _judged(optimum, local)
+    doubts = correlation_doubts(optimum.problem, optimum.best.z, optimum.runs)
+    steps = optimum.substeps if optimum.failed else substeps
+    told = [f"{log.name}: {note}" for log in logs for note in log.notes]
     return Fit(
-        model=_unfixed(model_found, silent),
-        parameters=_estimates(final, best.z, local),
+        model=optimum.released,
+        parameters=_estimates(optimum.problem, optimum.best.z, local),
         covariance=local.covariance,
-        free=final.own,
+        free=optimum.problem.own,
         status=status,
         message=message,
-        checks=Checks(
-            local.gradient, local.rank, local.columns, local.condition, found.begun, agreeing
-        ),
-        noise=noise_levels(final, best.z, best.quadratic.sigma),
-        train=pooled_errors(runs),
-        holdout=pooled_errors(runs_over(model_found, unseen, substeps=steps)) if unseen else None,
-        log_likelihood=-float(best.quadratic.cost),
-        initial=states,
-        horizon=length,
-        substeps=chosen,
-        notes=(*notes, *(f"{log.name}: {note}" for log in logs for note in log.notes)),
+        checks=checks,
+        train=pooled_errors(optimum.runs),
+        holdout=pooled_errors(runs_over(optimum.model, unseen, substeps=steps)) if unseen else None,
+        log_likelihood=-float(optimum.best.quadratic.cost),
+        initial=optimum.states,
+        horizon=optimum.horizon,
+        substeps=optimum.substeps,
+        notes=(*optimum.notes, *again, *optimum.unmoved, *filter(None, [coarse]), *doubts, *told),
+        doubts=doubts,
         likelihood=likelihood,
         loss=loss,
         noise_model=noise_model,
-        disturbance=disturbance_of(final, best.z) if final.nuisance else None,
-        held=final.held,
-        limits=limits_of(final) if observer and loss == "student_t" else None,
-        reach=float(final.numbers.reach),
-        guess=guess,
+        held=optimum.problem.held,
+        guess={name: p.value for name, p in model.parameters.items()},
+        **_of_noise(optimum.problem, optimum.best),
     )
+
+
+class _Task(NamedTuple):
+    """What is asked of a fit, whatever the values of the model and its steps."""
+
+    logs: tuple[Log, ...]
+    likelihood: Likelihood
+    horizons: tuple[float | None, ...]
+    automatic: bool
+    initial: str
+    starts: int
+    rng: np.random.Generator
+    progress: Progress | None
+
+
+@dataclass(frozen=True)
+class _Optimum:
+    """Where one pass ended.
+
+    Args:
+        search: of several starts.
+        problem: that was solved last.
+        horizon: of its segments.
+        silent: parameters of which the logs say nothing, held.
+        model: at the optimum.
+        states: initial ones, by log.
+        runs: the model over its logs.
+        substeps: that were used.
+        needed: that the model needs.
+        notes: of the horizons.
+    """
+
+    search: Search
+    problem: Problem
+    horizon: float | None
+    silent: tuple[str, ...]
+    model: Model
+    states: tuple[Mapping[str, float], ...]
+    runs: tuple[Run, ...]
+    substeps: int
+    needed: int
+    notes: tuple[str, ...]
+
+    @property
+    def best(self) -> Solved:
+        """The optimum itself."""
+        return self.search.best
+
+    @property
+    def failed(self) -> bool:
+        """Not one start could be simulated."""
+        return not np.isfinite(self.best.quadratic.cost)
+
+    @property
+    def released(self) -> Model:
+        """The model with all parameters free that were so when the pass began."""
+        return self.model.free(*self.silent) if self.silent else self.model
+
+    @property
+    def unmoved(self) -> tuple[str, ...]:
+        """A note on what was held."""
+        names = ", ".join(self.silent)
+        return (f"These logs say nothing about {names}: held at the value given.",) * bool(names)
+
+    @property
+    def coarse(self) -> str:
+        """A note on steps that are too long, where they are."""
+        if self.needed <= self.substeps:
+            return ""
+        return (
+            f"At the optimum the model needs {self.needed} integrator steps per sample, but "
+            f"{self.substeps} were used: parameters and errors are off by more than the sensor "
+            "noise explains."
+        )
+
+
+def _pass(task: _Task, model: Model, substeps: int) -> _Optimum:
+    """Search from a model's values, with so many integrator steps per sample."""
+    horizons, notes = task.horizons, ()
+    arrange = partial(
+        build,
+        logs=task.logs,
+        substeps=substeps,
+        initial="measured" if task.initial == "measured" else "estimate",
+        segmented=any(h is not None for h in horizons),
+        likelihood=task.likelihood,
+    )
+    problem = arrange(model)
+    if horizons != (None,) and not any(grid.restarted for grid in problem.layout.grids):
+        horizons = (None,)
+        notes = ("No state is measured as it is: whole runs are fitted, not segments.",)
+    begin = horizons[0] is None
+    problem, silent, first = without_silent(problem, arrange, task.rng, begin)
+    hold = task.initial == "auto"
+    found, final = through(problem, horizons, hold, task.starts, task.rng, task.progress, first)
+    length = horizons[-1]
+    if task.automatic and horizons != (None,):
+        found, final, length, notes = whole_runs(found, final, length)
+    if task.likelihood.corrects:
+        found, final = refined(found, final)
+    model = final.model_at(found.best.z)
+    states = tuple(final.initial_states(found.best.z))
+    failed = not np.isfinite(found.best.quadratic.cost)
+    runs = runs_over(model, task.logs, initial=None if failed else states, substeps=substeps)
+    needed = _substeps(model, runs)
+    return _Optimum(found, final, length, silent, model, states, runs, substeps, needed, notes)
+
+
+def _judged(optimum: _Optimum, local: Local) -> tuple[Status, str, Checks]:
+    search, problem = optimum.search, optimum.problem
+    agreeing = search.agreeing_on(problem)
+    cost = float(search.best.quadratic.cost)
+    status, message = judge(local, cost, search.begun, agreeing, search.rivals(problem))
+    figures = (local.gradient, local.rank, local.columns, local.condition)
+    return status, message, Checks(*figures, search.begun, agreeing)
+
+
+def _of_noise(problem: Problem, best: Solved) -> dict[str, Any]:
+    """What a fit reports of noise and random forces."""
+    likelihood = problem.layout.likelihood
+    limited = likelihood.corrects and likelihood.law.forgiving
+    return {
+        "noise": noise_levels(problem, best.z, best.quadratic.sigma),
+        "disturbance": disturbance_of(problem, best.z) if problem.nuisance else None,
+        "limits": limits_of(problem) if limited else None,
+        "reach": float(problem.numbers.reach),
+    }
 
 
 def _substeps(model: Model, runs: Sequence[Run]) -> int:
@@ -210,10 +294,6 @@ def _substeps(model: Model, runs: Sequence[Run]) -> int:
     run = max(runs, key=lambda run: (run.log.step, len(run.log)))
     simulated = run.signals if run.substeps == 1 else None
     return fewest_steps(model, run.log, run.start, simulated)[0]
-
-
-def _unfixed(model: Model, silent: Sequence[str]) -> Model:
-    return model.free(*silent) if silent else model
 
 
 def _estimates(problem: Problem, z: np.ndarray, local: Local) -> dict[str, Estimate]:

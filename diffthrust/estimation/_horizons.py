@@ -74,24 +74,24 @@ def through(
 
 
 def whole_runs(
-    found: Search, stage: Problem, horizon: float | None, notes: list[str]
-) -> tuple[Search, Problem, float | None]:
+    found: Search, stage: Problem, horizon: float | None
+) -> tuple[Search, Problem, float | None, tuple[str, ...]]:
     """Go on to whole runs where the model holds over them as well as over segments.
 
     Where it does not, the error of whole runs is mostly what accumulates from a missing effect or
-    from random forces, and fitting it would bend the parameters.
+    from random forces, and fitting it would bend the parameters; a note says so.
     """
     if not np.isfinite(found.best.quadratic.cost):
-        return found, stage, horizon
+        return found, stage, horizon, ()
     entire = restarts(stage, None)
     further = found.followed(entire)
     growth = further.best.quadratic.sigma / found.best.quadratic.sigma
     if np.isfinite(further.best.quadratic.cost) and np.all(growth <= GROWTH):
-        return further, entire, None
+        return further, entire, None, ()
     worst = int(np.argmax(np.nan_to_num(growth, nan=np.inf)))
-    notes.append(
+    note = (
         f"Fitted on segments of {horizon:g} s: over whole runs the error of "
         f"'{stage.layout.channels[worst]}' is {growth[worst]:.1f} times as large, so something is "
         "missing from the model or random forces act."
     )
-    return found, stage, horizon
+    return found, stage, horizon, (note,)

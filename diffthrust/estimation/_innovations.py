@@ -7,17 +7,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from diffthrust._support.errors import InputError
-from diffthrust._support.names import listing
-from diffthrust.estimation._arrange import build, channels_of
+from diffthrust.estimation._arrange import build
+from diffthrust.estimation._laws import Gaussian
+from diffthrust.estimation._likelihood import errors_at
 from diffthrust.estimation._multistart import Search
-from diffthrust.estimation._observer import CLIP, REAL, WIDE, Observer, is_memory, observer_of
-from diffthrust.estimation._one_step import passes, with_clip
+from diffthrust.estimation._noise import White
+from diffthrust.estimation._observer import CLIP, REAL, WIDE, is_memory
+from diffthrust.estimation._one_step import with_clip
 from diffthrust.estimation._problem import Problem
+from diffthrust.estimation._residuals import Innovations
 from diffthrust.estimation._result import Estimate, Fit
 from diffthrust.estimation._solver import Solved, solve
 from diffthrust.logs._log import Log
-from diffthrust.models._base.model import Model
 from diffthrust.simulation._inputs import bridged
 
 NEWTON = 6
@@ -26,32 +27,14 @@ SHARE = 1e-3
 """Gradients are compared so many standard errors to either side."""
 
 
-def observer_for(model: Model, logs: Sequence[Log]) -> Observer:
-    """The observer of a model for what the logs measure.
-
-    Raises:
-        InputError: no state is measured as it is, or the logs prescribe different states.
-    """
-    prescribed = {tuple(n for n in model.states if n in log.inputs) for log in logs}
-    if len(prescribed) > 1:
-        raise InputError(
-            f"The innovations form needs logs that drive the model alike; '{model}' is given "
-            f"{' and '.join(listing(names) or 'no state' for names in prescribed)} as an input.",
-            "Fit these logs apart, or use likelihood='simulation'.",
-        )
-    channels = channels_of(model, logs)
-    remembering = {port for effect in model.effects if effect.memory for port in effect.ports}
-    observer = observer_of(model, logs[0], channels, remembering)
-    if not observer.fed:
-        raise InputError(
-            f"The innovations form needs a measured state of '{model}': expected one of "
-            f"{listing(model.states) or 'none that it has'}, found {listing(channels) or 'none'}.",
-            "Map a column to one of these channels, or use likelihood='simulation'.",
-        )
-    return observer
+def refined(found: Search, problem: Problem) -> tuple[Search, Problem]:
+    """The search of a fit carried to its end, with large errors limited where the law forgives."""
+    if problem.layout.likelihood.law.forgiving:
+        found, problem = _clipped(found, problem)
+    return _polished(found, problem), problem
 
 
-def clipped(found: Search, problem: Problem) -> tuple[Search, Problem]:
+def _clipped(found: Search, problem: Problem) -> tuple[Search, Problem]:
     """The search carried on with errors limited to a few times what they are.
 
     A spike then moves the states no further than a large error does. Where large errors are no
@@ -67,7 +50,7 @@ def clipped(found: Search, problem: Problem) -> tuple[Search, Problem]:
     return found, problem
 
 
-def polished(found: Search, problem: Problem) -> Search:
+def _polished(found: Search, problem: Problem) -> Search:
     """The search with its best optimum carried to the end by Newton's method.
 
     Gains and memories lie on flat ridges, where the Gauss-Newton curvature is no guide and a search
@@ -126,7 +109,9 @@ def limits_of(problem: Problem) -> dict[str, float]:
 
 
 def one_step(fit: Fit, logs: Sequence[Log], substeps: int = 1) -> list[dict[str, np.ndarray]]:
-    """`one_step_errors` of a fit on any logs, from their measured states on.
+    """Errors of the one-step predictions of a fit on any logs, from their measured states on.
+
+    Measured minus predicted, ``(T,)`` by log and channel; NaN where nothing was measured.
 
     A channel that the fit did not know corrects nothing.
 
@@ -139,7 +124,7 @@ def one_step(fit: Fit, logs: Sequence[Log], substeps: int = 1) -> list[dict[str,
         logs,
         substeps=substeps,
         initial="measured",
-        observer=observer_for(fit.model, logs),
+        likelihood=Innovations.of(fit.model, logs, White(), Gaussian()),
     )
     nuisance = {}
     for name, p in problem.nuisance.items():
@@ -149,15 +134,6 @@ def one_step(fit: Fit, logs: Sequence[Log], substeps: int = 1) -> list[dict[str,
     if fit.limits is not None:
         large = [fit.limits.get(name, np.inf) for name in problem.layout.channels]
         problem = with_clip(problem, large, fit.reach)
-    rests = one_step_errors(problem, problem.start())
+    rests = errors_at(problem, problem.start())
     at = [bridged(log)[1] for log in logs]
     return [{n: rest[i] for n, rest in run.items()} for run, i in zip(rests, at, strict=True)]
-
-
-def one_step_errors(problem: Problem, z: np.ndarray) -> list[dict[str, np.ndarray]]:
-    """Measured minus predicted, ``(T,)`` by log and channel; NaN where nothing was measured."""
-    channels = problem.layout.channels
-    return [
-        {c: one.errors[i] for i, c in enumerate(channels) if c in log.measured}
-        for one, log in zip(passes(problem, z), problem.logs, strict=True)
-    ]

@@ -1,14 +1,13 @@
-"""The likelihoods, with their gradient and information by one forward-mode pass.
+"""A likelihood with its gradient and information, by one forward-mode pass.
 
-That of the simulation error, and that of the innovations where the layout has an observer.
-
-A likelihood turns coordinates into a `Quadratic`: its negative logarithm, the gradient, and the
-Gauss-Newton (Fisher) information. That is all the optimiser and the checks see, so another
-likelihood takes its place by returning the same three.
+Coordinates are turned into a `Quadratic`: the negative logarithm of the likelihood, its gradient,
+and the Gauss-Newton (Fisher) information. That is all the optimiser and the checks see. What the
+residuals are, and of which law, is a matter of the layout's `Likelihood`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -17,15 +16,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from diffthrust.estimation._ar1 import levels, name_of, whitened
-from diffthrust.estimation._gram import gram
 from diffthrust.estimation._numbers import Batch, Numbers
-from diffthrust.estimation._observer import Limits, innovations
 from diffthrust.estimation._problem import Layout, Problem
-from diffthrust.simulation._simulate import trajectory
 
-TAIL = 4.0
-"""Degrees of freedom of the Student-t law behind ``loss="student_t"``."""
+_FEW = 6
+"""Of so many series all pairs go into one pass: its compilation takes longer the more they are."""
 
 
 class Quadratic(NamedTuple):
@@ -50,7 +45,7 @@ class Quadratic(NamedTuple):
     scores: Any
 
 
-BLOCKS = 48
+_BLOCKS = 48
 """Blocks of time into which each log is divided for the scatter of the gradient."""
 
 
@@ -70,33 +65,12 @@ def named_values(layout: Layout, numbers: Numbers, z: Any) -> dict[str, Any]:
 
 
 def residuals(layout: Layout, index: int, numbers: Numbers, log: Batch, z: Any, start: Any) -> Any:
-    """Measured minus simulated or predicted, ``(C, T)``; zero where nothing was measured.
-
-    Of noise that lasts, what is new in each sample.
-    """
-    grid = layout.grids[index]
+    """What is summed of one log, ``(C, T)``; zero where nothing was measured."""
     values = named_values(layout, numbers, z)
     model = layout.key.model.bind(values)
     states = {**log.held, **{n: start[i] for i, n in enumerate(layout.starts)}}
-    if layout.observer is not None:
-        limits = Limits(numbers.clip, numbers.reach)
-        return innovations(layout.observer, model, grid, values, log, states, limits)[0]
-    anew = {name: (restart.value, restart.unsigned) for name, restart in log.restarts.items()}
-    outputs, _ = trajectory(model, grid, log.time, log.inputs, states, anew)
-    rows: list[Any] = []
-    new: Any = levels(layout.channels, numbers, values) if layout.lasting else None
-    for i, name in enumerate(layout.channels):
-        modelled, measured = outputs[name], log.measured[i]
-        modelled = jnp.where(log.unsigned[i], jnp.abs(modelled), modelled)
-        rest = jnp.where(jnp.isnan(measured), 0.0, measured) - modelled
-        if name in model.angles:
-            rest = rest - 2 * jnp.pi * jnp.round(rest / (2 * jnp.pi))
-        rest = jnp.where(jnp.isnan(measured), 0.0, rest)
-        if layout.lasting:
-            kept, seen = values[name_of(name)], ~jnp.isnan(measured)
-            rest = whitened(rest, seen, log.links.past[i], log.links.gap[i], kept, new[i])
-        rows.append(rest)
-    return jnp.stack(rows)
+    grid, channels = layout.grids[index], layout.channels
+    return layout.likelihood.residuals(channels, model, grid, values, numbers, log, states)
 
 
 def errors_at(problem: Problem, z: np.ndarray) -> list[dict[str, np.ndarray]]:
@@ -106,8 +80,9 @@ def errors_at(problem: Problem, z: np.ndarray) -> list[dict[str, np.ndarray]]:
     for rests, batch, indices in zip(done, problem.numbers.batches, problem.order, strict=True):
         rests = np.where(np.isnan(batch.measured), np.nan, rests)
         for row, index in enumerate(indices):
-            own = rests[row, :, : len(problem.logs[index])]
-            found[index] = dict(zip(problem.layout.channels, own, strict=True))
+            log = problem.logs[index]
+            by_channel = zip(problem.layout.channels, rests[row, :, : len(log)], strict=True)
+            found[index] = {name: rest for name, rest in by_channel if name in log.measured}
     return [found[index] for index in range(len(problem.logs))]
 
 
@@ -126,9 +101,8 @@ def _errors(layout: Layout, numbers: Numbers, z: Any) -> list[Any]:
 
 def noise_levels(problem: Problem, z: np.ndarray, sigma: np.ndarray) -> dict[str, float]:
     """Standard deviation of each channel's noise, from the levels that a likelihood works with."""
-    channels = problem.layout.channels
-    if problem.layout.lasting:
-        sigma = sigma / np.asarray(levels(channels, problem.numbers, problem.values(z)))
+    channels, noise = problem.layout.channels, problem.layout.likelihood.noise
+    sigma = sigma / np.asarray(noise.levels(channels, problem.numbers, problem.values(z)))
     return dict(zip(channels, map(float, sigma), strict=True))
 
 
@@ -167,41 +141,8 @@ def jacobians(layout: Layout, numbers: Numbers, z: Any) -> list[tuple[Any, Any]]
 def evaluate(layout: Layout, numbers: Numbers, z: Any) -> Quadratic:
     """Likelihood of all logs at coordinates ``z``: parameters, then initial states."""
     passes = jacobians(layout, numbers, z)
-    cost, sigma = noise_of(layout, numbers, [r for r, _ in passes])
+    cost, sigma = layout.cost(numbers, [r for r, _ in passes])
     return _assemble(layout, numbers, z[: layout.shared], passes, cost, sigma)
-
-
-def noise_of(layout: Layout, numbers: Numbers, rests: list[Any]) -> tuple[Any, Any]:
-    """Negative log-likelihood, and the noise level of each channel.
-
-    Where the level is not known it is estimated, in closed form for the Gaussian law and as the
-    fixed point of its reweighting for the Student-t law.
-    """
-    counts = numbers.counts
-    squares = sum(jnp.sum(r**2, axis=(0, 2)) for r in rests)
-    pooled = jnp.sqrt(squares / counts + numbers.floor)
-    known = jnp.asarray(layout.known_noise)
-    if layout.loss == "gaussian":
-        sigma = jnp.where(known, numbers.noise, pooled)
-        cost = jnp.where(known, 0.5 * squares / sigma**2, counts * jnp.log(pooled))
-        return jnp.sum(cost), sigma
-    sigma = jnp.where(known, numbers.noise, pooled)
-
-    def again(_: int, s: Any) -> Any:
-        weighted = sum(jnp.sum(r**2 * weights(layout, r, s), axis=(0, 2)) for r in rests)
-        return jnp.where(known, s, jnp.sqrt(weighted / counts + numbers.floor))
-
-    sigma = jax.lax.fori_loop(0, 60, again, sigma)
-    scaled = sum(
-        jnp.sum(jnp.log1p(r**2 / (TAIL * sigma[None, :, None] ** 2)), axis=(0, 2)) for r in rests
-    )
-    return jnp.sum(0.5 * (TAIL + 1) * scaled + counts * jnp.log(sigma)), sigma
-
-
-def weights(layout: Layout, rest: Any, sigma: Any) -> Any:
-    if layout.loss == "gaussian":
-        return jnp.ones_like(rest)
-    return (TAIL + 1) / (TAIL + rest**2 / sigma[None, :, None] ** 2)
 
 
 def _assemble(
@@ -211,7 +152,7 @@ def _assemble(
     gradient, information, energy = jnp.zeros(n), jnp.zeros((n, n)), jnp.zeros(())
     local, cross, own, scores = [], [], [], []
     for rest, jacobian in passes:
-        root = jnp.sqrt(weights(layout, rest, sigma)) / sigma[None, :, None]
+        root = jnp.sqrt(layout.likelihood.law.weights(rest, sigma)) / sigma[None, :, None]
         rest, jacobian = rest * root, jacobian * root[:, None]
         products = gram([*jnp.moveaxis(jacobian, 1, 0), rest])
         slope = products[:, :-1, -1]
@@ -249,7 +190,36 @@ def _assemble(
 
 def _by_blocks(products: Any) -> Any:
     """Sums of ``(B, k, C, T)`` over channels and blocks of time, ``(B, k, blocks)``."""
-    size = -(-products.shape[-1] // BLOCKS)
-    padding = BLOCKS * size - products.shape[-1]
+    size = -(-products.shape[-1] // _BLOCKS)
+    padding = _BLOCKS * size - products.shape[-1]
     padded = jnp.pad(products.sum(axis=2), ((0, 0), (0, 0), (0, padding)))
-    return padded.reshape(*padded.shape[:2], BLOCKS, size).sum(axis=-1)
+    return padded.reshape(*padded.shape[:2], _BLOCKS, size).sum(axis=-1)
+
+
+def gram(series: Sequence[Any]) -> Any:
+    """Inner products of series with each other.
+
+    A matrix product first writes the series to memory and is slow for matrices of a few rows. Of a
+    few series all products are summed in one pass, into which XLA also draws what the series are
+    made from: several times faster than all else in a Gauss-Newton step.
+
+    Args:
+        series: ``k`` arrays ``(B, C, T)``.
+
+    Returns:
+        Sums over ``C`` and ``T``, ``(B, k, k)``.
+    """
+    k = len(series)
+    if k > _FEW:
+        rows = jnp.stack(series, axis=1).reshape(series[0].shape[0], k, -1)
+        return jnp.einsum("bit,bjt->bij", rows, rows)
+    pairs = [(i, j) for i in range(k) for j in range(i + 1)]
+    sums = jax.lax.reduce(
+        tuple(series[i] * series[j] for i, j in pairs),
+        (jnp.zeros(()),) * len(pairs),
+        lambda one, other: tuple(a + b for a, b in zip(one, other, strict=True)),
+        (1, 2),
+    )
+    found = dict(zip(pairs, sums, strict=True))
+    whole = [[found[max(i, j), min(i, j)] for j in range(k)] for i in range(k)]
+    return jnp.stack([jnp.stack(row, axis=-1) for row in whole], axis=-2)

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from diffthrust._support.progress import Progress
-from diffthrust.estimation._observer import guesses, is_memory
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._solver import Solved, solve
 
@@ -83,11 +82,11 @@ def draw(problem: Problem, count: int, rng: np.random.Generator) -> np.ndarray:
     guess = problem.start()
     out = np.repeat(guess[None], count, axis=0)
     named = problem.named
-    gains = guesses(problem.nuisance)
+    guesses = problem.layout.likelihood.guesses(problem.nuisance)
     for i, name in enumerate(problem.free):
         p = named[name]
-        if name in problem.nuisance and not is_memory(name):
-            tried = [gain.get(name, p.value) / p.scale for gain in gains]
+        if any(name in values for values in guesses):
+            tried = [values.get(name, p.value) / p.scale for values in guesses]
             drawn = np.resize(tried, count)
         elif p.transform == "log":
             away = rng.uniform(-DECADES, DECADES, count) * np.log(10.0)

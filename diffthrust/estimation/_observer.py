@@ -24,11 +24,15 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Bool, Float
 
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing
 from diffthrust.estimation._numbers import Array, Batch
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Parameter
 from diffthrust.models._base.signals import Ports, Signals
+from diffthrust.simulation._errors import wrapped
+from diffthrust.simulation._inputs import measured_outputs
 from diffthrust.simulation._linearise import slopes_at
 from diffthrust.simulation._simulate import Grid, equations_of, march, read_out
 
@@ -117,6 +121,31 @@ def observer_of(
     return Observer(tuple(channels), fed, corrected, forced, still)
 
 
+def observer_for(model: Model, logs: Sequence[Log]) -> Observer:
+    """The observer of a model for what the logs measure.
+
+    Raises:
+        InputError: no state is measured as it is, or the logs prescribe different states.
+    """
+    prescribed = {tuple(n for n in model.states if n in log.inputs) for log in logs}
+    if len(prescribed) > 1:
+        raise InputError(
+            f"The innovations form needs logs that drive the model alike; '{model}' is given "
+            f"{' and '.join(listing(names) or 'no state' for names in prescribed)} as an input.",
+            "Fit these logs apart, or use likelihood='simulation'.",
+        )
+    channels = measured_outputs(model, logs)
+    remembering = {port for effect in model.effects if effect.memory for port in effect.ports}
+    observer = observer_of(model, logs[0], channels, remembering)
+    if not observer.fed:
+        raise InputError(
+            f"The innovations form needs a measured state of '{model}': expected one of "
+            f"{listing(model.states) or 'none that it has'}, found {listing(channels) or 'none'}.",
+            "Map a column to one of these channels, or use likelihood='simulation'.",
+        )
+    return observer
+
+
 def is_memory(name: str) -> bool:
     """Whether a parameter of an observer is a memory [s]; all others are gains."""
     return name.rpartition(".")[2] in ("memory", "correlation")
@@ -179,7 +208,7 @@ class Correction:
         modelled = jnp.where(self.unsigned[i], size, modelled)
         rest = jnp.where(jnp.isnan(measured), 0.0, measured) - modelled - colour
         if channel in self.model.angles:
-            rest = rest - 2 * jnp.pi * jnp.round(rest / (2 * jnp.pi))
+            rest = wrapped(rest)
         return jnp.where(jnp.isnan(measured), 0.0, rest)
 
     def correct(self, state: dict[str, Any], u: Mapping[str, Any], row: Any) -> dict[str, Any]:

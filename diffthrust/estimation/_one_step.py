@@ -10,10 +10,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from diffthrust.estimation._likelihood import named_values, noise_of
+from diffthrust.estimation._likelihood import named_values
 from diffthrust.estimation._numbers import Batch, Numbers
 from diffthrust.estimation._observer import Limits, innovations
 from diffthrust.estimation._problem import Layout, Problem
+from diffthrust.estimation._residuals import Innovations
 from diffthrust.simulation._simulate import Grid
 
 ROUNDS = 2
@@ -124,8 +125,8 @@ def with_clip(problem: Problem, clip: Any, reach: Any = 1.0) -> Problem:
 @partial(jax.jit, static_argnums=0)
 def _pass(layout: Layout, numbers: Numbers, z: Any) -> Any:
     """Errors ``(B, C, T)`` and the paths of each batch of logs; negative log-likelihood of all."""
-    observer = layout.observer
-    assert observer is not None
+    assert isinstance(layout.likelihood, Innovations)
+    observer = layout.likelihood.observer
     shared, starts = numbers.split(z, layout.shared)
     values = named_values(layout, numbers, shared)
     model, limits = layout.key.model.bind(values), Limits(numbers.clip, numbers.reach)
@@ -138,4 +139,4 @@ def _pass(layout: Layout, numbers: Numbers, z: Any) -> Any:
             return innovations(observer, model, grid, values, log, states, limits)
 
         out.append(jax.lax.map(one, replace(batch, start=start)))
-    return out, noise_of(layout, numbers, [errors for errors, _ in out])[0]
+    return out, layout.cost(numbers, [errors for errors, _ in out])[0]

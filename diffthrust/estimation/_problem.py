@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from diffthrust.estimation._numbers import Numbers
-from diffthrust.estimation._observer import Observer
+from diffthrust.estimation._residuals import Likelihood
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Parameter
@@ -20,10 +21,8 @@ from diffthrust.simulation._simulate import Grid, Key
 class Layout:
     """What fixes the compiled code of a problem; equal layouts share it.
 
-    With an ``observer`` the likelihood is that of the innovations. With ``lasting`` noise that of
-    what is new in each residual. With a ``width`` only so many
-    coordinates are moved at a time, and which ones is a matter of numbers: many selections of
-    parameters (see `Problem.focus`) then share one compilation.
+    With a ``width`` only so many coordinates are moved at a time, and which ones is a matter of
+    numbers: many selections of parameters (see `Problem.focus`) then share one compilation.
     """
 
     key: Key
@@ -33,15 +32,17 @@ class Layout:
     known_noise: tuple[bool, ...]
     starts: tuple[str, ...]
     grids: tuple[Grid, ...]
-    loss: str
-    observer: Observer | None = None
+    likelihood: Likelihood
     width: int | None = None
-    lasting: bool = False
 
     @property
     def shared(self) -> int:
         """Number of coordinates before the initial states of the logs."""
         return self.width or len(self.free)
+
+    def cost(self, numbers: Numbers, rests: Sequence[Any]) -> Any:
+        """Negative log-likelihood of residuals, and the noise level of each channel."""
+        return self.likelihood.law.cost(rests, numbers, self.known_noise)
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust.estimation._arguments import listed
 from diffthrust.estimation._arrange import build, restarts
-from diffthrust.estimation._innovations import observer_for
 from diffthrust.estimation._one_step import with_clip
 from diffthrust.estimation._problem import Problem
+from diffthrust.estimation._registry import likelihood_of
 from diffthrust.estimation._result import Fit
 from diffthrust.estimation._solver import solve
 from diffthrust.estimation._status import Status
@@ -74,9 +74,7 @@ def problem_of(fit: Fit, logs: Log | Sequence[Log]) -> tuple[Problem, np.ndarray
         substeps=fit.substeps,
         initial="estimate" if estimated else "measured",
         segmented=fit.horizon is not None,
-        loss=fit.loss,
-        observer=observer_for(fit.model, logs) if fit.likelihood == "innovations" else None,
-        lasting=fit.noise_model == "ar1",
+        likelihood=likelihood_of(fit.likelihood, fit.noise_model, fit.loss, fit.model, logs),
     )
     if fit.limits is not None:
         problem = with_clip(problem, [fit.limits[c] for c in problem.layout.channels], fit.reach)

@@ -65,6 +65,8 @@ class Fit:
         reach: errors of more than so many times these sizes correct the states no further.
         guess: the values from which the search began, by full name.
         notes: what the user should know besides.
+        doubts: those of them that say why standard errors, and all that follows from them, are too
+            small.
     """
 
     model: Model
@@ -90,11 +92,7 @@ class Fit:
     limits: Mapping[str, float] | None = field(default=None, repr=False)
     reach: float = 1.0
     guess: Mapping[str, float] = field(default_factory=dict, repr=False)
-
-    @property
-    def doubts(self) -> tuple[str, ...]:
-        """The notes that say why standard errors, and all that follows from them, are too small."""
-        return tuple(note for note in self.notes if "are too small" in note)
+    doubts: tuple[str, ...] = field(default=(), repr=False)
 
     @property
     def options(self) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from enum import Enum
 
 import numpy as np
 
-from diffthrust.estimation._likelihood import TAIL, Quadratic
+from diffthrust.estimation._likelihood import Quadratic
 from diffthrust.estimation._problem import Problem
 
 GRADIENT_LIMIT = 1e-5
@@ -156,13 +156,11 @@ def marginal_spread(
 def inflation(problem: Problem, samples: float, columns: int) -> float:
     """What the inverse information lacks to be the covariance.
 
-    An estimated noise level is too low by the samples that the parameters used up; and of the
-    Student-t law with n degrees of freedom the weighted information is (n + 3) / (n + 1) times the
-    Fisher information (Lange, Little & Taylor 1989).
+    An estimated noise level is too low by the samples that the parameters used up; and a law that
+    forgives outliers has a weighted information above the Fisher information.
     """
     used = samples / (samples - columns) if samples > columns else np.inf
-    law = (TAIL + 3) / (TAIL + 1) if problem.layout.loss == "student_t" else 1.0
-    return law * (1.0 if all(problem.layout.known_noise) else used)
+    return problem.layout.likelihood.law.excess * (1.0 if all(problem.layout.known_noise) else used)
 
 
 def _combination(problem: Problem, inside: np.ndarray, direction: np.ndarray) -> str:

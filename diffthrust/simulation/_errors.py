@@ -38,6 +38,11 @@ class Errors:
         return {"nrmse": self.nrmse, "channels": {n: vars(e) for n, e in self.channels.items()}}
 
 
+def wrapped(rest: Any) -> Any:
+    """A difference of angles without whole turns; of NumPy or of JAX."""
+    return rest - 2 * np.pi * (rest / (2 * np.pi)).round()
+
+
 def unwrapped(angle: np.ndarray) -> np.ndarray:
     """An angle without jumps of a full turn; NaN samples stay."""
     out = angle.copy()

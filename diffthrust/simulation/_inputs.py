@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -45,6 +45,11 @@ def inputs_of(model: Model, log: Log) -> dict[str, np.ndarray]:
     extra = {name: "" for e in model.effects for name in e.needs if name not in units}
     _check_time(model, log)
     return {name: log.values(name, unit) for name, unit in {**units, **extra}.items()}
+
+
+def measured_outputs(model: Model, logs: Sequence[Log]) -> tuple[str, ...]:
+    """The outputs of a model that any of the logs measures."""
+    return tuple(n for n in model.outputs if any(n in log.measured for log in logs))
 
 
 def _check_time(model: Model, log: Log) -> None:

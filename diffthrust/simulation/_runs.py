@@ -11,7 +11,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._errors import Errors, errors, unwrapped
+from diffthrust.simulation._errors import Errors, errors, unwrapped, wrapped
 from diffthrust.simulation._inputs import inputs_of
 from diffthrust.simulation._simulate import simulate
 from diffthrust.simulation._step_size import choose_substeps
@@ -108,7 +108,7 @@ def _run(model: Model, log: Log, start: Mapping[str, float], substeps: int | Non
         theirs = log.values(name, unit)
         rest = theirs - ours
         if name in model.angles:
-            rest -= 2 * np.pi * np.round(rest / (2 * np.pi))
+            rest = wrapped(rest)
             theirs = unwrapped(theirs)
             ours = theirs - rest
         channels[name] = Trace(theirs, ours, rest, unit)

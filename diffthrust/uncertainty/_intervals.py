@@ -93,10 +93,10 @@ def intervals(
 
 def _reach(problem: Problem, z: np.ndarray, level: float) -> float:
     """Standard errors from the estimate to the ends of the covariance's interval."""
-    if problem.layout.lasting:
+    if problem.layout.likelihood.noise.lasts:
         return math.sqrt(threshold_of(problem, z, level))
     left = float(np.sum(problem.numbers.counts)) - z.size
-    known = any(problem.layout.known_noise) or problem.layout.loss != "gaussian" or left < 1
+    known = any(problem.layout.known_noise) or not problem.layout.likelihood.law.closed or left < 1
     return quantile(level, math.inf if known else left)
 
 

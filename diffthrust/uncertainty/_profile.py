@@ -10,7 +10,6 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
-from diffthrust.estimation._ar1 import name_of
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._rebuild import problem_of
 from diffthrust.estimation._result import Fit
@@ -156,29 +155,20 @@ def threshold_of(problem: Problem, z: np.ndarray, confidence: float) -> float:
     variance has the relative variance 4 / n (of an autoregression a over T samples
     4 (1 + a) / (1 - a) / T, see the sandwich).
     """
-    if problem.layout.lasting:
-        samples = independent(problem, z)
+    likelihood = problem.layout.likelihood
+    if likelihood.noise.lasts:
+        channels = problem.layout.channels
+        samples = likelihood.noise.independent(channels, problem.numbers, problem.values(z))
         left = max(samples - len(problem.own) - problem.local, 1.0)
         return quantile(confidence, 0.5 * samples) ** 2 * samples / left
     plain = NormalDist().inv_cdf(0.5 + 0.5 * confidence) ** 2
-    if problem.layout.loss != "gaussian" or any(problem.layout.known_noise):
+    if not likelihood.law.closed or any(problem.layout.known_noise):
         return plain
     samples = float(np.sum(problem.numbers.counts))
     left = samples - z.size
     if left < 1:
         return plain
     return samples * math.log1p(quantile(confidence, left) ** 2 / left)
-
-
-def independent(problem: Problem, z: np.ndarray) -> float:
-    """How many independent samples tell as much about a mean, under noise that lasts."""
-    values, gaps, total = problem.values(z), problem.numbers.gaps, 0.0
-    for i, name in enumerate(problem.layout.channels):
-        often = np.asarray(gaps.counts[i])
-        apart = float(often @ np.asarray(gaps.steps[i])) / max(float(often.sum()), 1.0)
-        kept = values[name_of(name)] ** apart  # between neighbours, some steps apart
-        total += float(problem.numbers.counts[i]) * (1 - kept) / (1 + kept)
-    return max(total, 2.0)
 
 
 def _quantities(

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._support.correlation import lag_one
-from diffthrust.estimation._likelihood import TAIL, jacobians, noise_of, weights
+from diffthrust.estimation._likelihood import jacobians
 from diffthrust.estimation._numbers import Numbers
 from diffthrust.estimation._problem import Layout, Problem
 
@@ -105,26 +105,14 @@ def _prior(problem: Problem, z: np.ndarray) -> np.ndarray:
 def _pass(layout: Layout, numbers: Numbers, z: Any) -> list[tuple[Any, Any, Any]]:
     """By batch scores ``(B, C, n + m, T)``, residuals ``(B, C, T)``, grams of n + m columns."""
     passes = jacobians(layout, numbers, z)
-    _, sigma = noise_of(layout, numbers, [rest for rest, _ in passes])
-    bend = _bend(layout, numbers, [rest for rest, _ in passes], sigma)
+    rests, law = [rest for rest, _ in passes], layout.likelihood.law
+    _, sigma = layout.cost(numbers, rests)
+    bend = law.bend(rests, numbers, sigma)
     out = []
     for rest, jacobian in passes:
         level = sigma[None, :, None]
-        weighted = rest / level * weights(layout, rest, sigma)
+        weighted = rest / level * law.weights(rest, sigma)
         values = jnp.einsum("bict,bct->bcit", jacobian / level[:, None], weighted)
         rows = jacobian * (jnp.sqrt(bend) / sigma)[None, None, :, None]
         out.append((values, rest / level, jnp.einsum("bict,bjct->bij", rows, rows)))
     return out
-
-
-def _bend(layout: Layout, numbers: Numbers, rests: list[Any], sigma: Any) -> Any:
-    """Mean slope of the law's score over the samples of each channel, ``(C,)``."""
-    if layout.loss == "gaussian":
-        return jnp.ones_like(sigma)
-    total = jnp.zeros_like(sigma)
-    for rest, batch in zip(rests, numbers.batches, strict=True):
-        square = (rest / sigma[None, :, None]) ** 2
-        slope = (TAIL + 1) * (TAIL - square) / (TAIL + square) ** 2
-        total += jnp.where(jnp.isnan(batch.measured), 0.0, slope).sum(axis=(0, 2))
-    # of the law itself it is 5 / 7; a law with heavier shoulders may lower it, not to nothing
-    return jnp.maximum(total / numbers.counts, 0.1)

@@ -7,9 +7,12 @@ from scipy.stats import multivariate_normal
 import diffthrust as dft
 from diffthrust.estimation._arrange import build, restarts
 from diffthrust.estimation._rebuild import problem_of
+from diffthrust.estimation._registry import NOISES
+from diffthrust.estimation._residuals import SimulationError
 from diffthrust.estimation._solver import solve
 
 STEP = 0.05
+LASTING = SimulationError(NOISES["ar1"])
 UNITS = {"command": "V", "speed": "rad/s", "thrust": "N"}
 
 
@@ -78,7 +81,7 @@ def test_the_likelihood_is_that_of_the_whole_covariance_matrix():
         noise[0] = 0.0  # the measured start is that of the simulation
         logs.append(log_of(time, {"speed": true + noise}))
         rests.append(noise)
-    problem = build(model, logs, substeps=2, lasting=True, initial="measured")
+    problem = build(model, logs, substeps=2, likelihood=LASTING, initial="measured")
     kept = np.array([0.15, 0.7, 0.95])
     memories = -min(log.step for log in problem.logs) / np.log(kept)
     expected = [exact([log.time for log in logs], rests, m) for m in memories]
@@ -93,7 +96,7 @@ def test_gaps_of_one_ten_and_a_hundred_steps_are_told_apart():
     noise = lasting(rng, time, 1.0, 1.0)
     noise[0] = 0.0
     measured = log_of(time, {"speed": true + noise})
-    problem = build(dft.Thruster(), [measured], substeps=20, lasting=True, initial="measured")
+    problem = build(dft.Thruster(), [measured], substeps=20, likelihood=LASTING, initial="measured")
     assert np.sum(np.asarray(problem.numbers.gaps.counts) > 0) == 3
     step = problem.logs[0].step
     kept = np.array([0.3, 0.9])
@@ -113,7 +116,7 @@ def problem_rest(problem, noise):
 def test_noise_begins_anew_where_the_simulation_does():
     rng = np.random.default_rng(2)
     log = thruster_log(rng, size=200)
-    problem = build(dft.Thruster(), [log], substeps=1, lasting=True, segmented=True)
+    problem = build(dft.Thruster(), [log], substeps=1, likelihood=LASTING, segmented=True)
     whole = np.asarray(problem.numbers.gaps.counts).sum()
     cut = restarts(problem, 2.0)
     assert whole - np.asarray(cut.numbers.gaps.counts).sum() == 2 * 4  # 2 channels, 4 restarts

@@ -14,8 +14,10 @@ import diffthrust as dft
 from diffthrust import Log, simulate
 from diffthrust.effects import ActuatorLag, ReverseThrustAsymmetry
 from diffthrust.estimation._arrange import build, restarts
-from diffthrust.estimation._gram import gram
-from diffthrust.estimation._likelihood import TAIL, evaluate
+from diffthrust.estimation._laws import TAIL
+from diffthrust.estimation._likelihood import evaluate, gram
+from diffthrust.estimation._registry import LAWS
+from diffthrust.estimation._residuals import SimulationError
 
 compiled = jax.jit(evaluate, static_argnums=0)
 
@@ -89,7 +91,7 @@ def plain_cost(problem, z):
             tails = np.log1p(rest**2 / (TAIL * s**2))
             return 0.5 * (TAIL + 1.0) * np.sum(tails) + rest.size * np.log(s)
 
-        law = gaussian if problem.layout.loss == "gaussian" else student
+        law = gaussian if problem.layout.likelihood.law.word == "gaussian" else student
         if not known:
             root = np.sqrt(np.mean(rest**2))
             inside = (np.log(0.01 * root), np.log(10.0 * root))
@@ -101,7 +103,9 @@ def plain_cost(problem, z):
             )
             sigma = float(np.exp(best.x))
         cost += law(sigma)
-        if problem.layout.loss == "gaussian":  # constants that the package leaves out
+        if (
+            problem.layout.likelihood.law.word == "gaussian"
+        ):  # constants that the package leaves out
             cost -= rest.size * np.log(sigma) if known else 0.5 * rest.size
     for name, (mean, std) in problem.numbers.prior.items():
         cost += 0.5 * ((problem.values(z)[name] - float(mean)) / float(std)) ** 2
@@ -117,9 +121,13 @@ CASES = {
     "gaussian": lambda: build(GUESS, [log_of(1)]),
     "known_noise": lambda: build(GUESS, [log_of(1, known=("speed", "thrust"))]),
     "one_known": lambda: build(GUESS, [log_of(1, known=("thrust",))]),
-    "student_t": lambda: build(GUESS, [log_of(2, spikes=0.05)], loss="student_t"),
+    "student_t": lambda: build(
+        GUESS, [log_of(2, spikes=0.05)], likelihood=SimulationError(law=LAWS["student_t"])
+    ),
     "student_t_known": lambda: build(
-        GUESS, [log_of(2, spikes=0.05, known=("speed", "thrust"))], loss="student_t"
+        GUESS,
+        [log_of(2, spikes=0.05, known=("speed", "thrust"))],
+        likelihood=SimulationError(law=LAWS["student_t"]),
     ),
     "unsigned": lambda: build(GUESS, [log_of(3, unsigned=True)]),
     "missing": lambda: build(GUESS, [log_of(4, dropout=0.3)]),
@@ -237,7 +245,11 @@ def test_an_outlier_weighs_little_under_student_t():
         out = []
         for measured in (clean.measured, spoilt):
             log = Log(clean.time, clean.inputs, measured, noise={"speed": 0.3, "thrust": 0.5})
-            out.append(evaluated(build(GUESS, [log], loss=loss), z).gradient[:3])
+            out.append(
+                evaluated(
+                    build(GUESS, [log], likelihood=SimulationError(law=LAWS[loss])), z
+                ).gradient[:3]
+            )
         return np.linalg.norm(out[1] - out[0]) / np.linalg.norm(out[0])
 
     assert gradients("student_t") < 0.02
@@ -250,7 +262,11 @@ def test_an_outlier_weighs_little_under_student_t():
 @pytest.mark.parametrize("loss", ["gaussian", "student_t"])
 @pytest.mark.parametrize("known", [(), ("speed", "thrust")])
 def test_a_simulation_that_fails_costs_infinity(loss, known):
-    problem = build(GUESS, [log_of(1, known=known), log_of(6, 60, known=known)], loss=loss)
+    problem = build(
+        GUESS,
+        [log_of(1, known=known), log_of(6, 60, known=known)],
+        likelihood=SimulationError(law=LAWS[loss]),
+    )
     for alpha in (1e3, 1e9, 1e200):
         z = problem.start()
         z[problem.free.index("alpha")] = np.log(alpha)

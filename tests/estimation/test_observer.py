@@ -16,10 +16,11 @@ import diffthrust as dft
 from diffthrust import InputError, Log
 from diffthrust.effects import ActuatorLag, LinearDamping
 from diffthrust.estimation._arrange import build
-from diffthrust.estimation._innovations import observer_for, one_step, one_step_errors
-from diffthrust.estimation._likelihood import evaluate
+from diffthrust.estimation._innovations import one_step
+from diffthrust.estimation._likelihood import errors_at, evaluate
 from diffthrust.estimation._observer import Limits, direction, innovations, limited
 from diffthrust.estimation._one_step import with_clip
+from diffthrust.estimation._registry import likelihood_of
 from diffthrust.estimation._solver import solve
 from diffthrust.estimation._status import Status, examine
 from diffthrust.specs._file import FitPart
@@ -28,13 +29,17 @@ compiled = jax.jit(evaluate, static_argnums=0)
 GUESS = dft.Thruster(alpha=0.045, beta=38.0, ct=0.022)
 
 
+def innovations_of(model, logs, loss="gaussian"):
+    return likelihood_of("innovations", "white", loss, model, logs)
+
+
 def evaluated(problem, z):
     return jax.tree.map(np.asarray, compiled(problem.layout, problem.numbers, jnp.asarray(z)))
 
 
 def arranged(model, logs, *, initial="measured", **gains):
     """A problem in the innovations form, with some of the observer's values set."""
-    problem = build(model, logs, initial=initial, observer=observer_for(model, logs))
+    problem = build(model, logs, initial=initial, likelihood=innovations_of(model, logs))
     named = {**problem.nuisance}
     for name, value in gains.items():
         key = f"noise.{name.replace('__', '.')}"
@@ -124,7 +129,7 @@ class Kalman:
         }
 
 
-OBSERVER = observer_for(FirstOrder(), [Log([0.0, 1.0], {"u": [0.0, 0.0]}, {"x": [0.0, 0.0]})])
+LIKELIHOOD = innovations_of(FirstOrder(), [Log([0.0, 1.0], {"u": [0.0, 0.0]}, {"x": [0.0, 0.0]})])
 
 
 @functools.cache
@@ -138,7 +143,7 @@ def linear_log(count=6000):
 def test_stationary_gains_give_the_innovations_of_the_kalman_filter():
     log, kalman = linear_log(), Kalman()
     problem = arranged(FirstOrder(), [log], **kalman.as_observer())
-    found = one_step_errors(problem, problem.start())[0]["x"]
+    found = errors_at(problem, problem.start())[0]["x"]
     u, y = log.inputs["u"], log.measured["x"]
     same, _ = kalman.innovations(u, y, kalman.stationary)
     np.testing.assert_allclose(found, same, rtol=0, atol=1e-6)
@@ -214,7 +219,7 @@ def test_what_sensors_do(case):
     gains = Kalman().as_observer()
     problem = arranged(FirstOrder(), [log], **gains)
     problem = with_clip(problem, [clip])
-    found = one_step_errors(problem, problem.start())[0]["x"]
+    found = errors_at(problem, problem.start())[0]["x"]
     expected = plain_observer(log, gains, FirstOrder(), clip)
     np.testing.assert_array_equal(np.isnan(found), np.isnan(y))
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6)
@@ -231,7 +236,7 @@ def test_a_whole_turn_is_no_error():
     for y in (full.measured["x"][:500], full.measured["x"][:500] + turns):
         log = Log(full.time[:500], {"u": full.inputs["u"][:500]}, {"x": y})
         problem = arranged(Pointer(), [log], **Kalman().as_observer())
-        found.append(one_step_errors(problem, problem.start())[0]["x"])
+        found.append(errors_at(problem, problem.start())[0]["x"])
     assert np.max(np.abs(found[0])) < np.pi
     np.testing.assert_allclose(found[1], found[0], rtol=0, atol=1e-9)
 
@@ -240,8 +245,8 @@ def test_substeps_change_nothing_at_a_fine_step():
     log = linear_log().slice(0.0, 8.0)
     found = []
     for substeps in (1, 3):
-        problem = build(FirstOrder(), [log], substeps=substeps, observer=OBSERVER)
-        found.append(one_step_errors(problem, problem.start())[0]["x"])
+        problem = build(FirstOrder(), [log], substeps=substeps, likelihood=LIKELIHOOD)
+        found.append(errors_at(problem, problem.start())[0]["x"])
     np.testing.assert_allclose(found[1], found[0], rtol=0, atol=1e-6)
 
 
@@ -249,10 +254,10 @@ def test_a_batch_of_unequal_logs_is_its_logs():
     logs = [linear_log().slice(0.0, 6.0), linear_log().slice(10.0, 15.5)]
     both = arranged(FirstOrder(), logs)
     assert both.order == ((1, 0),)
-    together = one_step_errors(both, both.start())
+    together = errors_at(both, both.start())
     for log, ours in zip(logs, together, strict=True):
         alone = arranged(FirstOrder(), [log])
-        theirs = one_step_errors(alone, both.start())[0]["x"]
+        theirs = errors_at(alone, both.start())[0]["x"]
         assert ours["x"].shape == log.time.shape
         np.testing.assert_allclose(ours["x"], theirs, rtol=0, atol=1e-12)
 
@@ -260,10 +265,10 @@ def test_a_batch_of_unequal_logs_is_its_logs():
 @pytest.mark.parametrize("loss", ["gaussian", "student_t"])
 def test_the_gradient_is_that_of_the_cost(loss):
     log = field_log(0, spikes=0.02, dropout=0.1)
-    problem = build(GUESS, [log], loss=loss, observer=observer_for(GUESS, [log]))
+    likelihood = innovations_of(GUESS, [log], loss)
+    problem = build(GUESS, [log], likelihood=likelihood)
     assert evaluated(problem, problem.start()).scores.size == 0  # wanted of trials alone
-    width, observer = len(problem.free), problem.layout.observer
-    problem = build(GUESS, [log], loss=loss, observer=observer, width=width)
+    problem = build(GUESS, [log], likelihood=likelihood, width=len(problem.free))
     problem = problem.focus(problem.free, problem.values(problem.start()))
     problem = with_clip(problem, [3.0, 3.0])
     z = problem.start()
@@ -279,7 +284,7 @@ def test_the_gradient_is_that_of_the_cost(loss):
 def test_many_selections_of_parameters_share_one_compilation():
     model = GUESS + LinearDamping().at_null() + ActuatorLag().at_null()
     log = field_log(0)
-    problem = build(model, [log], observer=observer_for(model, [log]), width=6)
+    problem = build(model, [log], likelihood=innovations_of(model, [log]), width=6)
     values = {name: p.value for name, p in problem.named.items()}
     names = list(problem.free)
     before, costs = compiled._cache_size(), []
@@ -412,12 +417,12 @@ def test_a_driving_state_that_is_not_measured_follows_the_gusts():
         assert abs(e.value - axis.JASON_JR[name]) < 3.5 * e.std_error
     assert {"noise.velocity.gain.position", "noise.velocity.memory"} <= set(fit.disturbance)
     values = {name: e.value for name, e in fit.disturbance.items()}
-    problem = build(fit.model, [log], initial="measured", observer=observer_for(model, [log]))
+    problem = build(fit.model, [log], initial="measured", likelihood=innovations_of(model, [log]))
     batch = jax.tree.map(lambda a: a[0], problem.numbers.batches[0])
     limits = Limits(problem.numbers.clip, 1.0)
     layout = problem.layout
     _, path = innovations(
-        layout.observer, fit.model, layout.grids[0], values, batch, batch.held, limits
+        layout.likelihood.observer, fit.model, layout.grids[0], values, batch, batch.held, limits
     )
     ours = np.sqrt(np.mean((np.asarray(path["velocity"]) - truth) ** 2))
     known = dft.simulate(dft.AxisVehicle(), log)["velocity"]

@@ -28,6 +28,8 @@ import jax
 import numpy as np
 from greenlet import GreenletExit, getcurrent, greenlet
 
+from diffthrust._support.warned import silence
+
 _present: ContextVar[Lanes | None] = ContextVar("lanes", default=None)
 _ladder: ContextVar[Sequence[int]] = ContextVar("ladder", default=())
 
@@ -156,6 +158,7 @@ class Lanes:
 
     def _within(self, work: Callable[[], Any]) -> None:
         _present.set(self)  # a greenlet has a context of its own
+        silence()
         work()
 
     def ask(

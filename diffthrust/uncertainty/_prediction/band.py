@@ -11,7 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust.estimation._likelihood import TAIL
+from diffthrust.estimation._laws import Law
+from diffthrust.estimation._registry import LAWS
 from diffthrust.logs._log import Log
 from diffthrust.uncertainty._prediction.draws import Draws
 
@@ -88,8 +89,8 @@ def band_of(
     if shown is not None:
         noisy_low, noisy_high = np.quantile(shown[whole], [tails[0], tails[2]], axis=0)
     elif sigma is not None:
-        heavy = drawn.loss == "student_t"
-        ends = [_mixed(heavy, mean[fine], sigma[fine], p) for p in (tails[0], tails[2])]
+        law = LAWS[drawn.loss]
+        ends = [_mixed(law, mean[fine], sigma[fine], p) for p in (tails[0], tails[2])]
         noisy_low, noisy_high = (np.asarray(end) for end in ends)
     measured = log.values(channel, unit)
     if channel in drawn.model.angles:
@@ -104,11 +105,11 @@ def band_of(
 
 
 @partial(jax.jit, static_argnums=0)
-def _mixed(heavy: bool, centre: Any, scale: Any, probability: Any) -> Any:
+def _mixed(law: Law, centre: Any, scale: Any, probability: Any) -> Any:
     """A quantile of what is measured: the noise of every draw about its prediction, mixed.
 
     Args:
-        heavy: Student-t noise rather than Gaussian.
+        law: of the noise.
         centre: ``(n, T)``.
         scale: ``(n,)``.
         probability: of the quantile.
@@ -116,10 +117,7 @@ def _mixed(heavy: bool, centre: Any, scale: Any, probability: Any) -> Any:
 
     def below(x: Any) -> Any:
         t = (x[None, :] - centre) / scale[:, None]
-        if not heavy:
-            return jnp.mean(jax.scipy.stats.norm.cdf(t), axis=0)
-        u = 1.0 + t**2 / TAIL  # the closed form for four degrees of freedom
-        return jnp.mean(0.5 + 0.375 * t / jnp.sqrt(u) * (1.0 - t**2 / (12.0 * u)), axis=0)
+        return jnp.mean(law.below(t), axis=0)
 
     far = 40.0 * jnp.max(scale)
 

@@ -72,8 +72,8 @@ def identity(posterior: Posterior, **settings: Any) -> dict[str, dict[str, str]]
     told = {
         **settings,
         "likelihood": fit.likelihood,
-        "loss": layout.loss,
-        "lasting noise": layout.lasting,
+        "loss": layout.likelihood.law.word,
+        "lasting noise": layout.likelihood.noise.lasts,
         "substeps": [grid.substeps for grid in layout.grids],
         "horizon": fit.horizon,
         "restarts": begun.hexdigest()[:12] if fit.horizon is not None else None,

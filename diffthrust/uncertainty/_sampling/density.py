@@ -16,8 +16,8 @@ import numpy as np
 
 from diffthrust._support._running.batching import lanes, run
 from diffthrust._support.errors import InputError
-from diffthrust.estimation._ar1 import levels
-from diffthrust.estimation._likelihood import TAIL, named_values, noise_of, residuals
+from diffthrust.estimation._laws import TAIL
+from diffthrust.estimation._likelihood import named_values, residuals
 from diffthrust.estimation._numbers import Numbers
 from diffthrust.estimation._problem import Layout, Problem
 from diffthrust.estimation._rebuild import problem_of
@@ -66,14 +66,14 @@ def log_density(shape: Shape, data: Any, x: Any) -> tuple[Any, Any]:
             rests.append(one(jax.tree.map(lambda a: a[0], pairs))[None])
         else:
             rests.append(jax.lax.map(one, pairs))
-    cost, sigma = noise_of(layout, numbers, rests)
+    cost, sigma = layout.cost(numbers, rests)
     values = named_values(layout, numbers, shared)
     for name, (mean, std) in numbers.prior.items():
         cost += 0.5 * ((values[name] - mean) / std) ** 2
         if layout.transforms[layout.free.index(name)] == "log":
             cost -= jnp.log(values[name])  # a density in the value, seen from its logarithm
-    if layout.lasting:  # the likelihood works with the level of what is new in each sample
-        sigma = sigma / levels(layout.channels, numbers, values)
+    # the likelihood works with the level of what is new in each sample
+    sigma = sigma / layout.likelihood.noise.levels(layout.channels, numbers, values)
     inside = jnp.all((x >= data["low"]) & (x <= data["high"]))
     return jnp.where(inside & jnp.isfinite(cost), -cost, -jnp.inf), sigma
 
@@ -252,10 +252,8 @@ def posterior_of(fit: Fit, logs: Log | Sequence[Log]) -> Posterior:
     place = np.arange(z.size)
     unseen = (place >= problem.shared) & ~(np.diagonal(local.information) > 0)
     moved = np.flatnonzero((low < high) & ~unseen)
-    layout = problem.layout
-    sampled = tuple(
-        i for i, known in enumerate(layout.known_noise) if not known and layout.loss == "student_t"
-    )
+    layout, law = problem.layout, problem.layout.likelihood.law
+    sampled = tuple(i for i, known in enumerate(layout.known_noise) if not known and not law.closed)
     levels = np.log(local.sigma[list(sampled)])
     flat = np.full(len(sampled), np.inf)
     # a fit's optimum lies within its bounds but for the rounding of its own report

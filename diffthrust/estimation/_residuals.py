@@ -1,0 +1,191 @@
+"""What a fit sums: errors of a simulation over whole runs or segments, or of one-step predictions.
+
+A likelihood of either kind has a law of errors and a noise, each an object of its own; all are
+static and hashable, and fix the compiled code of a problem.
+"""
+
+# ruff: noqa: F722  (shapes of arrays)
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Float
+
+from diffthrust.estimation._laws import Gaussian, Law
+from diffthrust.estimation._noise import WHITE, Doubt, Noise, White
+from diffthrust.estimation._numbers import Batch, Numbers
+from diffthrust.estimation._observer import Limits, Observer, guesses, innovations, observer_for
+from diffthrust.logs._log import Log
+from diffthrust.models._base.model import Model
+from diffthrust.models._base.parameter import Parameter
+from diffthrust.simulation._errors import wrapped
+from diffthrust.simulation._simulate import Grid, trajectory
+
+
+@dataclass(frozen=True)
+class Likelihood(ABC):
+    """What the residuals of a fit are, and of which law.
+
+    Args:
+        noise: what noise they are taken for.
+        law: its law.
+    """
+
+    noise: Noise = field(default_factory=White)
+    law: Law = field(default_factory=Gaussian)
+
+    word: ClassVar[str]
+    """Its name among the likelihoods of `fit`."""
+    corrects: ClassVar[bool]
+    """The states are corrected at every sample: there are no segments, and a noise level that a log
+    gives is the sensor's, not that of the residuals."""
+
+    @classmethod
+    @abstractmethod
+    def of(cls, model: Model, logs: Sequence[Log], noise: Noise, law: Law) -> Likelihood:
+        """For a model and what its logs measure.
+
+        Raises:
+            InputError: logs that it cannot be made for.
+        """
+
+    @abstractmethod
+    def starts(self, model: Model, logs: Sequence[Log]) -> tuple[str, ...]:
+        """The states whose initial values may be estimated."""
+
+    def parameters(self, channels: Sequence[str], logs: Sequence[Log]) -> dict[str, Parameter]:
+        """What is estimated with the model's parameters, by name."""
+        return self.noise.parameters(channels)
+
+    def guesses(self, names: Collection[str]) -> tuple[Mapping[str, float], ...]:
+        """Values of them from which to start, in turn; those not named are drawn."""
+        return self.noise.guesses(names)
+
+    @abstractmethod
+    def residuals(
+        self,
+        channels: Sequence[str],
+        model: Model,
+        grid: Grid,
+        values: Mapping[str, Any],
+        numbers: Numbers,
+        log: Batch,
+        states: Mapping[str, Any],
+    ) -> Float[jax.Array, "channels time"]:
+        """What is summed of one log; zero where nothing was measured; traceable.
+
+        Args:
+            channels: those that any log measures.
+            model: with (possibly traced) parameter values.
+            grid: how to integrate.
+            values: of all parameters, by name.
+            numbers: of the problem.
+            log: one log of a batch.
+            states: the initial ones.
+        """
+
+    def doubt(self, tables: bool) -> Doubt:
+        """What a fit says where its errors are not what they are taken for; see `Noise.doubt`."""
+        return self.noise.doubt(tables)
+
+
+@dataclass(frozen=True)
+class SimulationError(Likelihood):
+    """Measured minus simulated, over whole runs or segments; of a noise that lasts, what is new."""
+
+    word: ClassVar[str] = "simulation"
+    corrects: ClassVar[bool] = False
+
+    @classmethod
+    def of(cls, model: Model, logs: Sequence[Log], noise: Noise, law: Law) -> SimulationError:
+        """Whatever the logs measure."""
+        return cls(noise, law)
+
+    def starts(self, model: Model, logs: Sequence[Log]) -> tuple[str, ...]:
+        """All that no log prescribes."""
+        return tuple(n for n in model.states if not any(n in log.inputs for log in logs))
+
+    def residuals(
+        self,
+        channels: Sequence[str],
+        model: Model,
+        grid: Grid,
+        values: Mapping[str, Any],
+        numbers: Numbers,
+        log: Batch,
+        states: Mapping[str, Any],
+    ) -> Float[jax.Array, "channels time"]:
+        """By one simulation."""
+        anew = {name: (restart.value, restart.unsigned) for name, restart in log.restarts.items()}
+        outputs, _ = trajectory(model, grid, log.time, log.inputs, states, anew)
+        rests = []
+        for i, name in enumerate(channels):
+            modelled, measured = outputs[name], log.measured[i]
+            modelled = jnp.where(log.unsigned[i], jnp.abs(modelled), modelled)
+            rest = jnp.where(jnp.isnan(measured), 0.0, measured) - modelled
+            rest = wrapped(rest) if name in model.angles else rest
+            rests.append(jnp.where(jnp.isnan(measured), 0.0, rest))
+        return jnp.stack(self.noise.new(channels, rests, log, numbers, values))
+
+
+@dataclass(frozen=True)
+class Innovations(Likelihood):
+    """Errors of predicting each sample from all earlier ones; see `_observer`.
+
+    Errors that last are the observer's own, so that what is left is taken as white.
+
+    Args:
+        noise: white.
+        law: its law.
+        observer: what is corrected by what.
+    """
+
+    observer: Observer = field(kw_only=True)
+
+    word: ClassVar[str] = "innovations"
+    corrects: ClassVar[bool] = True
+
+    @classmethod
+    def of(cls, model: Model, logs: Sequence[Log], noise: Noise, law: Law) -> Innovations:
+        """For what the logs measure."""
+        return cls(noise, law, observer=observer_for(model, logs))
+
+    def starts(self, model: Model, logs: Sequence[Log]) -> tuple[str, ...]:
+        """Those that are measured: the others come from the corrections."""
+        return self.observer.fed
+
+    def parameters(self, channels: Sequence[str], logs: Sequence[Log]) -> dict[str, Parameter]:
+        """Gains and memories."""
+        longest, step = max(log.duration for log in logs), min(log.step for log in logs)
+        return self.observer.parameters(longest, step)
+
+    def guesses(self, names: Collection[str]) -> tuple[Mapping[str, float], ...]:
+        """Gains; memories are drawn."""
+        return guesses(names)
+
+    def residuals(
+        self,
+        channels: Sequence[str],
+        model: Model,
+        grid: Grid,
+        values: Mapping[str, Any],
+        numbers: Numbers,
+        log: Batch,
+        states: Mapping[str, Any],
+    ) -> Float[jax.Array, "channels time"]:
+        """By one simulation that is corrected at every sample."""
+        limits = Limits(numbers.clip, numbers.reach)
+        return innovations(self.observer, model, grid, values, log, states, limits)[0]
+
+    def doubt(self, tables: bool) -> Doubt:
+        """Nothing in them has a reason to be correlated."""
+        return Doubt(
+            WHITE,
+            "One-step errors are correlated from sample to sample ({}): something is missing from "
+            "the model. The standard errors assume that nothing is and are too small.",
+        )
