@@ -3,61 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from diffthrust.describing._describe import formula_values, found_values
+from diffthrust.describing._describe import formula_values, notes_of, periodic_values
 from diffthrust.describing._formulas import FORMULAS
-from diffthrust.describing._map import followed_phase, ratio_unit
-from diffthrust.describing._notes import notes_of
 from diffthrust.describing._periodic.respond import Reason
 from diffthrust.describing._request import request
+from diffthrust.describing._values import BandValues, followed_phase, ratio_unit
 from diffthrust.uncertainty._prediction.draws import draws_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-@dataclass(frozen=True)
-class DescribingBand:
-    """Gain and phase of a describing function with intervals, point by point.
-
-    Args:
-        model: words for the model.
-        method: see `describing_function`.
-        input: the channel that is a sinusoid.
-        output: whose first harmonic it is.
-        input_unit: of the amplitudes.
-        gain_unit: of the gain.
-        amplitudes: of the input, ``(A,)``.
-        frequencies: [rad/s], ``(F,)``.
-        gain: median, lower and upper end, ``(3, A, F)``; NaN where fewer than half of the draws
-            have an answer.
-        phase: the same of the phase [deg].
-        settled: share of the draws that have an answer, ``(A, F)``.
-        level: probability of the intervals, with equal tails.
-        kind: "posterior" or "covariance": where the draws are from.
-        draws: the describing function by draw, complex, ``(n, A, F)``.
-        notes: what the user should know besides.
-    """
-
-    model: str
-    method: str
-    input: str
-    output: str
-    input_unit: str
-    gain_unit: str
-    amplitudes: np.ndarray
-    frequencies: np.ndarray
-    gain: np.ndarray = field(repr=False)
-    phase: np.ndarray = field(repr=False)
-    settled: np.ndarray = field(repr=False)
-    level: float
-    kind: str
-    draws: np.ndarray = field(repr=False)
-    notes: tuple[str, ...] = ()
+class DescribingBand(BandValues):
+    """Gain and phase of a describing function with intervals, as words, figure and plain data."""
 
     def plot(self) -> Figure:
         """Gain and phase over frequency with their bands, for some of the amplitudes."""
@@ -67,7 +29,8 @@ class DescribingBand:
 
     def report(self) -> str:
         """The intervals as text for people."""
-        from diffthrust.describing._tables import band_table, rendered
+        from diffthrust._support.tables import rendered
+        from diffthrust.describing._tables import band_table
 
         return rendered(band_table(self))
 
@@ -156,10 +119,10 @@ def uncertainty(
         values = formula_values(asked, given)
         reason = np.zeros(shape, int)
     else:
-        found, _ = found_values(asked, given)
-        settled = found.reason == Reason.SETTLED
-        values = np.where(settled, found.first, np.nan).reshape(shape)
-        reason = found.reason.reshape(shape)
+        responses, _ = periodic_values(asked, given)
+        settled = responses.reason == Reason.SETTLED
+        values = np.where(settled, responses.first, np.nan).reshape(shape)
+        reason = responses.reason.reshape(shape)
         notes += notes_of(asked, drawn.model, reason)
     share = np.mean(reason == Reason.SETTLED, axis=0)
     phase = np.stack([followed_phase(v) for v in values])
@@ -188,5 +151,5 @@ def _quantiles(values: np.ndarray, ends: list[float]) -> np.ndarray:
     """Over the draws that have an answer, where these are at least half."""
     known = np.isfinite(values)
     enough = known.mean(axis=0) >= 0.5
-    found = np.nanquantile(np.where(enough, values, 0.0), ends, axis=0)
-    return np.where(enough, found, np.nan)
+    quantiles = np.nanquantile(np.where(enough, values, 0.0), ends, axis=0)
+    return np.where(enough, quantiles, np.nan)

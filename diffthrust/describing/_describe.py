@@ -7,15 +7,16 @@ from typing import Any
 
 import numpy as np
 
+from diffthrust._support.words import joined
 from diffthrust.describing._formulas import FORMULAS, quasi_linear
 from diffthrust.describing._map import DescribingMap
-from diffthrust.describing._notes import notes_of
-from diffthrust.describing._periodic.continuation import continued
+from diffthrust.describing._periodic.continuation import respond_with_neighbours
 from diffthrust.describing._periodic.period import Cycle, Lane, remembers
-from diffthrust.describing._periodic.respond import Reason, Responses
+from diffthrust.describing._periodic.respond import PeriodicResponses, Reason
 from diffthrust.describing._periodic.solvers import HarmonicBalance, Shooting
 from diffthrust.describing._periodic.truncation import left_out, more_than, too_few
-from diffthrust.describing._request import Request, request
+from diffthrust.describing._request import MapRequest, request
+from diffthrust.estimation._result import Fit
 from diffthrust.simulation._dependence import states_behind
 
 
@@ -91,7 +92,7 @@ def describing_function(
     return maps_of([asked], [model])[0]
 
 
-def maps_of(asked: Sequence[Request], models: Sequence[Any]) -> list[DescribingMap]:
+def maps_of(asked: Sequence[MapRequest], models: Sequence[Any]) -> list[DescribingMap]:
     """The maps of models of one structure, worked out together.
 
     Args:
@@ -122,17 +123,19 @@ def maps_of(asked: Sequence[Request], models: Sequence[Any]) -> list[DescribingM
         values = formula_values(first, given).reshape(shape)
         reason = np.zeros(shape[1:], int)
         return [
-            DescribingMap(complex=value, reason=reason, **told)
-            for value, told in zip(values, common, strict=True)
+            DescribingMap(complex=value, reason=reason, **shared)
+            for value, shared in zip(values, common, strict=True)
         ]
-    found, error = found_values(first, given)
-    settled = found.reason == Reason.SETTLED
+    responses, error = periodic_values(first, given)
+    settled = responses.reason == Reason.SETTLED
 
     def shown(values: np.ndarray) -> np.ndarray:
         return np.where(settled, values, np.nan).reshape(shape)
 
-    first_harmonic, distortion, mean = map(shown, (found.first, found.distortion, found.mean))
-    reason, samples = found.reason.reshape(shape), found.samples.reshape(shape)
+    first_harmonic, distortion, mean = map(
+        shown, (responses.first, responses.distortion, responses.mean)
+    )
+    reason, samples = responses.reason.reshape(shape), responses.samples.reshape(shape)
     error = None if error is None else error.reshape(shape)
     return [
         DescribingMap(
@@ -150,16 +153,16 @@ def maps_of(asked: Sequence[Request], models: Sequence[Any]) -> list[DescribingM
     ]
 
 
-def formula_values(asked: Request, given: Mapping[str, np.ndarray]) -> np.ndarray:
+def formula_values(asked: MapRequest, given: Mapping[str, np.ndarray]) -> np.ndarray:
     """The closed form by draw and point, ``(D, A, F)``, of parameters ``(D,)``."""
     values = {name: value[:, None, None] for name, value in given.items()}
     a, w = asked.amplitudes[None, :, None], asked.frequencies[None, None, :]
     return quasi_linear(values, a, w, asked.output, paper=asked.method == "paper")
 
 
-def found_values(
-    asked: Request, given: Mapping[str, np.ndarray]
-) -> tuple[Responses, np.ndarray | None]:
+def periodic_values(
+    asked: MapRequest, given: Mapping[str, np.ndarray]
+) -> tuple[PeriodicResponses, np.ndarray | None]:
     """Periodic responses by draw and point, of parameters ``(D,)``, and what they leave out.
 
     Returns:
@@ -187,10 +190,55 @@ def found_values(
     cycle = Cycle(asked.input, asked.output, 1, 4 if remembers(asked.model) else 1, states=states)
     if asked.method != "harmonic_balance" or not count:
         solver = Shooting(asked.model, count)
-        return continued(solver, cycle, lanes, shape, samples=asked.samples), None
+        return respond_with_neighbours(solver, cycle, lanes, shape, samples=asked.samples), None
     solver = HarmonicBalance(asked.model, count, asked.harmonics)
-    found = continued(solver, cycle, lanes, shape, samples=asked.samples)
+    responses = respond_with_neighbours(solver, cycle, lanes, shape, samples=asked.samples)
     richer = HarmonicBalance(asked.model, count, more_than(asked.harmonics))
-    error = left_out(richer, cycle, lanes, found)
-    found.reason[too_few(error)] = Reason.FEW_HARMONICS
-    return found, error
+    error = left_out(richer, cycle, lanes, responses)
+    responses.reason[too_few(error)] = Reason.FEW_HARMONICS
+    return responses, error
+
+
+def notes_of(asked: MapRequest, given: Any, reason: np.ndarray) -> tuple[str, ...]:
+    """Effects that were left out, points without an answer, inputs beyond a limit."""
+    whole = given.model if isinstance(given, Fit) else given
+    notes = []
+    left = [e.name for e in whole.effects if e.name not in {e.name for e in asked.model.effects}]
+    if left:
+        notes.append(
+            f"Left out, being effects on what the sensors report: {joined(left)} "
+            "(sensors=True counts them)."
+        )
+    size = reason.size
+    for kind in Reason:
+        count = int(np.sum(reason == kind))
+        if count and kind is not Reason.SETTLED:
+            notes.append(f"{count} of {size} points are marked: {kind.words}.{_mend(kind, asked)}")
+    reach = float(asked.amplitudes[-1]) + abs(asked.bias)
+    for effect in asked.model.effects:
+        limit = getattr(effect, "limit", None) if asked.input in effect.ports else None
+        if limit is not None and reach > limit:
+            unit = asked.units[0]
+            notes.append(
+                f"Inputs beyond {limit:.4g} {unit} are cut by '{effect.name}': the gain falls "
+                "with the amplitude there."
+            )
+    return tuple(notes)
+
+
+def _mend(kind: Reason, asked: MapRequest) -> str:
+    """What to do about a mark, where something can be done."""
+    if kind is Reason.FEW_HARMONICS:
+        return (
+            f" {asked.harmonics} harmonics are too few for corners as sharp as there: give "
+            f'harmonics={more_than(asked.harmonics)}, or method="simulation".'
+        )
+    if kind is Reason.COARSE and asked.method == "harmonic_balance":
+        return ' Give method="simulation", which takes shorter steps.'
+    if kind is Reason.MEMORY:
+        names = joined([e.name for e in asked.model.effects if e.memory])
+        return (
+            f" Amplitude times frequency is far beyond a rate limit there, or a delay lasts many "
+            f"periods: ask for smaller amplitudes or frequencies, or take out {names}."
+        )
+    return ""

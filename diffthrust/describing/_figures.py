@@ -8,22 +8,20 @@ import numpy as np
 
 from diffthrust._support.figures import literal, styled
 from diffthrust._support.words import percent
+from diffthrust.describing._values import BandValues, DescribingValues
 from diffthrust.uncertainty._prediction.figures import bracketed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from diffthrust.describing._band import DescribingBand
-    from diffthrust.describing._map import DescribingMap
-
-CURVES = 6
+_CURVES = 6
 """Curves in one panel."""
 _FEW = 3
 """With fewer amplitudes or frequencies there are curves and no map."""
 
 
-def map_figure(found: DescribingMap) -> Figure:
+def map_figure(found: DescribingValues) -> Figure:
     """Gain and phase: maps with contours, or curves where there are few amplitudes."""
     gain = np.where(found.settled, found.gain, np.nan)
     gain = np.where(gain > 0, gain, np.nan)
@@ -39,7 +37,7 @@ def map_figure(found: DescribingMap) -> Figure:
     return figure
 
 
-def break_figure(found: DescribingMap) -> Figure:
+def break_figure(found: DescribingValues) -> Figure:
     """The break frequency as a map, and over frequency for several amplitudes."""
     values = found.break_frequency
     label = "break frequency [rad/s]"
@@ -53,7 +51,7 @@ def break_figure(found: DescribingMap) -> Figure:
     return figure
 
 
-def band_figure(found: DescribingBand) -> Figure:
+def band_figure(found: BandValues) -> Figure:
     """Gain and phase over frequency for some amplitudes: medians, with bands behind."""
     from matplotlib import colormaps
 
@@ -66,8 +64,8 @@ def band_figure(found: DescribingBand) -> Figure:
             colour = colormaps["cividis"](0.85 * j / max(rows.size - 1, 1))
             median, low, high = values[:, i]
             axes.fill_between(found.frequencies, low, high, color=colour, alpha=0.3, linewidth=0)
-            told = f"{found.amplitudes[i]:.3g} {found.input_unit}".rstrip()
-            axes.plot(found.frequencies, median, color=colour, linewidth=1.2, label=told)
+            curve = f"{found.amplitudes[i]:.3g} {found.input_unit}".rstrip()
+            axes.plot(found.frequencies, median, color=colour, linewidth=1.2, label=curve)
         _scales(axes, found, values[:, rows], label)
     return figure
 
@@ -80,7 +78,7 @@ def _figure(width: float, height: float, title: str) -> Figure:
     return figure
 
 
-def _curves_figure(found: DescribingMap, title: str, parts: Any, labels: Any) -> Figure:
+def _curves_figure(found: DescribingValues, title: str, parts: Any, labels: Any) -> Figure:
     figure = _figure(5.6 * len(parts), 4.0, title)
     panels = np.ravel(figure.subplots(1, len(parts)))
     for axes, values, label in zip(panels, parts, labels, strict=True):
@@ -89,7 +87,7 @@ def _curves_figure(found: DescribingMap, title: str, parts: Any, labels: Any) ->
 
 
 def _map(
-    figure: Figure, axes: Axes, found: DescribingMap, values: np.ndarray, label: str, empty: str,
+    figure: Figure, axes: Axes, found: DescribingValues, values: np.ndarray, label: str, empty: str,
     *, logarithmic: bool,
 ) -> None:  # fmt: skip
     from matplotlib.colors import LogNorm, Normalize
@@ -118,7 +116,7 @@ def _map(
         bar.ax.tick_params(labelsize=8)
 
 
-def _hatched(axes: Axes, found: DescribingMap, values: np.ndarray, empty: str) -> None:
+def _hatched(axes: Axes, found: DescribingValues, values: np.ndarray, empty: str) -> None:
     """Points without an answer, and those where the output does not move or does not lag."""
     from matplotlib.patches import Patch
 
@@ -143,18 +141,18 @@ def _edges(grid: np.ndarray) -> np.ndarray:
     return np.concatenate([[grid[0] ** 2 / inner[0]], inner, [grid[-1] ** 2 / inner[-1]]])
 
 
-def _curves(axes: Axes, found: DescribingMap, values: np.ndarray, label: str) -> None:
+def _curves(axes: Axes, found: DescribingValues, values: np.ndarray, label: str) -> None:
     from matplotlib import colormaps
 
-    rows = _rows(found.amplitudes.size, CURVES)
+    rows = _rows(found.amplitudes.size, _CURVES)
     static = found.static_gain
     for j, i in enumerate(rows):
         colour = colormaps["cividis"](0.9 * j / max(rows.size - 1, 1))
-        told = f"{found.amplitudes[i]:.3g} {found.input_unit}".rstrip()
+        curve = f"{found.amplitudes[i]:.3g} {found.input_unit}".rstrip()
         if np.isfinite(static[i]) and found.output_unit:
-            told += f" (static {static[i] * found.amplitudes[i]:.3g} {found.output_unit})"
+            curve += f" (static {static[i] * found.amplitudes[i]:.3g} {found.output_unit})"
         dots: dict[str, Any] = {"marker": "o", "markersize": 3} if values.shape[1] <= 20 else {}
-        axes.plot(found.frequencies, values[i], color=colour, linewidth=1.4, label=told, **dots)
+        axes.plot(found.frequencies, values[i], color=colour, linewidth=1.4, label=curve, **dots)
     _scales(axes, found, values[rows], label)
 
 
@@ -163,7 +161,7 @@ def _rows(size: int, most: int) -> np.ndarray:
     return np.unique(np.linspace(0, size - 1, min(size, most)).round().astype(int))
 
 
-def _scales(axes: Axes, found: DescribingMap | DescribingBand, values: Any, label: str) -> None:
+def _scales(axes: Axes, found: DescribingValues | BandValues, values: Any, label: str) -> None:
     """Labels, scales and legend of curves over the frequency."""
     styled(axes, literal(label), "frequency [rad/s]", literal(label))
     w = found.frequencies

@@ -2,137 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
 from diffthrust.describing._periodic.respond import Reason
-from diffthrust.models._base.model import Model
+from diffthrust.describing._values import DescribingValues
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SMALL_PHASE = 30.0
-"""The static gain can be told where the phase at the lowest frequency is no larger [deg]."""
 
+class DescribingMap(DescribingValues):
+    """Gain and phase over amplitude and frequency, as numbers, words, figures and plain data."""
 
-@dataclass(frozen=True)
-class DescribingMap:
-    """Gain and phase over amplitude and frequency.
-
-    Args:
-        model: the model that was looked at.
-        method: how; see `describing_function`.
-        input: the channel that is a sinusoid.
-        output: whose first harmonic it is.
-        input_unit: of amplitudes and bias.
-        output_unit: of the output.
-        bias: what the input swings about.
-        amplitudes: of the input, ``(A,)``.
-        frequencies: [rad/s], ``(F,)``.
-        complex: first harmonic of the output over that of the input, ``(A, F)``; NaN where there
-            is no answer.
-        reason: why there is none, ``(A, F)``, as numbers of `Reason`; 0 where settled.
-        distortion: root sum square of the output's higher harmonics over its first, ``(A, F)``;
-            ``None`` where the method does not tell.
-        mean: of the output, in its unit, ``(A, F)``; or ``None``.
-        samples: steps to the period that were needed, ``(A, F)``; or ``None``.
-        harmonics: of the states, for a harmonic balance.
-        left_out: error of the first harmonic, relative to it, that more harmonics show, complex
-            ``(A, F)``: its real part is that of the gain, its imaginary one that of the phase
-            [rad]. NaN where the balance has no answer; ``None`` for other methods.
-        notes: what the user should know besides.
-    """
-
-    model: Model = field(repr=False)
-    method: str
-    input: str
-    output: str
-    input_unit: str
-    output_unit: str
-    bias: float
-    amplitudes: np.ndarray
-    frequencies: np.ndarray
-    complex: np.ndarray = field(repr=False)
-    reason: np.ndarray = field(repr=False)
-    distortion: np.ndarray | None = field(default=None, repr=False)
-    mean: np.ndarray | None = field(default=None, repr=False)
-    samples: np.ndarray | None = field(default=None, repr=False)
-    harmonics: int | None = None
-    left_out: np.ndarray | None = field(default=None, repr=False)
-    notes: tuple[str, ...] = ()
-
-    @property
-    def settled(self) -> np.ndarray:
-        """Whether a point has an answer, ``(A, F)``."""
-        return self.reason == Reason.SETTLED
-
-    @property
-    def gain(self) -> np.ndarray:
-        """Amplitude of the output's first harmonic over that of the input, ``(A, F)``."""
-        return np.abs(self.complex)
-
-    @property
-    def gain_unit(self) -> str:
-        """The unit of the gain."""
-        return ratio_unit(self.input_unit, self.output_unit)
-
-    @property
-    def phase(self) -> np.ndarray:
-        """Phase of the output ahead of the input [deg], ``(A, F)``.
-
-        Followed along the frequency, so that a delay goes on below -180 degrees. NaN where there
-        is no answer, and where the output does not move.
-        """
-        return followed_phase(self.complex)
-
-    @property
-    def break_frequency(self) -> np.ndarray:
-        """Break frequency of the first-order lag of the same phase [rad/s], ``(A, F)``.
-
-        The paper's lambda: ``w / tan(-phase)``. NaN where the phase is not between 0 and -90
-        degrees, which no such lag has.
-        """
-        phase = self.phase
-        with np.errstate(invalid="ignore", divide="ignore"):
-            lags = (phase < 0) & (phase > -90)
-            return np.where(lags, self.frequencies / np.tan(np.radians(-phase)), np.nan)
-
-    @property
-    def static_gain(self) -> np.ndarray:
-        """The gain towards zero frequency at each amplitude, ``(A,)``.
-
-        It is the gain at the lowest frequency over the cosine of the phase there, as for a
-        first-order lag. NaN where that phase is beyond 30 degrees.
-        """
-        gain, phase = self.gain[:, 0], self.phase[:, 0]
-        with np.errstate(invalid="ignore"):
-            near = np.abs(phase) <= SMALL_PHASE
-            return np.where(near, gain / np.cos(np.radians(phase)), np.nan)
-
-    @property
-    def bandwidth(self) -> np.ndarray:
-        """The frequency [rad/s] where the gain falls to 1/sqrt(2) of the static one, ``(A,)``.
-
-        Interpolated in the logarithms of both. NaN where the map does not go so high, or not low
-        enough to tell the static gain.
-        """
-        found = np.full(self.amplitudes.size, np.nan)
-        for i, static in enumerate(self.static_gain):
-            row = self.gain[i] * np.sqrt(2.0)
-            if not static > 0:
-                continue
-            below = np.flatnonzero(row <= static)
-            k = int(below[0]) if below.size else 0
-            if k > 0 and row[k - 1] > static and row[k] > 0:
-                share = np.log(row[k - 1] / static) / np.log(row[k - 1] / row[k])
-                w = self.frequencies
-                found[i] = w[k - 1] * (w[k] / w[k - 1]) ** share
-        return found
-
-    def at(self, amplitude: Any, frequency: Any) -> Any:
+    def at(self, amplitude: ArrayLike, frequency: ArrayLike) -> Any:
         """The describing function between the points of the map, complex.
 
         Real and imaginary part are interpolated in the logarithms of amplitude and frequency: by
@@ -169,20 +55,49 @@ class DescribingMap:
         parts = [
             RegularGridInterpolator(axes, v, how)(place) for v in (np.real(values), np.imag(values))
         ]
-        found = (parts[0] + 1j * parts[1]).reshape(given[0].shape)
-        return found if found.ndim else found[()]
+        between = (parts[0] + 1j * parts[1]).reshape(given[0].shape)
+        return between if between.ndim else between[()]
 
     def report(self) -> str:
         """The map in words and a table, for people."""
-        from diffthrust.describing._tables import describing_table, rendered
+        from diffthrust._support.tables import rendered
+        from diffthrust.describing._tables import describing_table
 
         return rendered(describing_table(self))
 
     def to_json(self) -> dict[str, Any]:
         """The map as plain data, ``null`` where there is no answer."""
-        from diffthrust.describing._tables import describing_json
+        from diffthrust._support.files import plain
 
-        return describing_json(self)
+        reasons = {str(int(kind)): kind.words for kind in Reason if np.any(self.reason == kind)}
+        return plain(
+            {
+                "schema": 1,
+                "model": self.model.name,
+                "effects": [effect.name for effect in self.model.effects],
+                "parameters": {n: p.value for n, p in self.model.parameters.items()},
+                "method": self.method,
+                "harmonics": self.harmonics,
+                "left_out": _errors(self.left_out),
+                "input": {"name": self.input, "unit": self.input_unit, "bias": self.bias},
+                "output": {"name": self.output, "unit": self.output_unit},
+                "amplitudes": self.amplitudes,
+                "frequencies": self.frequencies,
+                "gain": self.gain,
+                "gain_unit": self.gain_unit,
+                "phase": self.phase,
+                "break_frequency": self.break_frequency,
+                "static_gain": self.static_gain,
+                "bandwidth": self.bandwidth,
+                "distortion": self.distortion,
+                "mean": self.mean,
+                "samples": self.samples,
+                "settled": self.settled,
+                "reason": self.reason,
+                "reasons": reasons,
+                "notes": self.notes,
+            }
+        )
 
     def plot(self) -> Figure:
         """Gain and phase over frequency and amplitude; points without an answer are hatched."""
@@ -197,26 +112,7 @@ class DescribingMap:
         return break_figure(self)
 
 
-def ratio_unit(below: str, above: str) -> str:
-    """The unit of an output over an input.
-
-    Example:
-        >>> ratio_unit("V", "rad/s"), ratio_unit("V", "N")
-        ('(rad/s)/V', 'N/V')
-    """
-    if not below:
-        return above
-    if any(mark in below for mark in " /"):
-        below = f"({below})"
-    return (
-        f"({above})/{below}" if any(mark in above for mark in " /") else f"{above or '1'}/{below}"
-    )
-
-
-def followed_phase(values: np.ndarray) -> np.ndarray:
-    """The phase [deg] of complex values ``(A, F)``, followed along the second axis; NaN at 0."""
-    found = np.full(values.shape, np.nan)
-    for row, own in zip(found, values, strict=True):
-        moves = np.isfinite(own) & (np.abs(np.nan_to_num(own)) > 0)
-        row[moves] = np.degrees(np.unwrap(np.angle(own[moves])))
-    return found
+def _errors(left_out: np.ndarray | None) -> dict[str, np.ndarray] | None:
+    if left_out is None:
+        return None
+    return {"gain": np.abs(np.real(left_out)), "phase": np.degrees(np.abs(np.imag(left_out)))}

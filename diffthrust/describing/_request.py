@@ -17,12 +17,12 @@ from diffthrust.logs._channels import CHANNELS
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._bare import bare
 
-METHODS = ("simulation", "harmonic_balance", *FORMULAS)
-WHERE = "describing_function"
+_METHODS = ("simulation", "harmonic_balance", *FORMULAS)
+_WHERE = "describing_function"
 
 
 @dataclass(frozen=True)
-class Request:
+class MapRequest:
     """A describing function to be worked out.
 
     Args:
@@ -31,7 +31,7 @@ class Request:
         frequencies: [rad/s], ``(F,)``, increasing.
         input: the channel that is a sinusoid.
         output: whose first harmonic is taken.
-        method: one of `METHODS`.
+        method: one of `_METHODS`.
         harmonics: of the states, for the harmonic balance.
         samples: steps to the period, or ``None`` where these are chosen.
         bias: what the input swings about.
@@ -59,9 +59,9 @@ class Request:
 
 def known_inputs(model: Model) -> dict[str, str]:
     """Every channel that can be given to a model and its effects, with its unit."""
-    found = {**model.inputs, **model.optional_inputs}
-    needed = [name for effect in model.effects for name in effect.needs if name not in found]
-    return found | {n: CHANNELS[n].unit if n in CHANNELS else "" for n in needed}
+    channels = {**model.inputs, **model.optional_inputs}
+    needed = [name for effect in model.effects for name in effect.needs if name not in channels]
+    return channels | {n: CHANNELS[n].unit if n in CHANNELS else "" for n in needed}
 
 
 def request(
@@ -77,7 +77,7 @@ def request(
     bias: Any,
     others: Any,
     sensors: bool,
-) -> Request:
+) -> MapRequest:
     """The arguments of `describing_function`, checked.
 
     Raises:
@@ -86,7 +86,7 @@ def request(
     model = model.model if isinstance(model, Fit) else model
     if not isinstance(model, Model):
         raise InputError(
-            f"{WHERE}: expected a model or a fit, found {model!r}.",
+            f"{_WHERE}: expected a model or a fit, found {model!r}.",
             "Give an instance, such as dft.Thruster().",
         )
     if not sensors:
@@ -95,19 +95,19 @@ def request(
     for what, name, names in (
         ("input", input, known),
         ("output", output, model.outputs),
-        ("method", method, METHODS),
+        ("method", method, _METHODS),
     ):
         if name not in names:
             near = nearest(name, names) if isinstance(name, str) else ""
             raise InputError(
-                f"{WHERE}: {what}: expected one of {listing(names)}, found {name!r}"
+                f"{_WHERE}: {what}: expected one of {listing(names)}, found {name!r}"
                 f"{f' ({near})' if near else ''}.",
                 f"Correct the {what}.",
             )
     constant = _constants(model, input, others, known)
     swing = {input, *constant}
     states = tuple(n for n in model.all_states if n not in swing)
-    found = Request(
+    asked = MapRequest(
         model=model,
         amplitudes=points("amplitudes", amplitudes),
         frequencies=points("frequencies", frequencies),
@@ -120,15 +120,15 @@ def request(
         others=constant,
         states=states,
     )
-    if method == "harmonic_balance" and found.samples and found.samples < 2 * found.harmonics:
+    if method == "harmonic_balance" and asked.samples and asked.samples < 2 * asked.harmonics:
         raise InputError(
-            f"{WHERE}: samples: {found.harmonics} harmonics need at least {2 * found.harmonics} "
-            f"steps to the period, found {found.samples}.",
+            f"{_WHERE}: samples: {asked.harmonics} harmonics need at least {2 * asked.harmonics} "
+            f"steps to the period, found {asked.samples}.",
             "Give more samples, or leave them out.",
         )
     if method in FORMULAS:
-        check_plain(method, model, input, output, found.bias)
-    return found
+        check_plain(method, model, input, output, asked.bias)
+    return asked
 
 
 def points(what: str, given: Any) -> np.ndarray:
@@ -138,73 +138,74 @@ def points(what: str, given: Any) -> np.ndarray:
         InputError: others.
     """
     try:
-        found = np.atleast_1d(np.asarray(given, float))
+        row = np.atleast_1d(np.asarray(given, float))
     except (TypeError, ValueError):
-        found = np.empty(0)
-    if found.ndim != 1 or not found.size or not np.all(np.isfinite(found)):
+        row = np.empty(0)
+    if row.ndim != 1 or not row.size or not np.all(np.isfinite(row)):
         raise InputError(
-            f"{WHERE}: {what}: expected finite numbers in one row, found {given!r}.",
+            f"{_WHERE}: {what}: expected finite numbers in one row, found {given!r}.",
             f"Write {what}=np.geomspace(0.1, 10, 32).",
         )
-    if np.any(found <= 0):
+    if np.any(row <= 0):
         raise InputError(
-            f"{WHERE}: {what}: expected positive numbers, found {found[found <= 0][0]:g}.",
+            f"{_WHERE}: {what}: expected positive numbers, found {row[row <= 0][0]:g}.",
             "A sinusoid has a positive amplitude and frequency; give a level as bias.",
         )
-    if np.any(np.diff(found) <= 0):
+    if np.any(np.diff(row) <= 0):
         raise InputError(
-            f"{WHERE}: {what}: expected increasing numbers, each once, found {given!r}.",
+            f"{_WHERE}: {what}: expected increasing numbers, each once, found {given!r}.",
             f"Sort them: np.unique({what}).",
         )
-    return found
+    return row
 
 
 def _constants(model: Model, input: str, others: Any, known: Mapping[str, str]) -> dict[str, float]:
     if others is not None and not isinstance(others, Mapping):
         raise InputError(
-            f"{WHERE}: others: expected a dictionary by the names of inputs, found {others!r}.",
+            f"{_WHERE}: others: expected a dictionary by the names of inputs, found {others!r}.",
             "Write others={'supply_voltage': 24.0}.",
         )
-    found = {str(name): _number(f"others: {name}", v) for name, v in (others or {}).items()}
-    unknown = [name for name in found if name not in known]
-    if unknown or input in found:
+    constants = {str(name): _number(f"others: {name}", v) for name, v in (others or {}).items()}
+    unknown = [name for name in constants if name not in known]
+    if unknown or input in constants:
         raise InputError(
-            f"{WHERE}: others: '{model}' has no further input {listing(unknown or [input])}; "
+            f"{_WHERE}: others: '{model}' has no further input {listing(unknown or [input])}; "
             f"it has {listing(n for n in known if n != input)}.",
             "Correct the names under others.",
         )
-    prescribed = [n for n in (input, *found) if n in model.states]
+    prescribed = [n for n in (input, *constants) if n in model.states]
     wanted = [] if prescribed else list(model.inputs)
     wanted += [n for e in model.effects for n in e.needs]
-    missing = [n for n in wanted if n != input and n not in found]
+    missing = [n for n in wanted if n != input and n not in constants]
     if missing:
         raise InputError(
-            f"{WHERE}: '{model}' also reads {listing(dict.fromkeys(missing))}, which has no value.",
+            f"{_WHERE}: '{model}' also reads {listing(dict.fromkeys(missing))}, "
+            "which has no value.",
             f"Give a constant one: others={{'{missing[0]}': ...}}.",
         )
-    return found
+    return constants
 
 
 def _number(what: str, given: Any) -> float:
     try:
-        found = float("nan") if isinstance(given, bool | str) else float(given)
+        number = float("nan") if isinstance(given, bool | str) else float(given)
     except (TypeError, ValueError):
-        found = float("nan")
-    if not np.isfinite(found):
+        number = float("nan")
+    if not np.isfinite(number):
         raise InputError(
-            f"{WHERE}: {what}: expected a finite number, found {given!r}.", f"Write {what}=0.0."
+            f"{_WHERE}: {what}: expected a finite number, found {given!r}.", f"Write {what}=0.0."
         )
-    return found
+    return number
 
 
 def _whole(what: str, given: Any, least: int) -> int:
     try:
-        found = 0 if isinstance(given, bool) else operator.index(given)
+        count = 0 if isinstance(given, bool) else operator.index(given)
     except TypeError:
-        found = 0
-    if found < least:
+        count = 0
+    if count < least:
         raise InputError(
-            f"{WHERE}: {what}: expected a whole number of at least {least}, found {given!r}.",
+            f"{_WHERE}: {what}: expected a whole number of at least {least}, found {given!r}.",
             "Correct it.",
         )
-    return found
+    return count

@@ -2,29 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
 import numpy as np
 from rich.console import Group, RenderableType
 from rich.markup import escape
 from rich.text import Text
 
-from diffthrust._support.tables import number, plain_table, rendered
+from diffthrust._support.tables import number, plain_table
 from diffthrust._support.words import percent
-from diffthrust.describing._periodic.respond import Reason
+from diffthrust.describing._values import BandValues, DescribingValues
 from diffthrust.uncertainty._sampling.tables import interval_text
 
-if TYPE_CHECKING:
-    from diffthrust.describing._band import DescribingBand
-    from diffthrust.describing._map import DescribingMap
-
-__all__ = ["band_table", "describing_json", "describing_table", "rendered"]
-
-ROWS = 8
+_ROWS = 8
 """A table shows at most so many amplitudes."""
 
 
-def describing_table(found: DescribingMap) -> RenderableType:
+def describing_table(found: DescribingValues) -> RenderableType:
     """Method, how many points settled, and a row for some of the amplitudes."""
     count, size = int(found.settled.sum()), found.reason.size
     how = found.method.replace("_", " ")
@@ -69,7 +61,7 @@ def describing_table(found: DescribingMap) -> RenderableType:
     return Group(Text(str(found.model), style="bold"), *texts, Text(), table, *notes)
 
 
-def band_table(found: DescribingBand) -> RenderableType:
+def band_table(found: BandValues) -> RenderableType:
     """Gain and phase with their intervals, at some of the points."""
     share = percent(found.level)
     table = plain_table(
@@ -97,50 +89,9 @@ def band_table(found: DescribingBand) -> RenderableType:
     return Group(Text(found.model, style="bold"), Text(head), Text(), table, *notes)
 
 
-def _some_words(found: DescribingMap) -> str:
+def _some_words(found: DescribingValues) -> str:
     return f"{found.frequencies[found.frequencies.size // 2]:.3g} rad/s"
 
 
 def _picked(size: int) -> list[int]:
-    return np.unique(np.linspace(0, size - 1, min(size, ROWS)).round().astype(int)).tolist()
-
-
-def describing_json(found: DescribingMap) -> dict[str, Any]:
-    """The map as plain data, ``null`` where there is no answer."""
-    from diffthrust._support.files import plain
-
-    reasons = {str(int(kind)): kind.words for kind in Reason if np.any(found.reason == kind)}
-    return plain(
-        {
-            "schema": 1,
-            "model": found.model.name,
-            "effects": [effect.name for effect in found.model.effects],
-            "parameters": {n: p.value for n, p in found.model.parameters.items()},
-            "method": found.method,
-            "harmonics": found.harmonics,
-            "left_out": _errors(found.left_out),
-            "input": {"name": found.input, "unit": found.input_unit, "bias": found.bias},
-            "output": {"name": found.output, "unit": found.output_unit},
-            "amplitudes": found.amplitudes,
-            "frequencies": found.frequencies,
-            "gain": found.gain,
-            "gain_unit": found.gain_unit,
-            "phase": found.phase,
-            "break_frequency": found.break_frequency,
-            "static_gain": found.static_gain,
-            "bandwidth": found.bandwidth,
-            "distortion": found.distortion,
-            "mean": found.mean,
-            "samples": found.samples,
-            "settled": found.settled,
-            "reason": found.reason,
-            "reasons": reasons,
-            "notes": found.notes,
-        }
-    )
-
-
-def _errors(left_out: np.ndarray | None) -> dict[str, np.ndarray] | None:
-    if left_out is None:
-        return None
-    return {"gain": np.abs(np.real(left_out)), "phase": np.degrees(np.abs(np.imag(left_out)))}
+    return np.unique(np.linspace(0, size - 1, min(size, _ROWS)).round().astype(int)).tolist()

@@ -18,12 +18,9 @@ from places import EXAMPLES
 
 import diffthrust as dft
 from diffthrust import effects
-from diffthrust.describing._band import uncertainty
-from diffthrust.describing._describe import describing_function
-from diffthrust.describing._map import DescribingMap
-from diffthrust.describing._periodic.respond import Reason
-from diffthrust.describing._periodic.shooting import periods
-from diffthrust.simulation._dependence import states_behind
+from diffthrust.describing import DescribingMap, Reason, describing_function, uncertainty
+from diffthrust.describing._periodic.shooting import periods  # private: the compiled program
+from diffthrust.simulation._dependence import states_behind  # private: no model shows it
 
 AMPLITUDES = np.geomspace(0.05, 10.0, 8)
 FREQUENCIES = np.geomspace(0.1, 30.0, 8)

@@ -8,8 +8,7 @@ from scipy.optimize import brentq
 
 import diffthrust as dft
 from diffthrust import effects
-from diffthrust.describing._describe import describing_function
-from diffthrust.describing._periodic.respond import Reason
+from diffthrust.describing import Reason, describing_function
 
 RATE = 1.0
 ALPHA, BETA, CT = 0.037, 42.0, 0.019

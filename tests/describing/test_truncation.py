@@ -9,10 +9,10 @@ import pytest
 
 import diffthrust as dft
 from diffthrust import effects
-from diffthrust.describing._describe import describing_function, found_values
-from diffthrust.describing._periodic.respond import Reason
-from diffthrust.describing._periodic.truncation import GAIN, PHASE
-from diffthrust.describing._request import request
+from diffthrust.describing import Reason, describing_function
+from diffthrust.describing._describe import periodic_values  # private: shows marked points, too
+from diffthrust.describing._periodic.truncation import GAIN_ERROR, PHASE_ERROR  # private: promises
+from diffthrust.describing._request import request  # private: what periodic_values takes
 
 A, W = np.geomspace(0.05, 10.0, 6), np.geomspace(0.1, 30.0, 6)
 DEADBAND = dft.Thruster() + effects.CommandDeadband(width=0.3)
@@ -29,7 +29,7 @@ def balanced(
         harmonics=harmonics, samples=None, bias=0.0, others=None, sensors=False,
     )  # fmt: skip
     values = {name: np.array([p.value]) for name, p in model.parameters.items()}
-    found, _ = found_values(asked, values)
+    found, _ = periodic_values(asked, values)
     return found.first.reshape(6, 6), found.reason.reshape(6, 6)
 
 
@@ -50,7 +50,9 @@ def test_few_harmonics_are_marked_where_they_differ_from_simulation(model, enoug
     for harmonics in (3, enough):
         first, reason = balanced(model, harmonics)
         ratio = first[moves] / exact[moves]
-        wrong = (np.abs(np.abs(ratio) - 1) > GAIN) | (np.abs(np.angle(ratio, deg=True)) > PHASE)
+        wrong = (np.abs(np.abs(ratio) - 1) > GAIN_ERROR) | (
+            np.abs(np.angle(ratio, deg=True)) > PHASE_ERROR
+        )
         marked = (reason == Reason.FEW_HARMONICS)[moves]
         print(f"{model}, {harmonics}: {np.abs(ratio - 1).max():.1e}, {marked.sum()} marked")
         assert not np.any(wrong & ~marked)

@@ -7,21 +7,21 @@ from dataclasses import fields
 import numpy as np
 
 from diffthrust.describing._periodic.period import Cycle, Lane
-from diffthrust.describing._periodic.respond import Reason, Responses, Solver, respond, some
+from diffthrust.describing._periodic.respond import PeriodicResponses, Reason, Solver, respond, some
 
-SWEEPS = 12
+_SWEEPS = 12
 """Answers spread by at most so many points of the map."""
 _LOST = (Reason.NOT_CLOSED, Reason.DIVERGES)
 
 
-def continued(
+def respond_with_neighbours(
     solver: Solver,
     cycle: Cycle,
     lanes: Lane,
     shape: tuple[int, int, int],
     *,
     samples: int | None = None,
-) -> Responses:
+) -> PeriodicResponses:
     """`respond`, and again for lanes that found nothing beside some that did.
 
     The orbit of the neighbour in amplitude, scaled by the ratio of both, is where such a lane
@@ -35,7 +35,7 @@ def continued(
         samples: as for `respond`.
     """
     found = respond(solver, cycle, lanes, samples=samples)
-    for _ in range(SWEEPS):
+    for _ in range(_SWEEPS):
         lost = np.isin(found.reason, _LOST)
         beside = _neighbours((found.reason == Reason.SETTLED).reshape(shape))
         again = np.flatnonzero(lost & (beside >= 0))
@@ -48,7 +48,7 @@ def continued(
         better = more.reason == Reason.SETTLED
         if not better.any():
             break
-        for field in fields(Responses):
+        for field in fields(PeriodicResponses):
             getattr(found, field.name)[again[better]] = getattr(more, field.name)[better]
     return found
 

@@ -10,20 +10,23 @@ Source: Cameron & Griffin 1989 (alternating frequency-time); Krack & Gross 2019,
 for Nonlinear Vibration Problems, chapter 2.
 """
 
+# ruff: noqa: F722  (shapes of arrays)
 from __future__ import annotations
 
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Bool, Float
 
 from diffthrust.describing._periodic.period import (
     TINY,
     Cycle,
     Harmonics,
     Lane,
+    Numbers,
     driven_period,
     harmonics_of,
     held_fast,
@@ -32,19 +35,19 @@ from diffthrust.describing._periodic.period import (
     start_of,
 )
 from diffthrust.models._base.model import Model
-from diffthrust.models._base.signals import Relaxing
+from diffthrust.simulation._integrate import plain_rate
 from diffthrust.simulation._simulate import Key, rates_of
 
-ROUNDS = 80
+MOST_EVALUATIONS = 80
 """Evaluations that may be spent on one orbit, at one density of instants."""
-CLOSED = 1e-8
+ORBIT_BALANCED = 1e-8
 """An orbit is found where Newton's next step is so short against the coefficients."""
-ROUNDING = 1e-13
+_ROUNDING = 1e-13
 """A derivative counts as none below this share of the largest."""
-DENSE = 2048
+DENSE_STEPS = 2048
 """Steps to the period at which a balance is judged: what happens in a moment, as static friction at
 the turn of a slow shaft, would pass unseen between the instants of a few harmonics."""
-SHORTEST = 2.0**-10
+SHORTEST_SHARE = 2.0**-10
 """A step is halved no further than to this share of Newton's."""
 
 
@@ -58,12 +61,14 @@ class Balance(NamedTuple):
         harmonics: of the output.
     """
 
-    rest: Any
-    slope: Any
+    rest: Float[Numbers, "*lanes n c"]
+    slope: Float[Numbers, "*lanes n*c n*c"]
     harmonics: Harmonics
 
 
-def balance(model: Model, cycle: Cycle, lane: Lane, x: Any, sloped: bool) -> Balance:
+def balance(
+    model: Model, cycle: Cycle, lane: Lane, x: Float[Array, "n c"], sloped: bool
+) -> Balance:
     """How far Fourier coefficients are from a balance.
 
     Args:
@@ -80,11 +85,10 @@ def balance(model: Model, cycle: Cycle, lane: Lane, x: Any, sloped: bool) -> Bal
     up, down, turn = (jnp.asarray(m) for m in _matrices(dense, cycle.harmonics))
     u = {n: v[:-1] for n, v in series.inputs.items()} | {"time": series.time[:-1]}
 
-    def rates(path: Any) -> Any:
+    def rates(path: Float[Array, "n instants"]) -> Float[Array, "n instants"]:
         followed = {n: path[i] for i, n in enumerate(names)}
-        found = rates_of(model, names, {**others, **followed}, u)
-        full = [k.rate if isinstance(k, Relaxing) else k for k in (found[n] for n in names)]
-        return jnp.stack([jnp.broadcast_to(k, (dense,)) for k in full])
+        by_name = rates_of(model, names, {**others, **followed}, u)
+        return jnp.stack([jnp.broadcast_to(plain_rate(by_name[n]), (dense,)) for n in names])
 
     path = x @ up.T
     rest = lane.frequency * (x @ turn.T) - rates(path) @ down.T
@@ -102,18 +106,25 @@ def balance(model: Model, cycle: Cycle, lane: Lane, x: Any, sloped: bool) -> Bal
 
 @partial(jax.jit, static_argnums=(0, 1, 5))
 def balances(
-    key: Key, cycle: Cycle, count: Any, lanes: Lane, x: Any, sloped: bool = True
+    key: Key,
+    cycle: Cycle,
+    count: int,
+    lanes: Lane,
+    x: Float[Numbers, "lanes n c"],
+    sloped: bool = True,
 ) -> Balance:
     """`balance` of the first ``count`` lanes, with coefficients ``(lanes, n, c)``."""
 
-    def one(lane_and_x: tuple[Lane, Any]) -> Balance:
+    def one(lane_and_x: tuple[Lane, Array]) -> Balance:
         lane, own = lane_and_x
         return balance(key.model.bind(lane.values), cycle, lane, own, sloped)
 
     return in_blocks(one, count, (lanes, x))
 
 
-def newton_step(slope: np.ndarray, rest: np.ndarray) -> np.ndarray:
+def balancing_step(
+    slope: Float[np.ndarray, "lanes n*c n*c"], rest: Float[np.ndarray, "lanes n c"]
+) -> Float[np.ndarray, "lanes n c"]:
     """The step that would balance each lane, of the shape of the rest, ``(lanes, n, c)``.
 
     A coefficient that nothing depends on, as the mean position of a vehicle that nothing pulls
@@ -136,9 +147,9 @@ def newton_step(slope: np.ndarray, rest: np.ndarray) -> np.ndarray:
     return step.reshape(shape)
 
 
-def drifting(slope: np.ndarray) -> np.ndarray:
+def drifting(slope: Float[np.ndarray, "lanes n*c n*c"]) -> Bool[np.ndarray, "lanes n*c"]:
     """Coefficients that nothing depends on, ``(lanes, n c)``; see `idle`."""
-    return idle(slope, ROUNDING * np.abs(slope).max(axis=(1, 2))[:, None])
+    return idle(slope, _ROUNDING * np.abs(slope).max(axis=(1, 2))[:, None])
 
 
 def _matrices(points: int, harmonics: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -12,22 +12,26 @@ rate limit that acts all the time hardly forgets at all: then the value is sough
 series repeats (`repeating_start`).
 """
 
+# ruff: noqa: F722  (shapes of arrays)
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Bool, Float
 
-from diffthrust.describing._periodic.repeating import APART, repeating_start
+from diffthrust.describing._periodic.repeating import STARTS_APART, repeating_start
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Signals
 from diffthrust.simulation._simulate import driven, read_out, starting_point
 
-BLOCK = 8
+Numbers: TypeAlias = Any
+"""Arrays of JAX while they are worked out, of numpy before and after."""
+LANE_BLOCK = 8
 """Lanes that are worked out together."""
 LENIENT = 1e-3
 """What two starts leave between them counts this much less than a change from period to period."""
@@ -71,12 +75,12 @@ class Lane(NamedTuple):
         clock: the time [s] at which the period begins.
     """
 
-    amplitude: Any
-    frequency: Any
-    values: dict[str, Any]
-    bias: Any
-    others: dict[str, Any]
-    clock: Any
+    amplitude: Float[Numbers, "*lanes"]
+    frequency: Float[Numbers, "*lanes"]
+    values: dict[str, Float[Numbers, "*lanes"]]
+    bias: Float[Numbers, "*lanes"]
+    others: dict[str, Float[Numbers, "*lanes"]]
+    clock: Float[Numbers, "*lanes"]
 
 
 class Harmonics(NamedTuple):
@@ -92,20 +96,20 @@ class Harmonics(NamedTuple):
             to the last, over their swing.
     """
 
-    in_phase: Any
-    ahead: Any
-    mean: Any
-    distortion: Any
-    swing: Any
-    unsettled: Any
+    in_phase: Float[Numbers, "*lanes"]
+    ahead: Float[Numbers, "*lanes"]
+    mean: Float[Numbers, "*lanes"]
+    distortion: Float[Numbers, "*lanes"]
+    swing: Float[Numbers, "*lanes"]
+    unsettled: Float[Numbers, "*lanes"]
 
 
-class Series(NamedTuple):
+class PeriodSeries(NamedTuple):
     """The signals that reach the model over a period, at its ``2 samples + 1`` instants."""
 
-    time: Any
-    inputs: dict[str, Any]
-    unsettled: Any
+    time: Float[Array, " instants"]
+    inputs: dict[str, Float[Array, " instants"]]
+    unsettled: Float[Array, ""]
 
 
 def remembers(model: Model) -> bool:
@@ -113,7 +117,7 @@ def remembers(model: Model) -> bool:
     return any(effect.memory for effect in model.effects)
 
 
-def driven_period(model: Model, cycle: Cycle, lane: Lane) -> Series:
+def driven_period(model: Model, cycle: Cycle, lane: Lane) -> PeriodSeries:
     """The inputs as they reach the model in the last of the periods."""
     dense = 2 * cycle.samples
     count = jnp.arange(cycle.periods * dense + 1)
@@ -122,7 +126,7 @@ def driven_period(model: Model, cycle: Cycle, lane: Lane) -> Series:
     turn = (count % dense).astype(float) * (2.0 * jnp.pi / dense)
     whole = lane.amplitude * jnp.sin(turn)
 
-    def reaching(swing: Any) -> dict[str, Any]:
+    def reaching(swing: Float[Array, " n"]) -> dict[str, Float[Array, " n"]]:
         size = swing.shape
         series = {name: jnp.full(size, value) for name, value in lane.others.items()}
         series[cycle.input] = lane.bias + swing
@@ -130,7 +134,7 @@ def driven_period(model: Model, cycle: Cycle, lane: Lane) -> Series:
         return {name: jnp.broadcast_to(value, size) for name, value in series.items()}
 
     if cycle.periods == 1:
-        return Series(time, reaching(whole), jnp.asarray(0.0))
+        return PeriodSeries(time, reaching(whole), jnp.asarray(0.0))
     if cycle.sought:
         some = whole[: 2 * dense + 1]
         begin, known = repeating_start(
@@ -138,8 +142,8 @@ def driven_period(model: Model, cycle: Cycle, lane: Lane) -> Series:
         )
         series = reaching(whole.at[0].set(begin))
         last = {name: value[-dense - 1 :] for name, value in series.items()}
-        known = known & (_change(series, dense, cycle.periods) <= APART)
-        return Series(time[-dense - 1 :], last, jnp.where(known, 0.0, 1.0))
+        known = known & (_change(series, dense, cycle.periods) <= STARTS_APART)
+        return PeriodSeries(time[-dense - 1 :], last, jnp.where(known, 0.0, 1.0))
     growing = jnp.minimum(count.astype(float) / (0.5 * dense * cycle.periods), 1.0)
     series, sudden = reaching(growing * whole), reaching(whole)
     last = {name: value[-dense - 1 :] for name, value in series.items()}
@@ -147,18 +151,22 @@ def driven_period(model: Model, cycle: Cycle, lane: Lane) -> Series:
     unsettled = jnp.maximum(
         _change(series, dense, cycle.periods), LENIENT * _change(apart, dense, cycle.periods)
     )
-    return Series(time[-dense - 1 :], last, unsettled)
+    return PeriodSeries(time[-dense - 1 :], last, unsettled)
 
 
-def start_of(model: Model, series: Series) -> dict[str, Any]:
+def start_of(model: Model, series: PeriodSeries) -> dict[str, Float[Array, ""]]:
     """The states with which a log would begin at the start of the period."""
     first = {name: value[0] for name, value in series.inputs.items()}
-    found = starting_point(model, Signals({**first, "time": series.time[0]}), {})
-    return {name: jnp.asarray(value, float) for name, value in found.items()}
+    start = starting_point(model, Signals({**first, "time": series.time[0]}), {})
+    return {name: jnp.asarray(value, float) for name, value in start.items()}
 
 
 def harmonics_of(
-    model: Model, cycle: Cycle, lane: Lane, series: Series, states: Mapping[str, Any]
+    model: Model,
+    cycle: Cycle,
+    lane: Lane,
+    series: PeriodSeries,
+    states: Mapping[str, Float[Array, " points"]],
 ) -> Harmonics:
     """The harmonics of the output, from the states at evenly spaced instants of the period.
 
@@ -193,33 +201,37 @@ def harmonics_of(
     return Harmonics(in_phase, ahead, mean, distortion, swing, change)
 
 
-def in_blocks(function: Callable[[Any], Any], count: Any, lanes: Any) -> Any:
+def in_blocks(function: Callable[[Any], Any], count: int | Array, lanes: Any) -> Any:
     """A function of each of the first ``count`` lanes, block by block; zeros for the others.
 
     Args:
         function: from one lane to a tree of arrays.
         count: how many lanes there are; may be traced.
-        lanes: a tree of arrays with a leading axis that is a multiple of `BLOCK`.
+        lanes: a tree of arrays with a leading axis that is a multiple of `LANE_BLOCK`.
     """
     every = jax.vmap(function)
 
-    def part(i: Any) -> Any:
-        return jax.tree.map(lambda x: jax.lax.dynamic_slice_in_dim(x, i * BLOCK, BLOCK), lanes)
+    def part(i: Array | int) -> Any:
+        return jax.tree.map(
+            lambda x: jax.lax.dynamic_slice_in_dim(x, i * LANE_BLOCK, LANE_BLOCK), lanes
+        )
 
     size = jax.tree.leaves(lanes)[0].shape[0]
     shapes = jax.eval_shape(every, part(0))
     begin = jax.tree.map(lambda s: jnp.zeros((size, *s.shape[1:]), s.dtype), shapes)
 
-    def body(i: Any, out: Any) -> Any:
-        found = every(part(i))
+    def body(i: Array, out: Any) -> Any:
+        block = every(part(i))
         return jax.tree.map(
-            lambda o, f: jax.lax.dynamic_update_slice_in_dim(o, f, i * BLOCK, 0), out, found
+            lambda o, f: jax.lax.dynamic_update_slice_in_dim(o, f, i * LANE_BLOCK, 0), out, block
         )
 
-    return jax.lax.fori_loop(0, (count + BLOCK - 1) // BLOCK, body, begin)
+    return jax.lax.fori_loop(0, (count + LANE_BLOCK - 1) // LANE_BLOCK, body, begin)
 
 
-def idle(matrix: np.ndarray, least: Any) -> np.ndarray:
+def idle(
+    matrix: Float[np.ndarray, "lanes m m"], least: float | Float[np.ndarray, "lanes 1"]
+) -> Bool[np.ndarray, "lanes m"]:
     """Unknowns that no equation depends on but those of others like it, ``(lanes, m)``.
 
     Such is the position of a vehicle that nothing pulls back: its own equation says only how fast
@@ -229,17 +241,21 @@ def idle(matrix: np.ndarray, least: Any) -> np.ndarray:
         matrix: derivative of the equations (rows) by the unknowns, ``(lanes, m, m)``.
         least: size up to which a derivative counts as none; a number, or ``(lanes, 1)``.
     """
-    found = np.zeros(matrix.shape[:2], bool)
+    which = np.zeros(matrix.shape[:2], bool)
     size = np.abs(matrix)
     while True:
-        rest = np.where(found[:, :, None], 0.0, size).max(axis=1, initial=0.0)
-        more = (rest <= least) & ~found
+        rest = np.where(which[:, :, None], 0.0, size).max(axis=1, initial=0.0)
+        more = (rest <= least) & ~which
         if not more.any():
-            return found
-        found |= more
+            return which
+        which |= more
 
 
-def held_fast(matrix: np.ndarray, rest: np.ndarray, which: np.ndarray) -> None:
+def held_fast(
+    matrix: Float[np.ndarray, "lanes m m"],
+    rest: Float[np.ndarray, "lanes m"],
+    which: Bool[np.ndarray, "lanes m"],
+) -> None:
     """Change equations such that the unknowns of ``which`` stay where they are; in place."""
     lane, place = np.nonzero(which)
     matrix[lane, place, :] = 0.0
@@ -247,7 +263,9 @@ def held_fast(matrix: np.ndarray, rest: np.ndarray, which: np.ndarray) -> None:
     rest[lane, place] = 0.0
 
 
-def _change(series: Mapping[str, Any], period: int, periods: int) -> Any:
+def _change(
+    series: Mapping[str, Float[Array, " n"]], period: int, periods: int
+) -> Float[Array, ""]:
     """The largest change from the last but one period to the last, over the swing."""
     if periods < 2:
         return jnp.asarray(0.0)

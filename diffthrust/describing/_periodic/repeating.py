@@ -6,24 +6,27 @@ start is sought instead: from one below the right one the series rises from peri
 one above it falls, for effects with memory keep the order of two series.
 """
 
+# ruff: noqa: F722  (shapes of arrays)
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
 
-HALVINGS = 40
+_HALVINGS = 40
 """Halvings of the range of starts. A thruster that turns slowly under a fast command feels the
 smallest mean."""
-APART = 0.01
+STARTS_APART = 0.01
 """Starts that all repeat may be so far apart, of the swing of the series."""
-STILL = 1e-8
+_STILL = 1e-8
 """A series repeats that rises less in a period, of the input's amplitude: the clock is rounded."""
 
 
-def repeating_start(reached: Callable[[Any], Any], amplitude: Any, period: int) -> tuple[Any, Any]:
+def repeating_start(
+    reached: Callable[[Array], Float[Array, " n"]], amplitude: Float[Array, ""], period: int
+) -> tuple[Float[Array, ""], Bool[Array, ""]]:
     """The start of a series that repeats.
 
     A rate limit that is worked out sample by sample does not feel where between two of them it
@@ -39,19 +42,19 @@ def repeating_start(reached: Callable[[Any], Any], amplitude: Any, period: int) 
         The deviation, and whether the range is narrow: only then there is one answer.
     """
 
-    def rise(begin: Any) -> Any:
+    def rise(begin: Array) -> Array:
         series = reached(begin)
         return jnp.mean(series[-period:] - series[-2 * period : -period]) / amplitude
 
-    def edge(least: Any) -> Any:
-        def halve(_: Any, ends: tuple[Any, Any]) -> tuple[Any, Any]:
+    def edge(least: Array) -> Array:
+        def halve(_: Array, ends: tuple[Array, Array]) -> tuple[Array, Array]:
             low, high = ends
             middle = 0.5 * (low + high)
             rises = rise(middle) > least
             return jnp.where(rises, middle, low), jnp.where(rises, high, middle)
 
-        return jax.lax.fori_loop(0, HALVINGS, halve, (-amplitude, amplitude))[0]
+        return jax.lax.fori_loop(0, _HALVINGS, halve, (-amplitude, amplitude))[0]
 
-    low, high = jax.vmap(edge)(jnp.asarray([STILL, -STILL]))
+    low, high = jax.vmap(edge)(jnp.asarray([_STILL, -_STILL]))
     begin = 0.5 * (low + high)
-    return begin, high - low <= APART * jnp.ptp(reached(begin)[-period:])
+    return begin, high - low <= STARTS_APART * jnp.ptp(reached(begin)[-period:])

@@ -18,28 +18,28 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from diffthrust.describing._periodic.period import BLOCK, Cycle, Harmonics, Lane
+from diffthrust.describing._periodic.period import LANE_BLOCK, Cycle, Harmonics, Lane
 
-FINE = 2e-4
+_FINE = 2e-4
 """The error that is left in a first harmonic. It is judged by the change as the steps get finer, as
 if it fell with their first power, which is so where an effect has corners; elsewhere it falls with
 the second to the fourth and is far smaller."""
-LARGEST = 2**20
+LONGEST_SERIES = 2**20
 """Instants of a series with all its periods, at most: what the memory holds."""
-REPEATED = 1e-6
+_REPEATED = 1e-6
 """An effect with memory has settled where its series changes less over a period, of its swing."""
-SAME = 1e-4
+_SAME = 1e-4
 """A further period may change the first harmonic and the mean by no more than this."""
 STAGES = ((4, False), (4, True), (32, False), (256, False), (4, True))
 """What an effect with memory that has not settled gets, in this order: periods, and whether its
 start is sought. A rate limit settles in the second, a long delay in the third or fourth; in the
 last the steps get finer until a rate limit feels small offsets."""
-LONGEST = max(periods for periods, _ in STAGES)
-STILL = 1e-6
+_LONGEST = max(periods for periods, _ in STAGES)
+_STILL = 1e-6
 """An output that swings less, of its mean, does not move."""
-LATER = 1e5
+_LATER = 1e5
 """Clock [s] of the further period: a model that changes with the time of a log shows itself."""
-FAILURES = 3
+_FAILURES = 3
 """Step lengths at which the search for an orbit may end without one: while the steps are too long
 for the model, there may be none."""
 
@@ -75,7 +75,7 @@ _WORDS = {
 
 
 @dataclass(frozen=True)
-class Solved:
+class SolvedOrbits:
     """What a search at one step length gave, by lane.
 
     Args:
@@ -104,17 +104,17 @@ class Solver(Protocol):
         """Where the search starts, by lane."""
         ...
 
-    def solve(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> Solved:
+    def solve(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> SolvedOrbits:
         """Search from ``x``."""
         ...
 
-    def again(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> Solved:
+    def again(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> SolvedOrbits:
         """One further period of orbits that were found."""
         ...
 
 
 @dataclass(frozen=True)
-class Responses:
+class PeriodicResponses:
     """Periodic responses by lane, ``(L,)`` each.
 
     Args:
@@ -143,7 +143,7 @@ def respond(
     *,
     samples: int | None = None,
     guess: np.ndarray | None = None,
-) -> Responses:
+) -> PeriodicResponses:
     """The periodic responses of all lanes.
 
     Args:
@@ -167,60 +167,60 @@ def respond(
         for n, k in sorted(set(zip(steps[active], stage[active], strict=True))):
             who = active[(steps[active] == n) & (stage[active] == k)]
             at = staged(cycle, n, k)
-            found = over(solver, at, lanes, who, solver.solve, x)
-            h = found.harmonics
+            orbits = over(solver, at, lanes, who, solver.solve, x)
+            h = orbits.harmonics
             first[who] = first_harmonic(h, lanes.amplitude[who])
             mean[who], distortion[who] = h.mean, h.distortion
-            bad = found.reason != Reason.SETTLED
-            x[who] = np.where(_like(bad, x), np.asarray(origin)[who], found.x)
-            failed[who] += found.reason == Reason.NOT_CLOSED
+            bad = orbits.reason != Reason.SETTLED
+            x[who] = np.where(_like(bad, x), np.asarray(origin)[who], orbits.x)
+            failed[who] += orbits.reason == Reason.NOT_CLOSED
             # all stages first, then finer steps
             # an output that does not move may still wait for the end of a delay
-            still = (at.periods > 1) & (h.swing <= STILL * np.abs(h.mean))
-            restless = ~bad & (~(h.unsettled <= REPEATED) | still & (at.periods < LONGEST))
-            later = [i for i in range(k + 1, len(STAGES)) if 2 * n * STAGES[i][0] <= LARGEST]
+            still = (at.periods > 1) & (h.swing <= _STILL * np.abs(h.mean))
+            restless = ~bad & (~(h.unsettled <= _REPEATED) | still & (at.periods < _LONGEST))
+            later = [i for i in range(k + 1, len(STAGES)) if 2 * n * STAGES[i][0] <= LONGEST_SERIES]
             stage[who] = np.where(restless, later[0] if later else k, k)
             floor = 1e-3 * h.swing / lanes.amplitude[who]
             change = np.abs(first[who] - before[who])
-            near = change <= FINE * (solver.growth - 1) * np.maximum(np.abs(first[who]), floor)
+            near = change <= _FINE * (solver.growth - 1) * np.maximum(np.abs(first[who]), floor)
             near = near | still | (samples is not None)
             reason[who[~bad & ~restless & near]] = Reason.SETTLED
             finer = bad | (~restless & ~near) | (restless & (not later))
             before[who] = np.where(bad | restless, np.nan, first[who])
             finer_steps = solver.growth * n
-            last = min(last_steps, LARGEST // (2 * at.periods))
-            gone = finer & ((finer_steps > last) | (failed[who] >= FAILURES))
+            last = min(last_steps, LONGEST_SERIES // (2 * at.periods))
+            gone = finer & ((finer_steps > last) | (failed[who] >= _FAILURES))
             unclear = np.where(restless, Reason.MEMORY, Reason.COARSE)
-            reason[who[gone]] = np.where(bad, found.reason, unclear)[gone]
+            reason[who[gone]] = np.where(bad, orbits.reason, unclear)[gone]
             steps[who[finer & ~gone]] = finer_steps
     _check_again(solver, cycle, lanes, x, first, mean, reason, steps, stage)
-    return Responses(first, mean, distortion, reason, steps, stage, x)
+    return PeriodicResponses(first, mean, distortion, reason, steps, stage, x)
 
 
 def _check_again(
-    solver: Solver, cycle: Cycle, lanes: Lane, x: Any, first: Any, mean: Any, reason: Any,
-    steps: Any, stage: Any,
+    solver: Solver, cycle: Cycle, lanes: Lane, x: np.ndarray, first: np.ndarray, mean: np.ndarray,
+    reason: np.ndarray, steps: np.ndarray, stage: np.ndarray,
 ) -> None:  # fmt: skip
     """Mark the lanes that a further period, on a later clock, shows not to have settled."""
-    later = lanes._replace(clock=np.full_like(lanes.amplitude, LATER))
+    later = lanes._replace(clock=np.full_like(lanes.amplitude, _LATER))
     settled = np.flatnonzero(reason == Reason.SETTLED)
     for n, k in sorted(set(zip(steps[settled], stage[settled], strict=True))):
         who = settled[(steps[settled] == n) & (stage[settled] == k)]
         at = staged(cycle, n, k)
-        found = over(solver, at, later, who, solver.again, x)
-        h = found.harmonics
+        orbits = over(solver, at, later, who, solver.again, x)
+        h = orbits.harmonics
         amplitude = lanes.amplitude[who]
         change = np.abs(first_harmonic(h, amplitude) - first[who])
         swing = np.maximum(h.swing / amplitude, np.abs(first[who]))
         moved = np.abs(h.mean - mean[who]) / amplitude
-        same = (change <= SAME * np.maximum(np.abs(first[who]), 1e-3 * swing)) & (
-            moved <= SAME * swing
+        same = (change <= _SAME * np.maximum(np.abs(first[who]), 1e-3 * swing)) & (
+            moved <= _SAME * swing
         )
-        reason[who] = np.where(found.reason == Reason.SETTLED, reason[who], found.reason)
-        reason[who[(found.reason == Reason.SETTLED) & ~same]] = Reason.CLOCK
+        reason[who] = np.where(orbits.reason == Reason.SETTLED, reason[who], orbits.reason)
+        reason[who[(orbits.reason == Reason.SETTLED) & ~same]] = Reason.CLOCK
 
 
-def staged(cycle: Cycle, samples: Any, stage: Any) -> Cycle:
+def staged(cycle: Cycle, samples: int, stage: int) -> Cycle:
     """The cycle with so many steps, at a stage of `STAGES`; only effects with memory have any."""
     if cycle.periods == 1:
         return replace(cycle, samples=int(samples))
@@ -228,9 +228,9 @@ def staged(cycle: Cycle, samples: Any, stage: Any) -> Cycle:
     return replace(cycle, samples=int(samples), periods=periods, sought=sought)
 
 
-def first_harmonic(found: Harmonics, amplitude: np.ndarray) -> np.ndarray:
+def first_harmonic(output: Harmonics, amplitude: np.ndarray) -> np.ndarray:
     """The first harmonic of the output over that of the input, complex ``(L,)``."""
-    return (found.in_phase + 1j * found.ahead) / amplitude
+    return (output.in_phase + 1j * output.ahead) / amplitude
 
 
 def _like(flags: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -252,23 +252,23 @@ def over(
         given = () if x is None else (_padded(x[part], solver.capacity),)
         return act(cycle, part.size, some(lanes, _padded(part, solver.capacity)), *given)
 
-    done = [one(portions[0])] if len(portions) == 1 else [*pool().map(one, portions)]
+    parts = [one(portions[0])] if len(portions) == 1 else [*pool().map(one, portions)]
     order = np.argsort(np.concatenate(portions), kind="stable")
-    first = done[0]
+    first = parts[0]
     if isinstance(first, np.ndarray):
-        return np.concatenate(done)[order]
-    fields = [np.concatenate([d.harmonics[i] for d in done])[order] for i in range(6)]
-    return Solved(
-        np.concatenate([d.x for d in done])[order],
+        return np.concatenate(parts)[order]
+    fields = [np.concatenate([d.harmonics[i] for d in parts])[order] for i in range(6)]
+    return SolvedOrbits(
+        np.concatenate([d.x for d in parts])[order],
         Harmonics(*fields),
-        np.concatenate([d.reason for d in done])[order],
+        np.concatenate([d.reason for d in parts])[order],
     )
 
 
 def _portions(who: np.ndarray, capacity: int) -> Iterator[np.ndarray]:
     """Lanes in portions of equal work: neighbours, who are equally slow, are dealt out in turn."""
     cores = os.cpu_count() or 1
-    least = -(-who.size // BLOCK) if who.size else 1
+    least = -(-who.size // LANE_BLOCK) if who.size else 1
     count = max(-(-who.size // capacity), min(cores, least))
     for i in range(count):
         yield who[i::count]

@@ -9,20 +9,24 @@ Source: Nayfeh & Balachandran 1995, Applied Nonlinear Dynamics, section 6.1 (sho
 (stability by the multipliers of the period map).
 """
 
+# ruff: noqa: F722  (shapes of arrays)
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Bool, Float
 
 from diffthrust.describing._periodic.period import (
     TINY,
     Cycle,
     Harmonics,
     Lane,
+    Numbers,
     driven_period,
     harmonics_of,
     held_fast,
@@ -31,17 +35,18 @@ from diffthrust.describing._periodic.period import (
     start_of,
 )
 from diffthrust.models._base.model import Model
+from diffthrust.models._base.signals import Relaxing
 from diffthrust.simulation._integrate import integrate
 from diffthrust.simulation._simulate import Key, rates_of
 
-ROUNDS = 40
+MOST_PERIODS = 40
 """Periods that may be integrated for one orbit, at one step length."""
-CLOSED = 1e-7
+ORBIT_CLOSED = 1e-7
 """An orbit is found where Newton's next step is so short against the swing of the states."""
-FREE = 1e-9
+_FREE = 1e-9
 """A direction in which the period map changes this little of a displacement is not held by the
 model, as the position of a vehicle that nothing pulls back."""
-UNSTABLE = 1e-6
+_UNSTABLE = 1e-6
 """A multiplier of the period map may exceed one by so much; rounding, and free directions."""
 
 
@@ -56,14 +61,14 @@ class Orbit(NamedTuple):
         harmonics: of the output.
     """
 
-    start: Any
-    end: Any
-    slope: Any
-    swing: Any
+    start: Float[Numbers, "*lanes n"]
+    end: Float[Numbers, "*lanes n"]
+    slope: Float[Numbers, "*lanes n n"]
+    swing: Float[Numbers, "*lanes n"]
     harmonics: Harmonics
 
 
-def one_period(model: Model, cycle: Cycle, lane: Lane, start: Any) -> Orbit:
+def one_period(model: Model, cycle: Cycle, lane: Lane, start: Float[Array, " n"]) -> Orbit:
     """Integrate over one period, with the derivative with respect to the start.
 
     Args:
@@ -78,12 +83,12 @@ def one_period(model: Model, cycle: Cycle, lane: Lane, start: Any) -> Orbit:
     inputs["time"] = series.time[:-1:2], series.time[1::2], series.time[2::2]
     steps = jnp.full(cycle.samples, 2.0 * jnp.pi / lane.frequency / cycle.samples)
 
-    def rates(state: Any, u: Any) -> dict[str, Any]:
+    def rates(state: Mapping[str, Array], u: Mapping[str, Array]) -> dict[str, Array | Relaxing]:
         return {
             n: k for n, k in rates_of(model, names, {**others, **state}, u).items() if n in names
         }
 
-    def end_of(x: Any) -> tuple[Any, dict[str, Any]]:
+    def end_of(x: Float[Array, " n"]) -> tuple[Array, dict[str, Array]]:
         begin = {name: x[i] for i, name in enumerate(names)}
         path = integrate(rates, begin, inputs, steps, {}, uniform=True)
         return jnp.stack([path[name][-1] for name in names]), path
@@ -99,15 +104,17 @@ def one_period(model: Model, cycle: Cycle, lane: Lane, start: Any) -> Orbit:
     return Orbit(start, end, along, swing, harmonics_of(model, cycle, lane, series, whole))
 
 
-def _still(states: dict[str, Any], size: int) -> dict[str, Any]:
+def _still(states: Mapping[str, Array], size: int) -> dict[str, Array]:
     return {name: jnp.full(size, value) for name, value in states.items()}
 
 
 @partial(jax.jit, static_argnums=(0, 1))
-def periods(key: Key, cycle: Cycle, count: Any, lanes: Lane, start: Any) -> Orbit:
+def periods(
+    key: Key, cycle: Cycle, count: int, lanes: Lane, start: Float[Numbers, "lanes n"]
+) -> Orbit:
     """`one_period` of the first ``count`` lanes, from ``start`` ``(lanes, n)``."""
 
-    def one(lane_and_start: tuple[Lane, Any]) -> Orbit:
+    def one(lane_and_start: tuple[Lane, Array]) -> Orbit:
         lane, begin = lane_and_start
         return one_period(key.model.bind(lane.values), cycle, lane, begin)
 
@@ -115,18 +122,18 @@ def periods(key: Key, cycle: Cycle, count: Any, lanes: Lane, start: Any) -> Orbi
 
 
 @partial(jax.jit, static_argnums=(0, 1))
-def starts(key: Key, cycle: Cycle, count: Any, lanes: Lane) -> Any:
+def starts(key: Key, cycle: Cycle, count: int, lanes: Lane) -> Float[Array, "lanes n"]:
     """Where the states that are followed begin by themselves, of the first ``count`` lanes."""
 
-    def one(lane: Lane) -> Any:
+    def one(lane: Lane) -> Float[Array, " n"]:
         model = key.model.bind(lane.values)
-        found = start_of(model, driven_period(model, cycle, lane))
-        return jnp.stack([found[n] for n in cycle.states]) if cycle.states else jnp.zeros(0)
+        start = start_of(model, driven_period(model, cycle, lane))
+        return jnp.stack([start[n] for n in cycle.states]) if cycle.states else jnp.zeros(0)
 
     return in_blocks(one, count, lanes)
 
 
-def newton_step(orbit: Orbit) -> np.ndarray:
+def closing_step(orbit: Orbit) -> Float[np.ndarray, "lanes n"]:
     """The step that would close each orbit, in units of the swing of its states, ``(lanes, n)``.
 
     Directions that the model does not hold are left alone. NaN where the period diverges.
@@ -136,33 +143,33 @@ def newton_step(orbit: Orbit) -> np.ndarray:
     slope = np.asarray(orbit.slope) * scale[:, None, :] / scale[:, :, None]
     matrix = np.eye(rest.shape[1]) - slope
     fine = np.asarray(np.isfinite(rest).all(axis=1) & np.isfinite(matrix).all(axis=(1, 2)))
-    held_fast(matrix, rest, idle(matrix, FREE) & fine[:, None])
+    held_fast(matrix, rest, idle(matrix, _FREE) & fine[:, None])
     step = np.full(rest.shape, np.nan)
     if rest.shape[1] == 1:
-        held = fine & (np.abs(matrix[:, 0, 0]) > FREE)
+        held = fine & (np.abs(matrix[:, 0, 0]) > _FREE)
         step[fine] = 0.0
         step[held, 0] = rest[held, 0] / matrix[held, 0, 0]
     elif fine.any():
         u, s, vh = np.linalg.svd(matrix[fine])
-        inverse = np.where(s > FREE, 1.0 / np.maximum(s, FREE), 0.0)
+        inverse = np.where(s > _FREE, 1.0 / np.maximum(s, _FREE), 0.0)
         along = inverse * np.einsum("lji,lj->li", u, rest[fine])
         step[fine] = np.einsum("lij,li->lj", vh, along)
     return step
 
 
-def scale_of(orbit: Orbit) -> np.ndarray:
+def scale_of(orbit: Orbit) -> Float[np.ndarray, "lanes n"]:
     """The swing of each state, or its size where it does not swing, ``(lanes, n)``."""
     swing, size = np.asarray(orbit.swing), np.abs(np.asarray(orbit.start))
     with np.errstate(invalid="ignore"):
         return np.where(swing > 1e-9 * size, swing, np.where(size > 0, size, 1.0)) + TINY
 
 
-def unstable(orbit: Orbit) -> np.ndarray:
+def unstable(orbit: Orbit) -> Bool[np.ndarray, " lanes"]:
     """Whether a small displacement from each orbit grows from period to period, ``(lanes,)``."""
     slope = np.asarray(orbit.slope)
     if not slope.shape[-1]:
         return np.zeros(slope.shape[0], bool)
     fine = np.isfinite(slope).all(axis=(1, 2))
     grows = np.zeros(slope.shape[0], bool)
-    grows[fine] = np.abs(np.linalg.eigvals(slope[fine])).max(axis=1) > 1.0 + UNSTABLE
+    grows[fine] = np.abs(np.linalg.eigvals(slope[fine])).max(axis=1) > 1.0 + _UNSTABLE
     return grows

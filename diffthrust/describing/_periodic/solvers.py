@@ -3,26 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import TypeVar
 
+import jax
 import numpy as np
 
 from diffthrust.describing._periodic import harmonic_balance as hb
 from diffthrust.describing._periodic import shooting as shooting
-from diffthrust.describing._periodic.period import BLOCK, TINY, Cycle, Lane, remembers
-from diffthrust.describing._periodic.respond import LARGEST, Reason, Solved
+from diffthrust.describing._periodic.period import LANE_BLOCK, TINY, Cycle, Lane, remembers
+from diffthrust.describing._periodic.respond import LONGEST_SERIES, Reason, SolvedOrbits, some
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._simulate import Key
 
-COARSEST_SERIES = 1024
+_COARSEST_SERIES = 1024
 """Steps to the period at first, with an effect that has memory. A rate limit that always acts turns
 its series half a step late on the average: twice as many steps then keep it within 0.1 degree."""
-FINEST_SERIES = 16384
+_FINEST_SERIES = 16384
 """Steps to the period at last, with such an effect."""
-LANES = 512
+_LANES = 512
 """Lanes of one call."""
-NUMBERS = 2_000_000
+_NUMBERS = 2_000_000
 """A call of the harmonic balance holds Jacobians of so many numbers in all."""
+
+
+_Tree = TypeVar("_Tree", shooting.Orbit, hb.Balance)
 
 
 class Shooting:
@@ -30,17 +34,17 @@ class Shooting:
 
     def __init__(self, model: Model, states: int) -> None:
         self.key = Key(model)
-        self.capacity = LANES
+        self.capacity = _LANES
         # few different lengths: each is a program to compile, which takes longer than to run it
         self.coarsest, self.finest, self.growth = (128, 8192, 4) if states else (256, 65536, 4)
         if remembers(model):
-            self.coarsest, self.finest = COARSEST_SERIES, max(self.finest, FINEST_SERIES)
+            self.coarsest, self.finest = _COARSEST_SERIES, max(self.finest, _FINEST_SERIES)
 
     def begin(self, cycle: Cycle, count: int, lanes: Lane) -> np.ndarray:
         """The model's own initial states, ``(count, n)``."""
         return np.asarray(shooting.starts(self.key, cycle, count, lanes))[:count]
 
-    def solve(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> Solved:
+    def solve(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> SolvedOrbits:
         """Newton's method on the period map; where it leads astray, one more period instead."""
         x = np.array(x)
         best = np.full(count, np.inf)  # how far from closed, at the last point that was kept
@@ -48,12 +52,12 @@ class Shooting:
         reason = np.full(count, Reason.NOT_CLOSED)
         kept = None
         active = np.arange(count)
-        for _ in range(shooting.ROUNDS):
+        for _ in range(shooting.MOST_PERIODS):
             orbit = self._run(cycle, active, lanes, x)
-            step = shooting.newton_step(orbit)
+            step = shooting.closing_step(orbit)
             far = np.abs(step).max(axis=1, initial=0.0)
             kept = _merged(kept, orbit, active, count)
-            closed = far <= shooting.CLOSED
+            closed = far <= shooting.ORBIT_CLOSED
             broken = ~np.isfinite(far) & ~np.isfinite(best[active])
             reason[active[closed]] = Reason.SETTLED
             reason[active[broken]] = Reason.DIVERGES
@@ -72,20 +76,19 @@ class Shooting:
         assert kept is not None
         grows = shooting.unstable(kept)
         reason = np.where((reason == Reason.SETTLED) & grows, Reason.UNSTABLE, reason)
-        return Solved(kept.start, kept.harmonics, reason)
+        return SolvedOrbits(kept.start, kept.harmonics, reason)
 
-    def again(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> Solved:
+    def again(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> SolvedOrbits:
         """One more period from where the orbits ended."""
         now = self._run(cycle, np.arange(count), lanes, x)
         following = np.array(x)
         following[:count] = now.end
-        found = self._run(cycle, np.arange(count), lanes, following)
-        return Solved(found.start, found.harmonics, np.full(count, Reason.SETTLED))
+        orbit = self._run(cycle, np.arange(count), lanes, following)
+        return SolvedOrbits(orbit.start, orbit.harmonics, np.full(count, Reason.SETTLED))
 
     def _run(self, cycle: Cycle, who: np.ndarray, lanes: Lane, x: np.ndarray) -> shooting.Orbit:
         own, begin = _front(lanes, x, who)
-        found = shooting.periods(self.key, cycle, who.size, own, begin)
-        return _cut(found, who.size)
+        return _cut(shooting.periods(self.key, cycle, who.size, own, begin), who.size)
 
 
 class HarmonicBalance:
@@ -95,10 +98,12 @@ class HarmonicBalance:
         self.key = Key(model)
         self.harmonics = harmonics
         unknowns = (states * (2 * harmonics + 1)) ** 2
-        self.capacity = max(BLOCK, min(LANES, NUMBERS // unknowns) // BLOCK * BLOCK)
+        self.capacity = max(
+            LANE_BLOCK, min(_LANES, _NUMBERS // unknowns) // LANE_BLOCK * LANE_BLOCK
+        )
         self.coarsest = max(32, 1 << (4 * harmonics - 1).bit_length())
         if remembers(model):
-            self.coarsest = max(self.coarsest, COARSEST_SERIES)
+            self.coarsest = max(self.coarsest, _COARSEST_SERIES)
         self.finest, self.growth = max(4096, self.coarsest), 2
 
     def begin(self, cycle: Cycle, count: int, lanes: Lane) -> np.ndarray:
@@ -108,7 +113,7 @@ class HarmonicBalance:
         x[:, :, 0] = first
         return x
 
-    def solve(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> Solved:
+    def solve(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> SolvedOrbits:
         """Newton's method, its step halved where it would lead further away.
 
         Further in Deuflhard's natural measure: by the length of the step that the Jacobian of the
@@ -121,27 +126,27 @@ class HarmonicBalance:
         reason = np.full(count, Reason.NOT_CLOSED)
         kept: hb.Balance | None = None
         active = np.arange(count)
-        for _ in range(hb.ROUNDS):
-            found = self._run(cycle, active, lanes, x)
-            keep = np.isfinite(found.rest).all(axis=(1, 2))
+        for _ in range(hb.MOST_EVALUATIONS):
+            missed = self._run(cycle, active, lanes, x)
+            keep = np.isfinite(missed.rest).all(axis=(1, 2))
             if kept is None:
                 reason[~keep] = Reason.DIVERGES
-                kept = _merged(None, found, active, count)
+                kept = _merged(None, missed, active, count)
             else:
                 unit = _size(point[active] + step[active])
                 old = np.asarray(kept.slope)[active]
-                bar = hb.newton_step(old, found.rest) / unit[:, :, None]
+                bar = hb.balancing_step(old, missed.rest) / unit[:, :, None]
                 with np.errstate(invalid="ignore"):
                     keep &= np.abs(bar).max(axis=(1, 2)) <= length[active]
-                keep |= share[active] <= hb.SHORTEST
+                keep |= share[active] <= hb.SHORTEST_SHARE
             new = active[keep]
-            kept = _merged(kept, found, new, count, keep)
+            kept = _merged(kept, missed, new, count, keep)
             point[new], share[new] = x[new], np.minimum(1.0, 4.0 * share[new])
-            step[new] = hb.newton_step(found.slope[keep], found.rest[keep])
+            step[new] = hb.balancing_step(missed.slope[keep], missed.rest[keep])
             share[active[~keep]] *= 0.5
             unit = _size(point[active] + step[active])
             length[active] = (np.abs(step[active]) / unit[:, :, None]).max(axis=(1, 2))
-            closed = keep & (length[active] <= hb.CLOSED)
+            closed = keep & (length[active] <= hb.ORBIT_BALANCED)
             reason[active[closed]] = Reason.SETTLED
             broken = ~np.isfinite(length[active])
             reason[active[broken]] = Reason.DIVERGES
@@ -150,9 +155,9 @@ class HarmonicBalance:
                 break
             x[active] = point[active] + share[active][:, None, None] * step[active]
         assert kept is not None
-        return Solved(point, kept.harmonics, reason)
+        return SolvedOrbits(point, kept.harmonics, reason)
 
-    def again(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> Solved:
+    def again(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> SolvedOrbits:
         """The same coefficients on a later clock, those that drift a period further."""
         every = np.arange(count)
         now = self._run(cycle, every, lanes, x)
@@ -160,28 +165,28 @@ class HarmonicBalance:
         period = (2.0 * np.pi / lanes.frequency[:count])[:, None, None]
         x = np.array(x)
         x[:count] -= np.where(drifts, now.rest * period, 0.0)
-        found = self._run(cycle, every, lanes, x)
-        return Solved(x[:count], found.harmonics, np.full(count, Reason.SETTLED))
+        later = self._run(cycle, every, lanes, x)
+        return SolvedOrbits(x[:count], later.harmonics, np.full(count, Reason.SETTLED))
 
-    def judge(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> Solved:
+    def judge(self, cycle: Cycle, count: int, lanes: Lane, x: np.ndarray) -> SolvedOrbits:
         """One step towards the balance that many more instants than the cycle's ask for.
 
         The slope is that at the cycle's own instants: a step needs to be right in its first digits.
         """
         every, x = np.arange(count), np.array(x)
-        dense = min(max(hb.DENSE, cycle.samples), LARGEST // (2 * cycle.periods))
+        dense = min(max(hb.DENSE_STEPS, cycle.samples), LONGEST_SERIES // (2 * cycle.periods))
         many = replace(cycle, samples=dense)
         slope = self._run(cycle, every, lanes, x).slope
-        x[:count] += hb.newton_step(slope, self._run(many, every, lanes, x, sloped=False).rest)
+        x[:count] += hb.balancing_step(slope, self._run(many, every, lanes, x, sloped=False).rest)
         seen = self._run(many, every, lanes, x, sloped=False).harmonics
         fine = np.isfinite(x[:count]).all(axis=(1, 2))
-        return Solved(x[:count], seen, np.where(fine, Reason.SETTLED, Reason.NOT_CLOSED))
+        return SolvedOrbits(x[:count], seen, np.where(fine, Reason.SETTLED, Reason.NOT_CLOSED))
 
     def _run(
         self, cycle: Cycle, who: np.ndarray, lanes: Lane, x: np.ndarray, sloped: bool = True
     ) -> hb.Balance:
         own, begin = _front(lanes, x, who)
-        cycle = _with_harmonics(cycle, self.harmonics)
+        cycle = replace(cycle, harmonics=self.harmonics)
         return _cut(hb.balances(self.key, cycle, who.size, own, begin, sloped), who.size)
 
 
@@ -190,37 +195,29 @@ def _size(x: np.ndarray) -> np.ndarray:
     return np.abs(x).max(axis=2) + TINY
 
 
-def _with_harmonics(cycle: Cycle, harmonics: int) -> Cycle:
-    return replace(cycle, harmonics=harmonics)
-
-
 def _front(lanes: Lane, x: np.ndarray, who: np.ndarray) -> tuple[Lane, np.ndarray]:
     """Some lanes moved to the front, the last of them repeated behind."""
     order = np.concatenate([who, np.full(x.shape[0] - who.size, who[-1])])
-    take = {"values": {n: v[order] for n, v in lanes.values.items()}}
-    take["others"] = {n: v[order] for n, v in lanes.others.items()}
-    plain = {n: getattr(lanes, n)[order] for n in ("amplitude", "frequency", "bias", "clock")}
-    return Lane(**plain, **take), x[order]
+    return some(lanes, order), x[order]
 
 
-def _tree(function: Any, *things: Any) -> Any:
-    first = things[0]
-    if isinstance(first, tuple):
-        return type(first)(*(_tree(function, *parts) for parts in zip(*things, strict=True)))  # pyright: ignore
-    return function(*things)
+def _cut(of_lanes: _Tree, count: int) -> _Tree:
+    return jax.tree.map(lambda a: np.asarray(a)[:count], of_lanes)
 
 
-def _cut(found: Any, count: int) -> Any:
-    return _tree(lambda a: np.asarray(a)[:count], found)
-
-
-def _merged(kept: Any, found: Any, who: np.ndarray, count: int, flags: Any = slice(None)) -> Any:
+def _merged(
+    kept: _Tree | None,
+    new: _Tree,
+    who: np.ndarray,
+    count: int,
+    flags: np.ndarray | slice = slice(None),
+) -> _Tree:
     """What was kept of all lanes, with those of ``who`` anew."""
     if kept is None:
-        kept = _tree(lambda a: np.zeros((count, *a.shape[1:])), found)
+        kept = jax.tree.map(lambda a: np.zeros((count, *a.shape[1:])), new)
 
-    def put(old: np.ndarray, new: np.ndarray) -> np.ndarray:
-        old[who] = new[flags]
+    def put(old: np.ndarray, now: np.ndarray) -> np.ndarray:
+        old[who] = now[flags]
         return old
 
-    return _tree(put, kept, found)
+    return jax.tree.map(put, kept, new)

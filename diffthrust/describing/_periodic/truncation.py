@@ -15,24 +15,32 @@ from __future__ import annotations
 import numpy as np
 
 from diffthrust.describing._periodic.period import TINY, Cycle, Harmonics, Lane
-from diffthrust.describing._periodic.respond import Reason, Responses, first_harmonic, over, staged
+from diffthrust.describing._periodic.respond import (
+    PeriodicResponses,
+    Reason,
+    first_harmonic,
+    over,
+    staged,
+)
 from diffthrust.describing._periodic.solvers import HarmonicBalance
 
-GAIN, PHASE = 1e-3, 0.1
+GAIN_ERROR, PHASE_ERROR = 1e-3, 0.1
 """Error of the gain (relative) and of the phase [deg] that an answer may have."""
-DOUBTFUL = 10.0
+_DOUBTFUL = 10.0
 """One step will do where it shows an error so many times smaller."""
-LEAST = 15
+_LEAST = 15
 """Fewer harmonics would not do to judge others: between three and seven the change may be nothing
 by chance."""
 
 
 def more_than(harmonics: int) -> int:
     """How many harmonics judge so many."""
-    return max(2 * harmonics + 1, LEAST)
+    return max(2 * harmonics + 1, _LEAST)
 
 
-def left_out(richer: HarmonicBalance, cycle: Cycle, lanes: Lane, found: Responses) -> np.ndarray:
+def left_out(
+    richer: HarmonicBalance, cycle: Cycle, lanes: Lane, found: PeriodicResponses
+) -> np.ndarray:
     """The error of each first harmonic, relative to it, complex ``(L,)``.
 
     Args:
@@ -60,7 +68,7 @@ def left_out(richer: HarmonicBalance, cycle: Cycle, lanes: Lane, found: Response
         who = settled[(found.samples[settled] == n) & (found.stage[settled] == k)]
         at = staged(cycle, max(n, richer.coarsest), k)
         error[who] = judged(who, at)
-        doubtful = who[too_few(DOUBTFUL * error[who])]
+        doubtful = who[too_few(_DOUBTFUL * error[who])]
         if doubtful.size:
             solved = over(richer, at, lanes, doubtful, richer.solve, x)
             x[doubtful] = solved.x
@@ -73,7 +81,7 @@ def too_few(error: np.ndarray) -> np.ndarray:
     """Whether an error of `left_out` is beyond what an answer may have, ``(L,)``."""
     with np.errstate(invalid="ignore"):
         gain, phase = np.abs(np.real(error)), np.degrees(np.abs(np.imag(error)))
-        return (gain > GAIN) | (phase > PHASE)
+        return (gain > GAIN_ERROR) | (phase > PHASE_ERROR)
 
 
 def _relative_change(now: Harmonics, amplitude: np.ndarray, before: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.progress import Progress
 from diffthrust.describing._describe import describing_function as describe_one
 from diffthrust.describing._describe import maps_of
-from diffthrust.describing._request import Request, request
+from diffthrust.describing._request import MapRequest, request
 from diffthrust.estimation._result import Fit
 from diffthrust.many._batch.each import check_options
 from diffthrust.many._batch.result import Many, named_members
@@ -70,7 +70,7 @@ def describing_function(
     results: list[Any] = [None] * count
     errors: list[Exception | None] = [None] * count
     seconds = [0.0] * count
-    asked: dict[int, Request] = {}
+    asked: dict[int, MapRequest] = {}
     groups: dict[Any, list[int]] = {}
     for i in range(count):
         try:
