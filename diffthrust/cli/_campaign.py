@@ -89,7 +89,7 @@ def campaign_command(
         )
         if json:
             write_json(json, finished.to_json())
-        table = campaign_table(finished)
+        table = campaign_table(finished.rows, finished.task, finished.summary)
     show(table)
     written(finished.path, json)
     if not finished.ok:

@@ -10,8 +10,8 @@ from campaign_specs import SENSOR, sensor_spec
 
 import diffthrust as dft
 from diffthrust._support._running.process import LineProcess, ProcessDied
-from diffthrust.many._campaign.job import Job
-from diffthrust.many._campaign.perform import helped, own_process
+from diffthrust.many._campaign.job import Job  # private: one task by itself
+from diffthrust.many._campaign.task import helped, own_process  # private: its process
 
 TRAP = """
 import os, pathlib, signal, time

@@ -14,7 +14,7 @@ from short_logs import MODEL, made_log
 
 import diffthrust as dft
 from diffthrust import InputError
-from diffthrust.many._fleet.evidence import Evidence, Ruler, gathered
+from diffthrust.many._fleet.evidence import Ruler, VehicleEvidence, gathered
 from diffthrust.many._fleet.hierarchy import Hierarchy, arranged
 
 # Rubin 1981: effects of coaching in eight schools
@@ -158,7 +158,9 @@ def test_the_density_is_the_joint_one(correlated):
     evidence = []
     for i in range(4):
         root = rng.standard_normal((3, 3 - i % 3))  # some know nothing of a direction
-        evidence.append(Evidence(f"v{i}", rng.standard_normal(3), root @ root.T, np.ones(3, bool)))
+        evidence.append(
+            VehicleEvidence(f"v{i}", rng.standard_normal(3), root @ root.T, np.ones(3, bool))
+        )
     target, data = arranged(evidence, correlated)
 
     def parts(target, data, v):

@@ -71,15 +71,15 @@ def fit(
     held = [listed(one) for one in unseen if one is not None]
 
     lengths = lengths_of(log for group in (*members, *held) for log in group)
-    named, told = _names(names, members), list(zip(models, members, unseen, strict=True))
+    named, triples = _names(names, members), list(zip(models, members, unseen, strict=True))
     if _processes(processes, devices) == 1:
-        return _fits(told, named, (lengths, width, None, options), devices, progress)
+        return _fits(triples, named, (lengths, width, None, options), devices, progress)
     common = (lengths, width, 2, options)  # each has one processor
-    return divided(_fits, told, named, common, processes=processes, progress=progress)
+    return divided(_fits, triples, named, common, processes=processes, progress=progress)
 
 
 def _fits(
-    told: Sequence[tuple[Any, ...]],
+    members: Sequence[tuple[Any, ...]],
     names: Sequence[str],
     common: tuple[Any, ...],
     devices: Sequence[Any] | None = None,
@@ -88,7 +88,7 @@ def _fits(
     lengths, width, runs, options = common
 
     def one(i: int) -> Fit:
-        model, logs, unseen = told[i]
+        model, logs, unseen = members[i]
         return fit_one(model, logs, holdout=unseen, **options)
 
     return each(one, names, lengths, width=width, devices=devices, runs=runs, progress=progress)

@@ -64,17 +64,17 @@ def each(
         lanes = Lanes(WIDTH if processor else ACCELERATED, chosen, len(names), runs)
     else:
         lanes = Lanes(_checked_width(width), chosen, runs=runs)
-    started, found = time.monotonic(), [_Outcome() for _ in names]
+    started, outcomes = time.monotonic(), [_Outcome() for _ in names]
 
     def one(i: int) -> None:
         begun = time.monotonic()
         try:
             with padded_to(lengths):
-                found[i].result = work(i)
+                outcomes[i].result = work(i)
         except Exception as error:  # a row of its own, whatever it is: the others go on
             _forget(error)
-            found[i].error = error
-        found[i].seconds = time.monotonic() - begun
+            outcomes[i].error = error
+        outcomes[i].seconds = time.monotonic() - begun
 
     with closing(lanes.drive(partial(one, i) for i in range(len(names)))) as ended:
         for done, _ in enumerate(ended, 1):
@@ -82,9 +82,9 @@ def each(
                 progress(f"{done} of {len(names)}", done / len(names))
     return Many(
         names=tuple(names),
-        results=tuple(one.result for one in found),
-        errors=tuple(one.error for one in found),
-        seconds=tuple(one.seconds for one in found),
+        results=tuple(one.result for one in outcomes),
+        errors=tuple(one.error for one in outcomes),
+        seconds=tuple(one.seconds for one in outcomes),
         wall=time.monotonic() - started,
     )
 

@@ -22,7 +22,7 @@ DEFAULTS = {
     for name, p in signature(describe_one).parameters.items()
     if p.kind is Parameter.KEYWORD_ONLY
 }
-AT_A_TIME = 16
+_MAPS_AT_A_TIME = 16
 """Models whose maps are worked out together: more would only take memory."""
 
 
@@ -78,18 +78,22 @@ def describing_function(
             groups.setdefault(asked[i].model.structure, []).append(i)
         except Exception as error:  # a row of its own, whatever it is: the others go on
             errors[i] = error
-    chunks = [g[at : at + AT_A_TIME] for g in groups.values() for at in range(0, len(g), AT_A_TIME)]
+    chunks = [
+        g[at : at + _MAPS_AT_A_TIME]
+        for g in groups.values()
+        for at in range(0, len(g), _MAPS_AT_A_TIME)
+    ]
     done = count - len(asked)
     while chunks:
         chunk, since = chunks.pop(0), time.monotonic()
         try:
-            found = maps_of([asked[i] for i in chunk], [models[i] for i in chunk])
+            drawn = maps_of([asked[i] for i in chunk], [models[i] for i in chunk])
         except Exception as error:
             if len(chunk) > 1:  # each alone, so that only the one to blame fails
                 chunks = [[i] for i in chunk] + chunks
                 continue
-            found, errors[chunk[0]] = [None], error
-        for i, one in zip(chunk, found, strict=True):
+            drawn, errors[chunk[0]] = [None], error
+        for i, one in zip(chunk, drawn, strict=True):
             results[i], seconds[i] = one, time.monotonic() - since
         done += len(chunk)
         if progress:

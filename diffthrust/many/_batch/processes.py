@@ -16,7 +16,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.progress import Progress
 from diffthrust.many._batch.result import Many
 
-AT_A_TIME = 64
+_MEMBERS_AT_A_TIME = 64
 """Members that a process is given at once: enough to keep its runs full."""
 
 
@@ -46,19 +46,19 @@ def divided(
             itself defines.
     """
     begun, count = time.monotonic(), len(members)
-    share = max(1, min(AT_A_TIME, -(-count // processes)))
+    share = max(1, min(_MEMBERS_AT_A_TIME, -(-count // processes)))
     chunks = [range(at, min(at + share, count)) for at in range(0, count, share)]
-    lines = [LineProcess(f"{__name__}:answer") for _ in range(min(processes, len(chunks)))]
-    found: list[tuple[Any, Exception | None, float]] = [(None, None, 0.0)] * count
-    done = 0
+    lines = [LineProcess(f"{__name__}:run_pickled") for _ in range(min(processes, len(chunks)))]
+    outcomes: list[tuple[Any, Exception | None, float]] = [(None, None, 0.0)] * count
+    finished = 0
     with tempfile.TemporaryDirectory(prefix="diffthrust-") as folder:
 
         def ask(process: LineProcess, chunk: range) -> list[tuple[Any, Exception | None, float]]:
-            given, answered = (Path(folder) / f"{chunk.start}.{end}" for end in ("in", "out"))
-            told = [members[i] for i in chunk], [names[i] for i in chunk], common
-            given.write_bytes(pickle.dumps((work, *told)))
+            asked, answered = (Path(folder) / f"{chunk.start}.{end}" for end in ("in", "out"))
+            question = [members[i] for i in chunk], [names[i] for i in chunk], common
+            asked.write_bytes(pickle.dumps((work, *question)))
             try:
-                failed = process.ask([str(given), str(answered)])
+                failed = process.ask([str(asked), str(answered)])
             except ProcessDied as how:
                 error = InputError(
                     f"The process that worked on it died ({how}).",
@@ -72,7 +72,7 @@ def divided(
                     "out.",
                 )
             part = pickle.loads(answered.read_bytes())
-            given.unlink()
+            asked.unlink()
             answered.unlink()
             return list(zip(part.results, part.errors, part.seconds, strict=True))
 
@@ -81,25 +81,25 @@ def divided(
                 if one is None:
                     continue
                 chunk = chunks[one[0]]
-                found[chunk.start : chunk.stop] = one[1]
-                done += len(chunk)
+                outcomes[chunk.start : chunk.stop] = one[1]
+                finished += len(chunk)
                 if progress:
-                    progress(f"{done} of {count}", done / count)
+                    progress(f"{finished} of {count}", finished / count)
     return Many(
         names=tuple(names),
-        results=tuple(result for result, _, _ in found),
-        errors=tuple(error for _, error, _ in found),
-        seconds=tuple(seconds for _, _, seconds in found),
+        results=tuple(result for result, _, _ in outcomes),
+        errors=tuple(error for _, error, _ in outcomes),
+        seconds=tuple(seconds for _, _, seconds in outcomes),
         wall=time.monotonic() - begun,
     )
 
 
-def answer(question: Sequence[str]) -> str:
+def run_pickled(question: Sequence[str]) -> str:
     """Do the work of a file, put what it gave in another, and say what is wrong with it, if so."""
-    given, answered = map(Path, question)
+    asked, answered = map(Path, question)
     try:
-        work, *told = pickle.loads(given.read_bytes())
+        work, *arguments = pickle.loads(asked.read_bytes())
     except (AttributeError, ImportError, pickle.UnpicklingError) as error:
         return str(error)
-    answered.write_bytes(pickle.dumps(work(*told)))
+    answered.write_bytes(pickle.dumps(work(*arguments)))
     return ""

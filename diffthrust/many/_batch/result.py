@@ -85,14 +85,14 @@ class Many:
         for name, result, error, seconds in zip(
             self.names, self.results, self.errors, self.seconds, strict=True
         ):
-            told = dict(zip(_TOLD, (name, "ok", None, None, seconds), strict=True))
+            row = dict(zip(_TOLD, (name, "ok", None, None, seconds), strict=True))
             if error is not None:
-                told |= {"status": "failed", "error": str(error) or type(error).__name__}
+                row |= {"status": "failed", "error": str(error) or type(error).__name__}
                 if isinstance(error, InputError):
-                    told |= {"error": error.problem, "mend": error.mend}
-                rows.append(told)
+                    row |= {"error": error.problem, "mend": error.mend}
+                rows.append(row)
             else:
-                rows.append({**told, **row_of(result)})
+                rows.append({**row, **row_of(result)})
         return pd.DataFrame(rows, columns=None if rows else list(_TOLD))
 
 

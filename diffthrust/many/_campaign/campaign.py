@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import dataclass, field
@@ -14,18 +15,18 @@ from typing import TYPE_CHECKING, Any, Literal
 from diffthrust._support._running.pool import processors
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import plain
+from diffthrust._support.progress import Progress
 from diffthrust.many._campaign.executors import outcomes
 from diffthrust.many._campaign.job import Job, check_task, fingerprint
 from diffthrust.many._campaign.specs import PathLike, find_specs, folders
-from diffthrust.many._campaign.store import Row, stored, sweep, whole
-from diffthrust.many._campaign.table import TABLE, arrow_table, write_table
+from diffthrust.many._campaign.store import ResultRow, is_whole, stored, sweep
+from diffthrust.many._campaign.tables import TABLE, arrow_table, write_table
 from diffthrust.many._campaign.task import head
 from diffthrust.specs._spec import load_spec
 
 if TYPE_CHECKING:
     import pandas as pd
 
-Progress = Callable[[str, float], None]
 _SAVING = 0.02
 """Share of the time that may go into writing the table while the campaign runs."""
 
@@ -44,7 +45,7 @@ class Campaign:
 
     output: Path
     task: str
-    rows: tuple[Row, ...] = field(repr=False)
+    rows: tuple[ResultRow, ...] = field(repr=False)
     kept: int
     seconds: float
 
@@ -61,10 +62,7 @@ class Campaign:
     @property
     def counts(self) -> dict[str, int]:
         """How many specs ended how: "ok", "failed", "timed_out", "lost"."""
-        found: dict[str, int] = {}
-        for row in self.rows:
-            found[row["status"]] = found.get(row["status"], 0) + 1
-        return found
+        return dict(Counter(row["status"] for row in self.rows))
 
     @property
     def ok(self) -> bool:
@@ -74,16 +72,21 @@ class Campaign:
     @property
     def summary(self) -> str:
         """The outcome in a sentence or two."""
-        from diffthrust.many._campaign.tables import summary
-
-        return summary(self)
+        what = "1 spec" if len(self.rows) == 1 else f"{len(self.rows)} specs"
+        parts = [f"{what} in {self.seconds:.0f} s: {self.counts.get('ok', 0)} done"]
+        if self.kept:
+            parts[0] += f" ({self.kept} of them before)"
+        parts += [f"{n} {how.replace('_', ' ')}" for how, n in self.counts.items() if how != "ok"]
+        sentence = f"{', '.join(parts)}."
+        again = " The same campaign again tries those without a result."
+        return sentence if self.ok else sentence + again
 
     def report(self) -> str:
         """Counts, errors with their mend, and the results as text for people."""
         from diffthrust._support.tables import rendered
         from diffthrust.many._campaign.tables import campaign_table
 
-        return rendered(campaign_table(self), width=140)
+        return rendered(campaign_table(self.rows, self.task, self.summary), width=140)
 
     def to_json(self) -> dict[str, Any]:
         """The outcome as plain data, in the form that ``diffthrust campaign --json`` writes."""
@@ -156,10 +159,10 @@ def campaign(
     check_task(task, options)
     _check(executor, jobs, time_limit)
     out = Path(os.path.abspath(output))
-    found = find_specs(specs, out)
+    names = find_specs(specs, out)
     work = [
-        Job(found[path], str(path), str(out / folder), task, options, report, time_limit)
-        for path, folder in folders(found).items()
+        Job(names[path], str(path), str(out / folder), task, options, report, time_limit)
+        for path, folder in folders(names).items()
     ]
     say = progress or (lambda message, share: None)
     rows = {job.name: row for job in work if (row := _kept(job))}
@@ -167,7 +170,7 @@ def campaign(
     kept = len(rows)
     _save(out, rows)
     if todo:
-        say(_told(rows, kept, len(work), 0.0), kept / len(work))
+        say(_how_far(rows, kept, len(work), 0.0), kept / len(work))
         try:
             _run(executor, min(jobs or processors(), len(todo)), todo, rows, out, say)
         except KeyboardInterrupt:
@@ -186,39 +189,39 @@ def _run(
     executor: Executor | str | None,
     jobs: int,
     todo: list[Job],
-    rows: dict[str, Row],
+    rows: dict[str, ResultRow],
     out: Path,
     say: Progress,
 ) -> None:
     """Work through what is to do, and write the table from time to time."""
     kept, total = len(rows), len(rows) + len(todo)
-    with closing(outcomes(executor, jobs, todo)) as found:
+    with closing(outcomes(executor, jobs, todo)) as outcome:
         begun = saved = time.monotonic()
         cost = 0.0
-        for row in found:
+        for row in outcome:
             if row is not None:
                 rows[row["name"]] = row
             now = time.monotonic()
-            say(_told(rows, kept, total, now - begun), len(rows) / total)
+            say(_how_far(rows, kept, total, now - begun), len(rows) / total)
             if row is not None and now - saved > max(5.0, cost / _SAVING):
                 _save(out, rows)
                 saved = time.monotonic()
                 cost = saved - now
 
 
-def _kept(job: Job) -> Row | None:
+def _kept(job: Job) -> ResultRow | None:
     """The row of a spec whose result is there, made of what is there now."""
-    told = stored(job)
-    if told is None:
+    folder = stored(job)
+    if folder is None:
         return None
     try:
         mark = fingerprint(load_spec(job.spec), job)
     except InputError:
         return None
-    return {**told["row"], **head(job, "ok")} if whole(job, told, mark) else None
+    return {**folder["row"], **head(job, "ok")} if is_whole(job, folder, mark) else None
 
 
-def _save(out: Path, rows: Mapping[str, Row]) -> None:
+def _save(out: Path, rows: Mapping[str, ResultRow]) -> None:
     try:
         out.mkdir(parents=True, exist_ok=True)
         write_table(out / TABLE, list(rows.values()))
@@ -231,7 +234,7 @@ def _save(out: Path, rows: Mapping[str, Row]) -> None:
         ) from None
 
 
-def _told(rows: Mapping[str, Row], kept: int, total: int, seconds: float) -> str:
+def _how_far(rows: Mapping[str, ResultRow], kept: int, total: int, seconds: float) -> str:
     """How far it is, and how long the rest will take at the pace so far."""
     bad = sum(row["status"] != "ok" for row in rows.values())
     parts = [f"{len(rows)} of {total} done"]

@@ -12,9 +12,8 @@ from diffthrust._support._running.pool import pooled
 from diffthrust._support._running.process import LineProcess
 from diffthrust._support.errors import InputError
 from diffthrust.many._campaign.job import Job
-from diffthrust.many._campaign.perform import helped, new_process, perform
-from diffthrust.many._campaign.store import Row
-from diffthrust.many._campaign.task import head
+from diffthrust.many._campaign.store import ResultRow
+from diffthrust.many._campaign.task import head, helped, new_process, perform
 from diffthrust.specs._compile_key import compile_key
 
 _CONNECT = 5.0
@@ -25,7 +24,7 @@ _TICK = 1.0
 
 def outcomes(
     executor: Executor | str | None, workers: int, jobs: Sequence[Job]
-) -> Generator[Row | None]:
+) -> Generator[ResultRow | None]:
     """The rows of some tasks as they come, and ``None`` when none has come for a while.
 
     A task whose worker is gone is a row as well: nothing that an executor raises ends a campaign.
@@ -49,25 +48,25 @@ def outcomes(
         yield from _on_executor(executor, jobs)
 
 
-def _on_processes(workers: int, jobs: Sequence[Job]) -> Generator[Row | None]:
+def _on_processes(workers: int, jobs: Sequence[Job]) -> Generator[ResultRow | None]:
     """On processes of this machine: each stays with specs that share compiled code."""
     processes = [new_process() for _ in range(workers)]
     keys = [compile_key(Path(job.spec)) if workers > 1 else "" for job in jobs]
     with closing(pooled(jobs, keys, processes, _helped)) as each:
-        for found in each:
-            yield None if found is None else found[1]
+        for outcome in each:
+            yield None if outcome is None else outcome[1]
 
 
-def _helped(process: LineProcess, job: Job) -> Row:
+def _helped(process: LineProcess, job: Job) -> ResultRow:
     try:
         return helped(process, job)
     except Exception as error:  # of a machine that cannot start another process
         return _lost(job, error)
 
 
-def _on_executor(executor: Executor, jobs: Sequence[Job]) -> Generator[Row | None]:
-    done: queue.SimpleQueue[Future[Row]] = queue.SimpleQueue()
-    waiting: dict[Future[Row], Job] = {}
+def _on_executor(executor: Executor, jobs: Sequence[Job]) -> Generator[ResultRow | None]:
+    done: queue.SimpleQueue[Future[ResultRow]] = queue.SimpleQueue()
+    waiting: dict[Future[ResultRow], Job] = {}
     try:
         for job in jobs:
             try:
@@ -92,14 +91,14 @@ def _on_executor(executor: Executor, jobs: Sequence[Job]) -> Generator[Row | Non
             future.cancel()
 
 
-def _row(future: Future[Row], job: Job) -> Row:
+def _row(future: Future[ResultRow], job: Job) -> ResultRow:
     try:
         return future.result()
     except (Exception, CancelledError) as error:
         return _lost(job, error)
 
 
-def _lost(job: Job, error: BaseException) -> Row:
+def _lost(job: Job, error: BaseException) -> ResultRow:
     """The row of a task that gave none; its folder is left alone, for its worker may have ended."""
     broken = isinstance(error, BrokenExecutor | CancelledError)
     what = "The executor lost its workers" if broken else "No worker could do it"

@@ -98,7 +98,7 @@ def fingerprint(spec: Spec, job: Job) -> str:
     named = (spec.file.model, *spec.file.effects, *job.options.get("candidates", ()))
     scripts = [here / name.rpartition(":")[0] for name in named if ":" in name]
     paths = [*spec.train, *spec.holdout, *(path for path in scripts if path.is_file())]
-    told = {
+    causes = {
         "library": __version__,
         "task": job.task,
         "options": dict(job.options),
@@ -107,7 +107,7 @@ def fingerprint(spec: Spec, job: Job) -> str:
             (os.path.relpath(file, here), _digest(file)) for p in paths for file in _files(p)
         ],
     }
-    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
+    return hashlib.sha256(json.dumps(causes, sort_keys=True).encode()).hexdigest()
 
 
 def _files(path: Path) -> Iterator[Path]:

@@ -35,26 +35,26 @@ def find_specs(specs: PathLike | Iterable[PathLike], output: Path) -> dict[Path,
                 "Give a folder with spec files, or their paths.",
             )
     roots = [Path(os.path.abspath(path)) for path in given]
-    found: list[Path] = []
+    files: list[Path] = []
     for root in roots:
         if root.is_dir():
-            found += _below(root, Path(os.path.abspath(output)))
+            files += _below(root, Path(os.path.abspath(output)))
         elif root.suffix.lower() == ".toml":
-            found.append(root)
+            files.append(root)
         else:
             what = "found another file" if root.exists() else "found nothing there"
             raise InputError(
                 f"{root}: expected a folder or a spec file (.toml), {what}.", "Correct the path."
             )
-    if not found:
+    if not files:
         raise InputError(
             f"{', '.join(map(str, roots)) or 'specs'}: expected spec files (.toml with a model and "
             "[logs]), found none.",
             "Name a folder that holds spec files, at any depth.",
         )
-    found = list({path.resolve(): path for path in found}.values())
-    base = roots[0] if len(roots) == 1 and roots[0].is_dir() else _common(found)
-    return {path: _name(path, base) for path in found}
+    files = list({path.resolve(): path for path in files}.values())
+    base = roots[0] if len(roots) == 1 and roots[0].is_dir() else _common(files)
+    return {path: _name(path, base) for path in files}
 
 
 def folders(specs: dict[Path, str]) -> dict[Path, str]:
@@ -99,11 +99,11 @@ def _is_spec(path: Path) -> bool:
     return bool(keys & {"model", "logs"})
 
 
-def _common(found: list[Path]) -> Path:
+def _common(files: list[Path]) -> Path:
     try:
-        return Path(os.path.commonpath([path.parent for path in found]))
+        return Path(os.path.commonpath([path.parent for path in files]))
     except ValueError:  # different drives
-        return Path(found[0].anchor)
+        return Path(files[0].anchor)
 
 
 def _name(path: Path, base: Path) -> str:

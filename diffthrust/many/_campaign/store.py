@@ -16,14 +16,14 @@ from diffthrust._support.files import write_json
 from diffthrust.many._campaign.job import Job
 
 STATUS = "status.json"
-Row = dict[str, Any]
+ResultRow = dict[str, Any]
 _RESULT = {"fit": "fit.json", "diagnose": "diagnosis.json", "sample": "posterior.json"}
 _PAGE = "report.html"
 
 
 def store(
     job: Job,
-    row: Row,
+    row: ResultRow,
     mark: str | None = None,
     data: Mapping[str, Any] | None = None,
     page: Callable[[Path], None] | None = None,
@@ -52,8 +52,8 @@ def store(
             write_json(fresh / _RESULT[job.task], data)
         if page:
             page(fresh / _PAGE)
-        told = {"schema": 1, "task": job.task, "fingerprint": mark, "row": row}
-        write_json(fresh / STATUS, told)
+        status = {"schema": 1, "task": job.task, "fingerprint": mark, "row": row}
+        write_json(fresh / STATUS, status)
         if target.exists():
             os.rename(target, old)
         os.rename(fresh, target)
@@ -77,8 +77,8 @@ def stored(job: Job) -> dict[str, Any] | None:
         InputError: it holds the result of another task or of another spec.
     """
     try:
-        told = json.loads((Path(job.folder) / STATUS).read_text(encoding="utf-8"))
-        task, theirs = told["task"], told["row"]["spec"]
+        status = json.loads((Path(job.folder) / STATUS).read_text(encoding="utf-8"))
+        task, theirs = status["task"], status["row"]["spec"]
     except (OSError, ValueError, TypeError, KeyError):
         return None
     if task != job.task:
@@ -93,15 +93,15 @@ def stored(job: Job) -> dict[str, Any] | None:
             f"{job.spec} there.",
             "Name another output folder.",
         )
-    return told
+    return status
 
 
-def whole(job: Job, told: Mapping[str, Any], mark: str) -> bool:
+def is_whole(job: Job, folder: Mapping[str, Any], mark: str) -> bool:
     """Whether a folder holds the result, made of the same as now, with all its files."""
     files = [_RESULT[job.task], *([_PAGE] if job.report else [])]
     return (
-        told["row"].get("status") == "ok"
-        and told.get("fingerprint") == mark
+        folder["row"].get("status") == "ok"
+        and folder.get("fingerprint") == mark
         and all((Path(job.folder) / name).is_file() for name in files)
     )
 

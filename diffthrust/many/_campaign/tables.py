@@ -1,61 +1,99 @@
-"""A campaign as text for people."""
+"""The table of a campaign, one row for each spec: as a file, and as text for people."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Sequence
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Group, RenderableType
 from rich.markup import escape
 from rich.text import Text
 
+from diffthrust._support.files import write_whole
 from diffthrust._support.tables import number, plain_table
-from diffthrust.many._campaign.store import Row
+from diffthrust.many._campaign.store import ResultRow
 
 if TYPE_CHECKING:
-    from diffthrust.many._campaign.campaign import Campaign
+    import pyarrow as pa
 
-SHOWN = 40
+_SHOWN = 40
 """Rows of results to print; the file has all."""
+TABLE = "campaign.parquet"
+_TEXTS = ("name", "spec", "folder", "status", "error", "mend")
+_RESULTS = ("model", "effects", "fit_status", "verdict", "added", "notes")
+_NUMBERS = ("seconds", "train_nrmse", "holdout_nrmse")
+_COLUMNS = (*_TEXTS, "seconds", *_RESULTS, "train_nrmse", "holdout_nrmse")
+"""The columns that every table has, before those of the parameters."""
 
 
-def summary(done: Campaign) -> str:
-    """The outcome in a sentence or two."""
-    what = "1 spec" if len(done.rows) == 1 else f"{len(done.rows)} specs"
-    parts = [f"{what} in {done.seconds:.0f} s: {done.counts.get('ok', 0)} done"]
-    if done.kept:
-        parts[0] += f" ({done.kept} of them before)"
-    parts += [f"{n} {how.replace('_', ' ')}" for how, n in done.counts.items() if how != "ok"]
-    told = f"{', '.join(parts)}."
-    return told if done.ok else f"{told} The same campaign again tries those without a result."
+def arrow_table(rows: Sequence[ResultRow]) -> pa.Table:
+    """The rows as a table, in the order of their names.
+
+    A parameter has its value in the column of its name, and its standard error in another with
+    ``_std_error`` behind it. Where a name is taken by another column, ``parameter.`` stands before.
+    """
+    import pyarrow as pa
+
+    rows = sorted(rows, key=lambda row: row["name"])
+    fixed: dict[str, pa.Array] = {}
+    for name in _COLUMNS:
+        kind = pa.float64() if name in _NUMBERS else pa.string()
+        fixed[name] = pa.array([row.get(name) for row in rows], kind)
+    numbers: dict[str, pa.Array] = {}
+    for name in _parameters(rows):
+        pairs: list[Any] = [row.get("numbers", {}).get(name) or (None, None) for row in rows]
+        column = f"parameter.{name}" if {name, f"{name}_std_error"} & set(fixed) else name
+        numbers[column] = pa.array([pair[0] for pair in pairs], pa.float64())
+        numbers[f"{column}_std_error"] = pa.array([pair[1] for pair in pairs], pa.float64())
+    return pa.table({**fixed, **numbers})
 
 
-def campaign_table(done: Campaign) -> RenderableType:
+def write_table(path: Path, rows: Sequence[ResultRow]) -> None:
+    """Write the table as Parquet, whole or not at all.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    import pyarrow.parquet as pq
+
+    out = BytesIO()
+    pq.write_table(arrow_table(rows), out)
+    write_whole(path, out.getvalue())
+
+
+def _parameters(rows: Iterable[ResultRow]) -> list[str]:
+    return list(dict.fromkeys(name for row in rows for name in row.get("numbers", {})))
+
+
+def campaign_table(rows: Sequence[ResultRow], task: str, summary: str) -> RenderableType:
     """The results, then each error with its mend, and a summary."""
-    good = [row for row in done.rows if row["status"] == "ok"]
-    bad = [row for row in done.rows if row["status"] != "ok"]
-    parts: list[RenderableType] = [_results(good, done.task)] if good else []
-    if len(good) > SHOWN:
-        parts.append(Text(f"... and {len(good) - SHOWN} more in the table."))
+    good = [row for row in rows if row["status"] == "ok"]
+    bad = [row for row in rows if row["status"] != "ok"]
+    parts: list[RenderableType] = [_results(good, task)] if good else []
+    if len(good) > _SHOWN:
+        parts.append(Text(f"... and {len(good) - _SHOWN} more in the table."))
     for row in bad:
         how = row["status"].replace("_", " ")
         parts.append(Text.assemble((f"{row['name']}: {how}", "bold red"), f". {row['error']}"))
         parts.append(Text(f"  Mend: {row['mend']}"))
-    return Group(*parts, Text(), Text(summary(done), style="bold"))
+    return Group(*parts, Text(), Text(summary, style="bold"))
 
 
-def _results(rows: list[Row], task: str) -> RenderableType:
+def _results(rows: list[ResultRow], task: str) -> RenderableType:
     last = {"diagnose": ("Verdict", "Added"), "sample": ("Chains",)}.get(task, ())
     table = plain_table(
         "Spec", "Fit", "Training NRMSE", "Unseen NRMSE", "Seconds", *last, numbers=(2, 3, 4)
     )
-    for row in rows[:SHOWN]:
-        told = [row["verdict"], row["added"]] if task == "diagnose" else [row.get("verdict")]
+    for row in rows[:_SHOWN]:
+        verdict = [row["verdict"], row["added"]] if task == "diagnose" else [row.get("verdict")]
         table.add_row(
             escape(row["name"]),
             row["fit_status"],
             number(row["train_nrmse"]),
             number(row["holdout_nrmse"]),
             f"{row['seconds']:.1f}",
-            *(escape(word or "") for word in told[: len(last)]),
+            *(escape(word or "") for word in verdict[: len(last)]),
         )
     return table

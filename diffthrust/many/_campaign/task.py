@@ -1,7 +1,8 @@
-"""What a worker does with one spec: the work, its row, its folder."""
+"""One task on whatever worker it comes to: the work, its row, its folder."""
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -9,25 +10,76 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from diffthrust._support._running.process import LineProcess, ProcessDied, ProcessLate
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import plain
 from diffthrust.many._campaign.job import SAMPLING, Job, fingerprint
-from diffthrust.many._campaign.store import Row, store
+from diffthrust.many._campaign.store import ResultRow, store
 from diffthrust.many._rows import estimates_of, fit_row
 from diffthrust.specs._spec import Spec, load_spec
 
+_DEATHS = 3
+"""A task whose process died so many times is given up."""
+_own = threading.local()
+
 
 @dataclass(frozen=True)
-class _Done:
+class _Result:
     """A result: as plain data, as columns of the table, and as a page."""
 
     data: Mapping[str, Any]
-    columns: Row
-    numbers: Row
+    columns: ResultRow
+    numbers: ResultRow
     page: Callable[[Path], None]
 
 
-def run(job: Job) -> Row:
+def perform(job: Job) -> ResultRow:
+    """Do one task of a campaign on whatever worker this runs in, and give its row.
+
+    A worker that is a process does it itself, so that its tasks share what JAX has compiled. Where
+    the worker is one thread of several, which must not share a process, and where there is a time
+    limit, which nothing but the end of a process enforces, it is done in a process of the worker.
+    """
+    if job.time_limit is None and threading.current_thread() is threading.main_thread():
+        return run_job(job)
+    return helped(own_process(), job)
+
+
+def own_process() -> LineProcess:
+    """The process of this thread, made when it is first asked for."""
+    if not hasattr(_own, "process"):
+        _own.process = new_process()
+    return _own.process
+
+
+def new_process() -> LineProcess:
+    """A process that does tasks of campaigns."""
+    return LineProcess(f"{__name__}:run_plain", quiet=True)
+
+
+def helped(process: LineProcess, job: Job) -> ResultRow:
+    """Do a task in a process, which may die, or be killed at the time limit.
+
+    Raises:
+        CancelledError: the process was stopped meanwhile.
+    """
+    begun, why = time.perf_counter(), ""
+    for _ in range(_DEATHS):
+        try:
+            return process.ask(vars(job), job.time_limit)
+        except ProcessLate:
+            seconds = time.perf_counter() - begun
+            problem = f"Stopped at the time limit of {job.time_limit:g} s."
+            mend = "Raise the time limit, shorten its logs (start, stop), or leave it out."
+            return failed(job, "timed_out", problem, mend, seconds)
+        except ProcessDied as how:
+            why = str(how)
+    problem = f"Its process died {_DEATHS} times: {why}."
+    mend = "Give it more memory (fewer jobs at a time), or shorten its logs."
+    return failed(job, "lost", problem, mend, time.perf_counter() - begun)
+
+
+def run_job(job: Job) -> ResultRow:
     """Do the work on one spec, here and now, and write its folder.
 
     Nothing is raised: what goes wrong is the row's ``error``, with the ``mend``.
@@ -36,12 +88,12 @@ def run(job: Job) -> Row:
     try:
         spec = load_spec(job.spec)
         mark = fingerprint(spec, job)
-        done = _TASKS[job.task](spec, job)
+        result = _TASKS[job.task](spec, job)
         seconds = time.perf_counter() - begun
         row = plain(
-            {**head(job, "ok"), **done.columns, "seconds": seconds, "numbers": done.numbers}
+            {**head(job, "ok"), **result.columns, "seconds": seconds, "numbers": result.numbers}
         )
-        store(job, row, mark, done.data, done.page if job.report else None)
+        store(job, row, mark, result.data, result.page if job.report else None)
         return row
     except InputError as error:
         problem, mend = error.problem, error.mend
@@ -55,12 +107,12 @@ def run(job: Job) -> Row:
     return failed(job, "failed", problem, mend, time.perf_counter() - begun, mark)
 
 
-def run_plain(job: Mapping[str, Any]) -> Row:
-    """`run` of a job that has come as plain data."""
-    return run(Job(**job))
+def run_plain(job: Mapping[str, Any]) -> ResultRow:
+    """`run_job` of a job that has come as plain data."""
+    return run_job(Job(**job))
 
 
-def head(job: Job, status: str) -> Row:
+def head(job: Job, status: str) -> ResultRow:
     """The columns that every row has."""
     where = {"name": job.name, "spec": job.spec, "folder": Path(job.folder).name}
     return {**{key: _text(value) for key, value in where.items()}, "status": status}
@@ -68,7 +120,7 @@ def head(job: Job, status: str) -> Row:
 
 def failed(
     job: Job, status: str, problem: str, mend: str, seconds: float, mark: str | None = None
-) -> Row:
+) -> ResultRow:
     """The row of a spec without a result, also in its folder if that can be written."""
     row = {**head(job, status), "error": _text(problem), "mend": mend, "seconds": seconds}
     with suppress(InputError):  # the table tells it in any case
@@ -81,7 +133,7 @@ def _text(words: str) -> str:
     return words.encode("utf-8", "replace").decode()
 
 
-def _fit(spec: Spec, job: Job) -> _Done:
+def _fit(spec: Spec, job: Job) -> _Result:
     train, unseen = spec.train_logs(), spec.holdout_logs()
     fit = spec.fit(train=train, holdout=unseen)
 
@@ -91,41 +143,46 @@ def _fit(spec: Spec, job: Job) -> _Done:
         held = comparisons_of(fit, train, unseen)
         write_report(path, title=job.name, spec=spec.text, comparisons=held, fit=fit)
 
-    return _Done(fit.to_json(), fit_row(fit), estimates_of(fit), page)
+    return _Result(fit.to_json(), fit_row(fit), estimates_of(fit), page)
 
 
-def _diagnose(spec: Spec, job: Job) -> _Done:
-    found = spec.diagnose(candidates=job.options.get("candidates"))
+def _diagnose(spec: Spec, job: Job) -> _Result:
+    diagnosis = spec.diagnose(candidates=job.options.get("candidates"))
 
     def page(path: Path) -> None:
         from diffthrust.diagnosis._page import write_report
 
-        write_report(found, path, title=f"Diagnosis: {job.name}", spec=spec.text)
+        write_report(diagnosis, path, title=f"Diagnosis: {job.name}", spec=spec.text)
 
-    told = {"verdict": found.verdict, "added": ", ".join(found.added)}
-    return _Done(found.to_json(), {**fit_row(found.fit), **told}, estimates_of(found.fit), page)
+    verdict = {"verdict": diagnosis.verdict, "added": ", ".join(diagnosis.added)}
+    return _Result(
+        diagnosis.to_json(),
+        {**fit_row(diagnosis.fit), **verdict},
+        estimates_of(diagnosis.fit),
+        page,
+    )
 
 
-def _sample(spec: Spec, job: Job) -> _Done:
+def _sample(spec: Spec, job: Job) -> _Result:
     from diffthrust.uncertainty._sampling.sample import sample
     from diffthrust.uncertainty._sampling.summary import sampled
 
     train, unseen = spec.train_logs(), spec.holdout_logs()
     fit = spec.fit(train=train, holdout=unseen)
     options: dict[str, Any] = {**SAMPLING, **job.options}
-    found = sampled(sample(fit, train, **options), fit, train, unseen, seed=options["seed"])
+    posterior = sampled(sample(fit, train, **options), fit, train, unseen, seed=options["seed"])
 
     def page(path: Path) -> None:
         from diffthrust.uncertainty._sampling.page import write_report
 
-        write_report(found, path, title=f"Posterior: {job.name}", spec=spec.text)
+        write_report(posterior, path, title=f"Posterior: {job.name}", spec=spec.text)
 
-    numbers = {name: (s.median, s.sd) for name, s in found.parameters.items()}
-    verdict = {"verdict": found.told.status.value}
-    return _Done(found.to_json(), {**fit_row(fit), **verdict}, numbers, page)
+    numbers = {name: (s.median, s.sd) for name, s in posterior.parameters.items()}
+    verdict = {"verdict": posterior.told.status.value}
+    return _Result(posterior.to_json(), {**fit_row(fit), **verdict}, numbers, page)
 
 
-_TASKS: Mapping[str, Callable[[Spec, Job], _Done]] = {
+_TASKS: Mapping[str, Callable[[Spec, Job], _Result]] = {
     "fit": _fit,
     "diagnose": _diagnose,
     "sample": _sample,

@@ -16,7 +16,7 @@ from diffthrust.models._base.registry import catalogue
 if TYPE_CHECKING:
     from diffthrust.many._fleet.entries import Entry
 
-TYPICAL = 0.5
+_TYPICAL = 0.5
 """Between-vehicle spread that counts as typical: this in a logarithm, or this share of the size."""
 
 
@@ -39,8 +39,8 @@ class Axis:
     def coordinate(self, value: Any) -> Any:
         """The coordinate of a value, NaN where there is none."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            found = np.log(value) if self.log else np.asarray(value, float)
-        return np.where(np.isfinite(found), found, np.nan)
+            at = np.log(value) if self.log else np.asarray(value, float)
+        return np.where(np.isfinite(at), at, np.nan)
 
     def value(self, coordinate: Any) -> Any:
         """The value at a coordinate."""
@@ -76,9 +76,9 @@ def axes_of(entries: Iterable[Entry]) -> dict[str, Axis]:
 
 def _axis(name: str, p: Parameter | None, values: np.ndarray) -> Axis:
     if p is not None and p.transform == "log":
-        return Axis(name, p.unit, True, TYPICAL)
+        return Axis(name, p.unit, True, _TYPICAL)
     size = p.size if p is not None and p.size is not None else float(np.median(values)) or 1.0
-    return Axis(name, p.unit if p is not None else "", False, TYPICAL * size)
+    return Axis(name, p.unit if p is not None else "", False, _TYPICAL * size)
 
 
 def _from_catalogue(model: str, effects: tuple[str, ...]) -> Mapping[str, Parameter]:

@@ -13,7 +13,7 @@ from diffthrust._support.errors import InputError
 from diffthrust.estimation._result import Fit
 from diffthrust.many._batch.result import Many, named_members
 from diffthrust.many._campaign.campaign import Campaign
-from diffthrust.many._campaign.table import TABLE
+from diffthrust.many._campaign.tables import TABLE
 from diffthrust.many._rows import estimates_of, fit_row
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ class Entry:
         time: when it was made, a number or ``None``.
         model: name of the model without its effects.
         effects: names of the effects that the fit has.
-        told: further columns of the table.
+        columns: further columns of the table.
         estimates: value and standard error of each parameter, ``None`` where there is none.
         fit: the fit, or ``None`` where a table alone is known.
     """
@@ -43,7 +43,7 @@ class Entry:
     time: Any
     model: str
     effects: tuple[str, ...]
-    told: Mapping[str, Any]
+    columns: Mapping[str, Any]
     estimates: Mapping[str, tuple[float, float | None]]
     fit: Fit | None = field(default=None, repr=False)
 
@@ -56,7 +56,7 @@ class Entry:
     @property
     def usable(self) -> bool:
         """Whether its estimates may be compared; a table without statuses is taken on trust."""
-        status = self.told.get("fit_status") or "converged"
+        status = self.columns.get("fit_status") or "converged"
         return status in ("converged", "converged_at_bound", "not_identifiable")
 
 
@@ -123,9 +123,11 @@ def _fits(
 
 
 def _of_fit(name: str, vehicle: Any, time: Any, fit: Fit) -> Entry:
-    told = fit_row(fit)
+    columns = fit_row(fit)
     effects = tuple(effect.name for effect in fit.model.effects)
-    return Entry(name, str(vehicle), time, told["model"], effects, told, estimates_of(fit), fit)
+    return Entry(
+        name, str(vehicle), time, columns["model"], effects, columns, estimates_of(fit), fit
+    )
 
 
 def _frame(source: Any) -> pd.DataFrame:
@@ -180,7 +182,7 @@ def _of_table(frame: Any, vehicle: Labels, time: Labels) -> tuple[list[Entry], l
     made = []
     for name, own, when, row in zip(names, vehicles, times, rows, strict=True):
         effects = tuple(part.strip() for part in _text(row.get("effects")).split(",") if part)
-        told = {key: row[key] for key in ("fit_status", "train_nrmse", "holdout_nrmse")
+        columns = {key: row[key] for key in ("fit_status", "train_nrmse", "holdout_nrmse")
                 if key in row}  # fmt: skip
         estimates = {
             c: (float(row[c]), _error(row[f"{c}{ERROR}"]))
@@ -188,7 +190,7 @@ def _of_table(frame: Any, vehicle: Labels, time: Labels) -> tuple[list[Entry], l
             if row[c] is not None and math.isfinite(row[c])
         }
         model = _text(row.get("model"))
-        made.append(Entry(name, str(own), when, model, effects, told, estimates))
+        made.append(Entry(name, str(own), when, model, effects, columns, estimates))
     return made, notes
 
 

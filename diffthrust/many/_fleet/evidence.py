@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,11 +12,9 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust.many._fleet.axis import Axis
 from diffthrust.many._fleet.entries import Entry
+from diffthrust.many._fleet.estimates import Estimates
 from diffthrust.many._fleet.exact import Exact, Normals, expanded
 from diffthrust.many._fleet.statistics import dispersed, weighted_mean
-
-if TYPE_CHECKING:
-    from diffthrust.many._fleet.fleet import Fleet
 
 
 @dataclass(frozen=True)
@@ -43,7 +41,7 @@ class Ruler:
 
 
 @dataclass(frozen=True)
-class Evidence:
+class VehicleEvidence:
     """What the logs of one vehicle say, in units of the ruler.
 
     Near its fit the logarithm of the likelihood is ``-(z - values) @ information @ (z - values) /
@@ -72,7 +70,7 @@ class Guess(NamedTuple):
     spread: np.ndarray
 
 
-def guessed(evidence: Sequence[Evidence]) -> Guess:
+def guessed(evidence: Sequence[VehicleEvidence]) -> Guess:
     """Where the search for the law begins: moments, with errors no finer than 0.1."""
     values = np.stack([one.values for one in evidence])
     information = np.stack([np.diagonal(one.information) for one in evidence])
@@ -86,8 +84,8 @@ def guessed(evidence: Sequence[Evidence]) -> Guess:
 
 
 def gathered(
-    fleet: Fleet, ruler: Ruler, logs: Mapping[str, Any]
-) -> tuple[list[Evidence], list[str]]:
+    fleet: Estimates, ruler: Ruler, logs: Mapping[str, Any]
+) -> tuple[list[VehicleEvidence], list[str]]:
     """The evidence of each vehicle that has any of the parameters, and notes.
 
     Raises:
@@ -101,8 +99,8 @@ def gathered(
         )
     out, tabular, uncertain = [], False, []
     for vehicle in fleet.vehicles:
-        own = _own(fleet, vehicle, vehicle in logs)
-        known = np.array([any(e.has(a.name) for e in own) for a in ruler.axes], bool)
+        fits = _fits_of(fleet, vehicle, vehicle in logs)
+        known = np.array([any(e.has(a.name) for e in fits) for a in ruler.axes], bool)
         if vehicle in logs and not known.any():
             raise InputError(
                 f"logs: '{vehicle}' has no fit with any of the pooled parameters.",
@@ -110,18 +108,18 @@ def gathered(
             )
         if not known.any():
             continue
-        values, information = _together([_parabola(entry, ruler) for entry in own])
-        out.append(Evidence(vehicle, values, information, known))
+        values, information = _together([_parabola(entry, ruler) for entry in fits])
+        out.append(VehicleEvidence(vehicle, values, information, known))
         if vehicle in logs:
             continue
-        tabular |= any(entry.fit is None for entry in own)
+        tabular |= any(entry.fit is None for entry in fits)
         if np.any(np.diagonal(information)[known] <= 0):
             uncertain.append(vehicle)
     begin = guessed(out)
     for i, one in enumerate(out):
         if one.vehicle in logs:
-            own = _own(fleet, one.vehicle, True)
-            out[i] = _whole(one, own, ruler, logs[one.vehicle], begin)
+            fits = _fits_of(fleet, one.vehicle, True)
+            out[i] = _whole(one, fits, ruler, logs[one.vehicle], begin)
     notes = []
     if tabular:
         notes.append(
@@ -137,26 +135,26 @@ def gathered(
     return out, notes
 
 
-def _own(fleet: Fleet, vehicle: str, exact: bool) -> list[Entry]:
+def _fits_of(fleet: Estimates, vehicle: str, exact: bool) -> list[Entry]:
     """The fits of a vehicle; a whole likelihood needs none that has converged."""
     return [e for e in fleet.entries if e.vehicle == vehicle and (e.usable or exact)]
 
 
 def _whole(
-    found: Evidence, own: Sequence[Entry], ruler: Ruler, logs: Any, begin: Guess
-) -> Evidence:
+    parabola: VehicleEvidence, entries: Sequence[Entry], ruler: Ruler, logs: Any, begin: Guess
+) -> VehicleEvidence:
     """The same evidence with the whole likelihood in the place of the parabola at the fit."""
-    fits = [entry.fit for entry in own if entry.fit is not None]
-    if len(fits) != 1 or len(own) != 1:
+    fits = [entry.fit for entry in entries if entry.fit is not None]
+    if len(fits) != 1 or len(entries) != 1:
         raise InputError(
-            f"logs: '{found.vehicle}' has {len(fits)} fits, an exact likelihood needs one.",
+            f"logs: '{parabola.vehicle}' has {len(fits)} fits, an exact likelihood needs one.",
             "Fit all logs of the vehicle at once, or leave it out of logs.",
         )
     which = np.flatnonzero([axis.name in fits[0].free for axis in ruler.axes])
     precision = 1.0 / begin.spread**2
     towards = np.linalg.solve(
-        found.information + np.diag(precision),
-        found.information @ found.values + precision * begin.mean,
+        parabola.information + np.diag(precision),
+        parabola.information @ parabola.values + precision * begin.mean,
     )
     exact = expanded(
         fits[0],
@@ -170,7 +168,9 @@ def _whole(
     values, information = np.zeros(p), np.zeros((p, p))
     values[which] = exact.top[: which.size]
     information[np.ix_(which, which)] = np.linalg.inv(exact.covariance[: which.size, : which.size])
-    return Evidence(found.vehicle, values, information, np.isin(np.arange(p), which), exact)
+    return VehicleEvidence(
+        parabola.vehicle, values, information, np.isin(np.arange(p), which), exact
+    )
 
 
 def _parabola(entry: Entry, ruler: Ruler) -> tuple[np.ndarray, np.ndarray]:

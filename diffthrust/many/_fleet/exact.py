@@ -17,7 +17,7 @@ from diffthrust.many._fleet.axis import Axis
 from diffthrust.uncertainty._sampling.density import Posterior, Shape, posterior_of
 from diffthrust.uncertainty._sampling.nuts import Box, smooth
 
-STEPS = 50
+_STEPS = 50
 """Most Newton steps towards the place where the parabola is laid."""
 
 
@@ -145,7 +145,7 @@ def _laid(bare: Exact, size: np.ndarray, law: Normals) -> Exact:
 
     y = bare.top.copy()
     value, slope, x = at(y)
-    for _ in range(STEPS):
+    for _ in range(_STEPS):
         total = slope - precision * (y - mean)
         curvature = np.linalg.inv(covariance(x)) + np.diag(precision)
         step = np.linalg.solve(curvature, total)

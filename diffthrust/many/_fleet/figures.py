@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,16 +11,16 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.figures import BLUE, VERMILLION, literal, styled
 from diffthrust._support.words import spelt
 from diffthrust.many._fleet.axis import Axis
+from diffthrust.many._fleet.estimates import Estimates, known
 from diffthrust.many._fleet.statistics import between, weighted_mean
-from diffthrust.many._fleet.views import known, trend
+from diffthrust.many._fleet.views import trend
 from diffthrust.uncertainty._prediction.figures import bracketed
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from diffthrust.many._fleet.fleet import Fleet
-    from diffthrust.many._fleet.pooled import Pooled
 
 _ACROSS = 3
 _SIGMAS = 1.959964
@@ -28,60 +29,58 @@ _MARKED = ("#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")  # Okabe & Ito
 _MARKS = "osD^v"
 
 
-def spread_figure(fleet: Fleet) -> Figure:
+def spread_figure(fleet: Estimates, outliers: Any) -> Figure:
     """Each vehicle's 95 % interval; behind it the mean of the fleet and its spread.
 
     Raises:
         InputError: no parameter has estimates of two vehicles.
     """
-    outliers: Any = fleet.outliers()
     far = set(outliers[outliers["outlier"]][["vehicle", "parameter"]].itertuples(index=False))
     shared = [axis for name, axis in fleet.axes.items() if len(known(fleet, name).vehicles) > 1]
     if not shared:
         raise InputError("No parameter has estimates of two vehicles.", "There is no spread.")
     figure, panels = _panels(shared, 0.9 + 0.24 * len(fleet.vehicles))
     for axes, axis in zip(panels, shared, strict=True):
-        own = known(fleet, axis.name)
+        each = known(fleet, axis.name)
         place = {name: i for i, name in enumerate(fleet.vehicles)}
-        sd = between(own.values, own.errors)
-        mean = weighted_mean(own.values, np.hypot(own.errors, sd)).value
+        sd = between(each.values, each.errors)
+        mean = weighted_mean(each.values, np.hypot(each.errors, sd)).value
         _law(axes, axis, mean, sd)
         for is_far, look in (
             (False, {"color": BLUE, "fmt": "o", "label": "vehicle, 95 % interval"}),
             (True, {"color": VERMILLION, "fmt": "D", "label": "outlier"}),
         ):
-            some = [i for i, v in enumerate(own.vehicles) if ((v, axis.name) in far) == is_far]
+            some = [i for i, v in enumerate(each.vehicles) if ((v, axis.name) in far) == is_far]
             if some:
-                at, half = own.values[some], _SIGMAS * own.errors[some]
-                rows = [place[own.vehicles[i]] for i in some]
+                at, half = each.values[some], _SIGMAS * each.errors[some]
+                rows = [place[each.vehicles[i]] for i in some]
                 _bars(axes, axis, at - half, at, at + half, rows, **look)
         _rows(axes, axis, fleet.vehicles)
     _legend(figure, "Spread between vehicles")
     return figure
 
 
-def drift_figure(fleet: Fleet) -> Figure:
+def drift_figure(fleet: Estimates, drift: pd.DataFrame) -> Figure:
     """Each fit over time; vehicles that drift in colour, with their straight lines.
 
     Raises:
         InputError: no times were given, or no vehicle has fits at two times.
     """
-    drift = fleet.drift()
     if drift.empty:
         raise InputError("No vehicle has fits at two times.", "There is no drift to show.")
-    found = drift[drift["drifts"]]
-    drifting = list(dict.fromkeys(found["vehicle"]))
+    drifts = drift[drift["drifts"]]
+    drifting = list(dict.fromkeys(drifts["vehicle"]))
     colour = {v: _MARKED[i % len(_MARKED)] for i, v in enumerate(drifting)}
     mark = {v: _MARKS[i % len(_MARKS)] for i, v in enumerate(drifting)}
     shown = [fleet.axes[name] for name in dict.fromkeys(drift["parameter"])]
     figure, panels = _panels(shown, 3.2)
     for axes, axis in zip(panels, shown, strict=True):
-        here = set(found[found["parameter"] == axis.name]["vehicle"])
+        here = set(drifts[drifts["parameter"] == axis.name]["vehicle"])
         for vehicle in drift[drift["parameter"] == axis.name]["vehicle"]:
             times, values, errors = fleet.series(vehicle, axis.name)
             order = np.argsort(times)
             times, values, errors = times[order], values[order], errors[order]
-            told = vehicle in here
+            moves = vehicle in here
             half = _SIGMAS * errors
             middle = axis.value(values)
             arms = np.abs(np.stack([axis.value(values - half), axis.value(values + half)]) - middle)
@@ -89,15 +88,15 @@ def drift_figure(fleet: Fleet) -> Figure:
                 times,
                 middle,
                 yerr=arms,
-                fmt=mark[vehicle] if told else "o",
-                color=colour[vehicle] if told else "0.65",
-                markersize=5 if told else 3,
+                fmt=mark[vehicle] if moves else "o",
+                color=colour[vehicle] if moves else "0.65",
+                markersize=5 if moves else 3,
                 linewidth=1.0,
-                zorder=3 if told else 1,
-                linestyle="none" if told else "-",
-                label=f"{literal(vehicle)} drifts" if told else "other vehicles",
+                zorder=3 if moves else 1,
+                linestyle="none" if moves else "-",
+                label=f"{literal(vehicle)} drifts" if moves else "other vehicles",
             )
-            line = trend(times, values, errors) if told else None
+            line = trend(times, values, errors) if moves else None
             if line:
                 at = np.linspace(times[0], times[-1], 50)
                 track = axis.value(line.level + line.slope * (at - line.middle))
@@ -108,7 +107,7 @@ def drift_figure(fleet: Fleet) -> Figure:
     return figure
 
 
-def effects_figure(fleet: Fleet) -> Figure:
+def effects_figure(table: Any) -> Figure:
     """The share of each vehicle's fits that have an effect.
 
     Raises:
@@ -116,7 +115,6 @@ def effects_figure(fleet: Fleet) -> Figure:
     """
     from matplotlib.figure import Figure
 
-    table = fleet.effects()
     names = [name for name in table.columns if name != "fits"]
     if not names:
         raise InputError("No fit of the fleet has an effect.", "There is nothing to show.")
@@ -143,24 +141,25 @@ def effects_figure(fleet: Fleet) -> Figure:
     return figure
 
 
-def pooled_figure(pooled: Pooled) -> Figure:
+def pooled_figure(
+    fleet: Estimates, shown: Sequence[Axis], posterior: Any, pooled: Any, level: float
+) -> Figure:
     """Each vehicle by itself and pooled; behind it the median of the fleet and its spread."""
-    vehicles = [one.vehicle for one in pooled.evidence]
-    share = f"{100 * pooled.level:g} %"
-    width = _SIGMAS if pooled.level == 0.95 else _quantile(pooled.level)
-    figure, panels = _panels(list(pooled.ruler.axes), 0.9 + 0.34 * len(vehicles))
-    for axes, axis in zip(panels, pooled.ruler.axes, strict=True):
-        own = known(pooled.fleet, axis.name)
-        posterior = pooled.post.posterior
+    vehicles = [str(vehicle) for vehicle in posterior["vehicle"].values]
+    share = f"{100 * level:g} %"
+    width = _SIGMAS if level == 0.95 else _quantile(level)
+    figure, panels = _panels(list(shown), 0.9 + 0.34 * len(vehicles))
+    for axes, axis in zip(panels, shown, strict=True):
+        alone = known(fleet, axis.name)
         middle = float(np.median(axis.coordinate(posterior[f"{axis.name}.mean"].values)))
         _law(axes, axis, middle, float(np.median(posterior[f"{axis.name}.between"].values)))
-        table: Any = pooled.table[pooled.table["parameter"] == axis.name]
+        table: Any = pooled[pooled["parameter"] == axis.name]
         low, at, high = (axis.coordinate(table[c].to_numpy()) for c in ("low", "median", "high"))
         rows = np.array([vehicles.index(v) for v in table["vehicle"]])
-        half = width * own.errors
-        mine = np.array([vehicles.index(v) for v in own.vehicles]) - 0.17
+        half = width * alone.errors
+        mine = np.array([vehicles.index(v) for v in alone.vehicles]) - 0.17
         look: dict[str, Any] = {"color": VERMILLION, "mfc": "white", "zorder": 2}
-        _bars(axes, axis, own.values - half, own.values, own.values + half, mine, fmt="o",
+        _bars(axes, axis, alone.values - half, alone.values, alone.values + half, mine, fmt="o",
               label=f"by itself, {share}", **look)  # fmt: skip
         _bars(axes, axis, low, at, high, rows + 0.17, fmt="s", color=BLUE, zorder=3,
               label=f"pooled, {share}")  # fmt: skip

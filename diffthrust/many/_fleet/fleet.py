@@ -14,6 +14,7 @@ from diffthrust._support.progress import Progress
 from diffthrust.logs._log import Log
 from diffthrust.many._fleet.axis import Axis, axes_of
 from diffthrust.many._fleet.entries import ERROR, Entry, Labels, entries_of
+from diffthrust.many._fleet.times import times_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
     from diffthrust.many._fleet.pooled import Pooled
 
-FALSE_ALARMS = 0.05
+_FALSE_ALARMS = 0.05
 """Probability that a fleet in which nothing drifts, or no vehicle differs, raises any alarm."""
 
 
@@ -45,7 +46,7 @@ class Fleet:
     time_unit: str
     notes: tuple[str, ...]
 
-    @cached_property
+    @property
     def vehicles(self) -> tuple[str, ...]:
         """Names of the vehicles, in the order in which they came."""
         return tuple(dict.fromkeys(entry.vehicle for entry in self.entries))
@@ -53,7 +54,7 @@ class Fleet:
     @cached_property
     def times(self) -> np.ndarray:
         """When each fit was made, ``(n,)``: dates as days since the first; NaN where not known."""
-        return _numbers([entry.time for entry in self.entries])[0]
+        return times_of([entry.time for entry in self.entries])[0]
 
     @cached_property
     def table(self) -> pd.DataFrame:
@@ -63,7 +64,7 @@ class Fleet:
         rows = []
         for entry in self.entries:
             row = {"name": entry.name, "vehicle": entry.vehicle, "time": entry.time}
-            row |= {"model": entry.model, "effects": ", ".join(entry.effects), **entry.told}
+            row |= {"model": entry.model, "effects": ", ".join(entry.effects), **entry.columns}
             for name, (value, error) in entry.estimates.items():
                 row |= {name: value, f"{name}{ERROR}": error}
             rows.append(row)
@@ -71,15 +72,15 @@ class Fleet:
 
     def series(self, vehicle: str, parameter: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Times, coordinates and their standard errors of one parameter over a vehicle's fits."""
-        axis, found = self.axes[parameter], []
+        axis, points = self.axes[parameter], []
         for entry, time in zip(self.entries, self.times, strict=True):
             value, error = entry.estimates.get(parameter, (np.nan, None))
             if entry.vehicle != vehicle or not entry.usable or error is None:
                 continue
             at = float(axis.coordinate(value))
             if np.isfinite(at):
-                found.append((time, at, error / float(axis.slope(value))))
-        times, values, errors = np.array(found, float).reshape(-1, 3).T
+                points.append((time, at, error / float(axis.slope(value))))
+        times, values, errors = np.array(points, float).reshape(-1, 3).T
         return times, values, errors
 
     def spread(self) -> pd.DataFrame:
@@ -96,7 +97,7 @@ class Fleet:
 
         return spread_table(self)
 
-    def drift(self, *, false_alarms: float = FALSE_ALARMS) -> pd.DataFrame:
+    def drift(self, *, false_alarms: float = _FALSE_ALARMS) -> pd.DataFrame:
         """How parameters change over time within a vehicle.
 
         Args:
@@ -132,7 +133,7 @@ class Fleet:
 
         return effects_table(self)
 
-    def outliers(self, *, false_alarms: float = FALSE_ALARMS) -> pd.DataFrame:
+    def outliers(self, *, false_alarms: float = _FALSE_ALARMS) -> pd.DataFrame:
         """Which vehicles are far from all others.
 
         The distance of a vehicle from the mean of the others, over the standard deviation that it
@@ -206,9 +207,9 @@ class Fleet:
             ...     {n: {"prior": p} for n, p in pooled.predict_new().items()}
             ... )
         """
-        from diffthrust.many._fleet.pool import pooled  # slow to import
+        from diffthrust.many._fleet.pool import pool_vehicles  # slow to import
 
-        return pooled(
+        return pool_vehicles(
             self,
             parameters,
             dict(logs or {}),
@@ -225,25 +226,26 @@ class Fleet:
         """Each parameter of each vehicle with its 95 % interval, and the fleet behind."""
         from diffthrust.many._fleet.figures import spread_figure
 
-        return spread_figure(self)
+        return spread_figure(self, self.outliers())
 
     def plot_drift(self) -> Figure:
         """Each parameter over time, a line for each vehicle; those that drift stand out."""
         from diffthrust.many._fleet.figures import drift_figure
 
-        return drift_figure(self)
+        return drift_figure(self, self.drift())
 
     def plot_effects(self) -> Figure:
         """Which effects were found where."""
         from diffthrust.many._fleet.figures import effects_figure
 
-        return effects_figure(self)
+        return effects_figure(self.effects())
 
     def report(self) -> str:
         """Spread, outliers, drift and effects as text for people."""
         from diffthrust.many._fleet.tables import fleet_report
 
-        return fleet_report(self)
+        drift = None if np.isnan(self.times).any() else self.drift()
+        return fleet_report(self, self.spread(), self.outliers(), drift, self.effects(), self.notes)
 
 
 def fleet(source: Any, *, vehicle: Labels = None, time: Labels = None) -> Fleet:
@@ -275,37 +277,8 @@ def fleet(source: Any, *, vehicle: Labels = None, time: Labels = None) -> Fleet:
     left = [entry.name for entry in entries if not entry.usable]
     if left:
         notes.append(f"Not converged, and left out of all but the table: {', '.join(left)}.")
-    unit = _numbers([entry.time for entry in entries])[1]
+    unit = times_of([entry.time for entry in entries])[1]
     return Fleet(tuple(entries), axes_of(entries), unit, tuple(notes))
-
-
-def _numbers(times: Sequence[Any]) -> tuple[np.ndarray, str]:
-    """Times as numbers and their unit; dates count in days since the first.
-
-    Raises:
-        InputError: something that is neither.
-    """
-    import pandas as pd
-
-    if all(time is None for time in times):
-        return np.full(len(times), np.nan), "unit of time"
-    if all(isinstance(time, int | float | np.number) for time in times):
-        found, unit = np.array(times, float), "unit of time"
-    else:
-        try:
-            dates = pd.to_datetime(pd.Series(list(times)), utc=True, format="ISO8601")
-        except (ValueError, TypeError) as error:
-            raise InputError(
-                f"time: expected numbers or dates, found what is neither ({error}).",
-                "Write dates as 2026-05-01 or 2026-05-01T12:00.",
-            ) from None
-        found, unit = ((dates - dates.min()) / pd.Timedelta(days=1)).to_numpy(float), "day"
-    if not np.isfinite(found).all():
-        raise InputError(
-            f"time: that of fit {int(np.argmin(np.isfinite(found))) + 1} is missing.",
-            "Give a time for each fit, or for none.",
-        )
-    return found, unit
 
 
 def _share(what: str, value: Any) -> float:

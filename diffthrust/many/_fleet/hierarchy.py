@@ -10,17 +10,17 @@ import jax.numpy as jnp
 import numpy as np
 from jax.scipy.linalg import cho_solve, solve_triangular
 
-from diffthrust.many._fleet.evidence import Evidence, guessed
+from diffthrust.many._fleet.evidence import VehicleEvidence, guessed
 from diffthrust.many._fleet.exact import Exact, likelihood
 from diffthrust.uncertainty._sampling.density import Shape
 
-TAIL = 4.0
+_TAIL = 4.0
 """Degrees of freedom of the half Student-t prior of a standard deviation."""
-SHAPE = 2.0
+_CORRELATION_SHAPE = 2.0
 """Of the prior of correlations (LKJ): one is flat over correlation matrices, more favours none."""
 
 
-class Kind(NamedTuple):
+class ExactKind(NamedTuple):
     """Exact likelihoods that share compiled code."""
 
     shape: Shape
@@ -49,7 +49,7 @@ class Hierarchy(NamedTuple):
     parameters: int
     vehicles: int
     correlated: bool
-    kinds: tuple[Kind, ...]
+    kinds: tuple[ExactKind, ...]
 
     @property
     def law(self) -> int:
@@ -99,7 +99,7 @@ class Hierarchy(NamedTuple):
         mean = data["mean"] + data["mean_width"] * v[:p]
         log_spread = data["log_spread"] + 0.5 * v[p : 2 * p]
         spread = jnp.exp(log_spread)
-        prior = jnp.sum(log_spread - 0.5 * (TAIL + 1) * jnp.log1p(spread**2 / TAIL))
+        prior = jnp.sum(log_spread - 0.5 * (_TAIL + 1) * jnp.log1p(spread**2 / _TAIL))
         if not self.correlated:
             return mean, jnp.diag(spread), prior
         root, own = _correlation(p, v[2 * p : self.law])
@@ -119,7 +119,7 @@ def _correlation(p: int, y: Any) -> tuple[Any, Any]:
             partial = jnp.tanh(y[at])
             row.append(partial * jnp.sqrt(left))
             left = left * (1.0 - partial**2)
-            prior += (SHAPE + 0.5 * (p - 2 - j)) * jnp.log1p(-(partial**2))
+            prior += (_CORRELATION_SHAPE + 0.5 * (p - 2 - j)) * jnp.log1p(-(partial**2))
             at += 1
         root.append([*row, jnp.sqrt(left)] + [jnp.asarray(0.0)] * (p - 1 - i))
     return jnp.stack([jnp.stack(row) for row in root]), prior
@@ -145,7 +145,7 @@ def _vehicles(data: Any, mean: Any, root: Any, eta: Any) -> tuple[Any, Any, Any]
     return jax.vmap(one)(data["values"], data["information"], eta)
 
 
-def _exact(kind: Kind, group: Any, theta: Any, others: Any) -> Any:
+def _exact(kind: ExactKind, group: Any, theta: Any, others: Any) -> Any:
     """Log of likelihood over parabola for each vehicle of a kind, ``(vehicles,)``."""
     dim = kind.pooled + kind.rest
 
@@ -155,15 +155,17 @@ def _exact(kind: Kind, group: Any, theta: Any, others: Any) -> Any:
         away = z - own["top"]
         rest = own["rest_top"] + own["rest_slope"] @ away + own["rest_root"] @ eta
         x = jnp.zeros(dim).at[own["pooled"]].set(own["shift"] + own["scale"] * z)
-        found = likelihood(kind.shape, dim, own["numbers"], x.at[own["rest"]].set(rest))
-        return found + 0.5 * away @ own["information"] @ away
+        exact = likelihood(kind.shape, dim, own["numbers"], x.at[own["rest"]].set(rest))
+        return exact + 0.5 * away @ own["information"] @ away
 
     if kind.vehicles == 1:  # a loop of one turn would keep the compiler from fusing
         return one(jax.tree.map(lambda a: a[0], (group, others)))[None]
     return jax.lax.map(one, (group, others))
 
 
-def arranged(evidence: Sequence[Evidence], correlated: bool) -> tuple[Hierarchy, dict[str, Any]]:
+def arranged(
+    evidence: Sequence[VehicleEvidence], correlated: bool
+) -> tuple[Hierarchy, dict[str, Any]]:
     """The density of a fleet, and its numbers."""
     groups: dict[tuple[Shape, int, int], list[Any]] = {}
     for row, one in enumerate(evidence):
@@ -172,7 +174,7 @@ def arranged(evidence: Sequence[Evidence], correlated: bool) -> tuple[Hierarchy,
             groups.setdefault((e.posterior.shape, e.pooled.size, e.rest.size), []).append(
                 _numbers(row, one, e)
             )
-    kinds = tuple(Kind(*key, len(group)) for key, group in groups.items())
+    kinds = tuple(ExactKind(*key, len(group)) for key, group in groups.items())
     begin = guessed(evidence)
     data = {
         "values": np.stack([one.values for one in evidence]),
@@ -185,7 +187,7 @@ def arranged(evidence: Sequence[Evidence], correlated: bool) -> tuple[Hierarchy,
     return Hierarchy(begin.mean.size, len(evidence), correlated, kinds), data
 
 
-def _numbers(row: int, one: Evidence, e: Exact) -> dict[str, Any]:
+def _numbers(row: int, one: VehicleEvidence, e: Exact) -> dict[str, Any]:
     """The numbers of an exact likelihood; the rest follows the pooled ones by the parabola."""
     q = e.pooled.size
     inverse = np.linalg.inv(e.covariance[:q, :q])

@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust._support.progress import Progress
-from diffthrust.many._fleet.evidence import Evidence, Ruler, gathered
+from diffthrust.many._fleet.estimates import Estimates
+from diffthrust.many._fleet.evidence import Ruler, VehicleEvidence, gathered
 from diffthrust.many._fleet.pooled import Pooled
 from diffthrust.uncertainty._sampling.sample import check
 
-if TYPE_CHECKING:
-    from diffthrust.many._fleet.fleet import Fleet
-
-LEAST = 3
+_FEWEST = 3
 """Vehicles without which nothing can be said of how vehicles differ."""
 
 
-def pooled(
-    fleet: Fleet,
+def pool_vehicles(
+    fleet: Estimates,
     parameters: Sequence[str] | None,
     logs: Mapping[str, Any],
     *,
@@ -65,7 +63,7 @@ def pooled(
     return Pooled(fleet, ruler, tuple(evidence), post, weight, level, (*notes, *more))
 
 
-def _chosen(fleet: Fleet, wanted: Sequence[str] | None) -> tuple[list[str], list[str]]:
+def _chosen(fleet: Estimates, wanted: Sequence[str] | None) -> tuple[list[str], list[str]]:
     """The parameters to pool, and a note of those that too few vehicles have."""
     counts = {
         name: sum(fleet.series(vehicle, name)[1].size > 0 for vehicle in fleet.vehicles)
@@ -78,12 +76,12 @@ def _chosen(fleet: Fleet, wanted: Sequence[str] | None) -> tuple[list[str], list
                 f"parameters: no fit of the fleet estimated '{name}'; there are {listing(counts)}.",
                 "Correct the name.",
             )
-    few = [name for name in names if counts[name] < LEAST]
-    kept = [name for name in names if counts[name] >= LEAST]
+    few = [name for name in names if counts[name] < _FEWEST]
+    kept = [name for name in names if counts[name] >= _FEWEST]
     if not kept or (few and wanted is not None):
         what = few[0] if few else "any parameter"
         raise InputError(
-            f"Pooling needs {LEAST} vehicles with an estimate of {what} and its standard error, "
+            f"Pooling needs {_FEWEST} vehicles with an estimate of {what} and its standard error, "
             f"found {counts.get(what, 0)}.",
             "Leave the parameter out, or add fits of more vehicles.",
         )
@@ -96,21 +94,23 @@ def _chosen(fleet: Fleet, wanted: Sequence[str] | None) -> tuple[list[str], list
                 "each vehicle.",
                 f"Fit without it, or leave {prior[0]} out of the parameters: the fleet is a prior.",
             )
-    notes = [f"{listing(few)}: not pooled, for fewer than {LEAST} vehicles have it."] if few else []
+    notes = (
+        [f"{listing(few)}: not pooled, for fewer than {_FEWEST} vehicles have it."] if few else []
+    )
     return kept, notes
 
 
-def _ruler(fleet: Fleet, names: Sequence[str]) -> Ruler:
+def _ruler(fleet: Estimates, names: Sequence[str]) -> Ruler:
     middle = []
     for name in names:
-        own = [fleet.series(vehicle, name)[1] for vehicle in fleet.vehicles]
-        middle.append(float(np.median([np.mean(values) for values in own if values.size])))
+        every = [fleet.series(vehicle, name)[1] for vehicle in fleet.vehicles]
+        middle.append(float(np.median([np.mean(values) for values in every if values.size])))
     return Ruler(tuple(fleet.axes[name] for name in names), np.array(middle))
 
 
 def _posterior(
     ruler: Ruler,
-    evidence: Sequence[Evidence],
+    evidence: Sequence[VehicleEvidence],
     told: Mapping[str, np.ndarray],
     stats: Mapping[str, np.ndarray],
     correlated: bool,
@@ -121,23 +121,23 @@ def _posterior(
 
     from diffthrust.uncertainty._sampling.arviz import arviz
 
-    draw, found = ("chain", "draw"), {}
+    draw, series = ("chain", "draw"), {}
     vehicles = [one.vehicle for one in evidence]
     theta, mean = ruler.values(told["theta"]), ruler.values(told["mean"])
     for i, axis in enumerate(ruler.axes):
         spread = axis.typical * told["spread"][..., i]
         unit = "of the logarithm" if axis.log else axis.unit
-        found[axis.name] = ((*draw, "vehicle"), theta[..., i], {"unit": axis.unit})
-        found[f"{axis.name}.mean"] = (draw, mean[..., i], {"unit": axis.unit})
-        found[f"{axis.name}.between"] = (draw, spread, {"unit": unit})
+        series[axis.name] = ((*draw, "vehicle"), theta[..., i], {"unit": axis.unit})
+        series[f"{axis.name}.mean"] = (draw, mean[..., i], {"unit": axis.unit})
+        series[f"{axis.name}.between"] = (draw, spread, {"unit": unit})
         for j in range(i if correlated else 0):
             name = f"correlation.{ruler.axes[j].name}.{axis.name}"
-            found[name] = (draw, told["correlation"][..., j, i], {"unit": ""})
+            series[name] = (draw, told["correlation"][..., j, i], {"unit": ""})
     chains, count = theta.shape[:2]
     coords = {"chain": np.arange(chains), "draw": np.arange(count)}
     attrs = {"method": "nuts", "seed": seed}
     return arviz().InferenceData(
         attrs=attrs,
-        posterior=xr.Dataset(found, {**coords, "vehicle": vehicles}, attrs),
+        posterior=xr.Dataset(series, {**coords, "vehicle": vehicles}, attrs),
         sample_stats=xr.Dataset({k: (draw, v) for k, v in stats.items()}, coords),
     )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from diffthrust.many._fleet.views import known
+from diffthrust.many._fleet.estimates import Estimates, known
 from diffthrust.models._base.parameter import Normal
 from diffthrust.uncertainty._sampling.convergence import Convergence, convergence
 
@@ -16,10 +16,9 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-    from diffthrust.many._fleet.evidence import Evidence, Ruler
-    from diffthrust.many._fleet.fleet import Fleet
+    from diffthrust.many._fleet.evidence import Ruler, VehicleEvidence
 
-ONE_SD = 0.682689492137
+_ONE_SD = 0.682689492137
 """Probability within one standard deviation of a Gaussian."""
 
 
@@ -39,9 +38,9 @@ class Pooled:
         notes: what the user should know besides.
     """
 
-    fleet: Fleet = field(repr=False)
+    fleet: Estimates = field(repr=False)
     ruler: Ruler = field(repr=False)
-    evidence: tuple[Evidence, ...] = field(repr=False)
+    evidence: tuple[VehicleEvidence, ...] = field(repr=False)
     post: Any = field(repr=False)
     weight: np.ndarray = field(repr=False)
     level: float
@@ -75,11 +74,11 @@ class Pooled:
             for j, one in enumerate(self.evidence):
                 if not one.known[i]:
                     continue
-                own, own_error = self._fitted(one.vehicle, axis.name), np.nan
+                fitted, error = self._fitted(one.vehicle, axis.name), np.nan
                 if one.vehicle in alone.vehicles:
                     at = alone.vehicles.index(one.vehicle)
-                    own = float(axis.value(alone.values[at]))
-                    own_error = alone.errors[at] * float(axis.slope(own))
+                    fitted = float(axis.value(alone.values[at]))
+                    error = alone.errors[at] * float(axis.slope(fitted))
                 drawn = self.post.posterior[axis.name].values[..., j]
                 low, median, high = _quantiles(drawn, self.level)
                 rows.append(
@@ -87,8 +86,8 @@ class Pooled:
                         "vehicle": one.vehicle,
                         "parameter": axis.name,
                         "unit": axis.unit,
-                        "separate": own,
-                        "separate_std_error": own_error,
+                        "separate": fitted,
+                        "separate_std_error": error,
                         "median": median,
                         "sd": float(np.std(drawn)),
                         "low": low,
@@ -101,8 +100,8 @@ class Pooled:
 
     def _fitted(self, vehicle: str, parameter: str) -> float:
         """The value of a vehicle's fit, also without a standard error; NaN of several fits."""
-        own = [e.estimates for e in self.fleet.entries if e.vehicle == vehicle and e.usable]
-        return own[0][parameter][0] if len(own) == 1 and parameter in own[0] else np.nan
+        fits = [e.estimates for e in self.fleet.entries if e.vehicle == vehicle and e.usable]
+        return fits[0][parameter][0] if len(fits) == 1 and parameter in fits[0] else np.nan
 
     @cached_property
     def population(self) -> pd.DataFrame:
@@ -177,7 +176,7 @@ class Pooled:
         """
         out = {}
         for name, values in self.new_vehicle(seed=seed).items():
-            low, median, high = _quantiles(values, ONE_SD)
+            low, median, high = _quantiles(values, _ONE_SD)
             out[name] = Normal(mean=median, std=0.5 * (high - low))
         return out
 
@@ -185,13 +184,16 @@ class Pooled:
         """Each vehicle by itself and pooled, with intervals."""
         from diffthrust.many._fleet.figures import pooled_figure
 
-        return pooled_figure(self)
+        return pooled_figure(
+            self.fleet, self.ruler.axes, self.post.posterior, self.table, self.level
+        )
 
     def report(self) -> str:
         """The fleet's law, the vehicles and the state of the chains as text for people."""
         from diffthrust.many._fleet.tables import pooled_report
 
-        return pooled_report(self)
+        notes = [self.convergence.message, *(f"Note: {note}" for note in self.notes)]
+        return pooled_report(self.population, self.table, self.level, notes)
 
 
 def _quantiles(values: np.ndarray, level: float) -> tuple[float, float, float]:

@@ -6,38 +6,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from diffthrust.many._fleet.statistics import between, dispersed, holm, weighted_mean
+from diffthrust.many._fleet.estimates import Estimates, known
+from diffthrust.many._fleet.statistics import between, holm, weighted_mean
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from diffthrust.many._fleet.fleet import Fleet
-
-MAD = 1.4826
+_MAD = 1.4826
 """Standard deviations in a median absolute deviation of a Gaussian."""
 
 
-class Known(NamedTuple):
-    """What is known of a parameter of each vehicle, in its coordinate."""
-
-    vehicles: tuple[str, ...]
-    values: np.ndarray
-    errors: np.ndarray
-
-
-def known(fleet: Fleet, parameter: str) -> Known:
-    """Each vehicle's mean over its fits; where they scatter beyond their errors, its own grows."""
-    found = []
-    for vehicle in fleet.vehicles:
-        _, values, errors = fleet.series(vehicle, parameter)
-        if values.size:
-            mean = weighted_mean(values, errors)
-            found.append((vehicle, mean.value, mean.error * dispersed(mean)))
-    names, values, errors = zip(*found, strict=True) if found else ((), (), ())
-    return Known(tuple(names), np.array(values, float), np.array(errors, float))
-
-
-def spread_table(fleet: Fleet) -> pd.DataFrame:
+def spread_table(fleet: Estimates) -> pd.DataFrame:
     """See `Fleet.spread`."""
     import pandas as pd
     from scipy.stats import chi2
@@ -57,7 +36,7 @@ def spread_table(fleet: Fleet) -> pd.DataFrame:
                 "unit": axis.unit,
                 "vehicles": len(own.vehicles),
                 "median": median,
-                "robust_sd": MAD * float(np.median(np.abs(values - median))),
+                "robust_sd": _MAD * float(np.median(np.abs(values - median))),
                 "between_sd": between(own.values, own.errors) * slope,
                 "share": max(0.0, 1.0 - mean.dof / mean.q) if mean.q > 0 else 0.0,
                 "q": mean.q,
@@ -105,7 +84,7 @@ def trend(times: np.ndarray, values: np.ndarray, errors: np.ndarray) -> Trend | 
     return Trend(middle, level, slope, error, dispersion, 2.0 * float(law.sf(abs(slope) / error)))
 
 
-def drift_table(fleet: Fleet, false_alarms: float) -> pd.DataFrame:
+def drift_table(fleet: Estimates, false_alarms: float) -> pd.DataFrame:
     """See `Fleet.drift`."""
     import pandas as pd
 
@@ -135,21 +114,21 @@ def drift_table(fleet: Fleet, false_alarms: float) -> pd.DataFrame:
     return table
 
 
-def effects_table(fleet: Fleet) -> pd.DataFrame:
+def effects_table(fleet: Estimates) -> pd.DataFrame:
     """See `Fleet.effects`."""
     import pandas as pd
 
     names = list(dict.fromkeys(e for entry in fleet.entries for e in entry.effects))
     rows = {}
     for vehicle in fleet.vehicles:
-        own = [entry for entry in fleet.entries if entry.vehicle == vehicle]
-        found = {e: sum(e in entry.effects for entry in own) / len(own) for e in names}
-        rows[vehicle] = {"fits": len(own), **found}
+        fits = [entry for entry in fleet.entries if entry.vehicle == vehicle]
+        shares = {e: sum(e in entry.effects for entry in fits) / len(fits) for e in names}
+        rows[vehicle] = {"fits": len(fits), **shares}
     table = pd.DataFrame.from_dict(rows, orient="index", columns=["fits", *names])
     return table.rename_axis("vehicle")
 
 
-def outlier_table(fleet: Fleet, false_alarms: float) -> pd.DataFrame:
+def outlier_table(fleet: Estimates, false_alarms: float) -> pd.DataFrame:
     """See `Fleet.outliers`."""
     import pandas as pd
     from scipy.stats import t as student

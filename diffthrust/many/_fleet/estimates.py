@@ -1,0 +1,49 @@
+"""What the fits of a fleet tell of each vehicle's parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from diffthrust.many._fleet.axis import Axis
+from diffthrust.many._fleet.entries import Entry
+from diffthrust.many._fleet.statistics import dispersed, weighted_mean
+
+
+class Estimates(Protocol):
+    """What tables, figures and pooling read of a `Fleet`, whose attributes these are."""
+
+    @property
+    def entries(self) -> tuple[Entry, ...]: ...
+    @property
+    def axes(self) -> Mapping[str, Axis]: ...
+    @property
+    def vehicles(self) -> tuple[str, ...]: ...
+    @property
+    def time_unit(self) -> str: ...
+
+    def series(self, vehicle: str, parameter: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Times, coordinates and their standard errors of one parameter over a vehicle's fits."""
+        ...
+
+
+class Known(NamedTuple):
+    """What is known of a parameter of each vehicle, in its coordinate."""
+
+    vehicles: tuple[str, ...]
+    values: np.ndarray
+    errors: np.ndarray
+
+
+def known(fleet: Estimates, parameter: str) -> Known:
+    """Each vehicle's mean over its fits; where they scatter beyond their errors, its own grows."""
+    means = []
+    for vehicle in fleet.vehicles:
+        _, values, errors = fleet.series(vehicle, parameter)
+        if values.size:
+            mean = weighted_mean(values, errors)
+            means.append((vehicle, mean.value, mean.error * dispersed(mean)))
+    names, values, errors = zip(*means, strict=True) if means else ((), (), ())
+    return Known(tuple(names), np.array(values, float), np.array(errors, float))
