@@ -27,8 +27,8 @@ from .estimation._fit import fit as fit
 from .estimation._result import Fit as Fit
 from .estimation._status import Status as Status
 from .experiments._suggest import suggest_experiment as suggest_experiment
+from .logs._columns import Column as Column
 from .logs._log import Log as Log
-from .logs._read import Column as Column
 from .logs._read import read_log as read_log
 from .logs._robots.read import read_robot_log as read_robot_log
 from .models._axis_vehicle import AxisVehicle as AxisVehicle

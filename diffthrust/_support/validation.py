@@ -1,15 +1,18 @@
-"""Arguments checked, with one sentence that says what was expected."""
+"""Numbers checked, with one sentence that says what was expected."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
+
+import numpy as np
 
 from diffthrust._support.errors import InputError
 
 
-def number(where: str, value: Any, right: Callable[[float], bool], expected: str) -> float:
+def finite(where: str, value: Any, right: Callable[[float], bool], expected: str) -> float:
     """A finite number that meets a condition.
 
     Raises:
@@ -22,3 +25,32 @@ def number(where: str, value: Any, right: Callable[[float], bool], expected: str
     if not math.isfinite(found) or not right(found):
         raise InputError(f"{where}: expected {expected}, found {value!r}.", "Correct it.")
     return found
+
+
+def numeric_vector(values: Any, where: str) -> np.ndarray:
+    """Copy numbers into a float64 vector.
+
+    Args:
+        values: a sequence or array of one dimension.
+        where: the place, for the message.
+
+    Returns:
+        A new float64 array, shape (n,).
+
+    Raises:
+        InputError: the values are not real numbers, or not one-dimensional.
+    """
+    try:
+        array = np.asarray(values)
+    except Exception:  # ragged lists, or an object with a failing __array__
+        array = np.empty(0, dtype=object)
+    if array.dtype.kind == "O" and array.ndim == 1 and array.size:  # Decimal, or None for missing
+        with suppress(TypeError, ValueError, OverflowError):
+            array = np.array([np.nan if v is None else float(v) for v in array])
+    if array.ndim != 1 or array.dtype.kind not in "biuf":
+        found = f"an array of shape {array.shape} and type {array.dtype}"
+        raise InputError(
+            f"{where}: expected numbers in one dimension, found {found}.",
+            "give a list or a one-dimensional array of real numbers.",
+        )
+    return np.array(array, dtype=np.float64)

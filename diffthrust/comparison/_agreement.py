@@ -161,13 +161,14 @@ def _taking(taken: Mapping[str, tuple[int, str]]) -> Callable[[Log], Log]:
     """A change of logs: each named input becomes plus or minus another."""
 
     def changed(log: Log) -> Log:
-        fields = {key: getattr(log, key) for key in log.__dataclass_fields__}
-        for key in ("units", "hold"):
-            new = {name: fields[key][source] for name, (_, source) in taken.items()}
-            fields[key] = {**fields[key], **new}
-        new = {name: sign * log.inputs[source] for name, (sign, source) in taken.items()}
-        fields["inputs"] = {**log.inputs, **new}
-        return Log._of(fields)
+        inputs = {name: sign * log.inputs[source] for name, (sign, source) in taken.items()}
+        units = {name: log.units[source] for name, (_, source) in taken.items()}
+        hold = {name: log.hold[source] for name, (_, source) in taken.items()}
+        return log.replaced(
+            inputs={**log.inputs, **inputs},
+            units={**log.units, **units},
+            hold={**log.hold, **hold},
+        )
 
     return changed
 

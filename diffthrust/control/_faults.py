@@ -12,7 +12,7 @@ import jax.numpy as jnp
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
-from diffthrust._support.validation import number
+from diffthrust._support.validation import finite
 
 _ROUNDING = 1e-9
 """Seconds: an instant on the grid counts, whatever its rounding."""
@@ -43,7 +43,7 @@ class Change:
                 'Write factors={"thruster.ct": 0.6}.',
             )
         for name, factor in self.factors.items():
-            number(f"Change, factor of '{name}'", factor, lambda x: True, "a number")
+            finite(f"Change, factor of '{name}'", factor, lambda x: True, "a number")
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Stuck:
     def __post_init__(self) -> None:
         _check_times(self)
         if self.value is not None:
-            number("Stuck, value", self.value, lambda x: True, "a number or None")
+            finite("Stuck, value", self.value, lambda x: True, "a number or None")
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class Limited:
 
     def __post_init__(self) -> None:
         _check_times(self)
-        number("Limited, limit", self.limit, lambda x: x >= 0, "a positive number")
+        finite("Limited, limit", self.limit, lambda x: x >= 0, "a positive number")
 
 
 Fault = Change | Stuck | Limited
@@ -111,7 +111,7 @@ def duct_obstruction(at: float, load: float = 2.0, thrust: float = 0.9) -> Chang
 
 def _check_times(fault: Any) -> None:
     name = type(fault).__name__
-    number(f"{name}, at", fault.at, lambda x: True, "an instant in seconds")
+    finite(f"{name}, at", fault.at, lambda x: True, "an instant in seconds")
     if not (isinstance(fault.until, int | float) and fault.until > fault.at):
         raise InputError(
             f"{name}, until: expected an instant after {fault.at:g} s, found {fault.until!r}.",

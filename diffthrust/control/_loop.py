@@ -12,7 +12,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
-from diffthrust._support.validation import number
+from diffthrust._support.validation import finite
 from diffthrust.control._base import Controller
 from diffthrust.control._command_path import CommandPath
 from diffthrust.control._compensators import Compensator, NoCompensator
@@ -88,7 +88,7 @@ class Loop:
     def _plant(self) -> Plant:
         given = mapping("Loop, given", self.given, '{"supply_voltage": 24.0}')
         numbers = {
-            name: number(f"Loop, given '{name}'", value, lambda x: True, "a number")
+            name: finite(f"Loop, given '{name}'", value, lambda x: True, "a number")
             for name, value in given.items()
         }
         arrays = {name: jnp.asarray(value) for name, value in numbers.items()}
@@ -177,7 +177,7 @@ class Loop:
         substeps: int | None = None,
     ) -> tuple[Any, ...]:
         """The arguments of `_march.march` for this loop, as for `simulate`."""
-        number("duration", duration, lambda x: x > 0, "seconds, above zero")
+        finite("duration", duration, lambda x: x > 0, "seconds, above zero")
         if not isinstance(reference, Reference):
             raise InputError(
                 f"reference: expected Sinusoid, Step or Trajectory, found {reference!r}.",
@@ -206,7 +206,7 @@ class Loop:
         for name, value in mapping(
             "initial", initial or {}, '{"speed": 0.0}', states, "state"
         ).items():
-            state = number(f"initial, state '{name}'", value, lambda x: True, "a finite number")
+            state = finite(f"initial, state '{name}'", value, lambda x: True, "a finite number")
             start[name] = jnp.asarray(state)
         parts = self._parts(substeps)
         values = {name: jnp.asarray(p.value, float) for name, p in self.parameters.items()}

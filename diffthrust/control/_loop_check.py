@@ -9,7 +9,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
-from diffthrust._support.validation import number
+from diffthrust._support.validation import finite
 from diffthrust.control._base import Block, Controller
 from diffthrust.control._compensators import Compensator
 from diffthrust.control._plant import Plant
@@ -18,8 +18,8 @@ from diffthrust.control._plant import Plant
 def check_numbers(plant: Plant, rate: Any, delay: Any, noise: Any) -> None:
     """Raise `InputError` for a plant, a rate, a delay or a noise that cannot be meant."""
     plant.check()
-    number("Loop, rate", rate, lambda x: x > 0, "samples in a second, above zero")
-    number("Loop, delay", delay, lambda x: x >= 0, "seconds, zero or more")
+    finite("Loop, rate", rate, lambda x: x > 0, "samples in a second, above zero")
+    finite("Loop, delay", delay, lambda x: x >= 0, "seconds, zero or more")
     check_noise("Loop", noise, plant.channels)
 
 
@@ -27,7 +27,7 @@ def check_noise(who: str, noise: Any, channels: Collection[str]) -> None:
     """Raise `InputError` for standard deviations that cannot be meant."""
     example = f'{{"{next(iter(channels))}": 0.3}}'
     for name, level in mapping(f"{who}, noise", noise, example, channels).items():
-        number(f"{who}, noise of '{name}'", level, lambda x: x >= 0, "zero or more")
+        finite(f"{who}, noise of '{name}'", level, lambda x: x >= 0, "zero or more")
 
 
 def mapping(

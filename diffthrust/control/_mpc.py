@@ -13,7 +13,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
-from diffthrust._support.validation import number
+from diffthrust._support.validation import finite
 from diffthrust.control._mpc_step import Frame, Plan, Setting, solved
 from diffthrust.control._one_sample import AT_SEA, begin, check_vessel
 from diffthrust.control._path import Wanted
@@ -86,9 +86,9 @@ class MPC:
     def __post_init__(self) -> None:
         check_vessel(self.model, "MPC")
         for name in ("rate", "position"):
-            number(f"MPC, {name}", getattr(self, name), lambda x: x > 0, "a number above zero")
+            finite(f"MPC, {name}", getattr(self, name), lambda x: x > 0, "a number above zero")
         if self.disturbance is not None:
-            number("MPC, disturbance", self.disturbance, lambda x: x > 0, "seconds, above zero")
+            finite("MPC, disturbance", self.disturbance, lambda x: x > 0, "seconds, above zero")
         if self.horizon is None:
             object.__setattr__(self, "horizon", max(1, round(_AHEAD * self.rate)))
         for name in ("horizon", "iterations"):
@@ -99,7 +99,7 @@ class MPC:
         limits = {name: _limits(name, self.limits.get(name), unit) for name, unit in units.items()}
         object.__setattr__(self, "limits", limits)
         for name, value in self.rates.items():
-            number(f"MPC, rates of '{name}'", value, lambda x: x > 0, "a number above zero")
+            finite(f"MPC, rates of '{name}'", value, lambda x: x > 0, "a number above zero")
 
     @property
     def ahead(self) -> np.ndarray:
@@ -120,7 +120,7 @@ class MPC:
         now = {n: 0.5 * (low + high) for n, (low, high) in self.limits.items()}
         if inputs is not None:
             _check_names("inputs", inputs, tuple(now), "0.1")
-            now |= {n: number(f"MPC, input '{n}'", v, _any, "a number") for n, v in inputs.items()}
+            now |= {n: finite(f"MPC, input '{n}'", v, _any, "a number") for n, v in inputs.items()}
         state = begin(self.model, now, self._seen(measured, whole=True))
         low, high = self._range
         share = jnp.stack([jnp.asarray(now[n], float) for n in self.model.inputs])
@@ -202,11 +202,11 @@ class MPC:
         for name in AT_SEA:
             value = measured.get(name, math.nan)
             if whole:
-                number(f"MPC, measured '{name}'", value, _any, "a number")
+                finite(f"MPC, measured '{name}'", value, _any, "a number")
             found[name] = jnp.asarray(_number(f"MPC, measured '{name}'", value), float)
         if whole:
             more = {n: v for n, v in measured.items() if n not in AT_SEA}
-            found |= {n: jnp.asarray(number(f"MPC, measured '{n}'", v, _any, "a number"), float)
+            found |= {n: jnp.asarray(finite(f"MPC, measured '{n}'", v, _any, "a number"), float)
                       for n, v in more.items()}  # fmt: skip
         return found
 

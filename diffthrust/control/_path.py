@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.validation import number
+from diffthrust._support.validation import finite
 
 _FINE = 2048
 """Points in one wave of a harmonic path, between which its arc length is linear."""
@@ -67,7 +67,7 @@ class StraightPath(Path):
     east: float = 0.0
 
     def __post_init__(self) -> None:
-        _check(self, positive=("speed",), finite=("course", "north", "east"))
+        _check(self, positive=("speed",), others=("course", "north", "east"))
 
     def at(self, time: np.ndarray) -> Wanted:
         """Where to be at instants [s]."""
@@ -148,12 +148,12 @@ def told(path: Path, time: np.ndarray) -> Wanted:
     return Wanted(*rows)
 
 
-def _check(path: Path, positive: tuple[str, ...], finite: tuple[str, ...]) -> None:
+def _check(path: Path, positive: tuple[str, ...], others: tuple[str, ...]) -> None:
     kind = type(path).__name__
     for name in positive:
-        number(f"{kind}, {name}", getattr(path, name), lambda x: x > 0, "a number above zero")
-    for name in finite:
-        number(f"{kind}, {name}", getattr(path, name), lambda x: True, "a number")
+        finite(f"{kind}, {name}", getattr(path, name), lambda x: x > 0, "a number above zero")
+    for name in others:
+        finite(f"{kind}, {name}", getattr(path, name), lambda x: True, "a number")
 
 
 def _turned(

@@ -8,7 +8,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
-from diffthrust._support.validation import number
+from diffthrust._support.validation import finite
 
 LARGEST = 1e9
 """A signal beyond this, in SI units, has run away."""
@@ -42,8 +42,8 @@ class Record:
             InputError: none does, or a time that is no number.
         """
         end = float(self.time[-1])
-        first = end / 3.0 if start is None else number(f"{what}, start", start, _any, "seconds")
-        last = end if stop is None else number(f"{what}, stop", stop, _any, "seconds")
+        first = end / 3.0 if start is None else finite(f"{what}, start", start, _any, "seconds")
+        last = end if stop is None else finite(f"{what}, stop", stop, _any, "seconds")
         inside = (self.time >= first - 1e-9) & (self.time <= last + 1e-9)
         if not inside.any():
             raise InputError(

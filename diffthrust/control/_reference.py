@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.validation import number
+from diffthrust._support.validation import finite
 
 Followed = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Value, rate and acceleration at some instants, ``(n,)`` each."""
@@ -41,9 +41,9 @@ class Sinusoid:
 
     def __post_init__(self) -> None:
         for name in ("amplitude", "frequency"):
-            number(f"Sinusoid, {name}", getattr(self, name), lambda x: x > 0, "a positive number")
+            finite(f"Sinusoid, {name}", getattr(self, name), lambda x: x > 0, "a positive number")
         for name in ("offset", "phase"):
-            number(f"Sinusoid, {name}", getattr(self, name), lambda x: True, "a number")
+            finite(f"Sinusoid, {name}", getattr(self, name), lambda x: True, "a number")
 
     def at(self, time: np.ndarray) -> Followed:
         """Value, rate and acceleration at instants [s]."""
@@ -71,7 +71,7 @@ class Step:
 
     def __post_init__(self) -> None:
         for name in ("value", "time", "before"):
-            number(f"Step, {name}", getattr(self, name), lambda x: True, "a number")
+            finite(f"Step, {name}", getattr(self, name), lambda x: True, "a number")
 
     def at(self, time: np.ndarray) -> Followed:
         """Value, rate and acceleration at instants [s]."""

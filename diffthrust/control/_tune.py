@@ -14,7 +14,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
-from diffthrust._support.validation import number
+from diffthrust._support.validation import finite
 from diffthrust.control._loop import Loop
 from diffthrust.control._loop_scan import Parts, march
 from diffthrust.control._reference import Reference
@@ -41,7 +41,7 @@ class Effort:
 
     def __post_init__(self) -> None:
         for name in ("price", "start"):
-            number(f"Effort, {name}", getattr(self, name), lambda x: x >= 0, "zero or more")
+            finite(f"Effort, {name}", getattr(self, name), lambda x: x >= 0, "zero or more")
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Effort) and (self.price, self.start) == (other.price, other.start)
@@ -148,7 +148,7 @@ def tune(
     names = (gains,) if isinstance(gains, str) else gains
     _check(names, known)
     names = tuple(names)
-    number("most", most, lambda n: n >= 1, "a whole number above zero")
+    finite("most", most, lambda n: n >= 1, "a whole number above zero")
     parts, values, given, faults, rows, start = loop.prepared(
         reference, duration, seed, initial, substeps
     )

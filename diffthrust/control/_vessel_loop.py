@@ -15,7 +15,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
-from diffthrust._support.validation import number
+from diffthrust._support.validation import finite
 from diffthrust.control._loop_check import check_noise, mapping, seeded
 from diffthrust.control._mpc import MPC
 from diffthrust.control._one_sample import State, begin, check_vessel, one_sample, readings
@@ -78,7 +78,7 @@ class VesselLoop:
         given = mapping("VesselLoop, given", self.given, example, known)
         for name, value in given.items():
             if not isinstance(value, Reference):
-                number(
+                finite(
                     f"VesselLoop, given '{name}'",
                     value,
                     lambda x: True,
@@ -117,7 +117,7 @@ class VesselLoop:
         Raises:
             InputError: an unknown state, a number that cannot be meant.
         """
-        number("duration", duration, lambda x: x > 0, "seconds, above zero")
+        finite("duration", duration, lambda x: x > 0, "seconds, above zero")
         if not isinstance(path, Path):
             raise InputError(
                 f"path: expected a path, found {path!r}.",

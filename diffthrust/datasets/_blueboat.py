@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 from diffthrust.datasets._fetch import located
 from diffthrust.datasets._record import DataFile, DataSet, Runs, runs, wanted
-from diffthrust.logs._read import Column, read_log
+from diffthrust.logs._columns import Column
+from diffthrust.logs._read import read_log
 
 _RUNS = (216, 218, 220, 221, 222, 223, 224, 225, 226, 228, 230, 232)
 _UNSEEN = ("run_228", "run_230", "run_232")

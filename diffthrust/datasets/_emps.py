@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 from diffthrust.datasets._fetch import located
 from diffthrust.datasets._record import DataFile, DataSet, Runs, runs, wanted
-from diffthrust.logs._read import Column, read_log
+from diffthrust.logs._columns import Column
+from diffthrust.logs._read import read_log
 
 _COMMIT = "93afc131780fb1d5477472935a18ac8405683890"
 _TRAIN, _UNSEEN = "DATA_EMPS_SC", "DATA_EMPS_PULSES_SC"

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 from diffthrust.datasets._fetch import located
 from diffthrust.datasets._record import DataFile, DataSet, Runs, runs, wanted
-from diffthrust.logs._read import Column, read_log
+from diffthrust.logs._columns import Column
+from diffthrust.logs._read import read_log
 
 # The files have not changed in their repository; each is pinned to a commit that holds it.
 _PINS = {

@@ -7,8 +7,9 @@ from pathlib import Path
 
 from diffthrust.datasets._fetch import located
 from diffthrust.datasets._record import DataFile, DataSet, Runs, runs, wanted
+from diffthrust.logs._columns import Column
 from diffthrust.logs._log import Log
-from diffthrust.logs._read import Column, read_log
+from diffthrust.logs._read import read_log
 
 _CONTROLLERS = ("CL1state", "CL2stateKF1", "CL2stateKF2", "CL2stateKFNLO1", "CL2stateNLO1")
 _CLOSED = tuple(

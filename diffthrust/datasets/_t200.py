@@ -11,7 +11,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
-from diffthrust._support.validation import number
+from diffthrust._support.validation import finite
 from diffthrust.datasets._fetch import located
 from diffthrust.datasets._record import DataFile, DataSet, Runs, runs, wanted
 from diffthrust.logs._log import Log
@@ -87,7 +87,7 @@ def t200(names: str | Sequence[str] | None = None, *, held: float | None = None)
         >>> thrust = log.measured["thrust"]
     """
     if held is not None:
-        number("t200, held", held, lambda x: x > 0, "seconds, more than zero")
+        finite("t200, held", held, lambda x: x > 0, "seconds, more than zero")
     chosen = wanted(T200, tuple(_SHEETS), names)
     path = located(T200)[_FILE]
     sheets = _sheets(path)

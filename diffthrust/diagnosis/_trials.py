@@ -139,14 +139,14 @@ class Trials:
     def _with_series(self, logs: Sequence[Log]) -> list[Log]:
         """The logs with room for the series of the unknown signals, zero at first."""
         names = [name for effect in self.unknowns.values() for name in effect.needs]
-        out = []
-        for log in logs:
-            fields = {key: getattr(log, key) for key in log.__dataclass_fields__}
-            fields["inputs"] = {**log.inputs, **dict.fromkeys(names, np.zeros(len(log)))}
-            fields["units"] = {**log.units, **dict.fromkeys(names, "")}
-            fields["hold"] = {**log.hold, **dict.fromkeys(names, "linear")}
-            out.append(Log._of(fields))
-        return out
+        return [
+            log.replaced(
+                inputs={**log.inputs, **dict.fromkeys(names, np.zeros(len(log)))},
+                units={**log.units, **dict.fromkeys(names, "")},
+                hold={**log.hold, **dict.fromkeys(names, "linear")},
+            )
+            for log in logs
+        ]
 
     # -- fits --------------------------------------------------------------------------------------
 

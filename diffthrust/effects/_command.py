@@ -9,8 +9,7 @@ from typing import Any
 import jax.numpy as jnp
 
 from diffthrust.effects._recorded import delayed, rate_limited
-from diffthrust.models._base.component import registered
-from diffthrust.models._base.effect import Effect
+from diffthrust.models._base.effect import Effect, registered
 from diffthrust.models._base.parameter import parameter, relative_to
 from diffthrust.models._base.signals import Signals
 

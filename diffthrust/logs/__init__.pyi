@@ -1,4 +1,4 @@
+from ._columns import Column as Column
 from ._log import Log as Log
-from ._read import Column as Column
 from ._read import read_log as read_log
 from ._robots.read import read_robot_log as read_robot_log

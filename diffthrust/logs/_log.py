@@ -3,6 +3,7 @@
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
 from diffthrust.logs._units import convert, convert_scale
-from diffthrust.logs._validate import checked_fields, frozen, window
+from diffthrust.logs._validate import checked_fields, window
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
@@ -80,7 +81,7 @@ class Log:
             place = "time" if channel == "time" else f"channel {channel!r}"
             return f"log {name!r}, {place}" + ("" if index is None else f", sample {index}")
 
-        fields = checked_fields(
+        checked = checked_fields(
             time=time,
             inputs=inputs or {},
             measured=measured or {},
@@ -93,24 +94,35 @@ class Log:
             notes=tuple(notes),
             at=at,
         )
-        self._set(fields)
+        self._set(checked)
 
-    def _set(self, fields: Mapping[str, Any]) -> None:
-        for key, value in fields.items():
-            object.__setattr__(self, key, value)
+    def _set(self, checked: Mapping[str, Any]) -> None:
+        """Keep the fields; arrays become read-only, mappings immutable."""
+        for key, value in checked.items():
+            arrays = value.values() if isinstance(value, Mapping) else (value,)
+            for array in arrays:
+                if isinstance(array, np.ndarray):
+                    array.flags.writeable = False
+            kept = MappingProxyType(dict(value)) if isinstance(value, Mapping) else value
+            object.__setattr__(self, key, kept)
 
     @classmethod
-    def _of(cls, fields: Mapping[str, Any]) -> "Log":
-        """Make a log of fields that are already checked."""
+    def of_checked(cls, fields: Mapping[str, Any]) -> "Log":
+        """Make a log of fields that are checked and in the library's units already."""
         log = object.__new__(cls)
-        log._set(frozen(fields))
+        log._set(fields)
         return log
+
+    def replaced(self, **fields: Any) -> "Log":
+        """A copy with other fields, which are not checked; `dataclasses.replace` checks them."""
+        kept = {key: getattr(self, key) for key in self.__dataclass_fields__}
+        return Log.of_checked({**kept, **fields})
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Read-only mappings cannot be pickled; worker processes need the log.
         fields = {key: getattr(self, key) for key in self.__dataclass_fields__}
         plain = {k: dict(v) if isinstance(v, Mapping) else v for k, v in fields.items()}
-        return Log._of, (plain,)
+        return Log.of_checked, (plain,)
 
     def __len__(self) -> int:
         """Number of samples."""
@@ -197,11 +209,11 @@ class Log:
                 f"found none; the log lasts {self.duration:.6g} s.",
                 "choose start and stop inside the log.",
             )
-        fields = {key: getattr(self, key) for key in self.__dataclass_fields__}
-        fields["time"] = self.time[keep]
-        fields["inputs"] = {key: value[keep] for key, value in self.inputs.items()}
-        fields["measured"] = {key: value[keep] for key, value in self.measured.items()}
-        return Log._of(fields)
+        return self.replaced(
+            time=self.time[keep],
+            inputs={key: value[keep] for key, value in self.inputs.items()},
+            measured={key: value[keep] for key, value in self.measured.items()},
+        )
 
     def averaged(self, samples: int) -> "Log":
         """Average every so many samples into one: a record faster than what moves in it.
@@ -243,14 +255,14 @@ class Log:
             sums = np.where(seen, blocks, 0.0).sum(axis=1)
             return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
 
-        fields = {key: getattr(self, key) for key in self.__dataclass_fields__}
-        fields["time"] = self.time[:whole].reshape(-1, samples).mean(axis=1)
-        fields["inputs"] = {key: mean(key, value) for key, value in self.inputs.items()}
-        fields["measured"] = {key: mean(key, value) for key, value in self.measured.items()}
-        fields["noise"] = {key: value / samples**0.5 for key, value in self.noise.items()}
-        fields["hold"] = dict.fromkeys(self.hold, "linear")
-        fields["notes"] = (*self.notes, f"{samples} samples each were averaged into one.")
-        return Log._of(fields)
+        return self.replaced(
+            time=self.time[:whole].reshape(-1, samples).mean(axis=1),
+            inputs={key: mean(key, value) for key, value in self.inputs.items()},
+            measured={key: mean(key, value) for key, value in self.measured.items()},
+            noise={key: value / samples**0.5 for key, value in self.noise.items()},
+            hold=dict.fromkeys(self.hold, "linear"),
+            notes=(*self.notes, f"{samples} samples each were averaged into one."),
+        )
 
     def __repr__(self) -> str:
         def described(channels: Mapping[str, np.ndarray]) -> str:

@@ -1,49 +1,17 @@
 """The checks that every log passes, whether it came from arrays or from a file."""
 
 from collections.abc import Callable, Collection, Mapping
-from contextlib import suppress
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
+from diffthrust._support.validation import numeric_vector
 from diffthrust.logs._units import convert, convert_scale, si_unit
 
 # Names a place for a message: the channel (or "time"), and the sample where one is to blame.
 Place = Callable[[str, int | None], str]
-
-HOLDS = ("zero", "linear")
-
-
-def numeric_vector(values: Any, where: str) -> np.ndarray:
-    """Copy numbers into a float64 vector.
-
-    Args:
-        values: a sequence or array of one dimension.
-        where: the place, for the message.
-
-    Returns:
-        A new float64 array, shape (n,).
-
-    Raises:
-        InputError: the values are not real numbers, or not one-dimensional.
-    """
-    try:
-        array = np.asarray(values)
-    except Exception:  # ragged lists, or an object with a failing __array__
-        array = np.empty(0, dtype=object)
-    if array.dtype.kind == "O" and array.ndim == 1 and array.size:  # Decimal, or None for missing
-        with suppress(TypeError, ValueError, OverflowError):
-            array = np.array([np.nan if v is None else float(v) for v in array])
-    if array.ndim != 1 or array.dtype.kind not in "biuf":
-        found = f"an array of shape {array.shape} and type {array.dtype}"
-        raise InputError(
-            f"{where}: expected numbers in one dimension, found {found}.",
-            "give a list or a one-dimensional array of real numbers.",
-        )
-    return np.array(array, dtype=np.float64)
 
 
 def check_time(time: np.ndarray, at: Place) -> None:
@@ -215,34 +183,9 @@ def checked_fields(
     """
     unsigned = (unsigned,) if isinstance(unsigned, str) else unsigned
     hold = dict.fromkeys(inputs, hold) if isinstance(hold, str) else hold
-    known = [*inputs, *measured]
-    for key in set(inputs) & set(measured):
-        raise InputError(
-            f"{at(key, None)}: expected an input or a measured channel, found both.",
-            "give it under one of the two.",
-        )
-    if "time" in known:
-        raise InputError(f"log {name!r}: a channel is called 'time'.", "give it another name.")
-    for kind, keys, allowed in (
-        ("units", units, [*known, "time"]),
-        ("unsigned", unsigned, measured),
-        ("noise", noise, measured),
-        ("hold", hold, inputs),
-    ):
-        for key in keys:
-            if key not in allowed:
-                near = nearest(str(key), allowed)
-                raise InputError(
-                    f"log {name!r}: {kind} names {key!r}, expected one of {listing(allowed)}"
-                    f"{'; ' + near if near else ''}.",
-                    f"correct the name under {kind}, or give the channel.",
-                )
+    _check_names(inputs, measured, units, unsigned, noise, hold, name, at)
     for key, word in hold.items():
-        if word not in HOLDS:
-            raise InputError(
-                f"{at(key, None)}: expected a hold of 'zero' or 'linear', found {word!r}.",
-                "write 'zero' for a held command, 'linear' for a measured input.",
-            )
+        check_hold(word, at(key, None))
 
     stamps = numeric_vector(time, at("time", None))
     stamps = convert(stamps, units.get("time") or "s", "s", where=at("time", None))
@@ -280,19 +223,61 @@ def checked_fields(
                 f"measured {key!r}: {negative} samples are negative although the sensor is said "
                 "to report the absolute value."
             )
-    return frozen(
-        dict(
-            time=stamps,
-            inputs={key: stored[key] for key in inputs},
-            measured={key: stored[key] for key in measured},
-            units=stored_units,
-            unsigned=frozenset(unsigned),
-            noise=sigmas,
-            hold={key: hold.get(key, "zero") for key in inputs},
-            name=name,
-            notes=tuple(dict.fromkeys([*notes, *(s for s in sentences if s)])),
-        )
+    return dict(
+        time=stamps,
+        inputs={key: stored[key] for key in inputs},
+        measured={key: stored[key] for key in measured},
+        units=stored_units,
+        unsigned=frozenset(unsigned),
+        noise=sigmas,
+        hold={key: hold.get(key, "zero") for key in inputs},
+        name=name,
+        notes=tuple(dict.fromkeys([*notes, *(s for s in sentences if s)])),
     )
+
+
+def _check_names(
+    inputs: Collection[str],
+    measured: Collection[str],
+    units: Collection[str],
+    unsigned: Collection[str],
+    noise: Collection[str],
+    hold: Collection[str],
+    name: str,
+    at: Place,
+) -> None:
+    """Raise InputError unless each channel has one place, and what is told is told of channels."""
+    known = [*inputs, *measured]
+    for key in set(inputs) & set(measured):
+        raise InputError(
+            f"{at(key, None)}: expected an input or a measured channel, found both.",
+            "give it under one of the two.",
+        )
+    if "time" in known:
+        raise InputError(f"log {name!r}: a channel is called 'time'.", "give it another name.")
+    for kind, keys, allowed in (
+        ("units", units, [*known, "time"]),
+        ("unsigned", unsigned, measured),
+        ("noise", noise, measured),
+        ("hold", hold, inputs),
+    ):
+        for key in keys:
+            if key not in allowed:
+                near = nearest(str(key), allowed)
+                raise InputError(
+                    f"log {name!r}: {kind} names {key!r}, expected one of {listing(allowed)}"
+                    f"{'; ' + near if near else ''}.",
+                    f"correct the name under {kind}, or give the channel.",
+                )
+
+
+def check_hold(word: str, where: str) -> None:
+    """Raise InputError unless a hold is one of the two that there are."""
+    if word not in ("zero", "linear"):
+        raise InputError(
+            f"{where}: expected a hold of 'zero' or 'linear', found {word!r}.",
+            "write 'zero' for a held command, 'linear' for a measured input.",
+        )
 
 
 def _checked_noise(value: Any, unit: str, stored_unit: str, where: str) -> float:
@@ -308,18 +293,3 @@ def _checked_noise(value: Any, unit: str, stored_unit: str, where: str) -> float
             "give the noise in the unit of the channel, or leave it out to have it estimated.",
         )
     return sigma
-
-
-def frozen(fields: Mapping[str, Any]) -> dict[str, Any]:
-    """Make the arrays read-only and the mappings immutable."""
-    result: dict[str, Any] = {}
-    for key, value in fields.items():
-        if isinstance(value, np.ndarray):
-            value.flags.writeable = False
-        elif isinstance(value, Mapping):
-            for item in value.values():
-                if isinstance(item, np.ndarray):
-                    item.flags.writeable = False
-            value = MappingProxyType(dict(value))
-        result[key] = value
-    return result

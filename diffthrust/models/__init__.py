@@ -1,11 +1,7 @@
-"""One system per file; `MODELS` finds them by the names that spec files use.
-
-A new model is one class with `registered` in a file of its own, and its line here.
-"""
+"""One system per file; `MODELS` finds them by the names that spec files use."""
 
 from diffthrust.models._axis_vehicle import AxisVehicle as AxisVehicle
 from diffthrust.models._base.effect import Effect as Effect
-from diffthrust.models._base.model import MODELS as MODELS
 from diffthrust.models._base.model import Model as Model
 from diffthrust.models._base.parameter import Normal as Normal
 from diffthrust.models._base.parameter import Parameter as Parameter
@@ -18,3 +14,7 @@ from diffthrust.models._dc_motor import DCMotorThruster as DCMotorThruster
 from diffthrust.models._linear_sensor import LinearSensor as LinearSensor
 from diffthrust.models._thruster import Thruster as Thruster
 from diffthrust.models._vessel import Vessel as Vessel
+
+MODELS: dict[str, type[Model]] = {
+    model.name: model for model in (Thruster, Vessel, DCMotorThruster, AxisVehicle, LinearSensor)
+}

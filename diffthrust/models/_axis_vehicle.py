@@ -5,13 +5,11 @@ from typing import Any
 
 import jax.numpy as jnp
 
-from diffthrust.models._base.component import registered
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import parameter
 from diffthrust.models._base.signals import Ports, Signals
 
 
-@registered
 class AxisVehicle(Model):
     """One degree of freedom of an underwater vehicle with quadratic drag.
 

@@ -3,13 +3,11 @@
 from collections.abc import Mapping
 from typing import Any
 
-from diffthrust.models._base.component import registered
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import parameter
 from diffthrust.models._base.signals import Ports, Signals
 
 
-@registered
 class LinearSensor(Model):
     """A depth sensor with a straight calibration line: reading = slope * depth + offset.
 

@@ -5,13 +5,11 @@ from typing import Any
 
 import jax.numpy as jnp
 
-from diffthrust.models._base.component import registered
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import parameter
 from diffthrust.models._base.signals import Ports, Signals
 
 
-@registered
 class Thruster(Model):
     """A propeller in a duct, driven by a torque that follows the command.
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.validation import number
+from diffthrust._support.validation import finite
 
 
 def staircase(
@@ -30,9 +30,9 @@ def staircase(
     Example:
         >>> time, command = dft.papers.staircase([1, 2, 3, 4], dwell=10.0, step=0.05)
     """
-    number("staircase, dwell", dwell, lambda x: x > 0, "seconds, above zero")
-    number("staircase, step", step, lambda x: 0 < x <= dwell, "seconds, above zero, up to dwell")
-    number("staircase, rest", rest, lambda x: x >= 0, "seconds, zero or more")
+    finite("staircase, dwell", dwell, lambda x: x > 0, "seconds, above zero")
+    finite("staircase, step", step, lambda x: 0 < x <= dwell, "seconds, above zero, up to dwell")
+    finite("staircase, rest", rest, lambda x: x >= 0, "seconds, zero or more")
     heights = np.asarray(levels, float).ravel()
     if not heights.size or not np.all(np.isfinite(heights)):
         raise InputError(
@@ -68,8 +68,8 @@ def lowpass_noise(
     from scipy.signal import butter, sosfilt  # takes a while
 
     for name, value in (("duration", duration), ("step", step), ("peak", peak)):
-        number(f"lowpass_noise, {name}", value, lambda x: x > 0, "a number above zero")
-    number("lowpass_noise, cutoff", cutoff, lambda x: 0 < x < 0.5 / step,
+        finite(f"lowpass_noise, {name}", value, lambda x: x > 0, "a number above zero")
+    finite("lowpass_noise, cutoff", cutoff, lambda x: 0 < x < 0.5 / step,
            f"Hz, above zero and below half the sample rate, {0.5 / step:g} Hz")  # fmt: skip
     time = step * np.arange(round(duration / step) + 1)
     white = np.random.default_rng(seed).standard_normal(time.size)

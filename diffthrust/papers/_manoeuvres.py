@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from diffthrust._support.validation import number
+from diffthrust._support.validation import finite
 from diffthrust.logs._log import Log
 from diffthrust.papers._steady import records, true_stretches
 from diffthrust.papers._undisturbed import cut_out, without_noise
@@ -69,7 +69,7 @@ def manoeuvres(
         >>> print(found.summary)
     """
     for name, value in (("least", least), ("smoothing", smoothing)):
-        number(f"manoeuvres, {name}", value, lambda x: x > 0, "seconds, more than zero")
+        finite(f"manoeuvres, {name}", value, lambda x: x > 0, "seconds, more than zero")
     logs = records("manoeuvres", logs)
     surge, yaw = (
         [without_noise(log.time, log.values(name, unit), smoothing) for log in logs]

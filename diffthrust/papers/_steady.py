@@ -11,7 +11,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
-from diffthrust._support.validation import number
+from diffthrust._support.validation import finite
 from diffthrust.estimation._arguments import listed
 from diffthrust.logs._log import Log
 
@@ -90,7 +90,7 @@ def steady_portions(
     """
     logs = records("steady_portions", logs)
     for name, value in (("settle", settle), ("least", least)):
-        number(f"steady_portions, {name}", value, lambda x: x >= 0, "seconds, zero or more")
+        finite(f"steady_portions, {name}", value, lambda x: x >= 0, "seconds, zero or more")
     names = list(inputs) if inputs is not None else sorted({n for g in logs for n in g.inputs})
     for log in logs:
         absent = [name for name in names if name not in log.inputs]

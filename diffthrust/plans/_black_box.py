@@ -9,7 +9,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.transfer import transfer_of
-from diffthrust._support.validation import number
+from diffthrust._support.validation import finite
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.plans._limits import limits_of
@@ -71,7 +71,7 @@ def black_box(
         raise InputError(
             f"black_box, signal: expected 'prbs' or 'multisine', found {signal!r}.", "Correct it."
         )
-    count = int(number("black_box, periods", periods, lambda x: x >= 1, "1 or more"))
+    count = int(finite("black_box, periods", periods, lambda x: x >= 1, "1 or more"))
     thruster = isinstance(model, Model)
     low, high = limits_of("black_box", limits)
     slow, fast = (
@@ -80,7 +80,7 @@ def black_box(
     begin, end = 1.0 / (_SLOWER * slow), _FASTER / fast  # [rad/s]
     longest = math.pi / end if signal == "multisine" else 2.8 / end
     step = longest / 8.0 if step is None else step
-    number("black_box, step", step, lambda x: 0 < x <= longest,
+    finite("black_box, step", step, lambda x: 0 < x <= longest,
            f"seconds, above zero, up to {longest:.3g}")  # fmt: skip
     make = _binary if signal == "prbs" else _sines
     one = make(begin, end, step)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.validation import number
+from diffthrust._support.validation import finite
 from diffthrust.logs._log import Log
 from diffthrust.models import LinearSensor
 from diffthrust.papers._commands import staircase
@@ -51,11 +51,11 @@ def depth_calibration(
         >>> plan = dft.plans.depth_calibration((0, 3.6576), sensor=sensor, readable=(0.2, 4.9))
     """
     low, high = limits_of("depth_calibration", limits, "depth")
-    number("depth_calibration, limits", low, lambda x: x >= 0, "a least depth [m], zero or more")
-    number("depth_calibration, time_constant", time_constant, lambda x: x > 0,
+    finite("depth_calibration, limits", low, lambda x: x >= 0, "a least depth [m], zero or more")
+    finite("depth_calibration, time_constant", time_constant, lambda x: x > 0,
            "seconds, above zero")  # fmt: skip
-    count = int(number("depth_calibration, levels", levels, lambda x: x >= 3, "3 or more"))
-    times = int(number("depth_calibration, readings", readings, lambda x: x >= 1, "1 or more"))
+    count = int(finite("depth_calibration, levels", levels, lambda x: x >= 3, "3 or more"))
+    times = int(finite("depth_calibration, readings", readings, lambda x: x >= 1, "1 or more"))
     line = LinearSensor() if sensor is None else sensor
     ends = sorted(line.slope * x + line.offset for x in (low, high))
     if readable and not readable[0] <= ends[0] <= ends[1] <= readable[1]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.validation import number
+from diffthrust._support.validation import finite
 from diffthrust.control import Loop, Step
 from diffthrust.logs._log import Log
 from diffthrust.papers._commands import staircase
@@ -56,8 +56,8 @@ def speed_steps(
             "Give a dft.control.Loop without a vehicle, such as dft.papers.aras.speed_loop().",
         )
     low, high = limits_of("speed_steps", limits, "speed")
-    number("speed_steps, hold", hold, lambda x: x > 0, "seconds, above zero")
-    count = int(number("speed_steps, levels", levels, lambda x: x >= 1, "1 or more"))
+    finite("speed_steps, hold", hold, lambda x: x > 0, "seconds, above zero")
+    count = int(finite("speed_steps, levels", levels, lambda x: x >= 1, "1 or more"))
     ends = [end for end in (max(high, 0.0), min(low, 0.0)) if end]
     heights = [x for end in ends for x in (*np.linspace(0.0, end, count + 1)[1:], 0.0)]
     times = [_rests(loop, x) for end in ends for x in {end / count, end}]

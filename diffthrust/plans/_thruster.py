@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.validation import number
+from diffthrust._support.validation import finite
 from diffthrust.logs._log import Log
 from diffthrust.models import DCMotorThruster
 from diffthrust.models._base.model import Model
@@ -55,8 +55,8 @@ def static_test(
     """
     checked("static_test", model)
     low, high = limits_of("static_test", limits)
-    number("static_test, hold", hold, lambda x: x > 0, "seconds, above zero")
-    count = int(number("static_test, levels", levels, lambda x: x >= 2, "2 or more"))
+    finite("static_test, hold", hold, lambda x: x > 0, "seconds, above zero")
+    count = int(finite("static_test, levels", levels, lambda x: x >= 2, "2 or more"))
     ends = [end for end in (max(high, 0.0), min(low, 0.0)) if end != 0.0]
     heights = [x for end in ends for x in (*np.linspace(0.0, end, count + 1)[1:], 0.0)]
     return _held("static_test", _SOURCE, model, heights, hold, step, settle)
@@ -138,8 +138,8 @@ def steady_map(
     """
     checked("steady_map", model)
     low, high = limits_of("steady_map", limits)
-    number("steady_map, hold", hold, lambda x: x > 0, "seconds, above zero")
-    count = int(number("steady_map, levels", levels, lambda x: x >= 2, "2 or more"))
+    finite("steady_map, hold", hold, lambda x: x > 0, "seconds, above zero")
+    count = int(finite("steady_map, levels", levels, lambda x: x >= 2, "2 or more"))
     heights: list[float] = []
     for end in (max(high, 0.0), min(low, 0.0)):
         if end:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.validation import number
+from diffthrust._support.validation import finite
 from diffthrust.logs._log import Log
 from diffthrust.models import Vessel
 from diffthrust.plans._plan import Plan
@@ -60,9 +60,9 @@ def sequential(
             f"sequential: expected a vessel with a propeller, found {model!s}.",
             "Give dft.Vessel().",
         )
-    ahead = sorted({number("sequential, speeds", n, lambda x: x > 0, "rev/s, above zero")
+    ahead = sorted({finite("sequential, speeds", n, lambda x: x > 0, "rev/s, above zero")
                     for n in speeds})  # fmt: skip
-    turned = sorted({number("sequential, angles", a, lambda x: abs(x) < 0.5 * math.pi,
+    turned = sorted({finite("sequential, angles", a, lambda x: abs(x) < 0.5 * math.pi,
                             "rad, less than a right angle") for a in angles} - {0.0})  # fmt: skip
     if len(ahead) < 2 or not turned or turned[0] > 0 or turned[-1] < 0:
         raise InputError(

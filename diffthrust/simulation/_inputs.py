@@ -116,11 +116,12 @@ def bridged(log: Log) -> tuple[Log, np.ndarray]:
     def sparse(values: np.ndarray) -> np.ndarray:
         return np.where(share == 0.0, values[before], np.nan)
 
-    fields = {key: getattr(log, key) for key in log.__dataclass_fields__}
-    fields["time"] = between(log.time)
-    fields["inputs"] = {
-        name: between(v) if log.hold[name] == "linear" else v[before]
-        for name, v in log.inputs.items()
-    }
-    fields["measured"] = {name: sparse(values) for name, values in log.measured.items()}
-    return Log._of(fields), original
+    longer = log.replaced(
+        time=between(log.time),
+        inputs={
+            name: between(v) if log.hold[name] == "linear" else v[before]
+            for name, v in log.inputs.items()
+        },
+        measured={name: sparse(values) for name, values in log.measured.items()},
+    )
+    return longer, original

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
-from diffthrust.logs._read import Column
+from diffthrust.logs._columns import Column
 from diffthrust.models._base.model import Model
 from diffthrust.specs._file import ChannelPart, SpecFile, place
 

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
+from diffthrust.logs._columns import Column
 from diffthrust.logs._log import Log
-from diffthrust.logs._read import Column, read_log
+from diffthrust.logs._read import read_log
 from diffthrust.logs._robots.read import is_robot_log, read_robot_log
 from diffthrust.logs._robots.rosbag import is_bag
 from diffthrust.models._base.model import Model

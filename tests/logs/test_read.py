@@ -10,8 +10,8 @@ import pytest
 import scipy.sparse
 from scipy.io import savemat
 
+from diffthrust import Column, read_log
 from diffthrust._support.errors import InputError
-from diffthrust.logs._read import Column, read_log
 from diffthrust.logs._tables import csv
 from tests.shared_data import data_folder
 

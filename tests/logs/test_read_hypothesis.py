@@ -13,9 +13,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.io import savemat
 
+from diffthrust import Column, read_log
 from diffthrust._support.errors import InputError
 from diffthrust.logs._log import Log
-from diffthrust.logs._read import Column, read_log
 from diffthrust.logs._tables import csv
 
 common = settings(

@@ -10,13 +10,13 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust.logs._channels import CHANNELS
+from diffthrust.logs._columns import Column, channel_columns, is_finite, log_of_columns
 from diffthrust.logs._log import Log
-from diffthrust.logs._read import Column, described, is_finite
 from diffthrust.logs._robots.ardupilot import DATAFLASH, TELEMETRY, read_ardupilot
 from diffthrust.logs._robots.resample import resample
 from diffthrust.logs._robots.rosbag import is_bag, read_bag
 from diffthrust.logs._robots.series import Series, column_place
-from diffthrust.logs._validate import checked_fields, window
+from diffthrust.logs._validate import window
 
 _TURNS = {"rad": 2 * np.pi, "deg": 360.0}
 
@@ -92,35 +92,12 @@ def read_robot_log(
         ... )  # doctest: +SKIP
     """
     file = Path(path)
-    columns = described(file, inputs, measured)
+    columns = channel_columns(file, inputs, measured)
     _check(file, gap, faster, stamps, start, stop)
     missing = _numbers(file, missing_values)
     wanted = list(dict.fromkeys(column.column for column in columns.values()))
-    if not file.exists():
-        raise InputError(
-            f"{file}: expected a log, found none.", "check the folder and the name of the file."
-        )
-    if file.is_file() and file.stat().st_size == 0:
-        raise InputError(
-            f"{file.name}: expected messages, found an empty file.",
-            "check that the recording was saved.",
-        )
-    if file.suffix.lower() in (DATAFLASH, TELEMETRY):
-        if stamps != "recorder":
-            raise InputError(
-                f"{file.name}: stamps of headers are known in ROS bags only.",
-                "leave stamps at 'recorder'.",
-            )
-        found = read_ardupilot(file, wanted, missing)
-    elif is_bag(file):
-        found = read_bag(file, wanted, stamps == "header", missing)
-    else:
-        raise InputError(
-            f"{file.name}: expected a bag (a folder with a metadata.yaml) or a file ending in "
-            f".mcap, .db3, {DATAFLASH} or {TELEMETRY}, found neither.",
-            "tables (.csv, .parquet, .mat) are read by read_log.",
-        )
-    series = {key: _unrolled(found[c.column], c, key) for key, c in columns.items()}
+    fields = _fields(file, wanted, stamps, missing)
+    series = {key: _unrolled(fields[c.column], c, key) for key, c in columns.items()}
     driving = frozenset(inputs or {})
     held = {key: key in driving and c.hold == "zero" for key, c in columns.items()}
     even = resample(file.name, series, held, driving, base, gap, faster)
@@ -139,23 +116,45 @@ def read_robot_log(
         where = file.name if channel == "time" else column_place(file.name, columns[channel].column)
         return where + ("" if index is None else f" at {even.time[keep][index]:.6g} s")
 
-    def chosen(channels: Mapping[str, str | Column] | None) -> dict[str, np.ndarray]:
-        return {k: even.values[k][keep] * float(columns[k].scale) for k in channels or {}}
+    return log_of_columns(
+        columns,
+        inputs or {},
+        measured or {},
+        time=even.time[keep],
+        values={key: values[keep] for key, values in even.values.items()},
+        name=file.name if name is None else str(name),
+        interpolate_inputs=interpolate_inputs,
+        notes=notes,
+        at=at,
+    )
 
-    return Log._of(
-        checked_fields(
-            time=even.time[keep],
-            inputs=chosen(inputs),
-            measured=chosen(measured),
-            units={key: column.unit for key, column in columns.items()},
-            unsigned=[key for key in measured or {} if columns[key].unsigned],
-            noise={k: s for k in measured or {} if (s := columns[k].noise) is not None},
-            hold={key: columns[key].hold for key in inputs or {}},
-            name=file.name if name is None else str(name),
-            interpolate_inputs=interpolate_inputs,
-            notes=tuple(notes),
-            at=at,
+
+def _fields(
+    file: Path, wanted: Sequence[str], stamps: str, missing: Sequence[float]
+) -> Mapping[str, Series]:
+    """What the wanted fields of a robot's log held, by the reader of its kind."""
+    if not file.exists():
+        raise InputError(
+            f"{file}: expected a log, found none.", "check the folder and the name of the file."
         )
+    if file.is_file() and file.stat().st_size == 0:
+        raise InputError(
+            f"{file.name}: expected messages, found an empty file.",
+            "check that the recording was saved.",
+        )
+    if file.suffix.lower() in (DATAFLASH, TELEMETRY):
+        if stamps != "recorder":
+            raise InputError(
+                f"{file.name}: stamps of headers are known in ROS bags only.",
+                "leave stamps at 'recorder'.",
+            )
+        return read_ardupilot(file, wanted, missing)
+    if is_bag(file):
+        return read_bag(file, wanted, stamps == "header", missing)
+    raise InputError(
+        f"{file.name}: expected a bag (a folder with a metadata.yaml) or a file ending in "
+        f".mcap, .db3, {DATAFLASH} or {TELEMETRY}, found neither.",
+        "tables (.csv, .parquet, .mat) are read by read_log.",
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
+from diffthrust.logs._validate import window
 
 _DATE = re.compile(r"\d{4}-\d\d-\d\d")
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?(\d+,\d*|,\d+)([eE][+-]?\d+)?\s*")
@@ -46,6 +47,74 @@ class Table:
         """Note that the time column held dates."""
         self.dates = True
         self.notes.append("the time stamps were read as dates, in seconds after the first.")
+
+    def mark_missing(self, words: Collection[str]) -> None:
+        """Turn numbers that mean missing, such as -999, into NaN."""
+        for word in words:
+            try:
+                number = float(word)
+            except ValueError:
+                continue
+            for values in self.columns.values():
+                values[values == number] = np.nan
+
+    def keep(self, rows: np.ndarray) -> None:
+        """Keep these rows alone: booleans, ``(n,)``."""
+        self.columns = {name: values[rows] for name, values in self.columns.items()}
+        self.rows = self.rows[rows]
+
+    def drop_blank_rows(self) -> None:
+        """Drop rows that hold no number, and note how many.
+
+        Raises:
+            InputError: all rows are blank.
+        """
+        blank = np.logical_and.reduce([np.isnan(values) for values in self.columns.values()])
+        if blank.all():
+            raise InputError(
+                f"{self.file}: expected samples, found none in {blank.size} rows.",
+                "check that the recording was saved, and that the columns are the right ones.",
+            )
+        trailing = int(np.argmin(blank[::-1]))
+        inner = int(blank.sum()) - trailing
+        self.keep(~blank)
+        for count, kind, verb in (
+            (trailing, "trailing blank", "trimmed"),
+            (inner, "blank", "skipped"),
+        ):
+            if count:
+                self.notes.append(f"{count} {kind} row{'s were' if count > 1 else ' was'} {verb}.")
+
+    def cut(self, stamps: np.ndarray, start: float | None, stop: float | None) -> np.ndarray:
+        """Keep the rows from start to stop [s after the first], and note how many were cut.
+
+        Args:
+            stamps: time stamps [s], ``(n,)``.
+            start: first moment to keep.
+            stop: last moment to keep.
+
+        Returns:
+            The time stamps that are left.
+
+        Raises:
+            InputError: none is left.
+        """
+        keep = window(stamps, start, stop)
+        first = 0.0 if start is None else start
+        last = "the end" if stop is None else f"{stop:g} s"
+        if not keep.any():
+            raise InputError(
+                f"{self.file}: expected samples from {first:g} s to {last} after the first, "
+                f"found none; the log lasts {stamps[-1] - stamps[0]:.6g} s.",
+                "choose start and stop inside the log.",
+            )
+        if not keep.all():
+            self.keep(keep)
+            self.notes.append(
+                f"{int((~keep).sum())} of {keep.size} samples were cut, those outside {first:g} s "
+                f"to {last}."
+            )
+        return stamps[keep]
 
 
 @dataclass

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 from diffthrust._support.errors import InputError
 from diffthrust.models._base.component import Component
@@ -33,7 +33,6 @@ class Effect(Component):
         >>> model = dft.Thruster() + ViscousFriction()
     """
 
-    library: ClassVar[dict[str, type[Effect]]] = {}
     port: ClassVar[str] = ""
     needs: ClassVar[tuple[str, ...]] = ()
     states: ClassVar[Mapping[str, str]] = {}
@@ -94,5 +93,18 @@ def _listed(component: Component) -> str:
     return ", ".join(f"{k}={getattr(component, k):.4g}" for k in component._parameters)
 
 
-EFFECTS = Effect.library
+EFFECTS: dict[str, type[Effect]] = {}
 """The library's effects, by name."""
+
+E = TypeVar("E", bound=Effect)
+
+
+def registered(cls: type[E]) -> type[E]:
+    """Make an effect of the library known by its name to spec files and diagnoses.
+
+    Example:
+        >>> @registered
+        ... class Cavitation(Effect): ...
+    """
+    EFFECTS[cls.name] = cls
+    return cls

@@ -35,7 +35,6 @@ class Model(Component):
         >>> model = model - "command_deadband"
     """
 
-    library: ClassVar[dict[str, type[Model]]] = {}
     inputs: ClassVar[Mapping[str, str]] = {}
     optional_inputs: ClassVar[Mapping[str, str]] = {}
     states: ClassVar[Mapping[str, str]] = {}
@@ -223,7 +222,3 @@ class Model(Component):
 
     def __str__(self) -> str:
         return " + ".join([self.name, *(effect.name for effect in self.effects)])
-
-
-MODELS = Model.library
-"""The library's models, by name."""
