@@ -1,83 +1,41 @@
 """Linear least squares between limits: what each Gauss-Newton step of an MPC solves."""
 
+# ruff: noqa: F722  (shapes of arrays)
 from __future__ import annotations
 
-from typing import Any
-
-import jax
 import jax.numpy as jnp
-import numpy as np
+from jaxtyping import Array, Float
 
-_STEPS = 40
-"""Rounds at most; a round settles which limits hold, and few are needed from a good guess."""
-_LENGTHS = 0.5 ** np.arange(12.0)
-"""Of the Newton step."""
-_ROUNDING = 1e-12
+from diffthrust._support.box import least_in_box
+
 _RIDGE = 1e-13
 """Share of the squares that keeps the matrix regular, below their rounding."""
 
 
 def least_squares_within(
-    jacobian: Any, residual: Any, low: Any, high: Any, start: Any
-) -> tuple[Any, Any]:
+    jacobian: Float[Array, "rows n"],
+    residual: Float[Array, " rows"],
+    low: Float[Array, " n"],
+    high: Float[Array, " n"],
+    start: Float[Array, " n"],
+) -> Float[Array, " n"]:
     """Minimize ``|jacobian @ x + residual|^2`` over ``low <= x <= high``; traceable.
 
-    Where a limit holds and the slope points out of the box, the variable stays; the others take the
-    Newton step for themselves, bent back into the box, at the length that lowers the sum most.
-
     Args:
-        jacobian: ``(m, n)``; of two columns that cannot be told apart, neither has a value of its
-            own.
-        residual: ``(m,)``.
-        low: ``(n,)``.
-        high: ``(n,)``, above ``low``.
-        start: the first guess, ``(n,)``, within the limits.
-
-    Returns:
-        The minimizer, ``(n,)``, and whether the conditions of optimality hold.
-
-    Source: Bertsekas 1982, Projected Newton methods for optimization problems with simple
-    constraints, section 2.
+        jacobian: of two columns that cannot be told apart, neither has a value of its own.
+        residual: at zero.
+        low: lower limits.
+        high: upper limits, above ``low``.
+        start: the first guess, within the limits.
     """
     hessian, slope_at_zero = jacobian.T @ jacobian, jacobian.T @ residual
     largest = jnp.max(jnp.diag(hessian)) + jnp.finfo(float).tiny
     ridge = jnp.maximum(_RIDGE * jnp.diag(hessian), _RIDGE**2 * largest)
     hessian = hessian + jnp.diag(ridge)
     scale = jnp.sqrt(jnp.diag(hessian))
-    size = jnp.linalg.norm(residual)
-
-    def slope(x: Any) -> Any:
-        return hessian @ x + slope_at_zero
-
-    def value(x: Any) -> Any:
-        return 0.5 * x @ (hessian @ x) + slope_at_zero @ x
-
-    def held(x: Any, g: Any) -> Any:
-        return ((x <= low) & (g >= 0)) | ((x >= high) & (g <= 0))
-
-    def optimal(x: Any) -> Any:
-        g = slope(x)
-        left = jnp.where(held(x, g), 0.0, jnp.abs(g) / scale)
-        return jnp.max(left) <= 1e-9 * size + _ROUNDING
-
-    def unfinished(carry: tuple[Any, Any, Any]) -> Any:
-        x, count, stuck = carry
-        return ~optimal(x) & (count < _STEPS) & ~stuck
-
-    def improve(carry: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
-        x, count, _ = carry
-        g = slope(x)
-        free = ~held(x, g)
-        both = free[:, None] & free[None, :]
-        reduced = jnp.where(both, hessian, jnp.diag(jnp.where(free, 0.0, scale**2)))
-        step = jnp.linalg.solve(reduced, jnp.where(free, -g, 0.0))
-        tried = jax.vmap(lambda length: jnp.clip(x + length * step, low, high))(_LENGTHS)
-        values = jax.vmap(value)(tried)
-        best = jnp.argmin(values)
-        better = values[best] < value(x)
-        return jnp.where(better, tried[best], x), count + 1, ~better
-
-    x, _, _ = jax.lax.while_loop(
-        unfinished, improve, (jnp.clip(start, low, high), 0, jnp.asarray(False))
-    )
-    return x, optimal(x)
+    size = jnp.linalg.norm(residual) + jnp.finfo(float).tiny
+    left, right = (low - start) * scale / size, (high - start) * scale / size
+    slope = (hessian @ start + slope_at_zero) / scale / size
+    step = least_in_box(hessian / scale[:, None] / scale[None, :], slope, left, right)
+    x = jnp.clip(start + step * size / scale, low, high)
+    return jnp.where(step <= left, low, jnp.where(step >= right, high, x))

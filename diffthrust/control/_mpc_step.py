@@ -119,7 +119,7 @@ def solve(frame: Frame, given: Setting, plan: Plan, seen: Mapping[str, Any], pla
         jacobian = jax.jacfwd(residual)(jnp.clip(flat, _MARGIN, 1.0 - _MARGIN))
         now, rest = cost(flat), residual(flat)
         sizes = jnp.linalg.norm(jacobian, axis=0)
-        step, _ = least_squares_within(
+        step = least_squares_within(
             jnp.concatenate([jacobian, jnp.sqrt(damping) * jnp.diag(sizes)]),
             jnp.concatenate([rest, jnp.zeros_like(flat)]),
             -flat,

@@ -13,13 +13,13 @@ import numpy as np
 import optimistix as optx
 
 from diffthrust._support._running.batching import lanes
+from diffthrust._support.box import least_in_box
 from diffthrust.estimation._likelihood import Quadratic, evaluate
 from diffthrust.estimation._problem import Problem
 
 MOST_STEPS = 300
 _CONTACT = 1e-9  # a coordinate this near to its bound counts as lying on it
 _FLAT = 1e-10  # what is left is told of the quadratic with so much curvature added
-_ROUNDS = 100  # most rounds for which sides of the box bound a step
 _AT_A_TIME = 8  # steps side by side with others, before those that have ended make room
 
 
@@ -92,7 +92,7 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         damped, flat = scaled + damping * jnp.eye(y.size), scaled + _FLAT * jnp.eye(y.size)
         # one after the other, so that the search within the box is compiled once for both
         move, full = jax.lax.map(
-            lambda matrix: _in_box(matrix, slope, low, high), jnp.stack([damped, flat])
+            lambda matrix: least_in_box(matrix, slope, low, high), jnp.stack([damped, flat])
         )
         left = -(slope @ full + 0.5 * full @ scaled @ full)
         return jnp.clip(y + move / scale, self.lower, self.upper) - y, left
@@ -119,42 +119,6 @@ class BoundedLevenbergMarquardt(optx.AbstractMinimiser):
         result: Any,
     ) -> tuple[Any, Any, dict[str, Any]]:
         return y, state.quadratic, {}
-
-
-def _in_box(matrix: Any, slope: Any, low: Any, high: Any) -> Any:
-    """The least of ``slope @ x + x @ matrix @ x / 2`` between ``low <= 0`` and ``high >= 0``.
-
-    A primal active set (Nocedal & Wright 2006, section 16.5): from zero towards the least of the
-    coordinates that are free, as far as the first side of the box, which then holds one more; at
-    the least, the side that holds back most lets go. To cut a step off at the sides instead would
-    turn it uphill where coordinates depend on each other.
-    """
-    eye = jnp.eye(slope.size)
-
-    def again(state: Any) -> Any:
-        x, fixed, _, count = state
-        pull = slope + matrix @ x
-        free = jnp.where(fixed[:, None] | fixed[None, :], eye, matrix)
-        step = -jnp.linalg.solve(free, jnp.where(fixed, 0.0, pull))
-        side = jnp.where(step < 0, low, high)
-        reach = jnp.where(fixed | (step == 0), jnp.inf, (side - x) / jnp.where(step == 0, 1, step))
-        first = jnp.argmin(reach)
-        blocked = reach[first] < 1.0
-        x = x + jnp.minimum(1.0, jnp.maximum(reach[first], 0.0)) * step
-        x = jnp.where(blocked, x.at[first].set(side[first]), x)
-        pull = slope + matrix @ x
-        back = jnp.where(x <= low, -pull, 0.0) + jnp.where(x >= high, pull, 0.0)
-        back = jnp.where(fixed & (low < high), back, 0.0)
-        worst = jnp.argmax(back)
-        releases = ~blocked & (back[worst] > 1e-12)
-        fixed = jnp.where(blocked, fixed.at[first].set(True), fixed)
-        fixed = jnp.where(releases, fixed.at[worst].set(False), fixed)
-        return x, fixed, blocked | releases, count + 1
-
-    outward = ((low == 0) & (slope > 0)) | ((high == 0) & (slope < 0))
-    begun = (jnp.zeros_like(slope), outward, jnp.array(True), 0)
-    x, *_ = jax.lax.while_loop(lambda state: state[2] & (state[3] < _ROUNDS), again, begun)
-    return jnp.clip(x, low, high)
 
 
 class Solved(NamedTuple):
