@@ -16,7 +16,7 @@ from diffthrust.blackbox._records import Channels, Record, channels_of
 from diffthrust.blackbox._search import Found, judged, search, size_of
 from diffthrust.blackbox._starts import armax_starts, least_squares, output_error_starts
 from diffthrust.blackbox._system import observer_form
-from diffthrust.estimation._result import Estimate
+from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._status import Status
 from diffthrust.logs._log import Log
 

@@ -25,7 +25,7 @@ from diffthrust.estimation._likelihood import Quadratic
 from diffthrust.estimation._observer import CLIP, REAL, WIDE, guesses, is_memory, observer_of
 from diffthrust.estimation._one_step import cost, nrmse, passes, settled_start, with_clip
 from diffthrust.estimation._problem import Problem
-from diffthrust.estimation._registry import NOISES
+from diffthrust.estimation._registry import NOISE_MODELS
 from diffthrust.estimation._residuals import Innovations
 from diffthrust.estimation._solver import solve
 from diffthrust.logs._log import Log
@@ -120,7 +120,9 @@ class Trials:
         self.candidates = {effect.name: effect for effect in candidates}
         self.own = tuple(n for n, p in model.parameters.items() if not p.fixed)
         remembering = {p for e in model.effects if e.memory for p in e.ports}
-        observer = observer_of(model, logs[0], channels, remembering, NOISES[noise_model].lasts)
+        observer = observer_of(
+            model, logs[0], channels, remembering, NOISE_MODELS[noise_model].lasts
+        )
         likelihood = Innovations(law=StudentT(), observer=observer)
         arrange = partial(build, everything, substeps=substeps, likelihood=likelihood)
         first = arrange(self._with_series(logs))

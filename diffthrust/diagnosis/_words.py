@@ -16,7 +16,8 @@ from diffthrust.models._base.model import Model
 if TYPE_CHECKING:
     from diffthrust.comparison._compare import Comparison
     from diffthrust.diagnosis._result import Diagnosis, Missing
-    from diffthrust.estimation._result import Estimate, Fit
+    from diffthrust.estimation._estimate import Estimate
+    from diffthrust.estimation._result import Fit
     from diffthrust.simulation._errors import Errors
 
 _GROWN = 4.0

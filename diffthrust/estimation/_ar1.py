@@ -26,13 +26,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
-from diffthrust.estimation._noise import WHITE, Doubt, Noise
-from diffthrust.estimation._numbers import Array, Batch, Numbers
+from diffthrust.estimation._noise import WHITE, Doubt, NoiseModel
+from diffthrust.estimation._numbers import AnyArray, Batch, ProblemNumbers
 from diffthrust.models._base.parameter import Parameter
 
-DIGITS = 6
+_DIGITS = 6
 """Gaps of time are equal where they agree to so many digits."""
-FAR = 1e15
+_FAR = 1e15
 """The gap where there is no earlier sample: nothing lasts so long, and it has a derivative."""
 RANGE = (1e-3, 0.9999)
 """Of the correlation from one step to the next: from white noise to a random walk."""
@@ -45,11 +45,11 @@ class Links:
 
     Args:
         past: its index.
-        gap: how long before [steps]; `FAR` where there is none.
+        gap: how long before [steps]; `_FAR` where there is none.
     """
 
-    past: Int[Array, "logs channels time"]
-    gap: Float[Array, "logs channels time"]
+    past: Int[AnyArray, "logs channels time"]
+    gap: Float[AnyArray, "logs channels time"]
 
 
 @jax.tree_util.register_dataclass
@@ -62,12 +62,12 @@ class Gaps:
         counts: how often.
     """
 
-    steps: Float[Array, "channels sizes"]
-    counts: Float[Array, "channels sizes"]
+    steps: Float[AnyArray, "channels sizes"]
+    counts: Float[AnyArray, "channels sizes"]
 
 
 @dataclass(frozen=True)
-class AR1(Noise):
+class AR1(NoiseModel):
     """Each channel's noise is a first-order autoregression, whose correlation is estimated."""
 
     word: ClassVar[str] = "ar1"
@@ -86,7 +86,7 @@ class AR1(Noise):
         nearly = dict.fromkeys(names, 0.02)
         return {}, nearly, nearly
 
-    def arranged(self, numbers: Numbers, step: float) -> Numbers:
+    def arranged(self, numbers: ProblemNumbers, step: float) -> ProblemNumbers:
         """With the samples' distances."""
         batches = []
         for batch in numbers.batches:
@@ -103,7 +103,7 @@ class AR1(Noise):
         channels: Sequence[str],
         rests: Sequence[Any],
         log: Batch,
-        numbers: Numbers,
+        numbers: ProblemNumbers,
         values: Mapping[str, Any],
     ) -> Sequence[Any]:
         """What the sample before does not tell."""
@@ -120,7 +120,9 @@ class AR1(Noise):
             for i, (name, rest) in enumerate(zip(channels, rests, strict=True))
         ]
 
-    def levels(self, channels: Sequence[str], numbers: Numbers, values: Mapping[str, Any]) -> Any:
+    def levels(
+        self, channels: Sequence[str], numbers: ProblemNumbers, values: Mapping[str, Any]
+    ) -> Any:
         """At some values of the correlations."""
         gaps: Gaps = numbers.gaps
         kept = jnp.stack([jnp.asarray(values[_name(c)]) for c in channels])
@@ -134,7 +136,7 @@ class AR1(Noise):
         )
 
     def independent(
-        self, channels: Sequence[str], numbers: Numbers, values: Mapping[str, float]
+        self, channels: Sequence[str], numbers: ProblemNumbers, values: Mapping[str, float]
     ) -> float:
         """Of the samples that are measured, as far apart as they are on the whole."""
         gaps: Gaps = numbers.gaps
@@ -178,7 +180,7 @@ def linked(time: np.ndarray, measured: np.ndarray, anew: np.ndarray, step: float
     row = np.arange(time.shape[0])[:, None, None]
     before = np.maximum(past, 0)
     together = seen & (past >= 0) & (segment[row, before] == segment[:, None, :])
-    gap = np.where(together, (time[:, None, :] - time[row, before]) / step, FAR)
+    gap = np.where(together, (time[:, None, :] - time[row, before]) / step, _FAR)
     return Links(np.where(together, past, 0), gap)
 
 
@@ -187,9 +189,9 @@ def _gaps(links: Sequence[Links]) -> Gaps:
     found = []
     for channel in zip(*(np.moveaxis(np.asarray(b.gap), 1, 0) for b in links), strict=True):
         all_gaps = np.concatenate([part.ravel() for part in channel])
-        finite = all_gaps[all_gaps < FAR]
+        finite = all_gaps[all_gaps < _FAR]
         size = 10.0 ** np.floor(np.log10(finite))
-        rounded = np.round(finite / size, DIGITS - 1) * size
+        rounded = np.round(finite / size, _DIGITS - 1) * size
         _, first, counts = np.unique(rounded, return_index=True, return_counts=True)
         found.append((finite[first], counts))
     widest = max(steps.size for steps, _ in found)
@@ -198,7 +200,7 @@ def _gaps(links: Sequence[Links]) -> Gaps:
         return np.concatenate([values, np.full(widest - values.size, fill)])
 
     return Gaps(
-        steps=np.stack([padded(steps, FAR) for steps, _ in found]),
+        steps=np.stack([padded(steps, _FAR) for steps, _ in found]),
         counts=np.stack([padded(counts.astype(float), 0.0) for _, counts in found]),
     )
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from diffthrust._support.errors import InputError
-from diffthrust.estimation._registry import LAWS, LIKELIHOODS, NOISES
+from diffthrust.estimation._registry import LIKELIHOODS, LOSSES, NOISE_MODELS
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._inputs import inputs_of
@@ -62,10 +62,10 @@ def check_arguments(
             f"Expected a model, found {model!r}.", "Give an instance, such as dft.Thruster()."
         )
     for what, value, known in (
-        ("loss", loss, LAWS),
+        ("loss", loss, LOSSES),
         ("initial", initial, ("auto", "estimate", "measured")),
         ("likelihood", likelihood, LIKELIHOODS),
-        ("noise_model", noise_model, NOISES),
+        ("noise_model", noise_model, NOISE_MODELS),
     ):
         if value not in known:
             raise InputError(

@@ -10,7 +10,7 @@ import numpy as np
 from diffthrust._support._running.batching import padded_length
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
-from diffthrust.estimation._numbers import Batch, Numbers, Restart
+from diffthrust.estimation._numbers import Batch, ProblemNumbers, Restart
 from diffthrust.estimation._problem import Layout, Problem
 from diffthrust.estimation._residuals import Likelihood, SimulationError
 from diffthrust.logs._log import Log
@@ -20,7 +20,7 @@ from diffthrust.simulation._inputs import bridged, hold_of, inputs_of, measured_
 from diffthrust.simulation._simulate import Grid, Key, starting_states
 from diffthrust.simulation._step_size import sensor_noise
 
-WASTE = 1.25
+_WASTE = 1.25
 """Logs share a batch while the longest is at most this many times the shortest."""
 
 
@@ -83,7 +83,7 @@ def build(
         width=width,
     )
     priors = {n: named[n].prior for n in free if named[n].prior is not None}
-    numbers = Numbers(
+    numbers = ProblemNumbers(
         batches=batches,
         values={name: np.asarray(p.value, float) for name, p in named.items()},
         scales=np.array([named[n].scale for n in free], float),
@@ -183,7 +183,7 @@ def _grouped(
         log = logs[index]
         hold = hold_of(log, inputs_of(model, log))
         for members, theirs, shortest in groups:
-            if theirs == hold and len(log) <= WASTE * shortest:
+            if theirs == hold and len(log) <= _WASTE * shortest:
                 members.append(index)
                 break
         else:

@@ -14,6 +14,7 @@ from diffthrust._support.progress import Progress
 from diffthrust._support.warned import warn
 from diffthrust.estimation._arguments import check_arguments, listed
 from diffthrust.estimation._arrange import build
+from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._horizons import schedule, through, whole_runs
 from diffthrust.estimation._innovations import disturbance_of, limits_of, refined
 from diffthrust.estimation._insensitive import without_silent
@@ -23,9 +24,9 @@ from diffthrust.estimation._notes import correlation_doubts
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._registry import likelihood_of
 from diffthrust.estimation._residuals import Likelihood
-from diffthrust.estimation._result import Estimate, Fit
+from diffthrust.estimation._result import Fit
 from diffthrust.estimation._solver import Solved
-from diffthrust.estimation._status import Checks, Local, Status, examine, judge
+from diffthrust.estimation._status import Checks, Local, examine, judge
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._runs import Run, pooled_errors, runs_over
@@ -110,7 +111,8 @@ def fit(
         noise_model=noise_model,
         horizon=horizon,
     )
-    law = likelihood_of(likelihood, noise_model, loss, model, logs)
+    words = {"likelihood": likelihood, "noise_model": noise_model, "loss": loss}
+    law = likelihood_of(model, logs, **words)
     task = _Task(
         logs=logs,
         likelihood=law,
@@ -129,35 +131,14 @@ def fit(
             f"The integration step was too coarse at the optimum: refitted with {optimum.substeps} "
             "steps per sample.",
         )
-    coarse = optimum.coarse
-    if coarse:
-        warn(coarse, CoarseStepWarning)
-    local = examine(optimum.problem, optimum.best.z, optimum.best.quadratic)
-    status, message, checks = _judged(optimum, local)
-    doubts = correlation_doubts(optimum.problem, optimum.best.z, optimum.runs)
+    for note in optimum.coarse:
+        warn(note, CoarseStepWarning)
     steps = optimum.substeps if optimum.failed else substeps
-    told = [f"{log.name}: {note}" for log in logs for note in log.notes]
     return Fit(
-        model=optimum.released,
-        parameters=_estimates(optimum.problem, optimum.best.z, local),
-        covariance=local.covariance,
-        free=optimum.problem.own,
-        status=status,
-        message=message,
-        checks=checks,
-        train=pooled_errors(optimum.runs),
         holdout=pooled_errors(runs_over(optimum.model, unseen, substeps=steps)) if unseen else None,
-        log_likelihood=-float(optimum.best.quadratic.cost),
-        initial=optimum.states,
-        horizon=optimum.horizon,
-        substeps=optimum.substeps,
-        notes=(*optimum.notes, *again, *optimum.unmoved, *filter(None, [coarse]), *doubts, *told),
-        doubts=doubts,
-        likelihood=likelihood,
-        loss=loss,
-        noise_model=noise_model,
-        held=optimum.problem.held,
         guess={name: p.value for name, p in model.parameters.items()},
+        **words,
+        **_judged(optimum, again),
         **_of_noise(optimum.problem, optimum.best),
     )
 
@@ -225,14 +206,14 @@ class _Optimum:
         return (f"These logs say nothing about {names}: held at the value given.",) * bool(names)
 
     @property
-    def coarse(self) -> str:
-        """A note on steps that are too long, where they are."""
+    def coarse(self) -> tuple[str, ...]:
+        """A note on steps that are too long."""
         if self.needed <= self.substeps:
-            return ""
+            return ()
         return (
             f"At the optimum the model needs {self.needed} integrator steps per sample, but "
             f"{self.substeps} were used: parameters and errors are off by more than the sensor "
-            "noise explains."
+            "noise explains.",
         )
 
 
@@ -268,13 +249,32 @@ def _pass(task: _Task, model: Model, substeps: int) -> _Optimum:
     return _Optimum(found, final, length, silent, model, states, runs, substeps, needed, notes)
 
 
-def _judged(optimum: _Optimum, local: Local) -> tuple[Status, str, Checks]:
-    search, problem = optimum.search, optimum.problem
+def _judged(optimum: _Optimum, again: tuple[str, ...]) -> dict[str, Any]:
+    """What a fit reports of its optimum; ``again`` is the note on a refit."""
+    search, problem, best = optimum.search, optimum.problem, optimum.best
+    local, cost = examine(problem, best.z, best.quadratic), float(best.quadratic.cost)
     agreeing = search.agreeing_on(problem)
-    cost = float(search.best.quadratic.cost)
     status, message = judge(local, cost, search.begun, agreeing, search.rivals(problem))
     figures = (local.gradient, local.rank, local.columns, local.condition)
-    return status, message, Checks(*figures, search.begun, agreeing)
+    doubts = correlation_doubts(problem, best.z, optimum.runs)
+    of_logs = [f"{run.name}: {note}" for run in optimum.runs for note in run.log.notes]
+    return {
+        "model": optimum.released,
+        "parameters": _estimates(problem, best.z, local),
+        "covariance": local.covariance,
+        "free": problem.own,
+        "status": status,
+        "message": message,
+        "checks": Checks(*figures, search.begun, agreeing),
+        "train": pooled_errors(optimum.runs),
+        "log_likelihood": -cost,
+        "initial": optimum.states,
+        "horizon": optimum.horizon,
+        "held": problem.held,
+        "substeps": optimum.substeps,
+        "notes": (*optimum.notes, *again, *optimum.unmoved, *optimum.coarse, *doubts, *of_logs),
+        "doubts": doubts,
+    }
 
 
 def _of_noise(problem: Problem, best: Solved) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from diffthrust.estimation._solver import Solved
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 
-GROWTH = 1.1
+_GROWTH = 1.1
 """Whole runs are fitted where they raise no channel's noise by more than this factor."""
 
 
@@ -86,7 +86,7 @@ def whole_runs(
     entire = restarts(stage, None)
     further = found.followed(entire)
     growth = further.best.quadratic.sigma / found.best.quadratic.sigma
-    if np.isfinite(further.best.quadratic.cost) and np.all(growth <= GROWTH):
+    if np.isfinite(further.best.quadratic.cost) and np.all(growth <= _GROWTH):
         return further, entire, None, ()
     worst = int(np.argmax(np.nan_to_num(growth, nan=np.inf)))
     note = (

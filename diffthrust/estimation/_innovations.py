@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from diffthrust.estimation._arrange import build
+from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._laws import Gaussian
 from diffthrust.estimation._likelihood import errors_at
 from diffthrust.estimation._multistart import Search
@@ -16,14 +17,14 @@ from diffthrust.estimation._observer import CLIP, REAL, WIDE, is_memory
 from diffthrust.estimation._one_step import with_clip
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._residuals import Innovations
-from diffthrust.estimation._result import Estimate, Fit
+from diffthrust.estimation._result import Fit
 from diffthrust.estimation._solver import Solved, solve
 from diffthrust.logs._log import Log
 from diffthrust.simulation._inputs import bridged
 
-NEWTON = 6
+_NEWTON = 6
 """At most so many steps of Newton's method end a search."""
-SHARE = 1e-3
+_SHARE = 1e-3
 """Gradients are compared so many standard errors to either side."""
 
 
@@ -57,7 +58,7 @@ def _polished(found: Search, problem: Problem) -> Search:
     creeps. The curvature is taken from differences of the gradient over a small share of an error.
     """
     (best, count), *others = found.optima
-    for _ in range(NEWTON):
+    for _ in range(_NEWTON):
         if best.done or not np.isfinite(best.quadratic.cost):
             break
         further = _newton(problem, best)
@@ -79,8 +80,8 @@ def _newton(problem: Problem, at: Solved) -> Solved | None:
     def slope(z: np.ndarray) -> np.ndarray:
         return moves @ solve(problem, z, budget=1).quadratic.gradient
 
-    apart = [slope(at.z + SHARE * d) - slope(at.z - SHARE * d) for d in moves]
-    curvature = np.array(apart) / (2 * SHARE)
+    apart = [slope(at.z + _SHARE * d) - slope(at.z - _SHARE * d) for d in moves]
+    curvature = np.array(apart) / (2 * _SHARE)
     if not np.all(np.isfinite(curvature)):
         return None
     values, vectors = np.linalg.eigh(0.5 * (curvature + curvature.T))

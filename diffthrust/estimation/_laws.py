@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from diffthrust.estimation._numbers import Numbers
+from diffthrust.estimation._numbers import ProblemNumbers
 
 TAIL = 4.0
 """Degrees of freedom of the Student-t law behind ``loss="student_t"``."""
@@ -30,7 +30,7 @@ class Law(ABC):
     """The weighted information of a fit over the Fisher information."""
 
     @abstractmethod
-    def cost(self, rests: Sequence[Any], numbers: Numbers, known: Sequence[bool]) -> Any:
+    def cost(self, rests: Sequence[Any], numbers: ProblemNumbers, known: Sequence[bool]) -> Any:
         """Negative log-likelihood, and the noise level of each channel, known or estimated.
 
         Args:
@@ -44,7 +44,7 @@ class Law(ABC):
         """How much the square of each residual counts, ``(B, C, T)``."""
 
     @abstractmethod
-    def bend(self, rests: Sequence[Any], numbers: Numbers, sigma: Any) -> Any:
+    def bend(self, rests: Sequence[Any], numbers: ProblemNumbers, sigma: Any) -> Any:
         """Mean slope of the law's score over the samples of each channel, ``(C,)``."""
 
     @abstractmethod
@@ -56,7 +56,7 @@ class Law(ABC):
         """Errors at a level of one."""
 
 
-def _pooled(rests: Sequence[Any], numbers: Numbers) -> tuple[Any, Any]:
+def _pooled(rests: Sequence[Any], numbers: ProblemNumbers) -> tuple[Any, Any]:
     squares = sum(jnp.sum(r**2, axis=(0, 2)) for r in rests)
     return squares, jnp.sqrt(squares / numbers.counts + numbers.floor)
 
@@ -70,7 +70,7 @@ class Gaussian(Law):
     closed: ClassVar[bool] = True
     excess: ClassVar[float] = 1.0
 
-    def cost(self, rests: Sequence[Any], numbers: Numbers, known: Sequence[bool]) -> Any:
+    def cost(self, rests: Sequence[Any], numbers: ProblemNumbers, known: Sequence[bool]) -> Any:
         """A level that is not known is the root mean square of the residuals."""
         squares, pooled = _pooled(rests, numbers)
         given = jnp.asarray(known)
@@ -82,7 +82,7 @@ class Gaussian(Law):
         """All are one."""
         return jnp.ones_like(rest)
 
-    def bend(self, rests: Sequence[Any], numbers: Numbers, sigma: Any) -> Any:
+    def bend(self, rests: Sequence[Any], numbers: ProblemNumbers, sigma: Any) -> Any:
         """One, for the score is the error itself."""
         return jnp.ones_like(sigma)
 
@@ -108,7 +108,7 @@ class StudentT(Law):
     closed: ClassVar[bool] = False
     excess: ClassVar[float] = (TAIL + 3) / (TAIL + 1)
 
-    def cost(self, rests: Sequence[Any], numbers: Numbers, known: Sequence[bool]) -> Any:
+    def cost(self, rests: Sequence[Any], numbers: ProblemNumbers, known: Sequence[bool]) -> Any:
         """A level that is not known is the fixed point of the law's reweighting."""
         counts, given = numbers.counts, jnp.asarray(known)
         sigma = jnp.where(given, numbers.noise, _pooled(rests, numbers)[1])
@@ -126,7 +126,7 @@ class StudentT(Law):
         """The less, the further an error is out."""
         return (TAIL + 1) / (TAIL + rest**2 / sigma[None, :, None] ** 2)
 
-    def bend(self, rests: Sequence[Any], numbers: Numbers, sigma: Any) -> Any:
+    def bend(self, rests: Sequence[Any], numbers: ProblemNumbers, sigma: Any) -> Any:
         """Measured on the residuals."""
         total = jnp.zeros_like(sigma)
         for rest, batch in zip(rests, numbers.batches, strict=True):
@@ -142,5 +142,5 @@ class StudentT(Law):
         return 0.5 + 0.375 * error / jnp.sqrt(u) * (1.0 - error**2 / (12.0 * u))
 
     def draws(self, rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
-        """Numbers of the law."""
+        """ProblemNumbers of the law."""
         return rng.standard_t(TAIL, shape)

@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from diffthrust.estimation._numbers import Batch, Numbers
+from diffthrust.estimation._numbers import Batch, ProblemNumbers
 from diffthrust.estimation._problem import Layout, Problem
 
 _FEW = 6
@@ -49,7 +49,7 @@ _BLOCKS = 48
 """Blocks of time into which each log is divided for the scatter of the gradient."""
 
 
-def named_values(layout: Layout, numbers: Numbers, z: Any) -> dict[str, Any]:
+def named_values(layout: Layout, numbers: ProblemNumbers, z: Any) -> dict[str, Any]:
     """Parameter values at coordinates; traceable twin of `Problem.values`."""
     moved: Any = None
     if layout.width is not None:
@@ -64,7 +64,9 @@ def named_values(layout: Layout, numbers: Numbers, z: Any) -> dict[str, Any]:
     return {**numbers.values, **free}
 
 
-def residuals(layout: Layout, index: int, numbers: Numbers, log: Batch, z: Any, start: Any) -> Any:
+def residuals(
+    layout: Layout, index: int, numbers: ProblemNumbers, log: Batch, z: Any, start: Any
+) -> Any:
     """What is summed of one log, ``(C, T)``; zero where nothing was measured."""
     values = named_values(layout, numbers, z)
     model = layout.key.model.bind(values)
@@ -87,7 +89,7 @@ def errors_at(problem: Problem, z: np.ndarray) -> list[dict[str, np.ndarray]]:
 
 
 @partial(jax.jit, static_argnums=0)
-def _errors(layout: Layout, numbers: Numbers, z: Any) -> list[Any]:
+def _errors(layout: Layout, numbers: ProblemNumbers, z: Any) -> list[Any]:
     shared, starts = numbers.split(z, layout.shared)
     out = []
     for index, pairs in enumerate(zip(numbers.batches, starts, strict=True)):
@@ -107,7 +109,7 @@ def noise_levels(problem: Problem, z: np.ndarray, sigma: np.ndarray) -> dict[str
 
 
 def _with_jacobian(
-    layout: Layout, index: int, numbers: Numbers, batch: Batch, z: Any
+    layout: Layout, index: int, numbers: ProblemNumbers, batch: Batch, z: Any
 ) -> tuple[Any, Any]:
     """Residuals ``(B, C, T)`` and their derivatives ``(B, n + m, C, T)`` of one batch of logs."""
     size = z.shape[0] + len(layout.starts)
@@ -129,7 +131,7 @@ def _with_jacobian(
     return jax.lax.map(one, batch)
 
 
-def jacobians(layout: Layout, numbers: Numbers, z: Any) -> list[tuple[Any, Any]]:
+def jacobians(layout: Layout, numbers: ProblemNumbers, z: Any) -> list[tuple[Any, Any]]:
     """By batch residuals ``(B, C, T)`` and their derivatives ``(B, n + m, C, T)``."""
     shared, starts = numbers.split(z, layout.shared)
     return [
@@ -138,7 +140,7 @@ def jacobians(layout: Layout, numbers: Numbers, z: Any) -> list[tuple[Any, Any]]
     ]
 
 
-def evaluate(layout: Layout, numbers: Numbers, z: Any) -> Quadratic:
+def evaluate(layout: Layout, numbers: ProblemNumbers, z: Any) -> Quadratic:
     """Likelihood of all logs at coordinates ``z``: parameters, then initial states."""
     passes = jacobians(layout, numbers, z)
     cost, sigma = layout.cost(numbers, [r for r, _ in passes])
@@ -146,7 +148,7 @@ def evaluate(layout: Layout, numbers: Numbers, z: Any) -> Quadratic:
 
 
 def _assemble(
-    layout: Layout, numbers: Numbers, z: Any, passes: Any, cost: Any, sigma: Any
+    layout: Layout, numbers: ProblemNumbers, z: Any, passes: Any, cost: Any, sigma: Any
 ) -> Quadratic:
     n, m = layout.shared, len(layout.starts)
     gradient, information, energy = jnp.zeros(n), jnp.zeros((n, n)), jnp.zeros(())

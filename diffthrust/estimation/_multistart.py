@@ -10,19 +10,19 @@ from diffthrust._support.progress import Progress
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._solver import Solved, solve
 
-DECADES = 1.0
+_DECADES = 1.0
 """Starts of a "log" parameter are drawn this many decades to either side of the guess."""
 FIRST_BUDGET = 12
 """Steps given to every start before the best are carried on."""
-ENDED = 8
+_ENDED = 8
 """At least so many starts are carried to the end: the first steps favour the near basin, which need
 not be the deep one, so that agreement among the best few alone would prove little."""
-SAME = 1e-4
+_SAME = 1e-4
 """Log-likelihoods nearer than this are the same optimum."""
-AGREED = 3
+_AGREED = 3
 """So many starts should end in the best optimum; with fewer, more are tried."""
 
-CARRIED = 3
+_CARRIED = 3
 """So many distinct optima are followed from one horizon to the next."""
 
 
@@ -62,7 +62,7 @@ class Search:
 
     def followed(self, problem: Problem) -> Search:
         """The search carried on to a related problem from its best few optima."""
-        carried = [(solve(problem, solved.z), n) for solved, n in self.optima[:CARRIED]]
+        carried = [(solve(problem, solved.z), n) for solved, n in self.optima[:_CARRIED]]
         return Search(_distinct(carried), self.begun)
 
     def rivals(self, problem: Problem) -> tuple[str, ...]:
@@ -70,7 +70,7 @@ class Search:
         length = np.sqrt(np.diagonal(self.best.quadratic.information))
         names: dict[str, None] = {}
         for solved, _ in self.optima[1:]:
-            if _cost(solved) <= _cost(self.best) + SAME:
+            if _cost(solved) <= _cost(self.best) + _SAME:
                 away = np.abs(solved.z - self.best.z) * length
                 names |= {name: None for i, name in enumerate(problem.own) if away[i] > 1.0}
         return tuple(names)
@@ -89,12 +89,12 @@ def draw(problem: Problem, count: int, rng: np.random.Generator) -> np.ndarray:
             tried = [values.get(name, p.value) / p.scale for values in guesses]
             drawn = np.resize(tried, count)
         elif p.transform == "log":
-            away = rng.uniform(-DECADES, DECADES, count) * np.log(10.0)
+            away = rng.uniform(-_DECADES, _DECADES, count) * np.log(10.0)
             drawn = guess[i] + away
         elif p.null is not None:  # an effect may be absent, faint or strong, whatever the guess
             null = p.null / p.scale
             sign = np.where(rng.random(count) < 0.5, -1.0, 1.0) if low[i] < null else 1.0
-            drawn = null + sign * 10 ** rng.uniform(-DECADES, 0.5 * DECADES, count)
+            drawn = null + sign * 10 ** rng.uniform(-_DECADES, 0.5 * _DECADES, count)
         elif np.all(np.isfinite([low[i], high[i]])):
             drawn = rng.uniform(low[i], high[i], count)
         else:
@@ -112,8 +112,8 @@ def search(
 ) -> Search:
     """Minimise from several starts.
 
-    Every start is carried a few steps; the best quarter (at least `ENDED`) are carried to the end.
-    While the best optimum was found fewer than `AGREED` times, the next best are carried on too,
+    Every start is carried a few steps; the best quarter (at least `_ENDED`) are carried to the end.
+    While the best optimum was found fewer than `_AGREED` times, the next best are carried on too,
     and then as many starts again are drawn, twice at most. ``first`` is the first start where it
     was begun already.
     """
@@ -130,14 +130,14 @@ def search(
             begun.append(solve(problem, z, budget=FIRST_BUDGET) if known is None else known)
             tell(f"start {len(begun)}", 0.5 * (i + 1) / len(fresh))
         begun.sort(key=_rank)
-        wanted = max(ENDED, len(begun) // 4)
-        while begun and (wanted > 0 or _agreeing(ended) < AGREED):
+        wanted = max(_ENDED, len(begun) // 4)
+        while begun and (wanted > 0 or _agreeing(ended) < _AGREED):
             one = begun.pop(0)
             if np.isfinite(one.quadratic.cost):
                 ended.append(one if one.done else solve(problem, one.z))
             wanted -= 1
             tell(f"refining {len(ended)}", 1.0 - 0.5 * len(begun) / total)
-        if starts == 1 or _agreeing(ended) >= AGREED:
+        if starts == 1 or _agreeing(ended) >= _AGREED:
             break
     if not ended:  # not one start could be simulated
         ended.append(solve(problem, problem.start(), budget=1))
@@ -151,7 +151,7 @@ def _distinct(ended: list[tuple[Solved, int]]) -> tuple[tuple[Solved, int], ...]
     Among equals stands first one that met the stopping rule rather than one stuck beside a kink.
     """
     lowest = min(_cost(solved) for solved, _ in ended)
-    ended = sorted(ended, key=lambda e: (_cost(e[0]) > lowest + SAME, not e[0].done, _rank(e[0])))
+    ended = sorted(ended, key=lambda e: (_cost(e[0]) > lowest + _SAME, not e[0].done, _rank(e[0])))
     optima: list[tuple[Solved, int]] = []
     for solved, count in ended:
         for i, (other, seen) in enumerate(optima):
@@ -167,7 +167,7 @@ def _same(one: Solved, other: Solved) -> bool:
     """Equal likelihoods, and nothing between them that either of the two would notice."""
     if not np.isfinite(_cost(other)):
         return not np.isfinite(_cost(one))
-    if abs(_cost(one) - _cost(other)) > SAME + 1e-9 * abs(_cost(other)):
+    if abs(_cost(one) - _cost(other)) > _SAME + 1e-9 * abs(_cost(other)):
         return False
     away = one.z - other.z
     return any(away @ s.quadratic.information @ away <= 1.0 for s in (one, other))
@@ -182,7 +182,7 @@ def _mirrored(
         turned = best.z.copy()
         turned[i] = -turned[i]
         trial = solve(problem, turned)
-        if _cost(trial) < _cost(best) - SAME:
+        if _cost(trial) < _cost(best) - _SAME:
             best = trial
     return _distinct([(best, count), *optima[1:]])
 
@@ -202,4 +202,4 @@ def _agreeing(ended: list[Solved]) -> int:
         return 0
     costs = np.array([_cost(s) for s in ended])
     best = costs.min()
-    return int(np.sum(costs <= best + SAME + 1e-9 * abs(best))) if np.isfinite(best) else 0
+    return int(np.sum(costs <= best + _SAME + 1e-9 * abs(best))) if np.isfinite(best) else 0

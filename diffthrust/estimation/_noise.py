@@ -14,7 +14,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from diffthrust.estimation._numbers import Batch, Numbers
+from diffthrust.estimation._numbers import Batch, ProblemNumbers
 from diffthrust.models._base.parameter import Parameter
 
 WHITE = 0.1
@@ -38,7 +38,7 @@ class Doubt(NamedTuple):
     whole_runs: bool = False
 
 
-class Noise(ABC):
+class NoiseModel(ABC):
     """A model of measurement noise; fixes the compiled code of a problem."""
 
     word: ClassVar[str]
@@ -55,7 +55,7 @@ class Noise(ABC):
         """Values of them from which to start, in turn; those not named stay as they are."""
         return ({},)
 
-    def arranged(self, numbers: Numbers, step: float) -> Numbers:
+    def arranged(self, numbers: ProblemNumbers, step: float) -> ProblemNumbers:
         """The numbers with what it needs to know of the samples.
 
         Args:
@@ -69,18 +69,20 @@ class Noise(ABC):
         channels: Sequence[str],
         rests: Sequence[Any],
         log: Batch,
-        numbers: Numbers,
+        numbers: ProblemNumbers,
         values: Mapping[str, Any],
     ) -> Sequence[Any]:
         """What is new in each residual of one log, ``(T,)`` by channel; traceable."""
         return rests
 
-    def levels(self, channels: Sequence[str], numbers: Numbers, values: Mapping[str, Any]) -> Any:
+    def levels(
+        self, channels: Sequence[str], numbers: ProblemNumbers, values: Mapping[str, Any]
+    ) -> Any:
         """The level of what is new over that of the noise, ``(C,)``."""
         return np.ones(len(channels))
 
     def independent(
-        self, channels: Sequence[str], numbers: Numbers, values: Mapping[str, float]
+        self, channels: Sequence[str], numbers: ProblemNumbers, values: Mapping[str, float]
     ) -> float:
         """How many independent samples tell as much about a mean."""
         return float(np.sum(numbers.counts))
@@ -95,8 +97,8 @@ class Noise(ABC):
 
 
 @dataclass(frozen=True)
-class White(Noise):
-    """Noise that knows nothing of the sample before."""
+class White(NoiseModel):
+    """NoiseModel that knows nothing of the sample before."""
 
     word: ClassVar[str] = "white"
     lasts: ClassVar[bool] = False

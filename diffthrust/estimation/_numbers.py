@@ -10,7 +10,7 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int, PyTree
 
-Array = np.ndarray | jax.Array
+AnyArray = np.ndarray | jax.Array
 """Of NumPy where it is made, as many arrays of JAX would cost time; of JAX in compiled code."""
 
 
@@ -25,9 +25,9 @@ class Restart:
         unsigned: the sensor reports the absolute value.
     """
 
-    series: Float[Array, "logs time"]
-    value: Float[Array, "logs time"]
-    unsigned: Bool[Array, " logs"]
+    series: Float[AnyArray, "logs time"]
+    value: Float[AnyArray, "logs time"]
+    unsigned: Bool[AnyArray, " logs"]
 
 
 @jax.tree_util.register_dataclass
@@ -48,19 +48,19 @@ class Batch:
         links: what the noise model needs to know of each sample.
     """
 
-    time: Float[Array, "logs time"]
-    inputs: Mapping[str, Float[Array, "logs time"]]
-    measured: Float[Array, "logs channels time"]
-    start: Float[Array, "logs states"]
-    held: Mapping[str, Float[Array, " logs"]]
-    unsigned: Bool[Array, "logs channels"]
+    time: Float[AnyArray, "logs time"]
+    inputs: Mapping[str, Float[AnyArray, "logs time"]]
+    measured: Float[AnyArray, "logs channels time"]
+    start: Float[AnyArray, "logs states"]
+    held: Mapping[str, Float[AnyArray, " logs"]]
+    unsigned: Bool[AnyArray, "logs channels"]
     restarts: Mapping[str, Restart]
-    links: PyTree[Array] = None
+    links: PyTree[AnyArray] = None
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, eq=False)
-class Numbers:
+class ProblemNumbers:
     """The numeric part of a problem.
 
     Args:
@@ -78,18 +78,18 @@ class Numbers:
     """
 
     batches: Sequence[Batch]
-    values: Mapping[str, Float[Array, ""]]
-    scales: Float[Array, " free"]
-    noise: Float[Array, " channels"]
-    floor: Float[Array, " channels"]
-    counts: Float[Array, " channels"]
-    prior: Mapping[str, tuple[Float[Array, ""], Float[Array, ""]]]
-    clip: Float[Array, " channels"]
-    reach: Float[Array, ""]
-    chosen: Int[Array, " width"] | None = None
-    gaps: PyTree[Array] = None
+    values: Mapping[str, Float[AnyArray, ""]]
+    scales: Float[AnyArray, " free"]
+    noise: Float[AnyArray, " channels"]
+    floor: Float[AnyArray, " channels"]
+    counts: Float[AnyArray, " channels"]
+    prior: Mapping[str, tuple[Float[AnyArray, ""], Float[AnyArray, ""]]]
+    clip: Float[AnyArray, " channels"]
+    reach: Float[AnyArray, ""]
+    chosen: Int[AnyArray, " width"] | None = None
+    gaps: PyTree[AnyArray] = None
 
-    def split(self, z: Array, shared: int) -> tuple[Array, list[Array]]:
+    def split(self, z: AnyArray, shared: int) -> tuple[AnyArray, list[AnyArray]]:
         """The first coordinates, so many, and by batch the initial states, ``(logs, states)``."""
         at, starts = shared, []
         for batch in self.batches:

@@ -26,7 +26,7 @@ from jaxtyping import Bool, Float
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
-from diffthrust.estimation._numbers import Array, Batch
+from diffthrust.estimation._numbers import AnyArray, Batch
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Parameter
@@ -162,8 +162,8 @@ def guesses(names: Collection[str]) -> tuple[dict[str, float], ...]:
 class Limits(NamedTuple):
     """By channel the size of a large error, and at how many times that errors are limited."""
 
-    clip: Float[Array, " channels"]
-    reach: Float[Array, ""]
+    clip: Float[AnyArray, " channels"]
+    reach: Float[AnyArray, ""]
 
 
 class Correction:
@@ -174,9 +174,9 @@ class Correction:
         observer: Observer,
         model: Model,
         values: Mapping[str, Any],
-        time: Float[Array, " time"],
-        measured: Float[Array, "channels time"],
-        unsigned: Bool[Array, " channels"],
+        time: Float[AnyArray, " time"],
+        measured: Float[AnyArray, "channels time"],
+        unsigned: Bool[AnyArray, " channels"],
         limits: Limits,
     ) -> None:
         self.observer, self.model, self.values = observer, model, values

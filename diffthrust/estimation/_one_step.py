@@ -11,13 +11,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from diffthrust.estimation._likelihood import named_values
-from diffthrust.estimation._numbers import Batch, Numbers
+from diffthrust.estimation._numbers import Batch, ProblemNumbers
 from diffthrust.estimation._observer import Limits, innovations
 from diffthrust.estimation._problem import Layout, Problem
 from diffthrust.estimation._residuals import Innovations
 from diffthrust.simulation._simulate import Grid
 
-ROUNDS = 2
+_ROUNDS = 2
 """Rounds of Gauss-Newton for initial states: the errors are nearly linear in them."""
 
 
@@ -76,7 +76,7 @@ def settled_start(problem: Problem) -> Problem:
         return [np.nan_to_num(rest).ravel() for rest in rests]
 
     logs = [index for indices in problem.order for index in indices]  # in the order of z
-    for _ in range(ROUNDS):
+    for _ in range(_ROUNDS):
         now = weighed(z)
         moves = 1e-4 * (1.0 + np.abs(z[first:]).reshape(-1, states)).max(axis=0)
         columns = []
@@ -123,7 +123,7 @@ def with_clip(problem: Problem, clip: Any, reach: Any = 1.0) -> Problem:
 
 
 @partial(jax.jit, static_argnums=0)
-def _pass(layout: Layout, numbers: Numbers, z: Any) -> Any:
+def _pass(layout: Layout, numbers: ProblemNumbers, z: Any) -> Any:
     """Errors ``(B, C, T)`` and the paths of each batch of logs; negative log-likelihood of all."""
     assert isinstance(layout.likelihood, Innovations)
     observer = layout.likelihood.observer

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from diffthrust.estimation._numbers import Numbers
+from diffthrust.estimation._numbers import ProblemNumbers
 from diffthrust.estimation._residuals import Likelihood
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
@@ -40,7 +40,7 @@ class Layout:
         """Number of coordinates before the initial states of the logs."""
         return self.width or len(self.free)
 
-    def cost(self, numbers: Numbers, rests: Sequence[Any]) -> Any:
+    def cost(self, numbers: ProblemNumbers, rests: Sequence[Any]) -> Any:
         """Negative log-likelihood of residuals, and the noise level of each channel."""
         return self.likelihood.law.cost(rests, numbers, self.known_noise)
 
@@ -63,7 +63,7 @@ class Problem:
     model: Model
     logs: tuple[Log, ...]
     layout: Layout
-    numbers: Numbers = field(repr=False)
+    numbers: ProblemNumbers = field(repr=False)
     order: tuple[tuple[int, ...], ...] = ()
     held: bool = False
     nuisance: Mapping[str, Parameter] = field(default_factory=dict, repr=False)

@@ -21,7 +21,7 @@ from diffthrust.estimation._solver import solve
 from diffthrust.estimation._status import Status
 from diffthrust.logs._log import Log
 
-SAME = 1e-6
+_SAME = 1e-6
 """The likelihood is that of the fit where it differs by no more than this times its samples."""
 
 
@@ -74,7 +74,13 @@ def problem_of(fit: Fit, logs: Log | Sequence[Log]) -> tuple[Problem, np.ndarray
         substeps=fit.substeps,
         initial="estimate" if estimated else "measured",
         segmented=fit.horizon is not None,
-        likelihood=likelihood_of(fit.likelihood, fit.noise_model, fit.loss, fit.model, logs),
+        likelihood=likelihood_of(
+            fit.model,
+            logs,
+            likelihood=fit.likelihood,
+            noise_model=fit.noise_model,
+            loss=fit.loss,
+        ),
     )
     if fit.limits is not None:
         problem = with_clip(problem, [fit.limits[c] for c in problem.layout.channels], fit.reach)
@@ -92,7 +98,7 @@ def problem_of(fit: Fit, logs: Log | Sequence[Log]) -> tuple[Problem, np.ndarray
     z = np.concatenate([problem.start()[: problem.shared], np.ravel(begin)])
     cost = float(solve(problem, z, budget=1).quadratic.cost)
     samples = float(np.sum(problem.numbers.counts))
-    if not math.isclose(cost, -fit.log_likelihood, rel_tol=0, abs_tol=SAME * samples):
+    if not math.isclose(cost, -fit.log_likelihood, rel_tol=0, abs_tol=_SAME * samples):
         raise InputError(
             f"These are not the training logs of the fit: it reports a log-likelihood of "
             f"{fit.log_likelihood:.6g}, on these logs it is {-cost:.6g}.",

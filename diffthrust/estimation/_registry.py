@@ -1,6 +1,6 @@
 """The words of `fit` for likelihoods, noises and laws of errors.
 
-A new noise is a class in a file of its own and its place in `NOISES`.
+A new noise is a class in a file of its own and its place in `NOISE_MODELS`.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from diffthrust.estimation._ar1 import AR1
 from diffthrust.estimation._laws import Gaussian, Law, StudentT
-from diffthrust.estimation._noise import Noise, White
+from diffthrust.estimation._noise import NoiseModel, White
 from diffthrust.estimation._residuals import Innovations, Likelihood, SimulationError
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
@@ -17,16 +17,16 @@ from diffthrust.models._base.model import Model
 LIKELIHOODS: dict[str, type[Likelihood]] = {
     kind.word: kind for kind in (SimulationError, Innovations)
 }
-NOISES: dict[str, Noise] = {noise.word: noise for noise in (White(), AR1())}
-LAWS: dict[str, Law] = {law.word: law for law in (Gaussian(), StudentT())}
+NOISE_MODELS: dict[str, NoiseModel] = {noise.word: noise for noise in (White(), AR1())}
+LOSSES: dict[str, Law] = {law.word: law for law in (Gaussian(), StudentT())}
 
 
 def likelihood_of(
-    likelihood: str, noise_model: str, loss: str, model: Model, logs: Sequence[Log]
+    model: Model, logs: Sequence[Log], *, likelihood: str, noise_model: str, loss: str
 ) -> Likelihood:
     """The likelihood that the words of a fit mean, for a model and its logs.
 
     Raises:
         InputError: logs that it cannot be made for.
     """
-    return LIKELIHOODS[likelihood].of(model, logs, NOISES[noise_model], LAWS[loss])
+    return LIKELIHOODS[likelihood].of(model, logs, NOISE_MODELS[noise_model], LOSSES[loss])

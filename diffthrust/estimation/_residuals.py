@@ -17,8 +17,8 @@ import jax.numpy as jnp
 from jaxtyping import Float
 
 from diffthrust.estimation._laws import Gaussian, Law
-from diffthrust.estimation._noise import WHITE, Doubt, Noise, White
-from diffthrust.estimation._numbers import Batch, Numbers
+from diffthrust.estimation._noise import WHITE, Doubt, NoiseModel, White
+from diffthrust.estimation._numbers import Batch, ProblemNumbers
 from diffthrust.estimation._observer import Limits, Observer, guesses, innovations, observer_for
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
@@ -36,7 +36,7 @@ class Likelihood(ABC):
         law: its law.
     """
 
-    noise: Noise = field(default_factory=White)
+    noise: NoiseModel = field(default_factory=White)
     law: Law = field(default_factory=Gaussian)
 
     word: ClassVar[str]
@@ -47,7 +47,7 @@ class Likelihood(ABC):
 
     @classmethod
     @abstractmethod
-    def of(cls, model: Model, logs: Sequence[Log], noise: Noise, law: Law) -> Likelihood:
+    def of(cls, model: Model, logs: Sequence[Log], noise: NoiseModel, law: Law) -> Likelihood:
         """For a model and what its logs measure.
 
         Raises:
@@ -73,7 +73,7 @@ class Likelihood(ABC):
         model: Model,
         grid: Grid,
         values: Mapping[str, Any],
-        numbers: Numbers,
+        numbers: ProblemNumbers,
         log: Batch,
         states: Mapping[str, Any],
     ) -> Float[jax.Array, "channels time"]:
@@ -90,7 +90,7 @@ class Likelihood(ABC):
         """
 
     def doubt(self, tables: bool) -> Doubt:
-        """What a fit says where its errors are not what they are taken for; see `Noise.doubt`."""
+        """What a fit says where its errors are not what they are taken for."""
         return self.noise.doubt(tables)
 
 
@@ -102,7 +102,7 @@ class SimulationError(Likelihood):
     corrects: ClassVar[bool] = False
 
     @classmethod
-    def of(cls, model: Model, logs: Sequence[Log], noise: Noise, law: Law) -> SimulationError:
+    def of(cls, model: Model, logs: Sequence[Log], noise: NoiseModel, law: Law) -> SimulationError:
         """Whatever the logs measure."""
         return cls(noise, law)
 
@@ -116,7 +116,7 @@ class SimulationError(Likelihood):
         model: Model,
         grid: Grid,
         values: Mapping[str, Any],
-        numbers: Numbers,
+        numbers: ProblemNumbers,
         log: Batch,
         states: Mapping[str, Any],
     ) -> Float[jax.Array, "channels time"]:
@@ -151,7 +151,7 @@ class Innovations(Likelihood):
     corrects: ClassVar[bool] = True
 
     @classmethod
-    def of(cls, model: Model, logs: Sequence[Log], noise: Noise, law: Law) -> Innovations:
+    def of(cls, model: Model, logs: Sequence[Log], noise: NoiseModel, law: Law) -> Innovations:
         """For what the logs measure."""
         return cls(noise, law, observer=observer_for(model, logs))
 
@@ -174,7 +174,7 @@ class Innovations(Likelihood):
         model: Model,
         grid: Grid,
         values: Mapping[str, Any],
-        numbers: Numbers,
+        numbers: ProblemNumbers,
         log: Batch,
         states: Mapping[str, Any],
     ) -> Float[jax.Array, "channels time"]:

@@ -8,29 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._status import Checks, Status
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """One parameter after a fit.
-
-    Args:
-        value: the value, in ``unit``.
-        std_error: standard deviation of the estimate; ``None`` where the parameter was fixed, lies
-            at a bound, or cannot be told apart from others.
-        unit: unit of both.
-        fixed: it was not estimated.
-        at_bound: the data hold it at one of its bounds.
-    """
-
-    value: float
-    std_error: float | None
-    unit: str
-    fixed: bool
-    at_bound: bool
 
 
 @dataclass(frozen=True)

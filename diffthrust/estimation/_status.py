@@ -11,7 +11,7 @@ import numpy as np
 from diffthrust.estimation._likelihood import Quadratic
 from diffthrust.estimation._problem import Problem
 
-GRADIENT_LIMIT = 1e-5
+_GRADIENT_LIMIT = 1e-5
 """A stationary point has max |J_j . r| / (|J_j| |r|) below this (true ones: below 1e-7)."""
 RANK_LIMIT = 1e-13
 """Eigenvalues of the scaled information below this share of the largest count as zero: parameters
@@ -194,10 +194,10 @@ def judge(
             "No start could be simulated: every one diverged. "
             "Start from other values, narrow the bounds, or raise substeps."
         )
-    if local.gradient > GRADIENT_LIMIT:
+    if local.gradient > _GRADIENT_LIMIT:
         return Status.NOT_CONVERGED, (
             f"The search stopped where the error still falls (gradient {local.gradient:.1e}, "
-            f"allowed {GRADIENT_LIMIT:.0e}). Start nearer, or try more starts."
+            f"allowed {_GRADIENT_LIMIT:.0e}). Start nearer, or try more starts."
         )
     if local.samples <= local.columns:
         return Status.NOT_IDENTIFIABLE, (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from rich.console import Group, RenderableType
 from rich.markup import escape
@@ -11,14 +11,34 @@ from rich.table import Table
 from rich.text import Text
 
 from diffthrust._support.tables import number, plain_table, with_error
+from diffthrust.estimation._estimate import Estimate
+from diffthrust.estimation._status import Status
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors
 
-if TYPE_CHECKING:
-    from diffthrust.estimation._result import Estimate, Fit
+
+class _Reported(Protocol):
+    """What is shown of a fit."""
+
+    @property
+    def model(self) -> Model: ...
+    @property
+    def status(self) -> Status: ...
+    @property
+    def message(self) -> str: ...
+    @property
+    def parameters(self) -> Mapping[str, Estimate]: ...
+    @property
+    def disturbance(self) -> Mapping[str, Estimate] | None: ...
+    @property
+    def train(self) -> Errors: ...
+    @property
+    def holdout(self) -> Errors | None: ...
+    @property
+    def notes(self) -> tuple[str, ...]: ...
 
 
-def fit_table(fit: Fit) -> RenderableType:
+def fit_table(fit: _Reported) -> RenderableType:
     """Status, parameters with their uncertainty, errors on training and unseen logs, notes."""
     status = Text.assemble(
         ("Status: ", "bold"),
@@ -38,14 +58,14 @@ def fit_table(fit: Fit) -> RenderableType:
     return Group(*parts)
 
 
-def _observer_parts(fit: Fit) -> list[RenderableType]:
+def _observer_parts(fit: _Reported) -> list[RenderableType]:
     """What the innovations form found of random forces and lasting sensor errors."""
     if not fit.disturbance:
         return []
     table = plain_table("Noise", "Value", "Unit", "", numbers=(1,))
     for name, e in fit.disturbance.items():
-        told = name.removeprefix("noise.")
-        table.add_row(told, number(e.value, 3), escape(e.unit), "at its bound" * e.at_bound)
+        short = name.removeprefix("noise.")
+        table.add_row(short, number(e.value, 3), escape(e.unit), "at its bound" * e.at_bound)
     return [Text(), table]
 
 

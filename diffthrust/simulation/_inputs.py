@@ -75,7 +75,7 @@ def hold_of(log: Log, inputs: Mapping[str, np.ndarray]) -> tuple[tuple[str, str]
     return tuple((name, log.hold.get(name, "zero")) for name in sorted(inputs))
 
 
-EARLY = 10
+_EARLY = 10
 """A state begins at its first measurement where that is among so many samples."""
 
 
@@ -84,7 +84,7 @@ def measured_start(model: Model, log: Log) -> dict[str, float]:
     start = {}
     for name, unit in model.states.items():
         if name in log.measured and name not in log.inputs:
-            values = log.values(name, unit)[:EARLY]
+            values = log.values(name, unit)[:_EARLY]
             if np.isfinite(values).any():
                 start[name] = float(values[np.isfinite(values)][0])
     return start

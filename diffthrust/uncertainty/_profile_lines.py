@@ -13,7 +13,7 @@ import numpy as np
 import optimistix as optx
 
 from diffthrust.estimation._likelihood import Quadratic, evaluate, named_values
-from diffthrust.estimation._numbers import Numbers
+from diffthrust.estimation._numbers import ProblemNumbers
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._solver import MOST_STEPS, BoundedLevenbergMarquardt, solve
 
@@ -182,14 +182,14 @@ Line = ParameterLine | QuantityLine
 """What can be held at a place while all else goes where the cost is least."""
 
 
-def _of(layout: Any, function: Function, numbers: Numbers, z: Any, index: Any) -> Any:
+def _of(layout: Any, function: Function, numbers: ProblemNumbers, z: Any, index: Any) -> Any:
     values = named_values(layout, numbers, z[: len(layout.free)])
     found = function(values)
     return jnp.stack([jnp.asarray(v, float) for v in found.values()])[index]
 
 
 @partial(jax.jit, static_argnums=(0, 1))
-def _quantity(layout: Any, function: Function, numbers: Numbers, z: Any, index: Any) -> Any:
+def _quantity(layout: Any, function: Function, numbers: ProblemNumbers, z: Any, index: Any) -> Any:
     def of(y: Any) -> Any:
         return _of(layout, function, numbers, y, index)
 
@@ -200,7 +200,7 @@ def _quantity(layout: Any, function: Function, numbers: Numbers, z: Any, index: 
 def _pulled(
     layout: Any,
     function: Function,
-    numbers: Numbers,
+    numbers: ProblemNumbers,
     z: Any,
     low: Any,
     high: Any,

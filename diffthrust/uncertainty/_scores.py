@@ -12,7 +12,7 @@ import numpy as np
 
 from diffthrust._support.correlation import lag_one
 from diffthrust.estimation._likelihood import jacobians
-from diffthrust.estimation._numbers import Numbers
+from diffthrust.estimation._numbers import ProblemNumbers
 from diffthrust.estimation._problem import Layout, Problem
 
 
@@ -102,7 +102,7 @@ def _prior(problem: Problem, z: np.ndarray) -> np.ndarray:
 
 
 @partial(jax.jit, static_argnums=0)
-def _pass(layout: Layout, numbers: Numbers, z: Any) -> list[tuple[Any, Any, Any]]:
+def _pass(layout: Layout, numbers: ProblemNumbers, z: Any) -> list[tuple[Any, Any, Any]]:
     """By batch scores ``(B, C, n + m, T)``, residuals ``(B, C, T)``, grams of n + m columns."""
     passes = jacobians(layout, numbers, z)
     rests, law = [rest for rest, _ in passes], layout.likelihood.law

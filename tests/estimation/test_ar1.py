@@ -7,12 +7,12 @@ from scipy.stats import multivariate_normal
 import diffthrust as dft
 from diffthrust.estimation._arrange import build, restarts
 from diffthrust.estimation._rebuild import problem_of
-from diffthrust.estimation._registry import NOISES
+from diffthrust.estimation._registry import NOISE_MODELS
 from diffthrust.estimation._residuals import SimulationError
 from diffthrust.estimation._solver import solve
 
 STEP = 0.05
-LASTING = SimulationError(NOISES["ar1"])
+LASTING = SimulationError(NOISE_MODELS["ar1"])
 UNITS = {"command": "V", "speed": "rad/s", "thrust": "N"}
 
 

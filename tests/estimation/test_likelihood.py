@@ -16,7 +16,7 @@ from diffthrust.effects import ActuatorLag, ReverseThrustAsymmetry
 from diffthrust.estimation._arrange import build, restarts
 from diffthrust.estimation._laws import TAIL
 from diffthrust.estimation._likelihood import evaluate, gram
-from diffthrust.estimation._registry import LAWS
+from diffthrust.estimation._registry import LOSSES
 from diffthrust.estimation._residuals import SimulationError
 
 compiled = jax.jit(evaluate, static_argnums=0)
@@ -122,12 +122,12 @@ CASES = {
     "known_noise": lambda: build(GUESS, [log_of(1, known=("speed", "thrust"))]),
     "one_known": lambda: build(GUESS, [log_of(1, known=("thrust",))]),
     "student_t": lambda: build(
-        GUESS, [log_of(2, spikes=0.05)], likelihood=SimulationError(law=LAWS["student_t"])
+        GUESS, [log_of(2, spikes=0.05)], likelihood=SimulationError(law=LOSSES["student_t"])
     ),
     "student_t_known": lambda: build(
         GUESS,
         [log_of(2, spikes=0.05, known=("speed", "thrust"))],
-        likelihood=SimulationError(law=LAWS["student_t"]),
+        likelihood=SimulationError(law=LOSSES["student_t"]),
     ),
     "unsigned": lambda: build(GUESS, [log_of(3, unsigned=True)]),
     "missing": lambda: build(GUESS, [log_of(4, dropout=0.3)]),
@@ -247,7 +247,7 @@ def test_an_outlier_weighs_little_under_student_t():
             log = Log(clean.time, clean.inputs, measured, noise={"speed": 0.3, "thrust": 0.5})
             out.append(
                 evaluated(
-                    build(GUESS, [log], likelihood=SimulationError(law=LAWS[loss])), z
+                    build(GUESS, [log], likelihood=SimulationError(law=LOSSES[loss])), z
                 ).gradient[:3]
             )
         return np.linalg.norm(out[1] - out[0]) / np.linalg.norm(out[0])
@@ -265,7 +265,7 @@ def test_a_simulation_that_fails_costs_infinity(loss, known):
     problem = build(
         GUESS,
         [log_of(1, known=known), log_of(6, 60, known=known)],
-        likelihood=SimulationError(law=LAWS[loss]),
+        likelihood=SimulationError(law=LOSSES[loss]),
     )
     for alpha in (1e3, 1e9, 1e200):
         z = problem.start()

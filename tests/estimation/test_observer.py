@@ -30,7 +30,8 @@ GUESS = dft.Thruster(alpha=0.045, beta=38.0, ct=0.022)
 
 
 def innovations_of(model, logs, loss="gaussian"):
-    return likelihood_of("innovations", "white", loss, model, logs)
+    words = {"likelihood": "innovations", "noise_model": "white", "loss": loss}
+    return likelihood_of(model, logs, **words)
 
 
 def evaluated(problem, z):

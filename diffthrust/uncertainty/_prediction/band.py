@@ -12,7 +12,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust.estimation._laws import Law
-from diffthrust.estimation._registry import LAWS
+from diffthrust.estimation._registry import LOSSES
 from diffthrust.logs._log import Log
 from diffthrust.uncertainty._prediction.draws import Draws
 
@@ -89,7 +89,7 @@ def band_of(
     if shown is not None:
         noisy_low, noisy_high = np.quantile(shown[whole], [tails[0], tails[2]], axis=0)
     elif sigma is not None:
-        law = LAWS[drawn.loss]
+        law = LOSSES[drawn.loss]
         ends = [_mixed(law, mean[fine], sigma[fine], p) for p in (tails[0], tails[2])]
         noisy_low, noisy_high = (np.asarray(end) for end in ends)
     measured = log.values(channel, unit)

@@ -18,7 +18,7 @@ from diffthrust.estimation._observer import (
     limited,
     observer_of,
 )
-from diffthrust.estimation._registry import LAWS
+from diffthrust.estimation._registry import LOSSES
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Signals
@@ -63,7 +63,7 @@ def random_runs(
         for n, p in observer.parameters(whole.duration, whole.step).items()
     }
     shape = (len(draws), len(known), time.size)
-    law = LAWS[draws.loss].draws(rng, shape)
+    law = LOSSES[draws.loss].draws(rng, shape)
     sigma = np.stack([draws.noise[c] for c in known], axis=1)
     fit = draws.fit
     clip = [fit.limits.get(c, np.inf) if fit and fit.limits else np.inf for c in known]

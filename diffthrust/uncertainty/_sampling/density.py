@@ -18,7 +18,7 @@ from diffthrust._support._running.batching import lanes, run
 from diffthrust._support.errors import InputError
 from diffthrust.estimation._laws import TAIL
 from diffthrust.estimation._likelihood import named_values, residuals
-from diffthrust.estimation._numbers import Numbers
+from diffthrust.estimation._numbers import ProblemNumbers
 from diffthrust.estimation._problem import Layout, Problem
 from diffthrust.estimation._rebuild import problem_of
 from diffthrust.estimation._result import Fit
@@ -49,7 +49,7 @@ def log_density(shape: Shape, data: Any, x: Any) -> tuple[Any, Any]:
     """
     layout, count = shape.layout, data["moved"].shape[0]
     z = data["base"].at[data["moved"]].set(x[:count])
-    numbers: Numbers = data["numbers"]
+    numbers: ProblemNumbers = data["numbers"]
     if shape.sampled:
         where = jnp.asarray(shape.sampled)
         noise = jnp.asarray(numbers.noise).at[where].set(jnp.exp(x[count:]))
