@@ -8,7 +8,6 @@ import pytest
 import diffthrust as dft
 from diffthrust._support.tables import number, rendered, with_error
 from diffthrust.cli._tables import catalogue_table
-from diffthrust.comparison._tables import comparison_table
 from diffthrust.effects import EFFECTS
 from diffthrust.estimation._tables import fit_table
 from diffthrust.models import MODELS
@@ -47,7 +46,7 @@ def test_fixed_parameters_have_no_error(line):
 
 
 def test_the_table_of_a_comparison(fit, line):
-    text = rendered(comparison_table(dft.compare(fit, [line, line.slice(0, 9)])))
+    text = dft.compare(fit, [line, line.slice(0, 9)]).report()
     assert text.count("table ") == 2
     assert "all runs" in text
 

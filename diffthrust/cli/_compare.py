@@ -34,7 +34,6 @@ def compare_command(
     """Hold a model against its logs, run by run, after a fit or as it stands."""
     with session() as progress:
         from diffthrust.comparison._page import comparisons_of, write_report
-        from diffthrust.comparison._tables import comparison_table
         from diffthrust.specs._spec import load_spec
 
         loaded = load_spec(spec)
@@ -57,5 +56,5 @@ def compare_command(
     if fit:
         show(f"Status: {fit.status.value}. {fit.message}")
     for name, comparison in comparisons.items():
-        show(comparison_table(comparison, name))
+        show(comparison.table(name))
     written(json, report, figure)

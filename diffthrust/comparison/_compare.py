@@ -11,9 +11,11 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
+from diffthrust._support.words import percent
 from diffthrust.comparison._agreement import Agreement, agreement, hints
+from diffthrust.comparison._derived_signals import signals_of
 from diffthrust.comparison._noise_advice import NoiseAdvice, noise_advice
-from diffthrust.comparison._regimes import Regime, percent, worst_regimes
+from diffthrust.comparison._regimes import Regime, worst_regimes
 from diffthrust.comparison._residual_tests import ResidualTests, residual_tests
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
@@ -22,6 +24,7 @@ from diffthrust.simulation._runs import Run, are_tables, pooled_errors, runs_ove
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from rich.console import RenderableType
 
     from diffthrust.estimation._result import Fit
 
@@ -78,19 +81,19 @@ class Comparison:
 
         Empty for tables of readings, whose order means nothing.
         """
-        found = {}
         if self.tabular:
-            return found
+            return {}
+        by_channel = {}
         for name in self.errors.channels:
             runs = [run for run in self.runs if name in run.channels]
-            found[name] = residual_tests(
+            by_channel[name] = residual_tests(
                 name,
                 [run.channels[name].residual for run in runs],
-                [self.signals_of(run) for run in runs],
+                [signals_of(self.model, run) for run in runs],
                 step=float(np.median(np.concatenate([np.diff(run.time) for run in runs]))),
                 unit=self.model.outputs[name],
             )
-        return {name: tests for name, tests in found.items() if tests is not None}
+        return {name: tests for name, tests in by_channel.items() if tests is not None}
 
     @cached_property
     def regimes(self) -> tuple[Regime, ...]:
@@ -98,25 +101,25 @@ class Comparison:
 
         Over all channels, noise alone gets a regime named in at most 5 % of comparisons.
         """
-        found: list[Regime] = []
+        regimes: list[Regime] = []
         for name in self.errors.channels:
             runs = [run for run in self.runs if name in run.channels]
-            found += worst_regimes(
+            regimes += worst_regimes(
                 name,
                 [run.channels[name].residual for run in runs],
                 [None if self.tabular else run.time for run in runs],
-                [self.signals_of(run) for run in runs],
+                [signals_of(self.model, run) for run in runs],
                 runs[0].units,
                 plain=self.model.angles,
                 channels=len(self.errors.channels),
             )
-        return tuple(found)
+        return tuple(regimes)
 
     @cached_property
     def agreement(self) -> Mapping[str, Agreement]:
         """How each measured channel follows the modelled one: correlation, gain and lag."""
-        found = {name: agreement(self.model, self.runs, name) for name in self.errors.channels}
-        return {name: a for name, a in found.items() if a is not None}
+        pairs = ((name, agreement(self.model, self.runs, name)) for name in self.errors.channels)
+        return {name: a for name, a in pairs if a is not None}
 
     @cached_property
     def hints(self) -> tuple[str, ...]:
@@ -149,10 +152,10 @@ class Comparison:
 
     def _outstanding(self) -> Iterator[str]:
         for name, pooled in self.errors.channels.items():
-            found = [(run.name, run.errors.channels.get(name)) for run in self.runs]
-            rmse = {run: error.rmse for run, error in found if error is not None}
+            by_run = [(run.name, run.errors.channels.get(name)) for run in self.runs]
+            rmse = {run: error.rmse for run, error in by_run if error is not None}
             usual = float(np.median(list(rmse.values())))
-            for run, error in found:
+            for run, error in by_run:
                 if error is None or len(rmse) < 3 or not _OUTSTANDING * usual < error.rmse < np.inf:
                     continue
                 unit = f" {self.model.outputs[name]}".rstrip()
@@ -162,20 +165,6 @@ class Comparison:
                     f"{error.rmse / usual:.2g} times that of the median run and makes up "
                     f"{percent(share)} of the squared error of all runs."
                 )
-
-    def signals_of(self, run: Run) -> dict[str, np.ndarray]:
-        """The signals that an error may depend on.
-
-        Not where the vessel is, and where it points only if that is measured: a modelled heading
-        with nothing to hold it is little more than a clock.
-        """
-        found = {n: v for n, v in run.signals.items() if np.all(np.isfinite(v))}
-        for name, unit in self.model.states.items():
-            if unit == "m" or (name in self.model.angles and name not in run.channels):
-                found.pop(name, None)
-            elif name in self.model.angles and name in found:
-                found[name] = np.angle(np.exp(1j * found[name]))
-        return found
 
     def plot(self, runs: Sequence[str] | None = None) -> Figure:
         """Measured and modelled on top, residual below, for each channel.
@@ -196,7 +185,7 @@ class Comparison:
                 "Correct the name.",
             )
         shown = self.runs if runs is None else tuple(r for r in self.runs if r.name in runs)
-        return comparison_figure(Comparison(self.model, shown, self.errors))
+        return comparison_figure(self.model, shown)
 
     def plot_residuals(self) -> Figure:
         """For each channel the residual with its worst regime, and its correlations.
@@ -207,14 +196,42 @@ class Comparison:
         """
         from diffthrust.comparison._figures import residual_figure
 
-        return residual_figure(self)
+        return residual_figure(
+            self.model, self.runs, list(self.errors.channels), self.regimes, self.tests
+        )
+
+    @property
+    def findings(self) -> list[tuple[str, list[str]]]:
+        """What was found besides errors: headings with their sentences; none is empty."""
+        regimes = [regime.sentence for regime in self.regimes]
+        if not regimes and not self.tabular:
+            regimes = ["No regime stands out from what chance would give."]
+        noise = [tests.sentence for tests in self.tests.values()]
+        fit, advice = self.fit, self.noise_advice
+        followed = (
+            fit and advice and (fit.noise_model, fit.loss) == (advice.noise_model, advice.loss)
+        )
+        if advice and not followed and not (fit and fit.likelihood == "innovations"):
+            noise.append(advice.sentence)
+        parts = [
+            ("What does not fit together", [*self.hints, *self.outstanding]),
+            ("Where the error sits (inputs as recorded, other signals as modelled)", regimes),
+            ("Is the residual noise?", noise),
+        ]
+        return [(heading, sentences) for heading, sentences in parts if sentences]
+
+    def table(self, title: str = "") -> RenderableType:
+        """The report as a renderable of rich, with a title besides the name of the model."""
+        from diffthrust.comparison._tables import comparison_table
+
+        heading = f"{self.model}{f', {title}' if title else ''}"
+        return comparison_table(heading, self.model, self.runs, self.errors, self.findings)
 
     def report(self) -> str:
         """Errors of each run, where the error sits, residual tests and hints, for people."""
         from diffthrust._support.tables import rendered
-        from diffthrust.comparison._tables import comparison_table
 
-        return rendered(comparison_table(self))
+        return rendered(self.table())
 
     def to_json(self) -> dict[str, Any]:
         """Errors, pooled and by run, regimes, residual tests and hints as plain data."""

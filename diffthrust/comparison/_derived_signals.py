@@ -1,4 +1,4 @@
-"""Signals that follow from others: sizes, rates of change, times since something happened."""
+"""The signals that an error may depend on, and what follows from them: sizes, rates, times."""
 
 from __future__ import annotations
 
@@ -6,8 +6,26 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
-JUMP = 0.1
+from diffthrust.models._base.model import Model
+from diffthrust.simulation._runs import Run
+
+_JUMP = 0.1
 """An input jumps where it changes from one sample to the next by this share of its range."""
+
+
+def signals_of(model: Model, run: Run) -> dict[str, np.ndarray]:
+    """The signals of a run that its error may depend on, ``(n,)`` each.
+
+    Not where the vessel is, and where it points only if that is measured: a modelled heading
+    with nothing to hold it is little more than a clock.
+    """
+    signals = {n: v for n, v in run.signals.items() if np.all(np.isfinite(v))}
+    for name, unit in model.states.items():
+        if unit == "m" or (name in model.angles and name not in run.channels):
+            signals.pop(name, None)
+        elif name in model.angles and name in signals:
+            signals[name] = np.angle(np.exp(1j * signals[name]))
+    return signals
 
 
 def derived_signals(
@@ -35,32 +53,32 @@ def derived_signals(
         >>> sorted(derived_signals(t, {"speed": s}, {"speed": "rad/s"}))
         ['d(speed)/dt', 'd|speed|/dt', 'speed', 'time since the start', '|d(speed)/dt|', '|speed|']
     """
-    found = {name: (values, units.get(name, "")) for name, values in signals.items()}
+    derived = {name: (values, units.get(name, "")) for name, values in signals.items()}
     signals = {name: values for name, values in signals.items() if name not in plain}
     both = [name for name, values in signals.items() if values.min() < 0 < values.max()]
-    found |= {f"|{name}|": (np.abs(signals[name]), units.get(name, "")) for name in both}
+    derived |= {f"|{name}|": (np.abs(signals[name]), units.get(name, "")) for name in both}
     if time is None or time.size < 3:
-        return found
-    found["time since the start"] = (time - time[0], "s")
+        return derived
+    derived["time since the start"] = (time - time[0], "s")
     for name, values in signals.items():
-        jumped = np.abs(np.diff(values, prepend=values[0])) > JUMP * np.ptp(values)
-        rate, unit = np.gradient(values, time), rate_unit(units.get(name, ""))
+        jumped = np.abs(np.diff(values, prepend=values[0])) > _JUMP * np.ptp(values)
+        rate, unit = np.gradient(values, time), _rate_unit(units.get(name, ""))
         if jumped.any():
             jumped[0] = True
             since = np.maximum.accumulate(np.where(jumped, time, time[0]))
-            found[f"time since {name} jumped"] = (time - since, "s")
-        found[f"d({name})/dt"] = (rate, unit)
-        found[f"|d({name})/dt|"] = (np.abs(rate), unit)
+            derived[f"time since {name} jumped"] = (time - since, "s")
+        derived[f"d({name})/dt"] = (rate, unit)
+        derived[f"|d({name})/dt|"] = (np.abs(rate), unit)
         if name in both:
-            found[f"d|{name}|/dt"] = (np.sign(values) * rate, unit)
-    return found
+            derived[f"d|{name}|/dt"] = (np.sign(values) * rate, unit)
+    return derived
 
 
-def rate_unit(unit: str) -> str:
+def _rate_unit(unit: str) -> str:
     """Unit of a rate of change.
 
     Example:
-        >>> rate_unit("rad/s"), rate_unit("V"), rate_unit("")
+        >>> _rate_unit("rad/s"), _rate_unit("V"), _rate_unit("")
         ('rad/s^2', 'V/s', '1/s')
     """
     if not unit:

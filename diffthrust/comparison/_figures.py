@@ -3,50 +3,66 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from diffthrust._support.figures import BLUE, GREY, VERMILLION, literal, styled, thinned
-from diffthrust.comparison._derived_signals import derived_signals
+from diffthrust.comparison._derived_signals import derived_signals, signals_of
+from diffthrust.comparison._regimes import Regime
+from diffthrust.comparison._residual_tests import ResidualTests
+from diffthrust.models._base.model import Model
+from diffthrust.simulation._runs import Run, are_tables
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from diffthrust.comparison._compare import Comparison
-    from diffthrust.comparison._regimes import Regime
-    from diffthrust.comparison._residual_tests import ResidualTests
-    from diffthrust.simulation._runs import Run
-
-SHADE = "#F0E442"  # Okabe & Ito's yellow, behind everything
+_SHADE = "#F0E442"  # Okabe & Ito's yellow, behind everything
 _SHOWN = 4000
+_Derived = tuple[Run, Mapping[str, tuple[np.ndarray, str]]]
+"""A run with its signals and what follows from them, by name with their units."""
 
 
-def residual_figure(comparison: Comparison) -> Figure:
+def residual_figure(
+    model: Model,
+    runs: Sequence[Run],
+    channels: Sequence[str],
+    regimes: Sequence[Regime],
+    tests: Mapping[str, ResidualTests],
+) -> Figure:
     """One row for each channel: residual in time, against a signal, and its correlations.
 
     The worst regime of the channel is shaded. The run in time is the one with the largest error.
+
+    Args:
+        model: what was simulated.
+        runs: it over each log.
+        channels: the measured channels.
+        regimes: where their errors sit, the worst of each channel first.
+        tests: of their residuals, by channel; none for tables of readings.
     """
     from matplotlib.figure import Figure
 
-    channels = list(comparison.errors.channels)
-    across = 2 if comparison.tabular else 4
+    tabular = are_tables(model, runs)
+    derived = [(run, _signals(model, run, tabular)) for run in runs]
+    across = 2 if tabular else 4
     figure = Figure(figsize=(4.4 * across, 0.9 + 3.5 * len(channels)), layout="constrained")
     figure.get_layout_engine().set(w_pad=0.08, h_pad=0.08)  # pyright: ignore
     panels = figure.subplots(len(channels), across, squeeze=False)
     for row, name in zip(panels, channels, strict=True):
-        regime = next((r for r in comparison.regimes if r.channel == name), None)
-        _in_time(row[0], comparison, name, regime)
-        _against_signal(row[1], comparison, name, regime)
-        tests = comparison.tests.get(name)
+        regime = next((r for r in regimes if r.channel == name), None)
+        having = [pair for pair in derived if name in pair[0].channels]
+        _in_time(row[0], having, name, regime, tabular)
+        _against_signal(row[1], having, name, regime)
         for axes, draw in zip(row[2:], (_autocorrelation, _cross_correlation), strict=False):
-            if tests is None:
-                axes.set_axis_off()
+            if name in tests:
+                draw(axes, tests[name])
             else:
-                draw(axes, tests)
+                axes.set_axis_off()
     figure.suptitle(
-        textwrap.fill(f"{comparison.model}: residuals (measured - modelled)", 100),
+        textwrap.fill(f"{model}: residuals (measured - modelled)", 100),
         x=0.01,
         horizontalalignment="left",
         fontsize=12,
@@ -55,28 +71,34 @@ def residual_figure(comparison: Comparison) -> Figure:
     return figure
 
 
-def _in_time(axes: Axes, comparison: Comparison, name: str, regime: Regime | None) -> None:
-    runs = [run for run in comparison.runs if name in run.errors.channels]
-    run = max(runs, key=lambda r: r.errors.channels[name].rmse)
+def _signals(model: Model, run: Run, tabular: bool) -> Mapping[str, tuple[np.ndarray, str]]:
+    time = None if tabular else run.time
+    return derived_signals(time, signals_of(model, run), run.units, model.angles)
+
+
+def _in_time(
+    axes: Axes, having: Sequence[_Derived], name: str, regime: Regime | None, tabular: bool
+) -> None:
+    known = [pair for pair in having if name in pair[0].errors.channels]
+    run, derived = max(known, key=lambda pair: pair[0].errors.channels[name].rmse)
     axes.axhline(0.0, color="0.4", linewidth=0.8)
     if regime is not None:
-        _shade(axes, run.time, _inside(comparison, run, regime))
+        inside = [interval.holds(derived[interval.signal][0]) for interval in regime.where]
+        _shade(axes, run.time, np.logical_and.reduce(inside))
     time, rest = thinned(run.time, run.channels[name].residual)
     axes.plot(time, rest, color=BLUE, linewidth=0.9)
-    which = f"{literal(run.name)}{', the worst run' if len(runs) > 1 else ''}"
-    label = "sample" if comparison.tabular else "time [s]"
+    which = f"{literal(run.name)}{', the worst run' if len(known) > 1 else ''}"
+    label = "sample" if tabular else "time [s]"
     styled(axes, f"{name}\n{which}", label, _labelled("residual", run.channels[name].unit))
 
 
-def _against_signal(axes: Axes, comparison: Comparison, name: str, regime: Regime | None) -> None:
-    runs = [run for run in comparison.runs if name in run.channels]
-    signal = regime.signal if regime else next(iter(comparison.signals_of(runs[0])))
-    x, y, unit = [], [], ""
-    for run in runs:
-        values, unit = _derived(comparison, run)[signal]
-        x.append(values)
-        y.append(run.channels[name].residual)
-    across, rest = np.concatenate(x), np.concatenate(y)
+def _against_signal(
+    axes: Axes, having: Sequence[_Derived], name: str, regime: Regime | None
+) -> None:
+    signal = regime.signal if regime else next(iter(having[0][1]))
+    unit = having[-1][1][signal][1]
+    across = np.concatenate([derived[signal][0] for _, derived in having])
+    rest = np.concatenate([run.channels[name].residual for run, _ in having])
     stride = -(-across.size // _SHOWN)
     axes.axhline(0.0, color="0.4", linewidth=0.8)
     title = "no regime stands out from chance"
@@ -84,11 +106,12 @@ def _against_signal(axes: Axes, comparison: Comparison, name: str, regime: Regim
         low, high = (
             float(np.clip(end, across.min(), across.max())) for end in (regime.low, regime.high)
         )
-        axes.axvspan(low, high, color=SHADE, alpha=0.45, linewidth=0, zorder=0)
+        axes.axvspan(low, high, color=_SHADE, alpha=0.45, linewidth=0, zorder=0)
         title = textwrap.fill(regime.sentence, 46)
     kept = np.isfinite(rest)
     axes.plot(across[kept][::stride], rest[kept][::stride], ".", color=BLUE, markersize=2.5)
-    styled(axes, title, _labelled(signal, unit), _labelled("residual", runs[0].channels[name].unit))
+    label = _labelled("residual", having[0][0].channels[name].unit)
+    styled(axes, title, _labelled(signal, unit), label)
 
 
 def _autocorrelation(axes: Axes, tests: ResidualTests) -> None:
@@ -122,25 +145,13 @@ def _cross_correlation(axes: Axes, tests: ResidualTests) -> None:
     styled(axes, f"Correlation with {most.signal}:\n{title}", label, "correlation")
 
 
-def _derived(comparison: Comparison, run: Run) -> dict[str, tuple[np.ndarray, str]]:
-    time = None if comparison.tabular else run.time
-    plain = comparison.model.angles
-    return derived_signals(time, comparison.signals_of(run), run.units, plain)
-
-
-def _inside(comparison: Comparison, run: Run, regime: Regime) -> np.ndarray:
-    derived = _derived(comparison, run)
-    inside = [interval.holds(derived[interval.signal][0]) for interval in regime.where]
-    return np.logical_and.reduce(inside)
-
-
 def _shade(axes: Axes, time: np.ndarray, inside: np.ndarray) -> None:
     """Shade each stretch of time in which the regime holds."""
     steps = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(int), [0]])))
     after = np.append(time[1:], time[-1])
     for begin, end in zip(steps[::2], steps[1::2], strict=True):
         span = (float(time[begin]), float(after[end - 1]))
-        axes.axvspan(*span, color=SHADE, alpha=0.45, linewidth=0, zorder=0)
+        axes.axvspan(*span, color=_SHADE, alpha=0.45, linewidth=0, zorder=0)
 
 
 def _labelled(name: str, unit: str) -> str:

@@ -1,25 +1,25 @@
-"""Figures of results, made with matplotlib's objects: no global state, no window."""
+"""A figure of runs: what was measured, what was modelled, and the difference."""
 
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from diffthrust._support.figures import BLUE, GREY, VERMILLION, literal, thinned
+from diffthrust.models._base.model import Model
+from diffthrust.simulation._runs import Run, Trace, are_tables
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from diffthrust.comparison._compare import Comparison
-    from diffthrust.simulation._runs import Run, Trace
-
 _COLUMNS = 3
 
 
-def comparison_figure(comparison: Comparison) -> Figure:
+def comparison_figure(model: Model, runs: Sequence[Run]) -> Figure:
     """Measured and modelled on top, the residual below, for each channel of each run.
 
     One column for each run; after three runs a new block of rows begins. Long runs are thinned to
@@ -27,7 +27,7 @@ def comparison_figure(comparison: Comparison) -> Figure:
     """
     from matplotlib.figure import Figure
 
-    runs = [run for run in comparison.runs if run.channels]
+    runs = [run for run in runs if run.channels]
     channels = list(dict.fromkeys(name for run in runs for name in run.channels))
     across = max(1, min(_COLUMNS, len(runs)))
     blocks = max(1, -(-len(runs) // across))
@@ -50,14 +50,15 @@ def comparison_figure(comparison: Comparison) -> Figure:
             top = figure.add_subplot(grid[row, column], sharex=shared)
             shared = shared or top
             below = figure.add_subplot(grid[row + 1, column], sharex=shared)
-            _pair(top, below, run, name, _static(comparison, run))
+            static = are_tables(model, [run])
+            _pair(top, below, run, name, static)
             below.set_ylim(-limits[name], limits[name])
-            _label(top, below, name, run, column == 0, name == last, _static(comparison, run))
+            _label(top, below, name, run, column == 0, name == last, static)
     if figure.axes:
         handles = [*figure.axes[0].get_lines(), *figure.axes[1].get_lines()]
         figure.legend(
             handles=[line for line in handles if not str(line.get_label()).startswith("_")],
-            title=textwrap.fill(str(comparison.model), 60),
+            title=textwrap.fill(str(model), 60),
             title_fontproperties={"weight": "bold", "size": 13},
             alignment="left",
             loc="outside upper left",
@@ -65,12 +66,6 @@ def comparison_figure(comparison: Comparison) -> Figure:
             frameon=False,
         )
     return figure
-
-
-def _static(comparison: Comparison, run: Run) -> bool:
-    """Whether the run is a table without a time of its own."""
-    counted = np.array_equal(run.time, np.arange(run.time.size))
-    return counted and not comparison.model.states
 
 
 def _pair(top: Axes, below: Axes, run: Run, name: str, static: bool) -> None:

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from diffthrust._support.files import write_page
 from diffthrust._support.page import STYLE, image
 from diffthrust._support.tables import number, with_error
+from diffthrust.comparison._compare import Comparison, compare
+from diffthrust.estimation._result import Fit
+from diffthrust.estimation._status import Status
 from diffthrust.estimation._tables import units
+from diffthrust.logs._log import Log
+from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors
-
-if TYPE_CHECKING:
-    from diffthrust.comparison._compare import Comparison
-    from diffthrust.estimation._result import Fit
-    from diffthrust.logs._log import Log
-    from diffthrust.models._base.model import Model
-
 
 _PAGE = """<!doctype html>
 <html lang="en">
@@ -75,12 +72,9 @@ def comparisons_of(
     found: Fit | Model, train: Sequence[Log], unseen: Sequence[Log]
 ) -> dict[str, Comparison]:
     """A fit, or a model as it stands, held against its training and unseen logs, by heading."""
-    from diffthrust.comparison._compare import compare
-    from diffthrust.estimation._result import Fit
-
     # where no simulation succeeded, there are no estimated initial states to begin at
     initial = None
-    if isinstance(found, Fit) and found.status.value != "simulation_failed":
+    if isinstance(found, Fit) and found.status is not Status.SIMULATION_FAILED:
         initial = found.initial
     out = {"training logs": compare(found, train, initial=initial)}
     if unseen:

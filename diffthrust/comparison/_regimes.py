@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.correlation import autocorrelation
+from diffthrust._support.words import percent
 from diffthrust.comparison._derived_signals import derived_signals
 from diffthrust.comparison._regime_search import Interval, Samples, coarse, excess, search
 
@@ -79,16 +80,6 @@ class Regime:
             "p_value": self.p_value,
             "sentence": self.sentence,
         }
-
-
-def percent(share: float) -> str:
-    """A share as a percentage that never rounds something to nothing.
-
-    Example:
-        >>> percent(0.617), percent(0.0042)
-        ('62 %', '0.4 %')
-    """
-    return f"{100 * share:.{0 if share >= 0.0095 or share == 0 else 1}f} %"
 
 
 def worst_regimes(

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.words import percent
 from diffthrust.comparison._compare import Comparison, compare
-from diffthrust.comparison._regimes import percent
 from diffthrust.diagnosis._regressions import RUNGS, Flexible, Record, chosen, features_for
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model

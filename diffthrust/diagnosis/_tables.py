@@ -12,8 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from diffthrust._support.tables import number, with_error
-from diffthrust._support.words import spelt
-from diffthrust.comparison._regimes import percent
+from diffthrust._support.words import percent, spelt
 from diffthrust.diagnosis._skeleton import HOW, skeleton
 from diffthrust.diagnosis._words import (
     caution_words,

@@ -10,7 +10,6 @@ import pytest
 
 import diffthrust as dft
 from diffthrust._support.figures import thinned
-from diffthrust.comparison._figures_runs import comparison_figure
 
 
 def log(name: str, n: int = 200, thrust: bool = True) -> dft.Log:
@@ -24,7 +23,7 @@ def log(name: str, n: int = 200, thrust: bool = True) -> dft.Log:
 @pytest.mark.parametrize("count", [1, 3, 4])
 def test_one_pair_of_axes_for_each_channel_of_each_run(count):
     comparison = dft.compare(dft.Thruster(), [log(f"run {i}") for i in range(count)])
-    figure = comparison_figure(comparison)
+    figure = comparison.plot()
     assert len(figure.axes) == 2 * 2 * count
     titles = [axes.get_title(loc="left") for axes in figure.axes]
     assert all(any(f"run {i}\n" in title for title in titles) for i in range(count))
@@ -59,7 +58,7 @@ def test_a_simulation_that_failed_can_be_drawn():
     nothing = np.full(run.time.size, np.inf)
     trace = replace(run.channels["speed"], modelled=nothing, residual=nothing)
     run = replace(run, channels={"speed": trace})
-    figure = comparison_figure(replace(comparison, runs=(run,)))
+    figure = replace(comparison, runs=(run,)).plot()
     figure.savefig(BytesIO(), dpi=40)
 
 
