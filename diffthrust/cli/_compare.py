@@ -33,7 +33,7 @@ def compare_command(
 ) -> None:
     """Hold a model against its logs, run by run, after a fit or as it stands."""
     with session() as progress:
-        from diffthrust.comparison._page import comparisons_of, write_report
+        from diffthrust.comparison._page import comparisons_of, write_comparison_page
         from diffthrust.specs._spec import load_spec
 
         loaded = load_spec(spec)
@@ -48,7 +48,7 @@ def compare_command(
             status = fit.status.value if fit else None
             write_json(json, {**head, "status": status, **short})
         if report:
-            write_report(
+            write_comparison_page(
                 report, title=loaded.name, spec=loaded.text, comparisons=comparisons, fit=fit
             )
         if figure:

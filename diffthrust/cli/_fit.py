@@ -9,7 +9,7 @@ from diffthrust.cli._session import JsonPath, ReportPath, SpecPath, session, sho
 def fit_command(spec: SpecPath, json: JsonPath = None, report: ReportPath = None) -> None:
     """Estimate the free parameters of a model from logs, and try it on unseen ones."""
     with session() as progress:
-        from diffthrust.comparison._page import comparisons_of, write_report
+        from diffthrust.comparison._page import comparisons_of, write_comparison_page
         from diffthrust.estimation._tables import fit_table
         from diffthrust.specs._spec import load_spec
 
@@ -20,7 +20,7 @@ def fit_command(spec: SpecPath, json: JsonPath = None, report: ReportPath = None
             write_json(json, fit.to_json())
         if report:
             comparisons = comparisons_of(fit, train, holdout)
-            write_report(
+            write_comparison_page(
                 report, title=loaded.name, spec=loaded.text, comparisons=comparisons, fit=fit
             )
     show(fit_table(fit))

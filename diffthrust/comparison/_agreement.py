@@ -93,18 +93,18 @@ def agreement(model: Model, runs: Sequence[Run], channel: str) -> Agreement | No
     return Agreement(channel, together, crossed.band, gain, crossed.lag, len(having))
 
 
-def hints(model: Model, runs: Sequence[Run], found: Iterable[Agreement]) -> tuple[str, ...]:
+def hints(model: Model, runs: Sequence[Run], agreements: Iterable[Agreement]) -> tuple[str, ...]:
     """Sentences on channels that may not mean what their names say.
 
     For each channel that opposes the model: which changes of the inputs would make it agree, and
     what the kinematics of the log say of the channel itself.
     """
-    found = tuple(found)
-    opposed = [a.channel for a in found if a.opposed]
+    agreements = tuple(agreements)
+    opposed = [a.channel for a in agreements if a.opposed]
     kinematic = _kinematics(runs)
-    sentences = [a.sentence for a in found if a.sentence]
+    sentences = [a.sentence for a in agreements if a.sentence]
     if opposed:
-        names = [a.channel for a in found if a.correlation > _FIRMLY]
+        names = [a.channel for a in agreements if a.correlation > _FIRMLY]
         sentences += _mends(model, runs, opposed, names)
     for channel, (words, together) in kinematic.items():
         if together < -_TOGETHER:
@@ -137,15 +137,15 @@ def _mends(
     model: Model, runs: Sequence[Run], opposed: Sequence[str], agreeing: Sequence[str]
 ) -> list[str]:
     """The changes of inputs that make opposed channels agree and spoil no other, best first."""
-    found = []
+    mends = []
     for words, changed in _changes(model, runs):
         after = _after(model, runs, changed, [*opposed, *agreeing])
         if all(value > _TOGETHER for value in after.values()):
             listed = ", ".join(f"{name} {after[name]:+.2f}" for name in opposed)
-            found.append(
+            mends.append(
                 (-min(after.values()), f"{words} turns the correlation positive: {listed}.")
             )
-    return [sentence for _, sentence in sorted(found)]
+    return [sentence for _, sentence in sorted(mends)]
 
 
 def _changes(model: Model, runs: Sequence[Run]) -> Iterable[tuple[str, Callable[[Log], Log]]]:
@@ -183,7 +183,7 @@ def _after(
         for name in pairs:
             if _measured(run, name):
                 pairs[name].append(_pair(model, run, name, modelled[name]))
-    return {name: _together(found)[0] for name, found in pairs.items()}
+    return {name: _together(pair)[0] for name, pair in pairs.items()}
 
 
 def _measured(run: Run, channel: str) -> bool:
@@ -230,7 +230,7 @@ def _kinematics(runs: Sequence[Run]) -> dict[str, tuple[str, float]]:
                     pairs.setdefault(name, []).append((seen[name], moved))
     words = {"yaw_rate": "the rate of the measured heading"}
     along = "the motion of the measured position"
-    return {name: (words.get(name, along), _together(found)[0]) for name, found in pairs.items()}
+    return {name: (words.get(name, along), _together(pair)[0]) for name, pair in pairs.items()}
 
 
 def _over_a_second(time: np.ndarray, values: np.ndarray) -> np.ndarray:

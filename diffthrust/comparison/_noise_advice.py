@@ -13,7 +13,7 @@ from diffthrust.estimation._ar1 import RANGE, linked
 from diffthrust.estimation._laws import TAIL
 
 LAWS = (("white", "gaussian"), ("white", "student_t"), ("ar1", "gaussian"), ("ar1", "student_t"))
-ROUNDS = 60
+_ROUNDS = 60
 """Rounds of reweighting for the level of a Student-t law."""
 
 
@@ -52,12 +52,12 @@ class NoiseAdvice:
         if self.loss == "student_t":
             words.append("have more large values than Gaussian noise")
             options.append("loss='student_t'")
-        told = f"The residuals {' and '.join(words)}: fit with {', '.join(options)}"
+        seen = f"The residuals {' and '.join(words)}: fit with {', '.join(options)}"
         if self.noise_model == "white":
-            return f"{told}."
+            return f"{seen}."
         worst = max(self.widening.values())
         return (
-            f"{told}. Standard errors that assume white noise may be {worst:.2g} times too small. "
+            f"{seen}. Standard errors that assume white noise may be {worst:.2g} times too small. "
             "If the model lacks something, a diagnosis will say so."
         )
 
@@ -84,8 +84,8 @@ def noise_advice(
         samples = sum(int(np.isfinite(run).sum()) for run in runs)
         step = float(np.median(np.concatenate([np.diff(time) for time in times[name]])))
         for noise, loss in LAWS:
-            found, kept = _cost(pairs, noise, loss, step)
-            bic[f"{noise} {loss}"] += 2 * found + (noise == "ar1") * math.log(samples)
+            cost, kept = _cost(pairs, noise, loss, step)
+            bic[f"{noise} {loss}"] += 2 * cost + (noise == "ar1") * math.log(samples)
             if noise == "ar1":
                 correlation[name] = -step / math.log(kept)
                 widening[name] = math.sqrt((1 + kept) / (1 - kept))
@@ -100,7 +100,7 @@ def _cost(pairs: Sequence[Any], noise: str, loss: str, step: float) -> tuple[flo
     """Negative log-likelihood of one channel, and its correlation from one step to the next."""
     if noise == "white":
         rests = np.concatenate([run[np.isfinite(run)] for run, _ in pairs])
-        return _level_cost(rests, loss), 0.0
+        return level_cost(rests, loss), 0.0
     from scipy.optimize import minimize_scalar  # slow to import
 
     links = [linked(time[None], run[None, None], np.zeros((1, run.size), bool), step)
@@ -114,18 +114,18 @@ def _cost(pairs: Sequence[Any], noise: str, loss: str, step: float) -> tuple[flo
             new = (run - kept * np.nan_to_num(run)[link.past[0, 0]]) / scale
             news.append(new[seen])
             jacobian += float(np.sum(np.log(scale[seen])))
-        return _level_cost(np.concatenate(news), loss) + jacobian
+        return level_cost(np.concatenate(news), loss) + jacobian
 
-    found = minimize_scalar(at, bounds=RANGE, method="bounded")
-    return float(found.fun), float(found.x)
+    best = minimize_scalar(at, bounds=RANGE, method="bounded")
+    return float(best.fun), float(best.x)
 
 
-def _level_cost(rests: np.ndarray, loss: str) -> float:
+def level_cost(rests: np.ndarray, loss: str) -> float:
     """Negative log-likelihood at the best level of the noise, all constants included."""
     level = float(np.sqrt(np.mean(rests**2))) or 1e-300
     if loss == "gaussian":
         return rests.size * (math.log(level) + 0.5 * math.log(2 * math.pi) + 0.5)
-    for _ in range(ROUNDS):
+    for _ in range(_ROUNDS):
         weights = (TAIL + 1) / (TAIL + (rests / level) ** 2)
         level = float(np.sqrt(np.mean(weights * rests**2))) or 1e-300
     constant = math.lgamma((TAIL + 1) / 2) - math.lgamma(TAIL / 2)

@@ -69,20 +69,20 @@ model and 0 for one no better than the mean.</p>
 
 
 def comparisons_of(
-    found: Fit | Model, train: Sequence[Log], unseen: Sequence[Log]
+    fitted: Fit | Model, train: Sequence[Log], unseen: Sequence[Log]
 ) -> dict[str, Comparison]:
     """A fit, or a model as it stands, held against its training and unseen logs, by heading."""
     # where no simulation succeeded, there are no estimated initial states to begin at
     initial = None
-    if isinstance(found, Fit) and found.status is not Status.SIMULATION_FAILED:
-        initial = found.initial
-    out = {"training logs": compare(found, train, initial=initial)}
+    if isinstance(fitted, Fit) and fitted.status is not Status.SIMULATION_FAILED:
+        initial = fitted.initial
+    out = {"training logs": compare(fitted, train, initial=initial)}
     if unseen:
-        out["unseen logs"] = compare(found, unseen)
+        out["unseen logs"] = compare(fitted, unseen)
     return out
 
 
-def write_report(
+def write_comparison_page(
     path: Path,
     *,
     title: str,

@@ -15,18 +15,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-LEVEL = 0.05
+_LEVEL = 0.05
 """Share of searches with nothing to find that name an interval all the same."""
 _DRAWS, _SAMPLES, _BINS = 199, 4000, 40
 _RATIO, _SAME = 1.5, 0.02
 
 
 @dataclass(frozen=True)
-class Interval:
+class SignalRange:
     """One signal between two values, either of which may be infinite.
 
     Example:
-        >>> Interval("|command|", -math.inf, 0.2, "V").phrase
+        >>> SignalRange("|command|", -math.inf, 0.2, "V").phrase
         '|command| < 0.2 V'
     """
 
@@ -70,9 +70,9 @@ def excess(samples: Samples, inside: np.ndarray) -> float:
     return float(samples.energy[inside].sum() / samples.energy.sum() - inside.mean())
 
 
-def search(
+def worst_range(
     samples: Samples, block: int, rng: np.random.Generator, channels: int, least: float
-) -> tuple[Interval, float] | None:
+) -> tuple[SignalRange, float] | None:
     """The interval of one signal with the largest excess, and its p-value.
 
     Args:
@@ -94,12 +94,12 @@ def search(
     orders = _orders(thin.run, max(3, block // stride), rng)
     energy = np.concatenate([thin.energy[None], thin.energy[orders]]).T / thin.energy.sum()
     energy = np.ascontiguousarray(energy, dtype=np.float32)
-    found = {name: _largest(energy, thin.signals[name], edges) for name, edges in bins.items()}
-    p_values = _adjusted(np.stack([scores for scores, _ in found.values()]), channels)
+    excesses = {name: _largest(energy, thin.signals[name], edges) for name, edges in bins.items()}
+    p_values = _adjusted(np.stack([scores for scores, _ in excesses.values()]), channels)
     sure = {
         name: (scores[0], p)
-        for (name, (scores, _)), p in zip(found.items(), p_values, strict=True)
-        if p <= LEVEL and scores[0] >= least
+        for (name, (scores, _)), p in zip(excesses.items(), p_values, strict=True)
+        if p <= _LEVEL and scores[0] >= least
     }
     if not sure:
         return None
@@ -107,10 +107,10 @@ def search(
     largest = max(score for score, _ in sure.values())
     alike = [name for name, (score, _) in sure.items() if score >= largest - _SAME]
     name, size = alike[0], f"|{alike[0]}|"
-    first, last = found[name][1]
+    first, last = excesses[name][1]
     if size in alike and first > 0 and last <= bins[name].size:
         name = size  # -0.3 < x < 0.32 says the same as |x| < 0.3, and less plainly
-    interval = _rounded(samples, name, bins[name], found[name][1])
+    interval = _rounded(samples, name, bins[name], excesses[name][1])
     inside = interval.holds(samples.signals[name])
     if samples.energy[inside].sum() / samples.energy.sum() < _RATIO * inside.mean():
         return None
@@ -177,18 +177,18 @@ def _adjusted(scores: np.ndarray, channels: int) -> np.ndarray:
     return np.minimum(1.0, channels * (1 + beaten) / (1 + largest.size))
 
 
-def _rounded(samples: Samples, name: str, edges: np.ndarray, span: tuple[int, int]) -> Interval:
+def _rounded(samples: Samples, name: str, edges: np.ndarray, span: tuple[int, int]) -> SignalRange:
     """The interval with ends rounded as far as the excess stays what it is."""
     values, unit = samples.signals[name], samples.units[name]
     low = edges[span[0] - 1] if span[0] > 0 else -math.inf
     high = edges[span[1] - 1] if span[1] <= edges.size else math.inf
-    exact = Interval(name, float(low), float(high), unit)
+    exact = SignalRange(name, float(low), float(high), unit)
     target = excess(samples, exact.holds(values))
     width = np.ptp(values) if math.isinf(high - low) else high - low
     first = -math.floor(math.log10(width))
     for digits in range(first, first + 6):
         ends = [round(float(x), digits) if math.isfinite(x) else float(x) for x in (low, high)]
-        near = Interval(name, ends[0] + 0.0, ends[1] + 0.0, unit)
+        near = SignalRange(name, ends[0] + 0.0, ends[1] + 0.0, unit)
         if abs(excess(samples, near.holds(values)) - target) < 0.01:
             return near
     return exact

@@ -12,7 +12,7 @@ import numpy as np
 from diffthrust._support.correlation import autocorrelation
 from diffthrust._support.words import percent
 from diffthrust.comparison._derived_signals import derived_signals
-from diffthrust.comparison._regime_search import Interval, Samples, coarse, excess, search
+from diffthrust.comparison._regime_search import Samples, SignalRange, coarse, excess, worst_range
 
 # A regime holds so much more of the error than of the samples; a second signal adds so much more.
 _EXCESS, _MORE = 0.15, 0.05
@@ -32,7 +32,7 @@ class Regime:
     """
 
     channel: str
-    where: tuple[Interval, ...]
+    where: tuple[SignalRange, ...]
     share_of_error: float
     share_of_samples: float
     p_value: float
@@ -125,25 +125,25 @@ def worst_regimes(
     block = _block(residuals)
     rng = np.random.default_rng(seed)
     everything, outside = float(samples.energy.sum()), np.ones(samples.energy.size, bool)
-    found: list[Regime] = []
-    while len(found) < most:
+    regimes: list[Regime] = []
+    while len(regimes) < most:
         left = samples.at(outside)
         scale = float(left.energy.sum()) / everything
-        best = search(left, block, rng, channels, _EXCESS / max(scale, _EXCESS))
+        best = worst_range(left, block, rng, channels, _EXCESS / max(scale, _EXCESS))
         if best is None:
             break
         where, p = [best[0]], best[1]
         inside = best[0].holds(left.signals[best[0].signal])
-        closer = search(left.at(inside), block, rng, channels, 0.0)
+        closer = worst_range(left.at(inside), block, rng, channels, 0.0)
         if closer is not None and closer[0].signal != best[0].signal:
             both = inside & closer[0].holds(left.signals[closer[0].signal])
             if excess(left, both) > excess(left, inside) + _MORE:
                 where, p, inside = [*where, closer[0]], max(p, closer[1]), both
         error = float(left.energy[inside].sum()) / everything
         share = float(inside.sum()) / outside.size
-        found.append(Regime(channel, tuple(where), error, share, p))
+        regimes.append(Regime(channel, tuple(where), error, share, p))
         outside[np.flatnonzero(outside)[inside]] = False
-    return tuple(found)
+    return tuple(regimes)
 
 
 def _gathered(
@@ -173,9 +173,9 @@ def _gathered(
 def _block(residuals: Sequence[np.ndarray]) -> int:
     """Samples in a block: some correlation times of the squared residual."""
     longest = max(rest.size for rest in residuals)
-    own = autocorrelation([rest**2 for rest in residuals], longest // 3)
+    measured = autocorrelation([rest**2 for rest in residuals], longest // 3)
     implied = autocorrelation(residuals, longest // 3) ** 2
-    times = [_integral(own), _integral(implied)]
+    times = [_integral(measured), _integral(implied)]
     return max(5, math.ceil(5 * max(times)))
 
 

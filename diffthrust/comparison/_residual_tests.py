@@ -12,8 +12,8 @@ import numpy as np
 
 from diffthrust._support.correlation import autocorrelation, covariance, integral, ljung_box
 
-LEVEL = 0.05
-NORMAL = NormalDist()
+_LEVEL = 0.05
+_NORMAL = NormalDist()
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ class CrossCorrelation:
     @property
     def related(self) -> bool:
         """Whether the residual is related to the signal, beyond what chance gives in 5 %."""
-        return self.p_value <= LEVEL
+        return self.p_value <= _LEVEL
 
     def to_json(self) -> dict[str, Any]:
         """The peak with its band, as plain data."""
@@ -95,7 +95,7 @@ class ResidualTests:
     @property
     def white(self) -> bool:
         """Whether the residual may be white noise."""
-        return self.whiteness > LEVEL
+        return self.whiteness > _LEVEL
 
     @property
     def sentence(self) -> str:
@@ -235,6 +235,6 @@ def cross_correlation(
     values = covariance(residuals, signals, lags) / norm
     # neighbouring lags tell the same: only every so many count as a trial of their own
     trials = 1 + 2 * lags / inflation
-    p = min(1.0, trials * 2 * NORMAL.cdf(-float(np.abs(values).max()) / error))
-    band = -NORMAL.inv_cdf(LEVEL / 2) * error
+    p = min(1.0, trials * 2 * _NORMAL.cdf(-float(np.abs(values).max()) / error))
+    band = -_NORMAL.inv_cdf(_LEVEL / 2) * error
     return CrossCorrelation(name, np.arange(-lags, lags + 1) * step, values, band, p)

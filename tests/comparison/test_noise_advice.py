@@ -5,7 +5,11 @@ import pytest
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from diffthrust.comparison._noise_advice import LAWS, _level_cost, noise_advice
+from diffthrust.comparison._noise_advice import (  # private: the laws on made residuals alone
+    LAWS,
+    level_cost,
+    noise_advice,
+)
 
 
 def advice(rests, step=0.1):
@@ -56,7 +60,7 @@ def test_gaps_of_missing_samples_do_not_matter():
 def test_costs_are_those_of_scipy():
     rests = np.random.default_rng(5).standard_t(4, 300)
     level = np.sqrt(np.mean(rests**2))
-    assert _level_cost(rests, "gaussian") == pytest.approx(-norm(scale=level).logpdf(rests).sum())
+    assert level_cost(rests, "gaussian") == pytest.approx(-norm(scale=level).logpdf(rests).sum())
     scale = student.fit(rests, f0=4, floc=0)[2]
     least = -student(4, scale=scale).logpdf(rests).sum()
-    assert _level_cost(rests, "student_t") == pytest.approx(least, rel=1e-6)
+    assert level_cost(rests, "student_t") == pytest.approx(least, rel=1e-6)

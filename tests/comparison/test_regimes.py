@@ -9,9 +9,13 @@ import pytest
 from test_residual_tests import coloured
 
 import diffthrust as dft
-from diffthrust.comparison._derived_signals import derived_signals
-from diffthrust.comparison._regime_search import Samples, search
-from diffthrust.comparison._regimes import Interval, Regime, worst_regimes
+from diffthrust.comparison._derived_signals import derived_signals  # private: of made signals
+from diffthrust.comparison._regime_search import (  # private: the search on made series alone
+    Samples,
+    SignalRange,
+    worst_range,
+)
+from diffthrust.comparison._regimes import Regime, worst_regimes  # private: on made residuals
 
 UNITS = {"command": "V", "speed": "rad/s"}
 STEP = 0.05
@@ -101,7 +105,7 @@ def test_the_p_value_keeps_its_level_whatever_the_size_of_the_regime():
         signals = run(seed, 400)
         samples = Samples(rest**2, np.zeros(400, int), signals, UNITS)
         block = 5 if pole == 0 else 100
-        alarms += search(samples, block, np.random.default_rng(0), 1, 0.0) is not None
+        alarms += worst_range(samples, block, np.random.default_rng(0), 1, 0.0) is not None
     assert alarms <= 20  # 5 % and three standard deviations
 
 
@@ -134,10 +138,10 @@ def test_no_regime_where_the_simulation_failed_or_nothing_is_left():
 @pytest.mark.parametrize(
     ("interval", "words"),
     [
-        (Interval("|command|", -np.inf, 0.2, "V"), "|command| < 0.2 V"),
-        (Interval("speed", 3.0, np.inf, "rad/s"), "speed > 3 rad/s"),
-        (Interval("speed", -1.0, 2.5, "rad/s"), "-1 < speed < 2.5 rad/s"),
-        (Interval("ratio", 0.0, np.inf, ""), "ratio > 0"),
+        (SignalRange("|command|", -np.inf, 0.2, "V"), "|command| < 0.2 V"),
+        (SignalRange("speed", 3.0, np.inf, "rad/s"), "speed > 3 rad/s"),
+        (SignalRange("speed", -1.0, 2.5, "rad/s"), "-1 < speed < 2.5 rad/s"),
+        (SignalRange("ratio", 0.0, np.inf, ""), "ratio > 0"),
     ],
 )
 def test_intervals_in_words(interval, words):
@@ -145,7 +149,7 @@ def test_intervals_in_words(interval, words):
 
 
 def test_a_regime_as_plain_data():
-    regime = Regime("speed", (Interval("command", -np.inf, 0.2, "V"),), 0.617, 0.004, 0.005)
+    regime = Regime("speed", (SignalRange("command", -np.inf, 0.2, "V"),), 0.617, 0.004, 0.005)
     data = json.loads(json.dumps(regime.to_json(), allow_nan=False))
     assert data["where"] == [{"signal": "command", "low": None, "high": 0.2, "unit": "V"}]
     assert data["sentence"] == (

@@ -7,7 +7,10 @@ import pytest
 from scipy.signal import lfilter
 
 from diffthrust._support.correlation import autocorrelation, covariance, ljung_box
-from diffthrust.comparison._residual_tests import cross_correlation, residual_tests
+from diffthrust.comparison._residual_tests import (  # private: the tests on made residuals alone
+    cross_correlation,
+    residual_tests,
+)
 
 
 def coloured(rng: np.random.Generator, n: int, pole: float) -> np.ndarray:

@@ -138,10 +138,10 @@ def _fit(spec: Spec, job: Job) -> _Result:
     fit = spec.fit(train=train, holdout=unseen)
 
     def page(path: Path) -> None:
-        from diffthrust.comparison._page import comparisons_of, write_report
+        from diffthrust.comparison._page import comparisons_of, write_comparison_page
 
         held = comparisons_of(fit, train, unseen)
-        write_report(path, title=job.name, spec=spec.text, comparisons=held, fit=fit)
+        write_comparison_page(path, title=job.name, spec=spec.text, comparisons=held, fit=fit)
 
     return _Result(fit.to_json(), fit_row(fit), estimates_of(fit), page)
 
