@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from diffthrust._support.errors import InputError
 from diffthrust.diagnosis._screen import screened
 from diffthrust.diagnosis._stages import MARGIN, Stages
-from diffthrust.experiments._suggest import Experiment, suggest_experiment
+from diffthrust.experiments._result import Experiment
+from diffthrust.experiments._suggest import suggest_experiment
 
 ALIKE = 8.0
 """Effects whose criteria differ by less than this cannot be told apart (odds of some 50 to 1)."""

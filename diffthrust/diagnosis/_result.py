@@ -20,7 +20,7 @@ from diffthrust.simulation._errors import Errors
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from diffthrust.experiments._suggest import Experiment
+    from diffthrust.experiments._result import Experiment
 
 Verdict = Literal["adequate", "effects_found", "unexplained"]
 

@@ -7,8 +7,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-Array = np.ndarray
-
 
 @dataclass(frozen=True)
 class Field:
@@ -22,7 +20,7 @@ class Field:
         seed: of the random sequences.
     """
 
-    time: Array
+    time: np.ndarray
     limits: Mapping[str, tuple[float, float]]
     rates: Mapping[str, float]
     rest: float
@@ -82,7 +80,7 @@ class Design:
         return replace(self, hold=hold, share=float(np.clip(self.share * larger, 0.01, 1.0)))
 
 
-def sequence(design: Design, space: Field) -> dict[str, Array]:
+def sequence(design: Design, space: Field) -> dict[str, np.ndarray]:
     """The values of every moved input at the sample instants.
 
     The sequence keeps the limits and the rate limits exactly, and begins and ends at rest.
@@ -105,7 +103,7 @@ def sequence(design: Design, space: Field) -> dict[str, Array]:
     return out
 
 
-def _within_rate(values: Array, rate: float, step: float, rest: float) -> Array:
+def _within_rate(values: np.ndarray, rate: float, step: float, rest: float) -> np.ndarray:
     """Follow the values as fast as the rate allows, and be back at rest in time for the end."""
     if not np.isfinite(rate):
         return values
@@ -123,48 +121,48 @@ def _within_rate(values: Array, rate: float, step: float, rest: float) -> Array:
 # -- shapes, from -1 to 1 over the time since the rest --------------------------------------------
 
 
-def _count(t: Array, hold: float) -> Array:
+def _count(t: np.ndarray, hold: float) -> np.ndarray:
     return np.floor(t / hold + 1e-6).astype(int)
 
 
-def _up(t: Array, hold: float, space: Field) -> Array:
+def _up(t: np.ndarray, hold: float, space: Field) -> np.ndarray:
     return np.ones_like(t)
 
 
-def _down(t: Array, hold: float, space: Field) -> Array:
+def _down(t: np.ndarray, hold: float, space: Field) -> np.ndarray:
     return -np.ones_like(t)
 
 
-def _reversals(t: Array, hold: float, space: Field) -> Array:
+def _reversals(t: np.ndarray, hold: float, space: Field) -> np.ndarray:
     return np.where(_count(t, hold) % 2 == 0, 1.0, -1.0)
 
 
-def _pulses(t: Array, hold: float, space: Field) -> Array:
+def _pulses(t: np.ndarray, hold: float, space: Field) -> np.ndarray:
     """A pulse every four holds, to either side in turn."""
     k = _count(t, hold)
     return np.where(k % 4 == 0, np.where(k % 8 == 0, 1.0, -1.0), 0.0)
 
 
-def _staircase(t: Array, hold: float, space: Field) -> Array:
+def _staircase(t: np.ndarray, hold: float, space: Field) -> np.ndarray:
     """Nine levels from the middle up, down and up again."""
     return _triangle((_count(t, hold) % 16) / 16)
 
 
-def _random_staircase(t: Array, hold: float, space: Field) -> Array:
+def _random_staircase(t: np.ndarray, hold: float, space: Field) -> np.ndarray:
     levels = np.random.default_rng(space.seed).uniform(-1.0, 1.0, _count(t, hold).max() + 1)
     return levels[_count(t, hold)] / np.abs(levels).max()
 
 
-def _ramps(t: Array, hold: float, space: Field) -> Array:
+def _ramps(t: np.ndarray, hold: float, space: Field) -> np.ndarray:
     return _triangle((t / (4.0 * hold)) % 1.0)
 
 
-def _triangle(turn: Array) -> Array:
+def _triangle(turn: np.ndarray) -> np.ndarray:
     """Zero, up to one, down to minus one and back to zero over one turn."""
     return 1.0 - np.abs(4.0 * ((turn + 0.75) % 1.0) - 2.0)
 
 
-def _chirp(t: Array, hold: float, space: Field) -> Array:
+def _chirp(t: np.ndarray, hold: float, space: Field) -> np.ndarray:
     """Exponential sweep from one period in the whole test to the shortest."""
     first, last = 1.0 / space.active, 0.5 / hold
     growth = max(last / first, 1.0 + 1e-6)
@@ -172,7 +170,7 @@ def _chirp(t: Array, hold: float, space: Field) -> Array:
     return np.sin(2.0 * np.pi * turns)
 
 
-def _multisine(t: Array, hold: float, space: Field) -> Array:
+def _multisine(t: np.ndarray, hold: float, space: Field) -> np.ndarray:
     """Eight harmonics, evenly spread on a logarithmic scale, with random phases."""
     highest = max(0.5 * space.active / hold, 1.0)
     harmonics = np.unique(np.round(np.geomspace(1.0, highest, 8)))
@@ -182,25 +180,25 @@ def _multisine(t: Array, hold: float, space: Field) -> Array:
 
 
 @dataclass(frozen=True)
-class Kind:
+class Family:
     """A family of sequences: its shape, its words, and the shares of the test that it is held."""
 
-    shape: Callable[[Array, float, Field], Array]
+    shape: Callable[[np.ndarray, float, Field], np.ndarray]
     words: str
     holds: tuple[float, ...]
 
 
 _SHORT, _MIDDLE, _LONG = 1 / 160, 1 / 40, 1 / 10
-KINDS: dict[str, Kind] = {
-    "step up": Kind(_up, "Step", (1.0,)),
-    "step down": Kind(_down, "Step", (1.0,)),
-    "reversals": Kind(_reversals, "Reversals", (_SHORT, _MIDDLE, _LONG)),
-    "pulses": Kind(_pulses, "Pulses", (_SHORT, _MIDDLE)),
-    "staircase": Kind(_staircase, "Staircase", (_MIDDLE, 1 / 16)),
-    "random staircase": Kind(_random_staircase, "Random staircase", (_SHORT, _MIDDLE, _LONG)),
-    "ramps": Kind(_ramps, "Ramps", (_MIDDLE, 1 / 4)),
-    "chirp": Kind(_chirp, "Chirp", (_SHORT, _MIDDLE)),
-    "multisine": Kind(_multisine, "Multisine", (_SHORT, _MIDDLE)),
+KINDS: dict[str, Family] = {
+    "step up": Family(_up, "Step", (1.0,)),
+    "step down": Family(_down, "Step", (1.0,)),
+    "reversals": Family(_reversals, "Reversals", (_SHORT, _MIDDLE, _LONG)),
+    "pulses": Family(_pulses, "Pulses", (_SHORT, _MIDDLE)),
+    "staircase": Family(_staircase, "Staircase", (_MIDDLE, 1 / 16)),
+    "random staircase": Family(_random_staircase, "Random staircase", (_SHORT, _MIDDLE, _LONG)),
+    "ramps": Family(_ramps, "Ramps", (_MIDDLE, 1 / 4)),
+    "chirp": Family(_chirp, "Chirp", (_SHORT, _MIDDLE)),
+    "multisine": Family(_multisine, "Multisine", (_SHORT, _MIDDLE)),
 }
 """Steps, reversals, pulses, staircases, ramps, chirps and multisines; one ramp is a slow one that
 takes the whole test, as a yardstick."""
@@ -233,13 +231,13 @@ def grid(space: Field) -> list[Design]:
         for hold in parts
         for share in shares
     )
-    found: dict[tuple[object, ...], Design] = {}
+    unique: dict[tuple[object, ...], Design] = {}
     for design in designs:
-        found.setdefault(identity(design), design)
-    return list(found.values())
+        unique.setdefault(design_key(design), design)
+    return list(unique.values())
 
 
-def identity(design: Design) -> tuple[object, ...]:
+def design_key(design: Design) -> tuple[object, ...]:
     """What makes a design the same as another."""
     moved = tuple(sorted(design.moved.items()))
     return (design.kind, moved, design.bias, round(design.share, 6), round(design.hold, 9))

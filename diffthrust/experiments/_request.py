@@ -16,7 +16,7 @@ from diffthrust.estimation._arguments import by_input, listed
 from diffthrust.estimation._result import Fit
 from diffthrust.experiments._designs import Design, Field, sequence
 from diffthrust.experiments._rivals import Rival, models_of, names_of, rival_of
-from diffthrust.experiments._separation import Setting
+from diffthrust.experiments._separation import Conditions
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._step_size import choose_substeps
@@ -30,7 +30,7 @@ class Request:
         rivals: the models with what is known of their parameters.
         names: what to call them.
         space: what a sequence may do.
-        setting: grid and noise.
+        conditions: grid and noise.
         held: values of the inputs that stay constant.
         units: of all inputs and channels.
     """
@@ -38,7 +38,7 @@ class Request:
     rivals: tuple[Rival, ...]
     names: tuple[str, ...]
     space: Field
-    setting: Setting
+    conditions: Conditions
     held: Mapping[str, float]
     units: Mapping[str, str]
 
@@ -79,15 +79,15 @@ def requested(
     time = np.round(np.arange(round(duration / step) + 1) * step, 9)
     space = Field(time, moved, rates, rest, seed)
     unsigned = frozenset(name for log in runs for name in log.unsigned if name in sigma)
-    setting = Setting(
+    conditions = Conditions(
         time=time,
         noise=sigma,
         unsigned=unsigned,
         substeps=_substeps(models, space, constant, sigma),
         correlation=math.exp(-step / correlation_time) if correlation_time else 0.0,
     )
-    ready = tuple(rival_of(given, model, runs) for given, model in zip(rivals, models, strict=True))
-    return Request(ready, names_of(models), space, setting, constant, units)
+    ready = tuple(rival_of(rival, model, runs) for rival, model in zip(rivals, models, strict=True))
+    return Request(ready, names_of(models), space, conditions, constant, units)
 
 
 def _check_numbers(duration: Any, step: Any, rest: Any, correlation_time: Any, seed: Any) -> None:
@@ -145,14 +145,14 @@ def _inputs(
         for name in [*(() if any(s in given for s in model.states) else model.inputs),
                      *_needs(model)]
     )  # fmt: skip
-    own = {name for model in models for name in model.inputs}
+    moving = {name for model in models for name in model.inputs}
     recorded = {name for log in logs for name in log.inputs}
     for name in [*needed, *(n for n in known if n in recorded and n not in needed)]:
         if name in given or name not in recorded:
             continue
         unit = _units(models, ())[name]
         series = np.concatenate([lg.values(name, unit) for lg in logs if name in lg.inputs])
-        if name in own and name in needed and not limits:
+        if name in moving and name in needed and not limits:
             limits[name] = (float(series.min()), float(series.max()))
         elif name not in {s for model in models for s in model.states}:
             held[name] = float(np.median(series))
@@ -185,8 +185,8 @@ def _unique(names: Iterable[str]) -> list[str]:
     return list(dict.fromkeys(names))
 
 
-def _known(what: str, given: Iterable[str], known: Sequence[str], why: str) -> None:
-    for name in given:
+def _known(what: str, names: Iterable[str], known: Sequence[str], why: str) -> None:
+    for name in names:
         if name not in known:
             near = nearest(name, known)
             raise InputError(
@@ -209,8 +209,8 @@ def _pair(name: str, pair: Any) -> tuple[float, float]:
     return float(pair[0]), float(pair[1])
 
 
-def _rates(given: Any, moved: Mapping[str, Any]) -> dict[str, float]:
-    rates = dict(given or {})
+def _rates(wanted: Any, moved: Mapping[str, Any]) -> dict[str, float]:
+    rates = dict(wanted or {})
     _known("rate_limits", rates, list(moved), "this input is not moved")
     for name, rate in rates.items():
         if not (_number(rate) and rate > 0):
@@ -221,16 +221,16 @@ def _rates(given: Any, moved: Mapping[str, Any]) -> dict[str, float]:
     return {name: float(rate) for name, rate in rates.items()}
 
 
-def _noise(rivals: Sequence[Any], models: Sequence[Model], given: Any) -> dict[str, float]:
+def _noise(rivals: Sequence[Any], models: Sequence[Model], wanted: Any) -> dict[str, float]:
     """Noise of the channels to compare. Misfit raises a fit's level, so the smallest is nearest."""
     shared = [n for n in models[0].outputs if all(n in model.outputs for model in models)]
-    if given is not None:
-        _known("noise", given, shared, "not an output of every rival")
-        noise = dict(given)
+    if wanted is not None:
+        _known("noise", wanted, shared, "not an output of every rival")
+        noise = dict(wanted)
     else:
         fits = [fit for fit in rivals if isinstance(fit, Fit)]
         levels = {name: [f.noise[name] for f in fits if name in f.noise] for name in shared}
-        noise = {name: min(found) for name, found in levels.items() if found}
+        noise = {name: min(each) for name, each in levels.items() if each}
     if not noise:
         raise InputError(
             f"No noise level is known for any of the channels {listing(shared)}.",

@@ -17,8 +17,6 @@ from diffthrust.estimation._status import examine
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 
-Array = np.ndarray
-
 
 @dataclass(frozen=True)
 class Rival:
@@ -33,16 +31,16 @@ class Rival:
 
     model: Model
     free: tuple[str, ...]
-    precision: Array = field(repr=False)
+    precision: np.ndarray = field(repr=False)
 
     @property
-    def start(self) -> Array:
+    def start(self) -> np.ndarray:
         """Coordinates of the estimated values, ``(k,)``."""
         named = self.model.parameters
         return np.array([float(named[n].to_coordinate(named[n].value)) for n in self.free])
 
     @property
-    def limits(self) -> tuple[Array, Array]:
+    def limits(self) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper limits of the coordinates."""
         pairs = [self.model.parameters[n].coordinate_limits() for n in self.free]
         low, high = np.array(pairs, float).reshape(-1, 2).T
@@ -61,13 +59,13 @@ def models_of(rivals: Any) -> tuple[Model, ...]:
             f"rivals: expected two models or fits at least, found {found}.",
             "Give a list such as [lag, delay].",
         )
-    for given in rivals:
-        if not isinstance(given, Model | Fit):
+    for rival in rivals:
+        if not isinstance(rival, Model | Fit):
             raise InputError(
-                f"rivals: expected models or fits, found {given!r}.",
+                f"rivals: expected models or fits, found {rival!r}.",
                 "Give instances, such as dft.Thruster() or the result of dft.fit.",
             )
-    return tuple(given.model if isinstance(given, Fit) else given for given in rivals)
+    return tuple(rival.model if isinstance(rival, Fit) else rival for rival in rivals)
 
 
 def names_of(models: Sequence[Model]) -> tuple[str, ...]:
@@ -79,11 +77,11 @@ def names_of(models: Sequence[Model]) -> tuple[str, ...]:
     )
 
 
-def rival_of(given: Model | Fit, model: Model, logs: Sequence[Log]) -> Rival:
+def rival_of(source: Model | Fit, model: Model, logs: Sequence[Log]) -> Rival:
     """A model with what its fit, or the logs, or its priors say of its parameters."""
     free = tuple(name for name, p in model.parameters.items() if not p.fixed)
-    if isinstance(given, Fit):
-        return Rival(model, free, _precision(model, free, given.free, given.covariance))
+    if isinstance(source, Fit):
+        return Rival(model, free, _precision(model, free, source.free, source.covariance))
     if logs and free:
         problem = build(model, logs)
         z = problem.start()

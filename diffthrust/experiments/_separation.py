@@ -12,6 +12,8 @@ by simulation, the figure is that of an imitation that exists. Angles are those 
 integrate, without a jump at the full turn: all begin alike, and the jump would make false minima.
 """
 
+# ruff: noqa: F722  (shapes of arrays)
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -22,13 +24,13 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 
 from diffthrust.experiments._rivals import Rival
 from diffthrust.simulation._simulate import Grid, Key, trajectory
 
-Array = np.ndarray
-
-CHUNK = 16
+_Inputs = Mapping[str, Float[np.ndarray, "designs time"]]
+_CHUNK = 16
 """Designs are simulated so many at a time, whatever their number: one compilation serves all."""
 _SCREEN, _THOROUGH = 12, 30
 """Most steps of an imitation, in the search for designs and to verify one."""
@@ -39,7 +41,7 @@ _SCATTER = 0.5
 
 
 @dataclass(frozen=True)
-class Setting:
+class Conditions:
     """What all designs have in common.
 
     Args:
@@ -50,7 +52,7 @@ class Setting:
         correlation: of the noise from one sample to the next.
     """
 
-    time: Array
+    time: np.ndarray
     noise: Mapping[str, float]
     unsigned: frozenset[str]
     substeps: int
@@ -68,68 +70,74 @@ class _Layout(NamedTuple):
     unsigned: frozenset[str]
 
 
-class Pass(NamedTuple):
+class Confronted(NamedTuple):
     """A model held against targets: outputs, criterion, slope and Gram matrix for each design.
 
     Args:
-        outputs: ``(D, C, T)``.
-        cost: sum of squared whitened differences, ``(D,)``; infinite where a simulation failed.
-        slope: J' r, ``(D, k)``.
-        gram: J' J, ``(D, k, k)``.
+        outputs: of the model.
+        cost: sum of squared whitened differences; infinite where a simulation failed.
+        slope: J' r.
+        gram: J' J.
     """
 
-    outputs: Array
-    cost: Array
-    slope: Array
-    gram: Array
+    outputs: Float[np.ndarray, "designs channels time"]
+    cost: Float[np.ndarray, " designs"]
+    slope: Float[np.ndarray, "designs free"]
+    gram: Float[np.ndarray, "designs free free"]
 
 
-def against(rival: Rival, setting: Setting, inputs: Any, z: Array, target: Array) -> Pass:
+def against(
+    rival: Rival,
+    conditions: Conditions,
+    inputs: _Inputs,
+    z: Float[np.ndarray, "designs free"],
+    target: Float[np.ndarray, "designs channels time"],
+) -> Confronted:
     """Simulate a rival under every design, and compare it to targets.
 
     Args:
         rival: the model.
-        setting: time stamps and noise.
-        inputs: all input series by name, ``(D, T)`` each.
-        z: coordinates of the free parameters for each design, ``(D, k)``.
-        target: outputs to be imitated, ``(D, C, T)``.
+        conditions: time stamps and noise.
+        inputs: all input series by name.
+        z: coordinates of the free parameters for each design.
+        target: outputs to be imitated.
     """
     named = rival.model.parameters
     hold = tuple((name, "zero") for name in sorted(inputs))
     layout = _Layout(
         Key(rival.model.bind({})),
-        Grid(hold, setting.substeps),
+        Grid(hold, conditions.substeps),
         rival.free,
         tuple(named[n].transform for n in rival.free),
-        tuple(setting.noise),
-        setting.unsigned,
+        tuple(conditions.noise),
+        conditions.unsigned,
     )
     arrays = {
         "values": {n: np.asarray(p.value, float) for n, p in named.items()},
         "scales": np.array([named[n].scale for n in rival.free]),
-        "time": setting.time,
-        "sigma": np.array(list(setting.noise.values())),
-        "correlation": np.asarray(setting.correlation, float),
+        "time": conditions.time,
+        "sigma": np.array(list(conditions.noise.values())),
+        "correlation": np.asarray(conditions.correlation, float),
     }
     count, passes = z.shape[0], []
-    for begin in range(0, count, CHUNK):
-        rows = np.minimum(np.arange(begin, begin + CHUNK), count - 1)
-        given = {name: values[rows] for name, values in inputs.items()}
-        found = _chunk(layout, arrays, given, z[rows], target[rows])
-        passes.append([np.array(part)[: count - begin] for part in found])
+    for begin in range(0, count, _CHUNK):
+        rows = np.minimum(np.arange(begin, begin + _CHUNK), count - 1)
+        series = {name: values[rows] for name, values in inputs.items()}
+        chunk = _chunk(layout, arrays, series, z[rows], target[rows])
+        passes.append([np.array(part)[: count - begin] for part in chunk])
     outputs, cost, slope, gram = (np.concatenate(parts) for parts in zip(*passes, strict=True))
     fine = np.isfinite(cost) & np.isfinite(gram).all(axis=(1, 2)) & np.isfinite(slope).all(axis=1)
-    return Pass(outputs, np.where(fine, cost, np.inf), slope, gram)
+    return Confronted(outputs, np.where(fine, cost, np.inf), slope, gram)
 
 
 @partial(jax.jit, static_argnums=0)
 def _chunk(layout: _Layout, arrays: Any, inputs: Any, z: Any, target: Any) -> tuple[Any, ...]:
     def one(design: Any) -> tuple[Any, ...]:
-        given, point, goal = design
+        series, point, goal = design
         steps = jnp.eye(point.shape[0])
 
         def fn(p: Any) -> Any:
-            return _outputs(layout, arrays, given, p)
+            return _outputs(layout, arrays, series, p)
 
         if layout.free:
             y, slopes = jax.vmap(lambda v: jax.jvp(fn, (point,), (v,)), out_axes=(None, 0))(steps)
@@ -148,8 +156,8 @@ def _outputs(layout: _Layout, arrays: Any, inputs: Any, z: Any) -> Any:
     for i, (name, transform) in enumerate(zip(layout.free, layout.transforms, strict=True)):
         values[name] = jnp.exp(z[i]) if transform == "log" else z[i] * arrays["scales"][i]
     model = layout.key.model.bind(values)
-    found, _ = trajectory(model, layout.grid, arrays["time"], inputs, {}, {})
-    rows = [jnp.abs(found[n]) if n in layout.unsigned else found[n] for n in layout.channels]
+    modelled, _ = trajectory(model, layout.grid, arrays["time"], inputs, {}, {})
+    rows = [jnp.abs(modelled[n]) if n in layout.unsigned else modelled[n] for n in layout.channels]
     return jnp.stack(rows)
 
 
@@ -164,35 +172,35 @@ class Imitation(NamedTuple):
     """The best imitation of a truth under each design.
 
     Args:
-        separation: what is left, ``(D,)``; NaN where a simulation failed.
-        outputs: of the imitator at its best, ``(D, C, T)``.
+        separation: what is left; NaN where a simulation failed.
+        outputs: of the imitator at its best.
     """
 
-    separation: Array
-    outputs: Array
+    separation: Float[np.ndarray, " designs"]
+    outputs: Float[np.ndarray, "designs channels time"]
 
 
 def imitated(
     rival: Rival,
-    setting: Setting,
-    inputs: Any,
-    truth: Array,
-    starts: Array | None = None,
+    conditions: Conditions,
+    inputs: _Inputs,
+    truth: Float[np.ndarray, "designs channels time"],
+    starts: Float[np.ndarray, "designs free"] | None = None,
     steps: int = _SCREEN,
 ) -> Imitation:
     """Let a rival imitate outputs by moving its parameters, under each design alone.
 
     Args:
         rival: the imitator.
-        setting: time stamps and noise.
-        inputs: all input series by name, ``(D, T)`` each.
-        truth: the outputs, ``(D, C, T)``.
-        starts: coordinates to begin from, ``(D, k)``; by default the rival's own.
+        conditions: time stamps and noise.
+        inputs: all input series by name.
+        truth: the outputs.
+        starts: coordinates to begin from; by default the rival's own.
         steps: at most so many.
     """
     low, high = rival.limits
     z = np.tile(rival.start, (truth.shape[0], 1)) if starts is None else starts.copy()
-    best = against(rival, setting, inputs, z, truth)
+    best = against(rival, conditions, inputs, z, truth)
     cost = best.cost + _penalty(rival, z)
     damping = np.full(z.shape[0], 1e-8)
     busy = np.isfinite(cost)
@@ -207,8 +215,8 @@ def imitated(
         if not ahead.any():
             break
         on, trial = on[ahead], np.clip(z[on] + move, low, high)[ahead]
-        given = {name: values[on] for name, values in inputs.items()}
-        new = against(rival, setting, given, trial, truth[on])
+        series = {name: values[on] for name, values in inputs.items()}
+        new = against(rival, conditions, series, trial, truth[on])
         price = new.cost + _penalty(rival, trial)
         better = price < cost[on]
         settled = better & (cost[on] - price < _SETTLED * (1.0 + price))
@@ -216,17 +224,19 @@ def imitated(
         busy[on] = ~settled & (damping[on] < 1e6)
         kept = on[better]
         z[kept], cost[kept] = trial[better], price[better]
-        for old, found in zip(best, new, strict=True):
-            old[kept] = found[better]
+        for old, fresh in zip(best, new, strict=True):
+            old[kept] = fresh[better]
     return Imitation(np.where(np.isfinite(cost), cost, np.nan), best.outputs)
 
 
-def _penalty(rival: Rival, z: Array) -> Array:
+def _penalty(rival: Rival, z: np.ndarray) -> np.ndarray:
     away = z - rival.start
     return np.einsum("di,ij,dj->d", away, rival.precision, away)
 
 
-def _newton(normal: Array, slope: Array, held: Array, damping: Array) -> Array:
+def _newton(
+    normal: np.ndarray, slope: np.ndarray, held: np.ndarray, damping: np.ndarray
+) -> np.ndarray:
     """Damped Gauss-Newton moves ``(D, k)``; coordinates held at a bound stay."""
     size = slope.shape[1]
     free = ~held[:, :, None] & ~held[:, None, :]
@@ -253,35 +263,43 @@ def _extends(larger: Rival, smaller: Rival) -> bool:
     return inside and type(one) is type(other)
 
 
-def outputs_of(rival: Rival, setting: Setting, inputs: Any) -> Array:
-    """What a rival predicts as it is, ``(D, C, T)``."""
+def outputs_of(
+    rival: Rival, conditions: Conditions, inputs: _Inputs
+) -> Float[np.ndarray, "designs channels time"]:
+    """What a rival predicts as it is."""
     count = next(iter(inputs.values())).shape[0]
-    blank = np.zeros((count, len(setting.noise), setting.time.size))
-    return against(rival, setting, inputs, np.tile(rival.start, (count, 1)), blank).outputs
+    blank = np.zeros((count, len(conditions.noise), conditions.time.size))
+    return against(rival, conditions, inputs, np.tile(rival.start, (count, 1)), blank).outputs
 
 
 def separations(
-    rivals: Sequence[Rival], setting: Setting, inputs: Any
-) -> dict[tuple[int, int], Array]:
-    """Separation of every pair (truth, imitator) under each design, ``(D,)``."""
+    rivals: Sequence[Rival], conditions: Conditions, inputs: _Inputs
+) -> dict[tuple[int, int], Float[np.ndarray, " designs"]]:
+    """Separation of every pair (truth, imitator) under each design."""
     pairs = pairs_of(rivals)
-    truths = {i: outputs_of(rivals[i], setting, inputs) for i in {i for i, _ in pairs}}
-    return {(i, j): imitated(rivals[j], setting, inputs, truths[i]).separation for i, j in pairs}
+    truths = {i: outputs_of(rivals[i], conditions, inputs) for i in {i for i, _ in pairs}}
+    return {(i, j): imitated(rivals[j], conditions, inputs, truths[i]).separation for i, j in pairs}
 
 
 def imitated_from_afar(
-    rival: Rival, setting: Setting, inputs: Any, truth: Array, seed: int
+    rival: Rival,
+    conditions: Conditions,
+    inputs: _Inputs,
+    truth: Float[np.ndarray, "1 channels time"],
+    seed: int,
 ) -> Imitation:
-    """The best imitation under one design, ``D = 1``, from several starts.
+    """The best imitation under one design, from several starts.
 
     The first start is the rival as it is; the others are drawn from what is known of it.
     """
     low, high = rival.limits
     spread = np.linalg.inv(rival.precision + np.eye(low.size) / _SCATTER**2)
-    draws = np.random.default_rng(seed).standard_normal((CHUNK, low.size))
+    draws = np.random.default_rng(seed).standard_normal((_CHUNK, low.size))
     draws[0] = 0.0
     starts = np.clip(rival.start + draws @ np.linalg.cholesky(spread).T, low, high)
-    given = {name: np.repeat(values, CHUNK, axis=0) for name, values in inputs.items()}
-    found = imitated(rival, setting, given, np.repeat(truth, CHUNK, axis=0), starts, _THOROUGH)
-    best = int(np.argmin(np.nan_to_num(found.separation, nan=np.inf)))
-    return Imitation(found.separation[best : best + 1], found.outputs[best : best + 1])
+    series = {name: np.repeat(values, _CHUNK, axis=0) for name, values in inputs.items()}
+    imitations = imitated(
+        rival, conditions, series, np.repeat(truth, _CHUNK, axis=0), starts, _THOROUGH
+    )
+    best = int(np.argmin(np.nan_to_num(imitations.separation, nan=np.inf)))
+    return Imitation(imitations.separation[best : best + 1], imitations.outputs[best : best + 1])

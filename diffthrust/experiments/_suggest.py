@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from diffthrust._support.files import write_whole
 from diffthrust.estimation._result import Fit
-from diffthrust.experiments._designs import Design, grid, identity
+from diffthrust.experiments._designs import Design, design_key, grid
 from diffthrust.experiments._request import Request, requested
+from diffthrust.experiments._result import Experiment, Trial
 from diffthrust.experiments._separation import (
     Imitation,
     imitated_from_afar,
@@ -20,102 +19,15 @@ from diffthrust.experiments._separation import (
     pairs_of,
     separations,
 )
-from diffthrust.experiments._words import described, promise
+from diffthrust.experiments._words import in_words, promise_in_words
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-DECISIVE = 9.0
+_DECISIVE = 9.0
 """Separation from which a test decides: the log-likelihood ratio is then wrong in its sign in at
 most one case of fifteen, the normal probability beyond half of its square root."""
 _ROUNDS = (1.5, 1.25, 1.12)
 _LEADERS = 4
-
-
-class Trial(NamedTuple):
-    """A design that was tried.
-
-    Args:
-        kind: the family, such as "staircase".
-        parameters: lowest and highest value of each input, ``share`` of the way to the limits, and
-            ``hold`` [s], the time per level or half the shortest period.
-        separation: the criterion, for the two rivals that it separates worst.
-        words: the design in words.
-    """
-
-    kind: str
-    parameters: dict[str, Any]
-    separation: float
-    words: str
-
-
-@dataclass(frozen=True)
-class Experiment:
-    """A test that separates rival models, and what is to be expected of it.
-
-    Args:
-        sentence: the test and its promise in words.
-        time: sample instants [s], ``(T,)``.
-        inputs: the series to send to the vehicle, ``(T,)`` each, each value held to the next.
-        log_inputs: these and the inputs taken as constant: the inputs of the log to come.
-        ranking: all designs that were tried, the best first.
-        rivals: names of the models.
-        separation: the criterion for the two rivals that are separated worst: the sum of squared
-            differences over the noise after one has imitated the other as well as it can. Half of
-            it is the expected log-likelihood ratio, with a standard deviation of its square root.
-            It rests on the best of 16 searches for an imitation, so it is an upper bound: of large
-            models with little known of their parameters it may be too high by a factor of two.
-        separations: the same for every pair ``(truth, imitator)``; of a model and the same with
-            more effects only with the larger one as the truth: the smaller is its special case.
-        decisive: whether the test can be expected to tell the rivals apart.
-        truth: the rival that, if it holds, is hardest to tell from another.
-        predictions: outputs by rival and channel, ``(T,)`` each: of ``truth`` as it is, of the
-            others as they imitate it.
-        noise: standard deviation of each channel's noise.
-        units: of inputs and channels.
-    """
-
-    sentence: str
-    time: np.ndarray = field(repr=False)
-    inputs: Mapping[str, np.ndarray] = field(repr=False)
-    log_inputs: Mapping[str, np.ndarray] = field(repr=False)
-    ranking: tuple[Trial, ...] = field(repr=False)
-    rivals: tuple[str, ...]
-    separation: float
-    separations: Mapping[tuple[str, str], float]
-    decisive: bool
-    truth: str
-    predictions: Mapping[str, Mapping[str, np.ndarray]] = field(repr=False)
-    noise: Mapping[str, float]
-    units: Mapping[str, str] = field(repr=False)
-
-    @property
-    def expected_log_likelihood_ratio(self) -> float:
-        """Expected gain of the right rival over the wrong one, for the worst pair."""
-        return 0.5 * self.separation
-
-    def difference(self, channel: str, one: str, other: str) -> np.ndarray:
-        """The prediction of one rival less that of another, ``(T,)``."""
-        return self.predictions[one][channel] - self.predictions[other][channel]
-
-    def plot(self) -> Figure:
-        """The inputs, what the rivals predict with its noise, and the difference."""
-        from diffthrust.experiments._figure import experiment_figure
-
-        return experiment_figure(self)
-
-    def to_csv(self, path: str | Path) -> None:
-        """Write time and inputs as a table for the controller, every digit kept.
-
-        Raises:
-            InputError: the file cannot be written.
-        """
-        rows = zip(self.time, *self.inputs.values(), strict=True)
-        lines = [",".join(["time", *self.inputs])]
-        lines += [",".join(repr(float(value) + 0.0) for value in row) for row in rows]
-        write_whole(Path(path), ("\n".join(lines) + "\n").encode())
 
 
 def suggest_experiment(
@@ -201,18 +113,18 @@ def suggest_experiment(
         _try(around, request, tried)
     while True:  # a promise must hold against the best imitation found, not only the first
         worth, design = _best(tried)[0]
-        found = _Verified.of(design, request)
-        if found.worth >= worth * (1 - 1e-6):
-            return _result(request, _best(tried), found)
-        tried[identity(design)] = (found.worth, design)
+        verified = _Verified.of(design, request)
+        if verified.worth >= worth * (1 - 1e-6):
+            return _result(request, _best(tried), verified)
+        tried[design_key(design)] = (verified.worth, design)
 
 
 def _try(designs: Sequence[Design], request: Request, tried: dict[tuple[object, ...], Any]) -> None:
     """Add the separation of new designs, for the worst pair; zero where a simulation failed."""
-    new = {identity(d): d for d in designs if identity(d) not in tried}
+    new = {design_key(d): d for d in designs if design_key(d) not in tried}
     if not new:
         return
-    pairs = separations(request.rivals, request.setting, request.inputs(list(new.values())))
+    pairs = separations(request.rivals, request.conditions, request.inputs(list(new.values())))
     worst = np.min([np.nan_to_num(pair) for pair in pairs.values()], axis=0)
     for (key, design), value in zip(new.items(), worst, strict=True):
         tried[key] = (float(value), design)
@@ -237,51 +149,52 @@ class _Verified(NamedTuple):
 
     @classmethod
     def of(cls, design: Design, request: Request) -> _Verified:
-        inputs, rivals, setting = request.inputs([design]), request.rivals, request.setting
-        outputs = [outputs_of(rival, setting, inputs) for rival in rivals]
+        inputs, rivals, conditions = request.inputs([design]), request.rivals, request.conditions
+        outputs = [outputs_of(rival, conditions, inputs) for rival in rivals]
 
-        def found(i: int, j: int) -> Imitation:
-            return imitated_from_afar(rivals[j], setting, inputs, outputs[i], request.space.seed)
+        def imitation(i: int, j: int) -> Imitation:
+            return imitated_from_afar(rivals[j], conditions, inputs, outputs[i], request.space.seed)
 
-        pairs = {pair: found(*pair) for pair in pairs_of(rivals)}
+        pairs = {pair: imitation(*pair) for pair in pairs_of(rivals)}
         worth = {k: float(np.nan_to_num(pair.separation[0])) for k, pair in pairs.items()}
         truth, imitator = min(worth, key=lambda pair: worth[pair])
         shown = [
-            pairs[truth, j].outputs if (truth, j) in pairs else own for j, own in enumerate(outputs)
+            pairs[truth, j].outputs if (truth, j) in pairs else output
+            for j, output in enumerate(outputs)
         ]
         series = {name: rows[0] for name, rows in inputs.items()}
         return cls(series, worth, truth, imitator, [rows[0] for rows in shown])
 
 
 def _result(
-    request: Request, ranked: Sequence[tuple[float, Design]], found: _Verified
+    request: Request, ranked: Sequence[tuple[float, Design]], verified: _Verified
 ) -> Experiment:
-    space, setting, names = request.space, request.setting, request.names
+    space, conditions, names = request.space, request.conditions, request.names
     predictions = {
-        name: dict(zip(setting.noise, rows, strict=True))
-        for name, rows in zip(names, found.outputs, strict=True)
+        name: dict(zip(conditions.noise, rows, strict=True))
+        for name, rows in zip(names, verified.outputs, strict=True)
     }
-    words = described(ranked[0][1], space, request.units)
+    words = in_words(ranked[0][1], space, request.units)
     test = Experiment(
         sentence="",
-        time=setting.time,
-        inputs={name: found.inputs[name] for name in space.limits},
-        log_inputs=found.inputs,
+        time=conditions.time,
+        inputs={name: verified.inputs[name] for name in space.limits},
+        log_inputs=verified.inputs,
         ranking=tuple(_trial(value, tried, request) for value, tried in ranked),
         rivals=names,
-        separation=found.worth,
-        separations={(names[i], names[j]): value for (i, j), value in found.pairs.items()},
-        decisive=found.worth >= DECISIVE,
-        truth=names[found.truth],
+        separation=verified.worth,
+        separations={(names[i], names[j]): value for (i, j), value in verified.pairs.items()},
+        decisive=verified.worth >= _DECISIVE,
+        truth=names[verified.truth],
         predictions=predictions,
-        noise=setting.noise,
+        noise=conditions.noise,
         units=request.units,
     )
-    return replace(test, sentence=promise(words, test, names[found.imitator]))
+    return replace(test, sentence=promise_in_words(words, test, names[verified.imitator]))
 
 
 def _trial(separation: float, design: Design, request: Request) -> Trial:
     space = request.space
     ranges = {name: design.levels(name, space) for name in space.limits}
     parameters = {**ranges, "share": design.share, "hold": design.hold}
-    return Trial(design.kind, parameters, separation, described(design, space, request.units))
+    return Trial(design.kind, parameters, separation, in_words(design, space, request.units))

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from diffthrust.experiments._designs import KINDS, Design, Field
-
-if TYPE_CHECKING:
-    from diffthrust.experiments._suggest import Experiment
+from diffthrust.experiments._result import Experiment
 
 
-def promise(words: str, test: Experiment, imitator: str) -> str:
-    """The promise in words: the channel in which the difference stands out most from the noise."""
+def promise_in_words(words: str, test: Experiment, imitator: str) -> str:
+    """The channel in which the difference stands out most from the noise, and what follows."""
     apart = {name: test.difference(name, test.truth, imitator) for name in test.noise}
     peaks = {name: float(np.max(np.abs(np.nan_to_num(d)))) for name, d in apart.items()}
     channel = max(peaks, key=lambda name: peaks[name] / test.noise[name])
@@ -31,11 +28,11 @@ def promise(words: str, test: Experiment, imitator: str) -> str:
     return f"{words}: {channel} differs{between} by up to {size}; {ratio}."
 
 
-def described(design: Design, space: Field, units: Mapping[str, str]) -> str:
+def in_words(design: Design, space: Field, units: Mapping[str, str]) -> str:
     """A design in words.
 
     Example:
-        >>> described(design, space, {"command": "V"})
+        >>> in_words(design, space, {"command": "V"})
         'Staircase of command between -2 V and 2 V, each level held 1.5 s'
     """
     joined = " and of ".join(f"{n} {_range(design, n, space, units[n])}" for n in design.moved)

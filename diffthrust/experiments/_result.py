@@ -1,0 +1,103 @@
+"""A suggested experiment: the inputs to send, and what rival models predict for them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from diffthrust._support.files import write_whole
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class Trial(NamedTuple):
+    """A design that was tried.
+
+    Args:
+        kind: the family, such as "staircase".
+        parameters: lowest and highest value of each input, ``share`` of the way to the limits, and
+            ``hold`` [s], the time per level or half the shortest period.
+        separation: the criterion, for the two rivals that it separates worst.
+        words: the design in words.
+    """
+
+    kind: str
+    parameters: dict[str, Any]
+    separation: float
+    words: str
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A test that separates rival models, and what is to be expected of it.
+
+    Args:
+        sentence: the test and its promise in words.
+        time: sample instants [s], ``(T,)``.
+        inputs: the series to send to the vehicle, ``(T,)`` each, each value held to the next.
+        log_inputs: these and the inputs taken as constant: the inputs of the log to come.
+        ranking: all designs that were tried, the best first.
+        rivals: names of the models.
+        separation: the criterion for the two rivals that are separated worst: the sum of squared
+            differences over the noise after one has imitated the other as well as it can. Half of
+            it is the expected log-likelihood ratio, with a standard deviation of its square root.
+            It rests on the best of 16 searches for an imitation, so it is an upper bound: of large
+            models with little known of their parameters it may be too high by a factor of two.
+        separations: the same for every pair ``(truth, imitator)``; of a model and the same with
+            more effects only with the larger one as the truth: the smaller is its special case.
+        decisive: whether the test can be expected to tell the rivals apart.
+        truth: the rival that, if it holds, is hardest to tell from another.
+        predictions: outputs by rival and channel, ``(T,)`` each: of ``truth`` as it is, of the
+            others as they imitate it.
+        noise: standard deviation of each channel's noise.
+        units: of inputs and channels.
+    """
+
+    sentence: str
+    time: np.ndarray = field(repr=False)
+    inputs: Mapping[str, np.ndarray] = field(repr=False)
+    log_inputs: Mapping[str, np.ndarray] = field(repr=False)
+    ranking: tuple[Trial, ...] = field(repr=False)
+    rivals: tuple[str, ...]
+    separation: float
+    separations: Mapping[tuple[str, str], float]
+    decisive: bool
+    truth: str
+    predictions: Mapping[str, Mapping[str, np.ndarray]] = field(repr=False)
+    noise: Mapping[str, float]
+    units: Mapping[str, str] = field(repr=False)
+
+    @property
+    def expected_log_likelihood_ratio(self) -> float:
+        """Expected gain of the right rival over the wrong one, for the worst pair."""
+        return 0.5 * self.separation
+
+    def difference(self, channel: str, one: str, other: str) -> np.ndarray:
+        """The prediction of one rival less that of another, ``(T,)``."""
+        return self.predictions[one][channel] - self.predictions[other][channel]
+
+    def plot(self) -> Figure:
+        """The inputs, what the rivals predict with its noise, and the difference."""
+        from diffthrust.experiments._figures import experiment_figure
+
+        order = [self.truth, *(name for name in self.rivals if name != self.truth)]
+        predictions = {name: self.predictions[name] for name in order}
+        return experiment_figure(
+            self.sentence, self.time, self.inputs, predictions, self.noise, self.units
+        )
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write time and inputs as a table for the controller, every digit kept.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        rows = zip(self.time, *self.inputs.values(), strict=True)
+        lines = [",".join(["time", *self.inputs])]
+        lines += [",".join(repr(float(value) + 0.0) for value in row) for row in rows]
+        write_whole(Path(path), ("\n".join(lines) + "\n").encode())
