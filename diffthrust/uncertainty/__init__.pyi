@@ -10,7 +10,7 @@ from ._prediction.predict import predict as predict
 from ._prediction.quantities import Quantities as Quantities
 from ._prediction.quantities import quantities as quantities
 from ._profile import profile as profile
-from ._profile_result import Profile as Profile
+from ._profile_curve import Profile as Profile
 from ._profile_result import Profiles as Profiles
 from ._sampling.convergence import Convergence as Convergence
 from ._sampling.convergence import convergence as convergence

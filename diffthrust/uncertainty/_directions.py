@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,9 +17,12 @@ from diffthrust.estimation._status import RANK_LIMIT, inflation, marginal_spread
 from diffthrust.logs._log import Log
 from diffthrust.uncertainty._sandwich import converged
 
-WELL, FAIRLY = 0.01, 0.1
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+_WELL, _FAIRLY = 0.01, 0.1
 """A direction is well known to one in a hundred, known to one in ten, and hardly known beyond."""
-PART = 0.25
+_PART = 0.25
 """A parameter is named in a direction where its share is at least this of the largest."""
 
 
@@ -43,15 +46,15 @@ class Direction:
         """How well it is known, in two words."""
         if not math.isfinite(self.std_error):
             return "not known at all"
-        if self.std_error < WELL:
+        if self.std_error < _WELL:
             return "well known"
-        return "known" if self.std_error < FAIRLY else "hardly known"
+        return "known" if self.std_error < _FAIRLY else "hardly known"
 
     @property
     def members(self) -> dict[str, float]:
         """Relative changes of the parameters that matter in it, the largest first."""
         largest = max(map(abs, self.relative.values()))
-        kept = {n: c for n, c in self.relative.items() if abs(c) >= PART * largest}
+        kept = {n: c for n, c in self.relative.items() if abs(c) >= _PART * largest}
         return dict(sorted(kept.items(), key=lambda item: -abs(item[1])))
 
     @property
@@ -62,7 +65,7 @@ class Direction:
             words = next(iter(found))
         else:
             words = " with ".join(f"{n} {'up' if c > 0 else 'down'}" for n, c in found.items())
-        size = f" ({_percent(self.std_error)})" if math.isfinite(self.std_error) else ""
+        size = f" ({100 * self.std_error:.2g} %)" if math.isfinite(self.std_error) else ""
         return f"{self.grade}{size}: {words}"
 
 
@@ -93,17 +96,11 @@ class Directions:
         told = [d.sentence for d in self.directions]
         return told + ([f"held at a bound: {', '.join(self.held)}"] if self.held else [])
 
-    def table(self) -> Any:
-        """A `rich` table: how well each direction is known, and what it moves."""
-        from rich.markup import escape
+    def table(self) -> RenderableType:
+        """A table of rich: how well each direction is known, and what it moves."""
+        from diffthrust.uncertainty._tables import directions_table
 
-        from diffthrust._support.tables import plain_table
-
-        table = plain_table("Known to", "", "Moves together (by one standard error)", numbers=(0,))
-        for d in self.directions:
-            moves = ", ".join(f"{escape(n)} {100 * c:+.2g} %" for n, c in d.members.items())
-            table.add_row(_percent(d.std_error), d.grade, moves)
-        return table
+        return directions_table((d.std_error, d.grade, d.members) for d in self.directions)
 
     def report(self) -> str:
         """The table as text for people."""
@@ -188,7 +185,3 @@ def directions_of(problem: Problem, z: np.ndarray) -> Directions:
             )
         )
     return Directions(tuple(found), tuple(problem.own[i] for i in np.flatnonzero(held[:k])))
-
-
-def _percent(size: float) -> str:
-    return f"{100 * size:.2g} %" if math.isfinite(size) else "-"

@@ -6,12 +6,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from diffthrust.estimation._result import Fit
-from diffthrust.uncertainty._intervals_result import Interval
-from diffthrust.uncertainty._profile_result import LOPSIDED, Profile
+from diffthrust.uncertainty._intervals_row import Interval
+from diffthrust.uncertainty._profile_curve import LOPSIDED, Profile
 
-APART = 0.2
+_APART = 0.2
 """Two intervals disagree where an end differs by this share of the arm it belongs to."""
-CLEARLY = 1.25
+_CLEARLY = 1.25
 """A sandwich and a covariance disagree where one is wider by this factor."""
 
 
@@ -85,9 +85,10 @@ def sentences(e: Evidence) -> Iterator[str]:
             f"{name} has no standard error: these logs cannot tell it from others; the profile "
             "says what is known of it alone."
         )
-    for side, why in (("downwards", e.profile.open_low), ("upwards", e.profile.open_high)):
-        if why and not (estimate.at_bound and "bound" in why):
-            it = "it " if why.startswith("reaches") else ""
+    whys = ("downwards", e.profile.open_low), ("upwards", e.profile.open_high)
+    for (side, why), bound in zip(whys, e.profile.bounds, strict=True):
+        if why and not (estimate.at_bound and bound is not None):
+            it = "it " if bound is not None else ""
             yield f"{name}: {side} the profile is open; {it}{why}."
     yield from _lopsided(e, name)
     yield from _inflated(e, name)
@@ -111,7 +112,7 @@ def _lopsided(e: Evidence, name: str) -> Iterator[str]:
 
 
 def _inflated(e: Evidence, name: str) -> Iterator[str]:
-    if e.inflation is None or 1 / CLEARLY < e.inflation < CLEARLY:
+    if e.inflation is None or 1 / _CLEARLY < e.inflation < _CLEARLY:
         return
     words = f"{name}: the sandwich is {e.inflation:.2g} times as wide as the covariance: "
     if e.correlation:
@@ -134,7 +135,7 @@ def _drawn(e: Evidence, name: str) -> Iterator[str]:
         ("lower", drawn.low, profile.low),
         ("upper", drawn.high, profile.high),
     ):
-        if there is not None and abs(here - there) > APART * max(abs(there - value), 1e-300):
+        if there is not None and abs(here - there) > _APART * max(abs(there - value), 1e-300):
             apart.append(side)
     if not apart:
         return

@@ -15,16 +15,17 @@ from diffthrust.estimation._result import Fit
 from diffthrust.logs._log import Log
 from diffthrust.uncertainty._directions import directions_of
 from diffthrust.uncertainty._interval_words import Evidence, heading, sentences
-from diffthrust.uncertainty._intervals_result import Interval, Intervals, Row
+from diffthrust.uncertainty._intervals_result import Intervals
+from diffthrust.uncertainty._intervals_row import Interval, Row
 from diffthrust.uncertainty._profile import check_level, profiles_of, threshold_of
-from diffthrust.uncertainty._profile_result import Profile, Profiles
+from diffthrust.uncertainty._profile_result import Profiles
 from diffthrust.uncertainty._sandwich import Sandwich, converged, quantile, sandwich_of
 from diffthrust.uncertainty._scores import scores
 
-WHITE = 0.1
+_WHITE = 0.1
 """Residuals correlated from sample to sample by less than this count as white: standard errors that
 take them as white are then short by no more than a tenth."""
-WIDER = 1.25
+_WIDER = 1.25
 """A sandwich wider than the covariance by this factor, and by more than chance, is believed."""
 
 
@@ -75,7 +76,7 @@ def intervals(
         _row(fit, problem, name, profiles, robust, drawn.get(name), lag, reach, level)
         for name in problem.own
     ]
-    notes = [heading(fit, lag, lag > WHITE, any(r.recommended == "sandwich" for r in rows))]
+    notes = [heading(fit, lag, lag > _WHITE, any(r.recommended == "sandwich" for r in rows))]
     if profiles.better is not None:
         notes.append(profiles.sentences[-1])
     if posterior is not None:
@@ -123,7 +124,7 @@ def _row(
     found["profile"] = Interval(profile.low, profile.high)
     if drawn is not None:
         found["posterior"] = drawn
-    unwhite = lag > WHITE or _wider(robust, name)
+    unwhite = lag > _WHITE or _wider(robust, name)
     recommended = "sandwich" if unwhite and wide is not None else "profile"
     evidence = Evidence(
         fit=fit,
@@ -131,10 +132,10 @@ def _row(
         intervals=found,
         inflation=robust.inflation[name],
         chance=_chance(robust, name),
-        correlation=lag if lag > WHITE else 0.0,
+        correlation=lag if lag > _WHITE else 0.0,
         prior=problem.named[name].prior is not None,
         recommended=recommended,
-        met=tuple(n for n in profiles if n != name and _bounds(profiles[n]) != (None, None)),
+        met=tuple(n for n in profiles if n != name and profiles[n].bounds != (None, None)),
     )
     return Row(
         name=name,
@@ -143,21 +144,13 @@ def _row(
         intervals=found,
         recommended=recommended,
         sentences=tuple(sentences(evidence)),
-        bounds=_bounds(profile),
+        bounds=profile.bounds,
     )
-
-
-def _bounds(profile: Profile) -> tuple[float | None, float | None]:
-    """The bounds that a profile reaches."""
-    low, high = (
-        "reaches the bound" in (why or "") for why in (profile.open_low, profile.open_high)
-    )
-    return float(profile.grid[0]) if low else None, float(profile.grid[-1]) if high else None
 
 
 def _wider(robust: Sandwich, name: str) -> bool:
     ratio = robust.inflation[name]
-    return ratio is not None and ratio > WIDER + _chance(robust, name)
+    return ratio is not None and ratio > _WIDER + _chance(robust, name)
 
 
 def _chance(robust: Sandwich, name: str) -> float:

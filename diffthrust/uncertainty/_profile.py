@@ -16,8 +16,9 @@ from diffthrust.estimation._result import Fit
 from diffthrust.estimation._solver import solve
 from diffthrust.logs._log import Log
 from diffthrust.uncertainty._prediction.physical import derived
+from diffthrust.uncertainty._profile_curve import Profile
 from diffthrust.uncertainty._profile_lines import Function, Line, ParameterLine, Point, QuantityLine
-from diffthrust.uncertainty._profile_result import Better, Profile, Profiles
+from diffthrust.uncertainty._profile_result import Better, Profiles
 from diffthrust.uncertainty._profile_walk import DeeperError, Side, walk
 from diffthrust.uncertainty._sandwich import converged, quantile
 
@@ -204,20 +205,23 @@ def _profile(
     sides = [walk(line, sign, math.sqrt(threshold)) for sign in (-1.0, 1.0)]
     points = [*reversed(sides[0].points), *sides[1].points[1:]]
     quantity = unit is not None
+    limits = (-math.inf, math.inf) if quantity else problem.named[name].limits
+    met = [_met(line, side, limit) for side, limit in zip(sides, limits, strict=True)]
     return Profile(
         name=name,
         unit=unit if unit is not None else problem.named[name].unit,
         value=line.value(start.x),
         low=_end(line, sides[0]),
         high=_end(line, sides[1]),
-        open_low=_why(problem, name, line, sides[0], -1),
-        open_high=_why(problem, name, line, sides[1], 1),
+        open_low=_why(line, sides[0], limits[0], "less"),
+        open_high=_why(line, sides[1], limits[1], "more"),
         level=level,
         threshold=threshold,
         grid=np.array([line.value(p.x) for p in points]),
         drop=np.array([p.cost - start.cost for p in points]),
         std_error=std_error if quantity else fit.parameters[name].std_error,
         quantity=quantity,
+        bounds=(met[0], met[1]),
     )
 
 
@@ -225,15 +229,19 @@ def _end(line: Line, side: Side) -> float | None:
     return None if side.end is None else line.value(side.end)
 
 
-def _why(problem: Problem, name: str, line: Line, side: Side, sign: int) -> str | None:
+def _met(line: Line, side: Side, limit: float) -> float | None:
+    """The bound of the parameter, where a side reaches it."""
+    met = side.why == "bound" and math.isfinite(limit)
+    return line.value(side.points[-1].x) if met else None
+
+
+def _why(line: Line, side: Side, limit: float, more: str) -> str | None:
     """Why a side has no end, in words."""
     last = line.value(side.points[-1].x)
-    if side.why == "bound":
-        bound = problem.named[name].limits[0 if sign < 0 else 1]
-        if math.isfinite(bound):
-            return f"reaches the bound {bound:g}"
+    if side.why == "bound" and math.isfinite(limit):
+        return f"reaches the bound {limit:g}"
     if side.why == "stuck":
-        return f"the bounds of the parameters allow no {'less' if sign < 0 else 'more'}: {last:.4g}"
+        return f"the bounds of the parameters allow no {more}: {last:.4g}"
     if side.why == "fails":
         return f"beyond {last:.4g} the simulation fails"
     return None if side.why is None else "the likelihood never falls far enough"

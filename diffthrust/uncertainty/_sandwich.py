@@ -17,8 +17,7 @@ from diffthrust.estimation._result import Fit
 from diffthrust.estimation._solver import solve
 from diffthrust.estimation._status import RANK_LIMIT, Status, marginal_spread
 from diffthrust.logs._log import Log
-from diffthrust.uncertainty._blocks import summed
-from diffthrust.uncertainty._scores import Scores, scores
+from diffthrust.uncertainty._scores import Scores, scores, summed
 
 
 @dataclass(frozen=True, eq=False)

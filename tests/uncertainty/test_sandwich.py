@@ -10,9 +10,8 @@ from short_logs import MODEL, TRUE, fitted, made_log
 import diffthrust as dft
 from diffthrust.estimation._rebuild import problem_of
 from diffthrust.estimation._solver import solve
-from diffthrust.uncertainty._blocks import summed
 from diffthrust.uncertainty._sandwich import sandwich
-from diffthrust.uncertainty._scores import scores
+from diffthrust.uncertainty._scores import scores, summed
 
 
 def test_scores_sum_to_the_gradient_and_their_curvature_is_the_fits():

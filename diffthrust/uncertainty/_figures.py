@@ -1,7 +1,8 @@
-"""Figure of profiles of the likelihood."""
+"""Figures of profiles of the likelihood, and of intervals side by side."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -9,19 +10,26 @@ import numpy as np
 
 from diffthrust._support.figures import BLUE, GREY, VERMILLION, literal, styled
 from diffthrust._support.tables import with_error
+from diffthrust.uncertainty._intervals_row import Row
+from diffthrust.uncertainty._profile_curve import Profile
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from diffthrust.uncertainty._profile_result import Profile, Profiles
-
 _ACROSS = 3
 _WIDE = 30.0
 """Values of more than this ratio are shown on a logarithm."""
+# Okabe & Ito 2008; the marks tell them apart in print as well
+_LOOKS = {
+    "covariance": ("0.45", "s"),
+    "sandwich": (VERMILLION, "D"),
+    "profile": (BLUE, "o"),
+    "posterior": ("#009E73", "^"),
+}
 
 
-def profile_figure(profiles: Profiles) -> Figure:
+def profile_figure(profiles: Sequence[Profile]) -> Figure:
     """One panel for each profile: how the best log-likelihood falls away from the estimate.
 
     Beside it the parabola that the covariance stands for. The interval lies where the profile is
@@ -29,12 +37,11 @@ def profile_figure(profiles: Profiles) -> Figure:
     """
     from matplotlib.figure import Figure
 
-    shown = list(profiles.profiles.values())
-    across = max(1, min(_ACROSS, len(shown)))
-    down = max(1, -(-len(shown) // across))
+    across = max(1, min(_ACROSS, len(profiles)))
+    down = max(1, -(-len(profiles) // across))
     figure = Figure(figsize=(1.0 + 3.9 * across, 0.9 + 2.9 * down), layout="constrained")
-    for i, one in enumerate(shown):
-        _panel(figure.add_subplot(down, across, i + 1), one, i % across == 0)
+    for i, one in enumerate(profiles):
+        _profile_panel(figure.add_subplot(down, across, i + 1), one, i % across == 0)
     if figure.axes:
         handles = {
             str(line.get_label()): line
@@ -52,7 +59,7 @@ def profile_figure(profiles: Profiles) -> Figure:
     return figure
 
 
-def _panel(axes: Axes, one: Profile, first: bool) -> None:
+def _profile_panel(axes: Axes, one: Profile, first: bool) -> None:
     limit = 0.5 * one.threshold
     x, y = _smooth(one)
     axes.axhline(limit, color="0.3", linewidth=0.9, linestyle=":", label=f"{100 * one.level:g} %")
@@ -83,8 +90,8 @@ def _panel(axes: Axes, one: Profile, first: bool) -> None:
         "drop of the log-likelihood" if first else "",
     )
     axes.set_ylim(-0.06 * limit, 1.55 * limit)
-    axes.set_xlim(*_range(one))
-    if _decades(one):
+    axes.set_xlim(*_profile_range(one))
+    if _spans_decades(one):
         axes.set_xscale("log")
     else:
         axes.locator_params(axis="x", nbins=5)
@@ -107,15 +114,15 @@ def _interval(one: Profile) -> str:
     return f"{words} {one.unit}".rstrip()
 
 
-def _decades(one: Profile) -> bool:
+def _spans_decades(one: Profile) -> bool:
     """Whether the values that matter span decades, so that only a logarithm shows them all."""
     ends = [e for e in (one.low, one.high, one.value) if e is not None]
     return bool(one.grid[0] > 0 and max(ends) > _WIDE * min(ends))
 
 
-def _range(one: Profile) -> tuple[float, float]:
+def _profile_range(one: Profile) -> tuple[float, float]:
     """As far as the crossing and a little more; of an open side what the walk has seen nearby."""
-    if _decades(one):
+    if _spans_decades(one):
         ends = np.log([e for e in (one.low, one.value, one.high) if e is not None])
         margin = 0.2 * np.ptp(ends)
         return float(np.exp(ends.min() - margin)), float(np.exp(ends.max() + margin))
@@ -139,9 +146,93 @@ def _smooth(one: Profile) -> tuple[np.ndarray, np.ndarray]:
         fine = np.linspace(x[0], x[-1], 401)
         return fine, PchipInterpolator(x, y)(fine)
     root = np.sign(x - one.value) * np.sqrt(y)
-    if _decades(one):
+    if _spans_decades(one):
         fine = np.geomspace(x[0], x[-1], 2001)
         return fine, PchipInterpolator(np.log(x), root)(np.log(fine)) ** 2
     # by sections: an open side may reach a thousand times as far as the other
     fine = np.unique(np.concatenate([np.linspace(a, b, 13) for a, b in pairwise(x)]))
     return fine, PchipInterpolator(x, root)(fine) ** 2
+
+
+def intervals_figure(rows: Sequence[Row], methods: Sequence[str], level: float) -> Figure:
+    """One panel for each parameter: the intervals of all methods below each other.
+
+    The recommended one is drawn thick. An end that is open is an arrow to the edge.
+    """
+    from matplotlib.figure import Figure
+
+    across = max(1, min(_ACROSS, len(rows)))
+    down = max(1, -(-len(rows) // across))
+    height = 0.8 + 0.3 * len(methods)
+    figure = Figure(figsize=(1.3 + 3.7 * across, 0.5 + down * (0.4 + height)), layout="constrained")
+    for i, row in enumerate(rows):
+        _interval_panel(figure.add_subplot(down, across, i + 1), row, methods)
+    percent = f"{100 * level:g} % intervals, the recommended one thick"
+    figure.suptitle(percent, x=0.01, ha="left", fontsize=10, fontweight="bold")
+    return figure
+
+
+def _interval_panel(axes: Axes, row: Row, methods: Sequence[str]) -> None:
+    low, high = _interval_range(row)
+    axes.axvline(row.value, color="0.75", linewidth=0.9, zorder=0)
+    for y, method in enumerate(methods):
+        interval = row.intervals.get(method)
+        if interval is None:
+            axes.text(row.value, y, "  none", va="center", fontsize=8, color="0.4")
+            continue
+        colour, mark = _LOOKS[method]
+        wide = 4.0 if method == row.recommended else 1.6
+        edges = [b if b is not None else e for b, e in zip(row.bounds, (low, high), strict=True)]
+        ends = [e if e is not None else edge for e, edge in zip(interval, edges, strict=True)]
+        axes.plot(ends, [y, y], color=colour, linewidth=wide, solid_capstyle="butt")
+        for end, bound, place, sign in zip(interval, row.bounds, ends, "<>", strict=True):
+            shape = sign if end is None and bound is None else "|"
+            axes.plot([place], [y], shape, color=colour, markersize=9, clip_on=False)
+        axes.plot([row.value], [y], mark, color=colour, markersize=5.5)
+    for bound in row.bounds:
+        if bound is not None:
+            axes.axvline(bound, color="0.2", linewidth=1.2, linestyle=":")
+            axes.annotate(
+                "bound",
+                (bound, 1.0),
+                xycoords=axes.get_xaxis_transform(),
+                fontsize=7,
+                xytext=(2, -8),
+                textcoords="offset points",
+            )
+    axes.set_ylim(len(methods) - 0.4, -0.6)
+    axes.set_xlim(low, high)
+    axes.set_yticks(range(len(methods)), [f"{m} *" if m == row.recommended else m for m in methods])
+    unit = f" [{row.unit}]" if row.unit else ""
+    axes.set_title(f"{literal(row.name)}{unit}", loc="left", fontsize=9)
+    axes.grid(True, axis="x", color="0.9", linewidth=0.6)
+    axes.set_axisbelow(True)
+    axes.tick_params(labelsize=8)
+    axes.tick_params(axis="y", length=0)
+    if _row_spans_decades(row):
+        axes.set_xscale("log")
+    else:
+        axes.locator_params(axis="x", nbins=4)
+    for side in ("top", "right", "left"):
+        axes.spines[side].set_visible(False)
+
+
+def _interval_range(row: Row) -> tuple[float, float]:
+    """All ends and a margin; an open end reaches to the edge."""
+    ends = [e for interval in row.intervals.values() for e in interval if e is not None]
+    ends += [b for b in row.bounds if b is not None]
+    low, high = min([*ends, row.value]), max([*ends, row.value])
+    margins = [
+        0.25 if any(f[i] is None for f in row.intervals.values()) and row.bounds[i] is None else 0.1
+        for i in (0, 1)
+    ]
+    if _row_spans_decades(row):
+        return low * (low / high) ** margins[0], high * (high / low) ** margins[1]
+    wide = high - low or abs(row.value) or 1.0
+    return low - margins[0] * wide, high + margins[1] * wide
+
+
+def _row_spans_decades(row: Row) -> bool:
+    """Whether only a logarithm shows all ends."""
+    ends = [e for interval in row.intervals.values() for e in interval if e is not None]
+    return min([*ends, row.value]) > 0 and max([*ends, row.value]) > _WIDE * min([*ends, row.value])

@@ -1,0 +1,97 @@
+"""The profile of one parameter or quantity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from diffthrust._support.tables import with_error
+
+LOPSIDED = 1.15
+"""An interval is called lopsided where one arm is longer than the other by this factor."""
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """The profile likelihood of one parameter or quantity.
+
+    Args:
+        name: of the parameter or quantity.
+        unit: of all its values.
+        value: the best value.
+        low: lower end of the interval; ``None`` where it is open, and ``open_low`` says why.
+        high: upper end; ``None`` where it is open, and ``open_high`` says why.
+        open_low: reason in words, or ``None``.
+        open_high: reason in words, or ``None``.
+        level: of the interval.
+        threshold: what twice the drop of the log-likelihood reaches at the ends.
+        grid: values that were tried, increasing, ``(n,)``.
+        drop: drop of the log-likelihood at them, with all else at its best, ``(n,)``.
+        std_error: that of the fit's covariance, for comparison; ``None`` where it has none.
+        quantity: it follows from parameters and is none itself.
+        bounds: lower and upper bound of the parameter where the profile reaches it, else ``None``.
+    """
+
+    name: str
+    unit: str
+    value: float
+    low: float | None
+    high: float | None
+    open_low: str | None
+    open_high: str | None
+    level: float
+    threshold: float
+    grid: np.ndarray = field(repr=False)
+    drop: np.ndarray = field(repr=False)
+    std_error: float | None
+    quantity: bool = False
+    bounds: tuple[float | None, float | None] = (None, None)
+
+    @property
+    def lopsided(self) -> float | None:
+        """Length of the upper arm over that of the lower one; ``None`` where an end is open."""
+        if self.low is None or self.high is None or self.low >= self.value:
+            return None
+        return (self.high - self.value) / (self.value - self.low)
+
+    @property
+    def sentence(self) -> str:
+        """The interval in words."""
+        unit, percent = f" {self.unit}".rstrip(), f"{100 * self.level:g} %"
+        low, high = (self._told(end) for end in (self.low, self.high))
+        if self.low is not None and self.high is not None:
+            words = f"{self.name} lies between {low} and {high}{unit} ({percent})"
+            ratio = self.lopsided
+            if ratio is not None and not 1 / LOPSIDED < ratio < LOPSIDED:
+                longer, size = ("up", ratio) if ratio > 1 else ("down", 1 / ratio)
+                words += f", reaching {size:.2g} times as far {longer} as the other way"
+            return f"{words}."
+        if self.low is not None:
+            return f"{self.name} is at least {low}{unit} ({percent}); upwards {self.open_high}."
+        if self.high is not None:
+            return f"{self.name} is at most {high}{unit} ({percent}); downwards {self.open_low}."
+        return (
+            f"{self.name} is not bounded by these logs: downwards {self.open_low}, "
+            f"upwards {self.open_high}."
+        )
+
+    def _told(self, end: float | None) -> str:
+        if end is None:
+            return "-"
+        return with_error(end, 0.5 * abs(end - self.value))[0]
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "value": self.value,
+            "unit": self.unit,
+            "low": self.low,
+            "high": self.high,
+            "open_low": self.open_low,
+            "open_high": self.open_high,
+            "std_error": self.std_error,
+            "grid": self.grid.tolist(),
+            "drop": self.drop.tolist(),
+        }
