@@ -10,7 +10,7 @@ from rich.text import Text
 from diffthrust._support.tables import number, plain_table
 from diffthrust._support.words import percent
 from diffthrust.describing._values import BandValues, DescribingValues
-from diffthrust.uncertainty._sampling.tables import interval_text
+from diffthrust.uncertainty._prediction.tables import interval_text
 
 _ROWS = 8
 """A table shows at most so many amplitudes."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,33 +11,43 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.figures import BLUE, VERMILLION, literal, styled, thinned
 from diffthrust._support.names import listing
 from diffthrust._support.words import percent
+from diffthrust.uncertainty._prediction.band import Band
+from diffthrust.uncertainty._prediction.derived_quantity import DerivedQuantity
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from diffthrust.uncertainty._prediction.band import Band
-    from diffthrust.uncertainty._prediction.predict import Prediction
-    from diffthrust.uncertainty._prediction.quantities import DerivedQuantity, Quantities
 
+def prediction_figure(
+    log: str, time: np.ndarray, channels: Mapping[str, Band], level: float, random_forces: bool
+) -> Figure:
+    """Measured points, median and bands; below, the same with the median taken off.
 
-def prediction_figure(prediction: Prediction) -> Figure:
-    """Measured points, median and bands; below, the same with the median taken off."""
+    Args:
+        log: its name, the title.
+        time: time stamps [s], ``(T,)``.
+        channels: the bands by channel.
+        level: probability of the bands.
+        random_forces: the band with noise includes them.
+    """
     from matplotlib.figure import Figure
 
-    count = len(prediction.channels)
+    count = len(channels)
+    noise = f"start{', random forces' if random_forces else ''} and noise"
     figure = Figure(figsize=(9.0, 1.2 + 3.6 * count), layout="constrained")
     grid = figure.add_gridspec(2 * count, 1, height_ratios=[3, 2] * count)
     shared = None
-    for i, (name, band) in enumerate(prediction.channels.items()):
+    for i, (name, band) in enumerate(channels.items()):
         top = figure.add_subplot(grid[2 * i], sharex=shared)
         shared = shared or top
         below = figure.add_subplot(grid[2 * i + 1], sharex=shared)
         share = percent(band.coverage)
         unit = f" [{band.unit}]" if band.unit else ""
-        title = f"{name}: {share} of {band.samples} samples inside the {percent(prediction.level)}"
-        _banded(top, prediction, band, np.zeros_like(band.median))
-        _banded(below, prediction, band, band.median)
+        title = f"{name}: {share} of {band.samples} samples inside the {percent(level)}"
+        labels = f"{percent(level)}: parameters, {noise}", f"{percent(level)}: parameters and start"
+        _banded(top, time, band, np.zeros_like(band.median), labels)
+        _banded(below, time, band, band.median, labels)
         styled(top, f"{literal(title)} band", "", literal(f"{name}{unit}"))
         last = i == count - 1
         styled(below, "", "time [s]" if last else "", literal(f"minus median{unit}"))
@@ -44,7 +55,7 @@ def prediction_figure(prediction: Prediction) -> Figure:
         below.tick_params(labelbottom=last)
     figure.legend(
         *figure.axes[0].get_legend_handles_labels(),
-        title=literal(prediction.log),
+        title=literal(log),
         title_fontproperties={"weight": "bold", "size": 12},
         alignment="left",
         loc="outside upper left",
@@ -55,7 +66,7 @@ def prediction_figure(prediction: Prediction) -> Figure:
     return figure
 
 
-def curves_figure(found: Quantities) -> Figure:
+def curves_figure(quantities: Mapping[str, DerivedQuantity], level: float) -> Figure:
     """Derived curves with their bands, one panel each.
 
     Raises:
@@ -63,10 +74,10 @@ def curves_figure(found: Quantities) -> Figure:
     """
     from matplotlib.figure import Figure
 
-    curves = [q for q in found.values() if q.grid is not None and q.grid.size > 1]
+    curves = [q for q in quantities.values() if q.grid is not None and q.grid.size > 1]
     if not curves:
         raise InputError(
-            f"None of the quantities is a curve: {listing(found)}.",
+            f"None of the quantities is a curve: {listing(quantities)}.",
             "Ask for commands, steps or amplitudes of several values.",
         )
     across = min(3, len(curves))
@@ -74,7 +85,7 @@ def curves_figure(found: Quantities) -> Figure:
     figure = Figure(figsize=(0.6 + 4.2 * across, 0.4 + 3.4 * tall), layout="constrained")
     for i, curve in enumerate(curves, 1):
         axes = figure.add_subplot(tall, across, i)
-        _curve(axes, curve, found.level)
+        _curve(axes, curve, level)
         axes.legend(fontsize=8, frameon=False)
     return figure
 
@@ -87,8 +98,8 @@ def _curve(axes: Axes, q: DerivedQuantity, level: float) -> None:
     low, median, high = parts
     with np.errstate(invalid="ignore"):
         thin = np.nanmax(high - low) < 0.01 * np.nanmax(np.abs(high))
-    told = f"{percent(level)} band{', narrower than the line' if thin else ''}"
-    axes.fill_between(x, low, high, color=BLUE, alpha=0.3, linewidth=0, label=told)
+    words = f"{percent(level)} band{', narrower than the line' if thin else ''}"
+    axes.fill_between(x, low, high, color=BLUE, alpha=0.3, linewidth=0, label=words)
     dots: dict[str, Any] = {"marker": "o", "markersize": 3} if x.size <= 20 else {}
     axes.plot(x, median, color=BLUE, linewidth=1.2, label="median", **dots)
     with np.errstate(invalid="ignore"):
@@ -109,20 +120,18 @@ def _curve(axes: Axes, q: DerivedQuantity, level: float) -> None:
         axes.margins(x=0.03)
 
 
-def _banded(axes: Axes, prediction: Prediction, band: Band, off: np.ndarray) -> None:
-    time = prediction.time
+def _banded(
+    axes: Axes, time: np.ndarray, band: Band, off: np.ndarray, labels: tuple[str, str]
+) -> None:
     step = max(1, time.size // 4000)
     t = time[::step]
-    share = percent(prediction.level)
 
     def filled(low: np.ndarray, high: np.ndarray, label: str, **look: Any) -> None:
         ends = (low - off)[::step], (high - off)[::step]
         axes.fill_between(t, *ends, linewidth=0, label=label, **look)
 
-    more = ", random forces" if prediction.random_forces else ""
-    noisy = f"parameters, start{more} and noise"
-    filled(band.noisy_low, band.noisy_high, f"{share}: {noisy}", color=BLUE, alpha=0.22)
-    filled(band.low, band.high, f"{share}: parameters and start", color=VERMILLION, alpha=0.55)
+    filled(band.noisy_low, band.noisy_high, labels[0], color=BLUE, alpha=0.22)
+    filled(band.low, band.high, labels[1], color=VERMILLION, alpha=0.55)
     axes.plot(t, (band.median - off)[::step], color=VERMILLION, linewidth=0.9, label="median")
     outside = (band.measured < band.noisy_low) | (band.measured > band.noisy_high)
     few = np.isfinite(band.measured).sum() <= 400
@@ -138,4 +147,5 @@ def _banded(axes: Axes, prediction: Prediction, band: Band, off: np.ndarray) -> 
 
 
 def bracketed(name: str, unit: str) -> str:
+    """A label with its unit."""
     return literal(f"{name} [{unit}]" if unit else name)

@@ -19,8 +19,9 @@ from diffthrust.uncertainty._prediction.replicates import mean_runs, random_runs
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from rich.console import RenderableType
 
-SHORT = 0.05
+_SHORT = 0.05
 """A band covers too little where the share inside falls short of its level by more than this."""
 
 
@@ -58,14 +59,14 @@ class Prediction:
     @property
     def sentence(self) -> str:
         """The coverage in words, and what a coverage that is too low means."""
-        told = ", ".join(f"{percent(share)} of {name}" for name, share in self.coverage.items())
-        text = f"{self.log}: the {percent(self.level)} band holds {told}."
+        held = ", ".join(f"{percent(share)} of {name}" for name, share in self.coverage.items())
+        text = f"{self.log}: the {percent(self.level)} band holds {held}."
         if not self.noise:
             return (
                 f"{text} It is the band of the model's output without noise: "
                 "measured samples lie outside by their noise."
             )
-        low = [n for n, share in self.coverage.items() if share < self.level - SHORT]
+        low = [n for n, share in self.coverage.items() if share < self.level - _SHORT]
         high = [n for n, share in self.coverage.items() if share > 0.5 * (1 + self.level)]
         if low:
             why = (
@@ -87,11 +88,17 @@ class Prediction:
             text += " That is what a model that lacks nothing would give."
         return text
 
+    def table(self) -> RenderableType:
+        """The report as a renderable of rich."""
+        from diffthrust.uncertainty._prediction.tables import prediction_table
+
+        return prediction_table(self.channels, self.level, self.sentence, self.notes)
+
     def report(self) -> str:
         """The coverage by channel, in words and as a table."""
-        from diffthrust.uncertainty._sampling.tables import prediction_table, rendered
+        from diffthrust._support.tables import rendered
 
-        return rendered(prediction_table(self))
+        return rendered(self.table())
 
     def to_json(self) -> dict[str, Any]:
         """Coverage and number of samples by channel as plain data."""
@@ -105,7 +112,7 @@ class Prediction:
         """Measured points, median and both bands, channel by channel."""
         from diffthrust.uncertainty._prediction.figures import prediction_figure
 
-        return prediction_figure(self)
+        return prediction_figure(self.log, self.time, self.channels, self.level, self.random_forces)
 
 
 def predict(

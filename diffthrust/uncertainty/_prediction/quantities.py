@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
+from diffthrust.uncertainty._prediction.derived_quantity import DerivedQuantity, summarised
 from diffthrust.uncertainty._prediction.draws import Draws, draws_of
 from diffthrust.uncertainty._prediction.physical import (
     PHYSICAL_UNITS,
@@ -24,76 +25,43 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class DerivedQuantity:
-    """A number or a curve that follows from the parameters, with its interval.
-
-    Args:
-        name: of the quantity.
-        unit: of the values.
-        median: a number, or ``(m,)`` for a curve.
-        low: lower end of the interval, point by point.
-        high: upper end.
-        draws: the values by draw, ``(n,)`` or ``(n, m)``.
-        grid: what a curve is over, ``(m,)``; ``None`` for a number.
-        grid_name: what the grid is.
-        grid_unit: its unit.
-    """
-
-    name: str
-    unit: str
-    median: Any
-    low: Any
-    high: Any
-    draws: np.ndarray = field(repr=False)
-    grid: np.ndarray | None = None
-    grid_name: str = ""
-    grid_unit: str = ""
-
-    def to_json(self) -> dict[str, Any]:
-        """Median and interval as plain data; infinite times as ``null``."""
-        found = {"unit": self.unit, "median": self.median, "low": self.low, "high": self.high}
-        if self.grid is not None:
-            found["grid"] = {"name": self.grid_name, "unit": self.grid_unit, "values": self.grid}
-        return found
-
-
-@dataclass(frozen=True)
 class Quantities(Mapping[str, DerivedQuantity]):
     """Derived quantities by name, all of the same draws.
 
     Args:
-        found: the quantities.
+        by_name: the quantities.
         level: probability of the intervals: equal tails, point by point.
         kind: "posterior" or "covariance": where the draws are from.
         notes: what the user should know besides.
     """
 
-    found: Mapping[str, DerivedQuantity]
+    by_name: Mapping[str, DerivedQuantity]
     level: float
     kind: str
     notes: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> DerivedQuantity:
-        return self.found[name]
+        return self.by_name[name]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self.found)
+        return iter(self.by_name)
 
     def __len__(self) -> int:
-        return len(self.found)
+        return len(self.by_name)
 
     def report(self) -> str:
         """The intervals as text for people."""
-        from diffthrust.uncertainty._sampling.tables import quantities_table, rendered
+        from diffthrust._support.tables import rendered
+        from diffthrust.uncertainty._prediction.tables import quantities_table
 
-        return rendered(quantities_table(self))
+        return rendered(quantities_table(list(self.values()), self.level, self.notes))
 
     def to_json(self) -> dict[str, Any]:
         """The intervals as plain data."""
         from diffthrust._support.files import plain
 
-        found = {name: q.to_json() for name, q in self.found.items()}
-        return plain({"level": self.level, "draws_from": self.kind, "quantities": found})
+        data = {name: q.to_json() for name, q in self.items()}
+        return plain({"level": self.level, "draws_from": self.kind, "quantities": data})
 
     def plot(self) -> Figure:
         """The curves with their bands, one panel each.
@@ -103,7 +71,7 @@ class Quantities(Mapping[str, DerivedQuantity]):
         """
         from diffthrust.uncertainty._prediction.figures import curves_figure
 
-        return curves_figure(self)
+        return curves_figure(self, self.level)
 
 
 def quantities(
@@ -198,7 +166,7 @@ def quantities(
             raise InputError(
                 f"quantities: there are two of the name {name!r}.", "Give the function another."
             )
-        found[name] = _summarised(name, unit, np.asarray(values, float), share, *grid)
+        found[name] = summarised(name, unit, np.asarray(values, float), share, *grid)
 
     if pitch is not None and area is not None:
         check_sizes("quantities", pitch, area, density)
@@ -286,15 +254,3 @@ def _by_draw(name: str, function: Callable[..., Any], drawn: Draws) -> np.ndarra
             "Let it give a number, or an array of one dimension and always the same length.",
         )
     return np.stack(rows)
-
-
-def _summarised(
-    name: str, unit: str, values: np.ndarray, level: float, *grid: Any
-) -> DerivedQuantity:
-    # a response that never comes counts as infinitely late, which cannot be interpolated
-    method: Any = "linear" if np.all(np.isfinite(values)) else "inverted_cdf"
-    ends = [0.5, 0.5 * (1 - level), 0.5 * (1 + level)]
-    median, low, high = np.quantile(values, ends, axis=0, method=method)
-    if values.ndim == 1:
-        median, low, high = float(median), float(low), float(high)
-    return DerivedQuantity(name, unit, median, low, high, values, *grid)

@@ -14,7 +14,7 @@ from diffthrust._support.words import percent
 from diffthrust.estimation._result import Fit
 from diffthrust.uncertainty._prediction.draws import posterior_data
 from diffthrust.uncertainty._prediction.figures import bracketed
-from diffthrust.uncertainty._sampling.tables import interval_text
+from diffthrust.uncertainty._prediction.tables import interval_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,7 +10,7 @@ from diffthrust._support.page import STYLE, image
 from diffthrust._support.words import percent
 from diffthrust.uncertainty._sampling.figures import plot_corner, plot_trace
 from diffthrust.uncertainty._sampling.summary import LEVEL, Sampled
-from diffthrust.uncertainty._sampling.tables import HEADINGS, parameter_rows
+from diffthrust.uncertainty._sampling.tables import HEADINGS, draw_rows
 
 _TEMPLATE = "page.html"
 MOST = 10
@@ -48,7 +48,7 @@ def write_report(found: Sampled, path: Path | str, *, title: str = "", spec: str
         level=percent(LEVEL),
         headings=[*HEADINGS, "Fit ± standard error"],
         numbers=(1, 2, 3, 5, 6, 7, 8),
-        rows=parameter_rows(found),
+        rows=draw_rows(found),
         fit=found.fit,
         intervals=found.intervals.report(),
         bars=image(found.intervals.plot()),

@@ -1,0 +1,55 @@
+"""One number or curve that follows from the parameters, with its interval."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class DerivedQuantity:
+    """A number or a curve that follows from the parameters, with its interval.
+
+    Args:
+        name: of the quantity.
+        unit: of the values.
+        median: a number, or ``(m,)`` for a curve.
+        low: lower end of the interval, point by point.
+        high: upper end.
+        draws: the values by draw, ``(n,)`` or ``(n, m)``.
+        grid: what a curve is over, ``(m,)``; ``None`` for a number.
+        grid_name: what the grid is.
+        grid_unit: its unit.
+    """
+
+    name: str
+    unit: str
+    median: Any
+    low: Any
+    high: Any
+    draws: np.ndarray = field(repr=False)
+    grid: np.ndarray | None = None
+    grid_name: str = ""
+    grid_unit: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        """Median and interval as plain data; infinite times as ``null``."""
+        data = {"unit": self.unit, "median": self.median, "low": self.low, "high": self.high}
+        if self.grid is not None:
+            data["grid"] = {"name": self.grid_name, "unit": self.grid_unit, "values": self.grid}
+        return data
+
+
+def summarised(
+    name: str, unit: str, values: np.ndarray, level: float, *grid: Any
+) -> DerivedQuantity:
+    """The quantity whose values by draw are ``(n,)`` or ``(n, m)``; then over a grid."""
+    # a response that never comes counts as infinitely late, which cannot be interpolated
+    method: Any = "linear" if np.all(np.isfinite(values)) else "inverted_cdf"
+    ends = [0.5, 0.5 * (1 - level), 0.5 * (1 + level)]
+    median, low, high = np.quantile(values, ends, axis=0, method=method)
+    if values.ndim == 1:
+        median, low, high = float(median), float(low), float(high)
+    return DerivedQuantity(name, unit, median, low, high, values, *grid)
