@@ -10,8 +10,8 @@ import pytest
 import diffthrust as dft
 from diffthrust import InputError, Log, simulate
 from diffthrust.effects import ActuatorLag, CommandDeadband
+from diffthrust.simulation._fixed_step import starting_states
 from diffthrust.simulation._inputs import bridged, inputs_of, measured_start
-from diffthrust.simulation._simulate import starting_states
 
 # The unit of time.
 

@@ -18,7 +18,7 @@ from diffthrust.control._mpc_step import Frame, Plan, Setting, solved
 from diffthrust.control._one_sample import AT_SEA, begin, check_vessel
 from diffthrust.control._path import Wanted
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._simulate import Key
+from diffthrust.simulation._trajectory import Key
 
 _AHEAD = 5.0
 """Seconds to look ahead where no horizon is given."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from diffthrust.control._bounded_lsq import least_squares_within
 from diffthrust.control._one_sample import AT_SEA, PLACE, SPEEDS, one_sample
-from diffthrust.simulation._simulate import Key
+from diffthrust.simulation._trajectory import Key
 
 _LENGTHS = np.array([1.0, 0.5, 0.25, 0.1])
 """Of the Gauss-Newton step."""

@@ -12,7 +12,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Ports, Signals, expect
-from diffthrust.simulation._simulate import equations_of, starting_point
+from diffthrust.simulation._trajectory import equations_of, starting_point
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,7 @@ def _side(
     model: Model, state: Mapping[str, Any], given: Mapping[str, Any], worked_out: str
 ) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
     """Rates, outputs and readings of one of the two models."""
-    for effect in model.effects:  # as `_simulate` does with recorded series
+    for effect in model.effects:  # as `_trajectory` does with recorded series
         outer = Ports((effect,), Signals(given))
         given = {n: v if n == worked_out else outer(n, v) for n, v in given.items()}
     s = Signals({**{name: state[name] for name in model.all_states}, **given})

@@ -24,7 +24,8 @@ from diffthrust.control._recorded import LARGEST
 from diffthrust.control._reference import Reference
 from diffthrust.control._track_result import TrackRun, track_run_of
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._simulate import Key, checked_initial
+from diffthrust.simulation._fixed_step import checked_initial
+from diffthrust.simulation._trajectory import Key
 
 _STEP = 0.05
 """Seconds: the longest step with which the vessel is integrated."""

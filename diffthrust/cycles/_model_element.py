@@ -25,7 +25,7 @@ from diffthrust.effects import CommandDelay
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Ports, Relaxing, Signals
 from diffthrust.simulation._bare import bare
-from diffthrust.simulation._simulate import equations_of
+from diffthrust.simulation._trajectory import equations_of
 
 _STEPS = (256, 3072)
 """Steps per period while a describing function is mapped, then those for a model that is too fast

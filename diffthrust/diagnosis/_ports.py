@@ -18,7 +18,7 @@ from diffthrust.models._base.parameter import parameter
 from diffthrust.models._base.signals import Signals
 from diffthrust.simulation._inputs import inputs_of
 from diffthrust.simulation._linearise import Reading, slopes_at
-from diffthrust.simulation._simulate import equations_of
+from diffthrust.simulation._trajectory import equations_of
 
 KNOTS = 7
 """A signal of unknown form is a sum of so many given series."""

@@ -16,9 +16,10 @@ from diffthrust.estimation._residuals import Likelihood, SimulationError
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import unwrapped
+from diffthrust.simulation._fixed_step import starting_states
 from diffthrust.simulation._inputs import bridged, hold_of, inputs_of, measured_outputs
-from diffthrust.simulation._simulate import Grid, Key, starting_states
 from diffthrust.simulation._step_size import sensor_noise
+from diffthrust.simulation._trajectory import Grid, Key
 
 _WASTE = 1.25
 """Logs share a batch while the longest is at most this many times the shortest."""

@@ -34,7 +34,7 @@ from diffthrust.models._base.signals import Ports, Signals
 from diffthrust.simulation._errors import wrapped
 from diffthrust.simulation._inputs import measured_outputs
 from diffthrust.simulation._linearise import slopes_at
-from diffthrust.simulation._simulate import Grid, equations_of, march, read_out
+from diffthrust.simulation._trajectory import Grid, equations_of, march, read_out
 
 CLIP = 4.0
 """An error of more than so many standard deviations corrects as much as one of that size."""

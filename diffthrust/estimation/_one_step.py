@@ -15,7 +15,7 @@ from diffthrust.estimation._numbers import Batch, ProblemNumbers
 from diffthrust.estimation._observer import Limits, innovations
 from diffthrust.estimation._problem import Layout, Problem
 from diffthrust.estimation._residuals import Innovations
-from diffthrust.simulation._simulate import Grid
+from diffthrust.simulation._trajectory import Grid
 
 _ROUNDS = 2
 """Rounds of Gauss-Newton for initial states: the errors are nearly linear in them."""

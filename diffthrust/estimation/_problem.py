@@ -14,7 +14,7 @@ from diffthrust.estimation._residuals import Likelihood
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Parameter
-from diffthrust.simulation._simulate import Grid, Key
+from diffthrust.simulation._trajectory import Grid, Key
 
 
 @dataclass(frozen=True)

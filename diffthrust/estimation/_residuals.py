@@ -24,7 +24,7 @@ from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Parameter
 from diffthrust.simulation._errors import wrapped
-from diffthrust.simulation._simulate import Grid, trajectory
+from diffthrust.simulation._trajectory import Grid, trajectory
 
 
 @dataclass(frozen=True)

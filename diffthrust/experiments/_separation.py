@@ -27,7 +27,7 @@ import numpy as np
 from jaxtyping import Float
 
 from diffthrust.experiments._rivals import Rival
-from diffthrust.simulation._simulate import Grid, Key, trajectory
+from diffthrust.simulation._trajectory import Grid, Key, trajectory
 
 _Inputs = Mapping[str, Float[np.ndarray, "designs time"]]
 _CHUNK = 16

@@ -9,7 +9,7 @@ import jax
 
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Signals
-from diffthrust.simulation._simulate import rates_of, read_out
+from diffthrust.simulation._trajectory import rates_of, read_out
 
 
 def states_behind(

@@ -13,7 +13,7 @@ from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Ports, Signals
 from diffthrust.simulation._inputs import inputs_of
-from diffthrust.simulation._simulate import equations_of
+from diffthrust.simulation._trajectory import equations_of
 
 
 class Reading(Ports):

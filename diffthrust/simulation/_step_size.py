@@ -9,6 +9,7 @@ import numpy as np
 
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
+from diffthrust.simulation._fixed_step import simulate_fixed
 
 MOST_SUBSTEPS = 32
 
@@ -55,9 +56,7 @@ def step_error(
         >>> dft.simulation.step_error(fit.model, log)
         {'speed': 0.0004, 'thrust': 0.0001}
     """
-    from diffthrust.simulation._simulate import simulate
-
-    coarse = simulate(model, log, initial=initial, substeps=substeps)
+    coarse = simulate_fixed(model, log, initial, substeps)
     return _beside_half_the_step(model, log, substeps, initial, coarse)
 
 
@@ -68,9 +67,7 @@ def _beside_half_the_step(
     initial: Mapping[str, float] | None,
     coarse: Mapping[str, np.ndarray],
 ) -> dict[str, float]:
-    from diffthrust.simulation._simulate import simulate
-
-    fine = simulate(model, log, initial=initial, substeps=2 * substeps)
+    fine = simulate_fixed(model, log, initial, 2 * substeps)
     errors = {}
     for name, unit in model.outputs.items():
         if name not in log.measured:
@@ -119,20 +116,20 @@ def fewest_steps(
     model: Model,
     log: Log,
     initial: Mapping[str, float] | None,
-    simulated: Mapping[str, np.ndarray] | None = None,
+    first: Mapping[str, np.ndarray] | None = None,
     *,
     tolerance: float = 0.01,
 ) -> tuple[int, dict[str, float]]:
     """As `choose_substeps`, with the errors that are left.
 
-    ``simulated`` is the simulation with one step per sample, where it is known already.
+    ``first`` is the simulation with one step per sample, where it is known already.
     """
     if not model.all_states or len(log) < 2 or not any(n in log.measured for n in model.outputs):
         return 1, {}
-    if simulated is None:
+    if first is None:
         errors = step_error(model, log, 1, initial=initial)
     else:
-        errors = _beside_half_the_step(model, log, 1, initial, simulated)
+        errors = _beside_half_the_step(model, log, 1, initial, first)
     substeps = 1
     while max(errors.values()) > tolerance and substeps < MOST_SUBSTEPS:
         substeps *= 2

@@ -11,7 +11,7 @@ import diffthrust as dft
 from diffthrust.logs._units import convert
 from diffthrust.models._base.parameter import Relative
 from diffthrust.simulation._inputs import hold_of
-from diffthrust.simulation._simulate import Grid, trajectory
+from diffthrust.simulation._trajectory import Grid, trajectory
 
 PLACES = {**dft.Thruster.inputs, **dft.Thruster.ports, **dft.Thruster.outputs}
 CATALOGUE = {n: e for n, e in dft.effects.EFFECTS.items() if all(p in PLACES for p in e.ports)}

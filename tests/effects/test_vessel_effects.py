@@ -10,7 +10,7 @@ from reference import inputs, noise, vessel
 import diffthrust as dft
 from diffthrust.effects import EFFECTS, _drive, _environment, _hull
 from diffthrust.models._base.parameter import Relative
-from diffthrust.simulation._simulate import Grid, trajectory
+from diffthrust.simulation._trajectory import Grid, trajectory
 
 CATALOGUE = {
     "quadratic_surge_drag",

@@ -10,8 +10,9 @@ import pytest
 from scipy.optimize import least_squares, lsq_linear
 
 import diffthrust  # noqa: F401
+from diffthrust._support.box import least_in_box
 from diffthrust.estimation._likelihood import Quadratic
-from diffthrust.estimation._solver import BoundedLevenbergMarquardt, _in_box
+from diffthrust.estimation._solver import BoundedLevenbergMarquardt
 
 
 @cache
@@ -217,7 +218,7 @@ def test_the_quadratic_that_comes_back_belongs_to_the_point_that_comes_back():
 
 
 def test_a_step_in_the_box_is_as_good_as_that_of_an_independent_solver():
-    rng, step = np.random.default_rng(0), jax.jit(_in_box)
+    rng, step = np.random.default_rng(0), jax.jit(least_in_box)
     for case in range(60):
         n = 12
         slopes = rng.normal(size=(n + 5, n)) * 10 ** rng.uniform(-3, 0, n) @ rng.normal(size=(n, n))

@@ -16,7 +16,7 @@ from diffthrust import InputError, Log, simulate
 from diffthrust.effects import ActuatorLag, CommandDeadband, ReverseThrustAsymmetry
 from diffthrust.models import MODELS
 from diffthrust.simulation._inputs import hold_of, inputs_of
-from diffthrust.simulation._simulate import Grid, trajectory
+from diffthrust.simulation._trajectory import Grid, trajectory
 
 
 class ViscousFriction(dft.Effect):

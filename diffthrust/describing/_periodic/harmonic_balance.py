@@ -36,7 +36,7 @@ from diffthrust.describing._periodic.period import (
 )
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._integrate import plain_rate
-from diffthrust.simulation._simulate import Key, rates_of
+from diffthrust.simulation._trajectory import Key, rates_of
 
 MOST_EVALUATIONS = 80
 """Evaluations that may be spent on one orbit, at one density of instants."""

@@ -27,7 +27,7 @@ from jaxtyping import Array, Bool, Float
 from diffthrust.describing._periodic.repeating import STARTS_APART, repeating_start
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Signals
-from diffthrust.simulation._simulate import driven, read_out, starting_point
+from diffthrust.simulation._trajectory import driven, read_out, starting_point
 
 Numbers: TypeAlias = Any
 """Arrays of JAX while they are worked out, of numpy before and after."""

@@ -37,7 +37,7 @@ from diffthrust.describing._periodic.period import (
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Relaxing
 from diffthrust.simulation._integrate import integrate
-from diffthrust.simulation._simulate import Key, rates_of
+from diffthrust.simulation._trajectory import Key, rates_of
 
 MOST_PERIODS = 40
 """Periods that may be integrated for one orbit, at one step length."""

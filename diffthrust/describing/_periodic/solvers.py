@@ -13,7 +13,7 @@ from diffthrust.describing._periodic import shooting as shooting
 from diffthrust.describing._periodic.period import LANE_BLOCK, TINY, Cycle, Lane, remembers
 from diffthrust.describing._periodic.respond import LONGEST_SERIES, Reason, SolvedOrbits, some
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._simulate import Key
+from diffthrust.simulation._trajectory import Key
 
 _COARSEST_SERIES = 1024
 """Steps to the period at first, with an effect that has memory. A rate limit that always acts turns

@@ -23,7 +23,7 @@ from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Signals
 from diffthrust.simulation._inputs import bridged, hold_of, inputs_of, measured_start
-from diffthrust.simulation._simulate import Grid, Key, march, read_out, trajectory
+from diffthrust.simulation._trajectory import Grid, Key, march, read_out, trajectory
 from diffthrust.uncertainty._prediction.draws import Draws
 
 BATCH = 8

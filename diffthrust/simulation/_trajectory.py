@@ -1,0 +1,218 @@
+"""Simulation of a model over a log: effects on the inputs, integration, outputs, sensors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import jax.numpy as jnp
+
+from diffthrust._support.errors import InputError
+from diffthrust.models._base.model import Model
+from diffthrust.models._base.signals import Ports, Signals, elementwise, expect
+from diffthrust.simulation._integrate import integrate
+
+
+@dataclass(frozen=True)
+class Grid:
+    """How a log is integrated; fixes the compiled code.
+
+    Args:
+        hold: for each input "zero" (held over the sample) or "linear".
+        substeps: steps of the integrator per sample.
+        restarted: measured states that may be set anew.
+        uniform: all samples are equally far apart.
+    """
+
+    hold: tuple[tuple[str, str], ...]
+    substeps: int = 1
+    restarted: tuple[str, ...] = ()
+    uniform: bool = False
+
+
+def trajectory(
+    model: Model,
+    grid: Grid,
+    time: Any,
+    inputs: Mapping[str, Any],
+    start: Mapping[str, Any],
+    restart: Mapping[str, tuple[Any, Any]],
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Simulate one log; traceable, the core of everything that simulates.
+
+    Args:
+        model: the model with (possibly traced) parameter values.
+        grid: how to integrate.
+        time: time stamps [s], ``(T,)``.
+        inputs: input series in the model's units, ``(T,)`` each.
+        start: initial values of some states; the others follow from `Model.initial`.
+        restart: for the states named in ``grid.restarted``, values ``(T,)`` that the state is set
+            to, NaN where it runs on, and whether its sensor is unsigned.
+
+    Returns:
+        Outputs and states at the time stamps, ``(T,)`` each.
+
+    Raises:
+        InputError: equations or rates that are incomplete, or not elementwise.
+    """
+    series, path = march(model, grid, time, inputs, start, restart)
+    return read_out(model, Signals({**path, **series, "time": time})), path
+
+
+def march(
+    model: Model,
+    grid: Grid,
+    time: Any,
+    inputs: Mapping[str, Any],
+    start: Mapping[str, Any],
+    restart: Mapping[str, tuple[Any, Any]],
+    observe: Observe | None = None,
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The input series as they reach the model, and the states at the time stamps.
+
+    With ``observe`` the states are corrected at each sample before they go on; those returned are
+    the ones before the correction, with the observer's own states among them.
+    """
+    series, first = driven(model, time, inputs)
+    states = starting_point(model, first, start)
+
+    def rates(state: Mapping[str, Any], u: Mapping[str, Any]) -> dict[str, Any]:
+        found = rates_of(model, states, state, u)
+        return found if observe is None else observe.rates(found, state)
+
+    begin = states if observe is None else {**states, **observe.start}
+    held = dict(grid.hold)
+    per_step = {
+        name: _per_step(value, held.get(name, "linear"), grid.substeps)
+        for name, value in {**series, "time": time}.items()
+    }
+    steps = jnp.repeat(jnp.diff(time) / grid.substeps, grid.substeps)
+    anew = {
+        name: (_sparse(restart[name][0][:-1], grid.substeps), restart[name][1])
+        for name in grid.restarted
+    }
+    correct, rows = None, None
+    if observe is not None:
+        correct = observe.correct
+        rows = {
+            name: _sparse(row[:-1], grid.substeps, observe.between.get(name, math.nan))
+            for name, row in observe.rows.items()
+        }
+    path = integrate(rates, begin, per_step, steps, anew, correct, rows, grid.uniform)
+    return series, {name: value[:: grid.substeps] for name, value in path.items()}
+
+
+def rates_of(
+    model: Model, states: Iterable[str], state: Mapping[str, Any], u: Mapping[str, Any]
+) -> dict[str, Any]:
+    """The rates of the named states, and of those of the effects, from states and inputs."""
+    s = Signals({**state, **u})
+    port = Ports(model.effects, s)
+    own, _ = equations_of(model, s, port)
+    found = {**own, **port.rates}
+    expect(f"{type(model).__name__}.equations", "rate of the state", states, found)
+    return found
+
+
+def read_out(model: Model, s: Signals) -> dict[str, Any]:
+    """What the sensors report, from the states and inputs over a whole log."""
+    _, found = equations_of(model, s, Ports(model.effects, s))
+    expect(f"{type(model).__name__}.equations", "output", model.outputs, found)
+    outputs = {name: jnp.broadcast_to(found[name], s["time"].shape) for name in model.outputs}
+    sensor = Ports(model.effects, s.also(outputs))
+    return {name: sensor(name, value) for name, value in outputs.items()}
+
+
+class Observe(Protocol):
+    """What corrects a simulation by its measurements; see `_observer`."""
+
+    start: Mapping[str, Any]
+    """The observer's own states at the start."""
+    rows: Mapping[str, Any]
+    """What it reads at each sample, ``(T,)`` each."""
+    between: Mapping[str, float]
+    """What it reads between samples instead; NaN where not named."""
+
+    def rates(self, found: dict[str, Any], state: Mapping[str, Any]) -> dict[str, Any]:
+        """The rates with what the observer adds, and those of its own states."""
+        ...
+
+    def correct(self, state: dict[str, Any], u: Mapping[str, Any], row: Any) -> dict[str, Any]:
+        """The states after a sample has been read."""
+        ...
+
+
+def driven(model: Model, time: Any, inputs: Mapping[str, Any]) -> tuple[dict[str, Any], Signals]:
+    """The input series that reach the model through the effects on them, and the first samples."""
+    series = arriving(model, time, inputs)
+    return series, Signals({**{n: value[0] for n, value in series.items()}, "time": time[0]})
+
+
+def arriving(model: Model, time: Any, inputs: Mapping[str, Any]) -> dict[str, Any]:
+    """Inputs as they reach the model through the effects on them: series, or one sample of each."""
+    given = dict(inputs)
+    for effect in model.effects:  # one after the other: some read several channels
+        outer = Ports((effect,), Signals({**given, "time": time}))
+        given = {name: outer(name, value) for name, value in given.items()}
+    return given
+
+
+def equations_of(model: Model, s: Signals, port: Ports) -> tuple[Mapping[str, Any], ...]:
+    """The rates and outputs of a model's equations, checked for their form."""
+    where = f"{type(model).__name__}.equations"
+    with elementwise(where):
+        found = model.equations(s, port)
+    pair = isinstance(found, tuple) and len(found) == 2
+    if not (pair and all(isinstance(part, Mapping) for part in found)):
+        kind = [type(part).__name__ for part in found] if isinstance(found, tuple) else found
+        raise InputError(
+            f"{where}: expected two mappings, of the rates and of the outputs; found {kind}.",
+            "Write return {state: rate}, {output: value}.",
+        )
+    return found
+
+
+def starting_point(model: Model, first: Signals, given: Mapping[str, Any]) -> dict[str, Any]:
+    """All states at the start: those given, the model's own, and the effects' as they follow."""
+    own = [name for name in model.states if name not in first]
+    default = model.initial(first) if own else {}
+    states = {name: given.get(name, default.get(name, 0.0)) for name in own}
+    s = first.also({**{n: 0.0 for n in model.all_states if n not in first}, **states})
+    port = Ports(model.effects, s, starting=True)
+    equations_of(model, s, port)
+    return {**states, **{name: given.get(name, x) for name, x in port.initial.items()}}
+
+
+def _per_step(series: Any, hold: str, substeps: int) -> tuple[Any, ...]:
+    if hold == "zero":
+        return (jnp.repeat(series[:-1], substeps),)
+    if substeps == 1:
+        return series[:-1], series[1:]
+    share = (jnp.arange(substeps) / substeps)[None, :]
+    rise = jnp.diff(series)[:, None]
+    begin = (series[:-1, None] + rise * share).reshape(-1)
+    end = (series[:-1, None] + rise * (share + 1 / substeps)).reshape(-1)
+    return begin, end
+
+
+def _sparse(values: Any, substeps: int, between: float = math.nan) -> Any:
+    """Values at the first substep of each sample only."""
+    if substeps == 1:
+        return values
+    return jnp.full((values.shape[0], substeps), between).at[:, 0].set(values).reshape(-1)
+
+
+class Key:
+    """A model as a static argument of compiled code: equal where the structure is equal."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.structure = model.structure
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Key) and self.structure == other.structure
+
+    def __hash__(self) -> int:
+        return hash(self.structure)
