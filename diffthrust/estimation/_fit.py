@@ -43,7 +43,7 @@ def fit(
     horizon: float | Sequence[float | None] | Literal["auto"] | None = "auto",
     likelihood: Literal["simulation", "innovations"] = "simulation",
     loss: Literal["gaussian", "student_t"] = "gaussian",
-    noise_model: Literal["white", "ar1"] = "white",
+    noise_model: str = "white",
     initial: Literal["auto", "estimate", "measured"] = "auto",
     substeps: int | None = None,
     progress: Progress | None = None,

@@ -34,6 +34,14 @@ def _as_column(value: Any) -> Any:
     return {"column": value} if isinstance(value, str) else value
 
 
+def _as_noise_model(value: Any) -> Any:
+    from diffthrust.estimation._registry import NOISE_MODELS  # late: it loads JAX
+
+    if value not in tuple(NOISE_MODELS):
+        raise ValueError(f"Input should be {' or '.join(map(repr, NOISE_MODELS))}")
+    return value
+
+
 def _as_time(value: Any) -> Any:
     return None if value is False else _as_column(value)
 
@@ -117,7 +125,7 @@ class FitPart(_Part):
     horizon: Any = "auto"
     likelihood: Literal["simulation", "innovations"] = "simulation"
     loss: Literal["gaussian", "student_t"] = "gaussian"
-    noise_model: Literal["white", "ar1"] = "white"
+    noise_model: Annotated[str, BeforeValidator(_as_noise_model)] = "white"
     initial: Literal["auto", "estimate", "measured"] = "auto"
     substeps: Annotated[int, Field(ge=1)] | None = None
 

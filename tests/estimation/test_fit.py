@@ -5,8 +5,8 @@ import pytest
 from reference import inputs, noise, thruster, vessel
 
 import diffthrust as dft
-from diffthrust.estimation._arrange import build, restarts
-from diffthrust.estimation._status import examine
+from diffthrust.estimation._arrange import build, restarts  # private: a problem without its fit
+from diffthrust.estimation._status import examine  # private: the checks alone
 
 TRUE = {"alpha": 0.037, "beta": 42.0, "ct": 0.02}
 
@@ -229,7 +229,7 @@ def test_a_failed_simulation_says_so():
 
 def test_too_few_steps_are_not_called_converged():
     problem = build(dft.Thruster(alpha=0.1, beta=10.0), [log_of(record())])
-    from diffthrust.estimation._solver import solve
+    from diffthrust.estimation._solver import solve  # private: the solver alone
 
     stopped = solve(problem, problem.start(), budget=3)
     assert not stopped.done

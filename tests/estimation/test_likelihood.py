@@ -13,11 +13,11 @@ from scipy.optimize import minimize_scalar
 import diffthrust as dft
 from diffthrust import Log, simulate
 from diffthrust.effects import ActuatorLag, ReverseThrustAsymmetry
-from diffthrust.estimation._arrange import build, restarts
-from diffthrust.estimation._laws import TAIL
-from diffthrust.estimation._likelihood import evaluate, gram
-from diffthrust.estimation._registry import LOSSES
-from diffthrust.estimation._residuals import SimulationError
+from diffthrust.estimation._arrange import build, restarts  # private: a problem without its fit
+from diffthrust.estimation._laws import TAIL  # private: laws of errors alone
+from diffthrust.estimation._likelihood import evaluate, gram  # private: the likelihood alone
+from diffthrust.estimation._registry import LOSSES  # private: words become objects
+from diffthrust.estimation._residuals import SimulationError  # private: a likelihood of one's own
 
 compiled = jax.jit(evaluate, static_argnums=0)
 

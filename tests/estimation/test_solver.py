@@ -10,9 +10,9 @@ import pytest
 from scipy.optimize import least_squares, lsq_linear
 
 import diffthrust  # noqa: F401
-from diffthrust._support.box import least_in_box
-from diffthrust.estimation._likelihood import Quadratic
-from diffthrust.estimation._solver import BoundedLevenbergMarquardt
+from diffthrust._support.box import least_in_box  # private: the solver alone
+from diffthrust.estimation._likelihood import Quadratic  # private: the likelihood alone
+from diffthrust.estimation._solver import BoundedLevenbergMarquardt  # private: the solver alone
 
 
 @cache

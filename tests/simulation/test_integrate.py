@@ -11,11 +11,14 @@ from reference.thruster import exact_spin
 from scipy.integrate import solve_ivp
 
 import diffthrust as dft
+from diffthrust import simulate
 from diffthrust.effects import ActuatorLag
 from diffthrust.logs._log import Log
 from diffthrust.models._base.signals import Relaxing
-from diffthrust.simulation._integrate import exponential_weights, integrate
-from diffthrust.simulation._simulate import simulate
+from diffthrust.simulation._integrate import (  # private: the integrator alone
+    exponential_weights,
+    integrate,
+)
 
 # Order.
 

@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 from test_honesty import thruster_logs, vessel_logs
 
 import diffthrust as dft
-from diffthrust.simulation._step_size import sensor_noise
+from diffthrust.simulation._step_size import sensor_noise  # private: no public way to it
 
 
 @pytest.mark.parametrize(
