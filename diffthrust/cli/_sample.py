@@ -62,11 +62,11 @@ def sample_command(
     with session() as progress:
         from diffthrust.specs._spec import load_spec
         from diffthrust.uncertainty._sampling.page import write_report
-        from diffthrust.uncertainty._sampling.sample import check, sample
+        from diffthrust.uncertainty._sampling.sample import check_sampling, sample
         from diffthrust.uncertainty._sampling.summary import sampled
         from diffthrust.uncertainty._sampling.tables import sample_table
 
-        check(method.value, draws, warmup, chains, seed, walkers, file)  # before the fit
+        check_sampling(method.value, draws, warmup, chains, seed, walkers, file)  # before the fit
         loaded = load_spec(spec)
         train, unseen = loaded.train_logs(), loaded.holdout_logs()
         fit = loaded.fit(progress, train=train, holdout=unseen)

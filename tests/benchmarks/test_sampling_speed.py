@@ -16,7 +16,7 @@ from benchmarks.peers._jobs import fewest
 from benchmarks.peers._numba import numba_rk4
 from benchmarks.test_benchmarks import make_log, show
 from diffthrust.uncertainty import sample
-from diffthrust.uncertainty._sampling.density import posterior_of  # private: the density alone
+from diffthrust.uncertainty._sampling.posterior import posterior_of  # private: the density alone
 
 pytestmark = pytest.mark.benchmark
 

@@ -18,7 +18,7 @@ from posterior_cases import line, thruster_fit, thruster_log
 
 import diffthrust as dft
 from diffthrust.uncertainty._sampling import chain_file
-from diffthrust.uncertainty._sampling.density import posterior_of
+from diffthrust.uncertainty._sampling.posterior import posterior_of
 from diffthrust.uncertainty._sampling.sample import sample
 
 RUN = dict(draws=60, warmup=20, seed=3)
@@ -97,15 +97,15 @@ from pathlib import Path
 sys.path.insert(0, {tests!r})
 import diffthrust as dft
 from posterior_cases import thruster_fit
-from diffthrust.uncertainty._sampling import density, ensemble
+from diffthrust.uncertainty._sampling import ensemble, posterior
 from diffthrust.uncertainty._sampling.sample import sample
-ensemble.EVERY, ensemble.SHARE = 0.0, 0.0
+ensemble.SAVE_EVERY, ensemble.SAVE_SHARE = 0.0, 0.0
 if {slow}:
-    batch = density.Posterior.batch
+    batch = posterior.Posterior.batch
     def slower(*args):
         time.sleep(0.02)
         return batch(*args)
-    density.Posterior.batch = slower
+    posterior.Posterior.batch = slower
 fit, log = thruster_fit()
 sample(fit, log, draws=150, warmup=50, seed=1, file={path!r})
 """
@@ -198,7 +198,7 @@ def test_a_file_of_another_problem_is_refused(case, copied, tmp_path):
 
 
 def test_the_identity_of_a_problem_does_not_change_from_run_to_run(case, finished):
-    found = chain_file.identity(posterior_of(*case), seed=3, walkers=32, warmup=20)
+    found = chain_file.problem_identity(posterior_of(*case), seed=3, walkers=32, warmup=20)
     assert chain_file.read(finished, found) is not None
 
 
@@ -263,5 +263,5 @@ def test_a_log_of_the_same_length_and_other_noise_is_other_data():
     parts = []
     for log in logs:
         fit = dft.fit(dft.Thruster(), log, starts=4, substeps=1)
-        parts.append(chain_file.identity(posterior_of(fit, log), seed=0)["data"])
+        parts.append(chain_file.problem_identity(posterior_of(fit, log), seed=0)["data"])
     assert parts[0] != parts[1]

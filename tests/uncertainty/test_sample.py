@@ -13,8 +13,8 @@ import diffthrust as dft
 from diffthrust.uncertainty._sampling import nuts
 from diffthrust.uncertainty._sampling.arviz import arviz
 from diffthrust.uncertainty._sampling.convergence import Mixing, convergence
-from diffthrust.uncertainty._sampling.density import Posterior
-from diffthrust.uncertainty._sampling.moves import independent, learned
+from diffthrust.uncertainty._sampling.moves import independent_proposals, learned
+from diffthrust.uncertainty._sampling.posterior import Posterior
 from diffthrust.uncertainty._sampling.sample import sample
 
 matplotlib.use("Agg")
@@ -158,7 +158,7 @@ def test_the_independent_proposal_keeps_a_law_that_is_not_its_own():
         values = np.where(inside, x[:, 0], 1.0)
         return np.where(inside, np.log(values) - 0.5 * values, -np.inf)
 
-    move = emcee.moves.MHMove(independent(centre, root))
+    move = emcee.moves.MHMove(independent_proposals(centre, root))
     sampler = emcee.EnsembleSampler(32, 1, density, moves=move, vectorize=True)
     begin = np.random.default_rng(0).chisquare(4, size=(32, 1))
     generator = np.random.RandomState(0).get_state()

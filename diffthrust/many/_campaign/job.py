@@ -69,9 +69,9 @@ def check_task(task: str, options: Mapping[str, Any]) -> None:
                 f"It takes {listing(known)}." if known else f"Leave {name} out.",
             )
     if task == "sample":
-        from diffthrust.uncertainty._sampling.sample import check
+        from diffthrust.uncertainty._sampling.sample import check_sampling
 
-        check(**{**SAMPLING, **options}, file=None)
+        check_sampling(**{**SAMPLING, **options}, file=None)
     names = options.get("candidates")
     if names is not None and (
         isinstance(names, str) or not names or not all(isinstance(n, str) for n in names)

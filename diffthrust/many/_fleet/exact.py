@@ -14,8 +14,9 @@ import numpy as np
 from diffthrust.estimation._result import Fit
 from diffthrust.estimation._status import Status
 from diffthrust.many._fleet.axis import Axis
-from diffthrust.uncertainty._sampling.density import Posterior, Shape, posterior_of
+from diffthrust.uncertainty._sampling.density import DensityShape
 from diffthrust.uncertainty._sampling.nuts import Box, smooth
+from diffthrust.uncertainty._sampling.posterior import Posterior, posterior_of
 
 _STEPS = 50
 """Most Newton steps towards the place where the parabola is laid."""
@@ -64,13 +65,13 @@ class Exact:
         return {**self.posterior.data, "origin": jnp.zeros(d), "root": jnp.eye(d)}
 
 
-def likelihood(shape: Shape, dim: int, numbers: Any, x: Any) -> Any:
+def likelihood(shape: DensityShape, dim: int, numbers: Any, x: Any) -> Any:
     """Log likelihood at coordinates ``(d,)``, with its derivative by one forward-mode pass."""
     return smooth(shape, Box((False,) * dim, (False,) * dim), numbers, x)
 
 
 @partial(jax.jit, static_argnums=(0, 1))
-def _slope(shape: Shape, dim: int, numbers: Any, x: Any) -> Any:
+def _slope(shape: DensityShape, dim: int, numbers: Any, x: Any) -> Any:
     return jax.value_and_grad(likelihood, argnums=3)(shape, dim, numbers, x)
 
 

@@ -12,7 +12,7 @@ from jax.scipy.linalg import cho_solve, solve_triangular
 
 from diffthrust.many._fleet.evidence import VehicleEvidence, guessed
 from diffthrust.many._fleet.exact import Exact, likelihood
-from diffthrust.uncertainty._sampling.density import Shape
+from diffthrust.uncertainty._sampling.density import DensityShape
 
 _TAIL = 4.0
 """Degrees of freedom of the half Student-t prior of a standard deviation."""
@@ -23,7 +23,7 @@ _CORRELATION_SHAPE = 2.0
 class ExactKind(NamedTuple):
     """Exact likelihoods that share compiled code."""
 
-    shape: Shape
+    shape: DensityShape
     pooled: int
     rest: int
     vehicles: int
@@ -167,7 +167,7 @@ def arranged(
     evidence: Sequence[VehicleEvidence], correlated: bool
 ) -> tuple[Hierarchy, dict[str, Any]]:
     """The density of a fleet, and its numbers."""
-    groups: dict[tuple[Shape, int, int], list[Any]] = {}
+    groups: dict[tuple[DensityShape, int, int], list[Any]] = {}
     for row, one in enumerate(evidence):
         if one.exact is not None:
             e = one.exact

@@ -13,7 +13,7 @@ from diffthrust._support.progress import Progress
 from diffthrust.many._fleet.estimates import Estimates
 from diffthrust.many._fleet.evidence import Ruler, VehicleEvidence, gathered
 from diffthrust.many._fleet.pooled import Pooled
-from diffthrust.uncertainty._sampling.sample import check
+from diffthrust.uncertainty._sampling.sample import check_sampling
 
 _FEWEST = 3
 """Vehicles without which nothing can be said of how vehicles differ."""
@@ -36,7 +36,7 @@ def pool_vehicles(
     from diffthrust.many._fleet.hierarchy import arranged
     from diffthrust.uncertainty._sampling import nuts  # slow to import, as BlackJAX is
 
-    check("nuts", draws, warmup, chains, seed, None, None)
+    check_sampling("nuts", draws, warmup, chains, seed, None, None)
     nuts.available("Pooling", "use the separate fits")
     names, notes = _chosen(fleet, parameters)
     ruler = _ruler(fleet, names)
@@ -46,7 +46,7 @@ def pool_vehicles(
         if lacking:
             notes.append(f"{name}: {listing(lacking)} did not estimate it and are left out of it.")
     target, data = arranged(evidence, correlated)
-    walked = nuts.walk(
+    walked = nuts.sample_target(
         target,
         data,
         target.dim,

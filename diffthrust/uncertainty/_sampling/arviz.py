@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from diffthrust.uncertainty._sampling.density import Posterior
 from diffthrust.uncertainty._sampling.ensemble import Chains
+from diffthrust.uncertainty._sampling.posterior import Posterior
 
 
 def arviz() -> Any:

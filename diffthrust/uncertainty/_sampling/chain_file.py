@@ -18,10 +18,10 @@ import jax
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust.uncertainty._sampling.density import Posterior
+from diffthrust.uncertainty._sampling.posterior import Posterior
 
-SCHEMA = 1
-OWN = "diffthrust"
+_SCHEMA = 1
+_OWN = "diffthrust"
 """The group in which the file says whose chain it is; the chain itself is in emcee's ``mcmc``."""
 
 
@@ -48,7 +48,7 @@ class Stored:
     root: np.ndarray
 
 
-def identity(posterior: Posterior, **settings: Any) -> dict[str, dict[str, str]]:
+def problem_identity(posterior: Posterior, **settings: Any) -> dict[str, dict[str, str]]:
     """What makes a chain that of one problem, in words: model, parameters, data, settings."""
     problem, fit = posterior.problem, posterior.fit
     layout, numbers = problem.layout, problem.numbers
@@ -96,7 +96,7 @@ def _digest(digest: Any, tree: Any) -> None:
         digest.update(array.tobytes())
 
 
-def image(stored: Stored, who: Mapping[str, Any], labels: tuple[str, ...]) -> bytes:
+def chain_bytes(stored: Stored, who: Mapping[str, Any], labels: tuple[str, ...]) -> bytes:
     """The bytes of the file: equal for equal chains, in the layout of `emcee.backends.HDFBackend`.
 
     The file is made anew in memory each time, so that nothing in it tells how often it was saved.
@@ -115,14 +115,14 @@ def image(stored: Stored, who: Mapping[str, Any], labels: tuple[str, ...]) -> by
         kind = np.dtype((np.float64, stored.levels.shape[2:]))
         blobs = g.create_dataset("blobs", (steps, walkers), maxshape=(None, walkers), dtype=kind)
         blobs[...] = stored.levels
-        own = f.create_group(OWN)
+        ours = f.create_group(_OWN)
         text = json.dumps(who, sort_keys=True)
-        own.attrs["schema"] = SCHEMA
-        own.attrs["hash"] = hashlib.sha256(text.encode()).hexdigest()
-        own.attrs["coordinates"] = list(labels)
-        own.create_dataset("problem", data=text)  # an attribute could not hold a large model
-        own.create_dataset("centre", data=stored.centre)
-        own.create_dataset("root", data=stored.root)
+        ours.attrs["schema"] = _SCHEMA
+        ours.attrs["hash"] = hashlib.sha256(text.encode()).hexdigest()
+        ours.attrs["coordinates"] = list(labels)
+        ours.create_dataset("problem", data=text)  # an attribute could not hold a large model
+        ours.create_dataset("centre", data=stored.centre)
+        ours.create_dataset("root", data=stored.root)
         f.flush()
         return f.id.get_file_image()
 
@@ -194,15 +194,17 @@ def read(path: Path, who: Mapping[str, Mapping[str, str]]) -> Stored | None:
     try:
         with h5py.File(target, "r") as opened:
             f: Any = opened  # a group, a dataset and a type in one, for all that h5py declares
-            if OWN not in f or "mcmc" not in f:
+            if _OWN not in f or "mcmc" not in f:
                 raise InputError(
                     f"{path}: an HDF5 file, but no chain of this library.",
                     "Name a file that does not exist yet, or that of the run to resume.",
                 )
-            g, own = f["mcmc"], f[OWN]
-            text = own["problem"][()].decode()
+            g, ours = f["mcmc"], f[_OWN]
+            text = ours["problem"][()].decode()
             theirs = json.loads(text)
-            _same(path, theirs, who, hashlib.sha256(text.encode()).hexdigest() == own.attrs["hash"])
+            _same(
+                path, theirs, who, hashlib.sha256(text.encode()).hexdigest() == ours.attrs["hash"]
+            )
             a = g.attrs
             state = tuple(a[f"random_state_{i}"] for i in range(5))
             stored = Stored(
@@ -217,8 +219,8 @@ def read(path: Path, who: Mapping[str, Mapping[str, str]]) -> Stored | None:
                     int(state[3]),
                     float(state[4]),
                 ),
-                centre=own["centre"][...],
-                root=own["root"][...],
+                centre=ours["centre"][...],
+                root=ours["root"][...],
             )
             if stored.chain.shape[0] != a["iteration"] or not np.isfinite(stored.log_prob).all():
                 raise ValueError("the chain is not whole")
@@ -252,22 +254,22 @@ def _try(path: Path, target: Path) -> None:
 def _same(path: Path, theirs: Any, ours: Mapping[str, Mapping[str, str]], whole: bool) -> None:
     if whole and theirs == ours:
         return
-    told = []
+    differing = []
     for part in ("model", "parameters", "data", "settings"):
         a, b = theirs.get(part, {}), ours[part]
         names = [name for name in {**a, **b} if a.get(name) != b.get(name)]
         if part == "model" and names:
-            told.append(f"model: {', '.join(a)} in the file, {', '.join(b)} now")
+            differing.append(f"model: {', '.join(a)} in the file, {', '.join(b)} now")
         elif part == "data" and names:
-            told.append(f"data: {', '.join(names)}")
+            differing.append(f"data: {', '.join(names)}")
         elif names:
-            told += [
+            differing += [
                 f"{part}, {n}: {a.get(n, 'absent')} in the file, {b.get(n, 'absent')} now"
                 for n in names
             ]
-    if not told:
+    if not differing:
         raise ValueError("its description does not match its hash")
     raise InputError(
-        f"{path}: the chain of another problem. What differs: {'; '.join(told)}.",
+        f"{path}: the chain of another problem. What differs: {'; '.join(differing)}.",
         "Name another file, or sample with what this one was begun with. It was left as it is.",
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,14 +16,14 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.progress import Progress
 from diffthrust.uncertainty._sampling import chain_file
 from diffthrust.uncertainty._sampling.chain_file import Stored
-from diffthrust.uncertainty._sampling.density import LANES, Posterior
 from diffthrust.uncertainty._sampling.moves import MOST, learned, moves, suited
+from diffthrust.uncertainty._sampling.posterior import LANES, Posterior
 
-WIDER = 1.3
+_WIDER = 1.3
 """Walkers begin wider than the posterior should be, so that R-hat can tell whether they mixed."""
-EVERY = 5.0
+SAVE_EVERY = 5.0
 """Seconds between savings of the file."""
-SHARE = 20.0
+SAVE_SHARE = 20.0
 """And at least so many times what a saving takes."""
 
 
@@ -57,7 +57,7 @@ def lanes_of(walkers: int) -> int:
     return math.ceil(half / math.ceil(half / LANES))
 
 
-def run(
+def run_ensemble(
     posterior: Posterior,
     *,
     draws: int,
@@ -76,87 +76,129 @@ def run(
         InputError: a file of another problem or one that cannot be written, or a density that is
             not finite around the fit.
     """
-    tell = progress or (lambda message, done: None)
-    lanes, channels = lanes_of(walkers), len(posterior.problem.layout.channels)
-    who = chain_file.identity(posterior, seed=seed, walkers=walkers, warmup=warmup)
+    tell = progress or (lambda message, share: None)
+    lanes, total = lanes_of(walkers), warmup + draws
+    who = chain_file.problem_identity(posterior, seed=seed, walkers=walkers, warmup=warmup)
     stored = chain_file.read(file, who) if file else None
     if stored is None:
         stored = _begin(posterior, walkers, seed)
     elif file and len(stored.chain):
         _same_density(file, posterior, stored, lanes)
+    backend = _backend(stored, walkers)
+    saving = _Saving(file, who, posterior.labels, stored, backend)
 
     def density(points: np.ndarray) -> np.ndarray:
         log_prob, levels = posterior.batch(points, lanes)
         return np.column_stack([log_prob, levels])
 
-    def advance(proposals: list[tuple[Any, float]]) -> Any:
-        sampler = emcee.EnsembleSampler(
-            walkers,
-            posterior.dim,
-            density,
-            moves=proposals,
-            vectorize=True,
-            backend=backend,
-            blobs_dtype=float,
-        )
-        begin = _last(backend)
-        if begin is None:
-            begin = emcee.State(
-                _walkers(posterior, stored.root, walkers, seed), random_state=stored.random_state
-            )
-        # walkers near each other's plane are no mistake of the user's
-        return sampler.sample(
-            begin, iterations=until - backend.iteration, skip_initial_state_check=True
-        )
-
-    def save() -> None:
-        if file:
-            now = Stored(
-                backend.chain[: backend.iteration],
-                backend.log_prob[: backend.iteration],
-                backend.blobs[: backend.iteration].reshape(-1, walkers, channels),
-                backend.accepted,
-                backend.random_state,
-                stored.centre,
-                stored.root,
-            )
-            chain_file.write(file, chain_file.image(now, who, posterior.labels))
-
-    backend = _backend(stored, walkers)
-    total, begun = warmup + draws, backend.iteration
-    saved, took = time.monotonic(), 0.0
     try:
         for until in (min(warmup // 2, total), total):
             if backend.iteration >= until:
                 continue
             centre, root, share = stored.centre, stored.root, MOST
             if until == total and warmup >= 8:
-                part = slice(warmup // 4, warmup // 2)
-                centre, root = learned(backend.chain[part], centre, root)
-                late = slice(max(part.start, part.stop - 8), part.stop)
-                points = backend.chain[late].reshape(-1, posterior.dim)
-                log_prob = backend.log_prob[late].ravel()
-                share = suited(density, points, log_prob, centre, root, seed)
-            for _ in advance(moves(centre, root, share)):
+                centre, root, share = _adapted(backend, density, stored, warmup, seed)
+            sampler = emcee.EnsembleSampler(
+                walkers,
+                posterior.dim,
+                density,
+                moves=moves(centre, root, share),
+                vectorize=True,
+                backend=backend,
+                blobs_dtype=float,
+            )
+            start = _last(backend)
+            if start is None:
+                start = emcee.State(
+                    _walkers(posterior, stored.root, walkers, seed),
+                    random_state=stored.random_state,
+                )
+            # walkers near each other's plane are no mistake of the user's
+            for _ in sampler.sample(
+                start, iterations=until - backend.iteration, skip_initial_state_check=True
+            ):
                 at = backend.iteration
                 if at % 20 == 0:
                     tell("warmup" if at < warmup else "drawing", at / total)
-                now = time.monotonic()
-                if file and now - saved >= max(EVERY, SHARE * took):
-                    save()
-                    saved = time.monotonic()
-                    took = saved - now
+                saving.now_and_then()
     except KeyboardInterrupt:
-        if backend.iteration > begun:
-            save()
+        saving.finish()
         raise
-    if backend.iteration > begun:
-        save()
-    kept = slice(warmup, total)
-    levels = backend.blobs[kept].reshape(draws, walkers, channels)
-    thin = _thinning(backend.chain[kept])
+    saving.finish()
+    return _chains(backend, warmup, draws)
+
+
+@dataclass
+class _Saving:
+    """The saving of a chain that grows: every few seconds, and what is new when the run ends.
+
+    Args:
+        file: where to; nothing is saved where ``None``.
+        who: whose chain it is.
+        labels: names of the coordinates.
+        stored: the chain as it was when the run began.
+        backend: emcee's record of the chain.
+    """
+
+    file: Path | None
+    who: Mapping[str, Any]
+    labels: tuple[str, ...]
+    stored: Stored
+    backend: Any
+    saved: float = field(default_factory=time.monotonic)
+    took: float = 0.0
+
+    def now_and_then(self) -> None:
+        """Save where the last time is long enough ago."""
+        now = time.monotonic()
+        if self.file and now - self.saved >= max(SAVE_EVERY, SAVE_SHARE * self.took):
+            self._save(self.file)
+            self.saved = time.monotonic()
+            self.took = self.saved - now
+
+    def finish(self) -> None:
+        """Save what the run has added."""
+        if self.file and self.backend.iteration > len(self.stored.chain):
+            self._save(self.file)
+
+    def _save(self, file: Path) -> None:
+        backend, (_, walkers, channels) = self.backend, self.stored.levels.shape
+        now = Stored(
+            backend.chain[: backend.iteration],
+            backend.log_prob[: backend.iteration],
+            backend.blobs[: backend.iteration].reshape(-1, walkers, channels),
+            backend.accepted,
+            backend.random_state,
+            self.stored.centre,
+            self.stored.root,
+        )
+        chain_file.write(file, chain_file.chain_bytes(now, self.who, self.labels))
+
+
+def _adapted(
+    backend: Any,
+    density: Callable[[np.ndarray], np.ndarray],
+    stored: Stored,
+    warmup: int,
+    seed: int,
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Centre, root and share of the independent proposals, from the first half of the warmup."""
+    part = slice(warmup // 4, warmup // 2)
+    centre, root = learned(backend.chain[part], stored.centre, stored.root)
+    late = slice(max(part.start, part.stop - 8), part.stop)
+    points = backend.chain[late].reshape(-1, centre.size)
+    log_prob = backend.log_prob[late].ravel()
+    return centre, root, suited(density, points, log_prob, centre, root, seed)
+
+
+def _chains(backend: Any, warmup: int, draws: int) -> Chains:
+    """What came after the warmup, thinned."""
+    kept = slice(warmup, warmup + draws)
+    chain, walkers = backend.chain[kept], backend.chain.shape[1]
+    levels = backend.blobs[kept].reshape(draws, walkers, -1)
+    thin = _thinning(chain)
     return Chains(
-        points=np.swapaxes(backend.chain[kept], 0, 1)[:, ::thin],
+        points=np.swapaxes(chain, 0, 1)[:, ::thin],
         log_prob=backend.log_prob[kept].T[:, ::thin],
         levels=np.swapaxes(levels, 0, 1)[:, ::thin],
         attrs={
@@ -194,19 +236,19 @@ def _walkers(posterior: Posterior, root: np.ndarray, walkers: int, seed: int) ->
     """Where the walkers begin: around the fit, within the bounds, where the density is finite."""
     rng = np.random.default_rng(seed)
     low, high = posterior.low, posterior.high
-    found = np.empty((0, posterior.dim))
-    width = WIDER
+    drawn = np.empty((0, posterior.dim))
+    width = _WIDER
     for _ in range(20):
         x = posterior.centre + width * rng.standard_normal((walkers, posterior.dim)) @ root.T
         x = np.where(x < low, 2 * low - x, x)  # a parameter at its bound keeps to the inside
         x = np.where(x > high, 2 * high - x, x)
         density, _ = posterior.batch(x, lanes_of(walkers))
-        found = np.concatenate([found, x[np.isfinite(density)]])
-        if len(found) >= walkers:
-            return found[:walkers]
+        drawn = np.concatenate([drawn, x[np.isfinite(density)]])
+        if len(drawn) >= walkers:
+            return drawn[:walkers]
         width *= 0.8
     raise InputError(
-        f"Only {len(found)} of {20 * walkers} points drawn around the fit have a likelihood: the "
+        f"Only {len(drawn)} of {20 * walkers} points drawn around the fit have a likelihood: the "
         "simulation fails beside it.",
         "Raise substeps, narrow the bounds, or give priors.",
     )

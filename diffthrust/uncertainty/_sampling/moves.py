@@ -8,15 +8,15 @@ from typing import Any
 import emcee
 import numpy as np
 
-TAILS = 5.0
+_TAILS = 5.0
 """Degrees of freedom of the independent proposals: tails heavier than those of most posteriors."""
 MOST = 0.7
 """Share of the independent proposals, where enough of them are accepted."""
-ENOUGH = 0.3
+_ENOUGH = 0.3
 """The share of them that is enough."""
 
 
-def independent(
+def independent_proposals(
     centre: np.ndarray, root: np.ndarray
 ) -> Callable[[np.ndarray, Any], tuple[np.ndarray, np.ndarray]]:
     """Proposals that do not depend on where a walker is: multivariate t about the fit.
@@ -34,11 +34,11 @@ def independent(
 
     def log_q(x: np.ndarray) -> np.ndarray:
         away = (x - centre) @ inverse.T
-        return -0.5 * (TAILS + dim) * np.log1p(np.sum(away**2, axis=1) / TAILS)
+        return -0.5 * (_TAILS + dim) * np.log1p(np.sum(away**2, axis=1) / _TAILS)
 
     def propose(x: np.ndarray, rng: Any) -> tuple[np.ndarray, np.ndarray]:
         normal = rng.standard_normal(x.shape)
-        longer = np.sqrt(TAILS / rng.chisquare(TAILS, size=(x.shape[0], 1)))
+        longer = np.sqrt(_TAILS / rng.chisquare(_TAILS, size=(x.shape[0], 1)))
         new = centre + (longer * normal) @ root.T
         return new, log_q(x) - log_q(new)
 
@@ -48,7 +48,7 @@ def independent(
 def moves(centre: np.ndarray, root: np.ndarray, share: float) -> list[tuple[Any, float]]:
     """Independent proposals, and moves by the other walkers for posteriors of another form."""
     return [
-        (emcee.moves.MHMove(independent(centre, root), ndim=centre.size), share),
+        (emcee.moves.MHMove(independent_proposals(centre, root), ndim=centre.size), share),
         (emcee.moves.DEMove(), (1 - share) * 2 / 3),
         (emcee.moves.StretchMove(), (1 - share) / 3),
     ]
@@ -66,10 +66,10 @@ def suited(
 
     Judged by one proposal from each of the points, ``(n, d)``, with a generator of its own.
     """
-    propose = independent(centre, root)
+    propose = independent_proposals(centre, root)
     new, factors = propose(points, np.random.RandomState(seed))
     accepted = np.exp(np.minimum(density(new)[:, 0] - log_prob + factors, 0.0))
-    return max(0.1, MOST * min(1.0, float(np.mean(accepted)) / ENOUGH))
+    return max(0.1, MOST * min(1.0, float(np.mean(accepted)) / _ENOUGH))
 
 
 def learned(

@@ -11,15 +11,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from diffthrust._support._running.batching import run as run_program
+from diffthrust._support._running.batching import run
 from diffthrust._support.errors import InputError
 from diffthrust._support.progress import Progress
-from diffthrust.uncertainty._sampling.density import Posterior, Shape, log_density
+from diffthrust.uncertainty._sampling.density import DensityShape, log_density
 from diffthrust.uncertainty._sampling.ensemble import Chains
+from diffthrust.uncertainty._sampling.posterior import Posterior
 
-BLOCK = 50
+_BLOCK = 50
 """Draws between two words of progress; all blocks share one compilation."""
-INSIDE = 0.3
+_INSIDE = 0.3
 """Chains keep so many standard errors from a bound where they begin: at it lies infinity."""
 
 
@@ -65,7 +66,7 @@ def from_coordinates(box: Box, low: np.ndarray, high: np.ndarray, x: np.ndarray)
     return u, slope
 
 
-def _smooth(shape: Shape, box: Box, data: Any, v: Any) -> Any:
+def _smooth(shape: DensityShape, box: Box, data: Any, v: Any) -> Any:
     """Log density of a whitened, unbounded point, with its derivative by one forward-mode pass.
 
     Reverse mode through the loop over a log would take a hundred times as long. The rule returns
@@ -75,7 +76,7 @@ def _smooth(shape: Shape, box: Box, data: Any, v: Any) -> Any:
     return log_density(shape, data, x)[0] + grown
 
 
-def _smooth_jvp(shape: Shape, box: Box, primals: Any, tangents: Any) -> tuple[Any, Any]:
+def _smooth_jvp(shape: DensityShape, box: Box, primals: Any, tangents: Any) -> tuple[Any, Any]:
     data, v = primals
 
     def push(direction: Any) -> tuple[Any, Any]:
@@ -112,7 +113,7 @@ class Target(Protocol):
 class _Unbounded(NamedTuple):
     """A posterior over whitened, unbounded points."""
 
-    shape: Shape
+    shape: DensityShape
     box: Box
 
     def density(self, data: Any, v: Any) -> Any:
@@ -176,7 +177,7 @@ class Walked(NamedTuple):
     stats: dict[str, np.ndarray]
 
 
-def walk(
+def sample_target(
     target: Target,
     data: Any,
     dim: int,
@@ -206,13 +207,13 @@ def walk(
     starts = jax.random.normal(begin, (chains, dim))
     tell("warmup", 0.0)
     keys = jax.random.key_data(jax.random.split(adapt, chains))
-    state, step, mass = run_program(_adapt, (target, warmup), (data, starts, keys), rows=chains)
+    state, step, mass = run(_adapt, (target, warmup), (data, starts, keys), rows=chains)
     parts = []
-    for block in range(-(-draws // BLOCK)):
-        tell("drawing", (warmup + block * BLOCK) / (warmup + draws))
-        keys = jax.random.split(jax.random.fold_in(on, block), (chains, BLOCK))
+    for block in range(-(-draws // _BLOCK)):
+        tell("drawing", (warmup + block * _BLOCK) / (warmup + draws))
+        keys = jax.random.split(jax.random.fold_in(on, block), (chains, _BLOCK))
         numbers = (data, state, step, mass, jax.random.key_data(keys))
-        state, found = run_program(_draw, target, numbers, rows=chains)
+        state, found = run(_draw, target, numbers, rows=chains)
         parts.append(jax.tree.map(np.asarray, found))
     told, log_prob, (diverging, rate, steps) = jax.tree.map(
         lambda *part: np.concatenate(part, axis=1)[:, :draws], *parts
@@ -221,7 +222,7 @@ def walk(
     return Walked(told, log_prob, stats)
 
 
-def run(
+def run_nuts(
     posterior: Posterior,
     *,
     draws: int,
@@ -240,11 +241,11 @@ def run(
         tuple(map(bool, np.isfinite(posterior.low))), tuple(map(bool, np.isfinite(posterior.high)))
     )
     low, high, spread = posterior.low, posterior.high, np.sqrt(np.diagonal(posterior.covariance))
-    room = INSIDE * np.minimum(spread, high - low)
+    room = _INSIDE * np.minimum(spread, high - low)
     u, slope = from_coordinates(box, low, high, np.clip(posterior.centre, low + room, high - room))
     root = np.linalg.cholesky(posterior.covariance / np.outer(slope, slope))
     data = {**posterior.data, "origin": jnp.asarray(u), "root": jnp.asarray(root)}
-    (points, grown), log_prob, stats = walk(
+    (points, grown), log_prob, stats = sample_target(
         _Unbounded(posterior.shape, box),
         data,
         posterior.dim,

@@ -15,7 +15,7 @@ from diffthrust.estimation._rebuild import mark_of
 from diffthrust.estimation._result import Fit
 from diffthrust.logs._log import Log
 from diffthrust.uncertainty._sampling.convergence import convergence
-from diffthrust.uncertainty._sampling.density import Posterior, posterior_of
+from diffthrust.uncertainty._sampling.posterior import Posterior, posterior_of
 
 
 def sample(
@@ -78,7 +78,7 @@ def sample(
     )
     from diffthrust.uncertainty._sampling.arviz import inference_data
 
-    check(method, draws, warmup, chains, seed, walkers, file)
+    check_sampling(method, draws, warmup, chains, seed, walkers, file)
     if not isinstance(fit, Fit):
         raise InputError(
             f"Expected a fit, found {type(fit).__name__}.", "Give what dft.fit returns."
@@ -88,11 +88,11 @@ def sample(
     logs = listed(logs)
     posterior = posterior_of(fit, logs)
     if method == "nuts":
-        found = nuts.run(
+        drawn = nuts.run_nuts(
             posterior, draws=draws, warmup=warmup, chains=chains, seed=seed, progress=progress
         )
     else:
-        found = ensemble.run(
+        drawn = ensemble.run_ensemble(
             posterior,
             draws=draws,
             warmup=warmup,
@@ -111,18 +111,18 @@ def sample(
         "loss": fit.loss,
         "fit": mark_of(fit),
         "doubts": "\n".join(fit.doubts),
-        **found.attrs,
+        **drawn.attrs,
     }
-    post = inference_data(posterior, found, attrs)
-    told = convergence(post)
+    post = inference_data(posterior, drawn, attrs)
+    judged = convergence(post)
     for group in (post, post.posterior):
-        group.attrs.update({"status": told.status.value, "message": told.message})
+        group.attrs.update({"status": judged.status.value, "message": judged.message})
     if progress:
         progress("done", 1.0)
     return post
 
 
-def check(
+def check_sampling(
     method: str, draws: Any, warmup: Any, chains: Any, seed: Any, walkers: Any, file: Any
 ) -> None:
     """Raise `InputError` for an argument that cannot be meant."""
@@ -161,17 +161,17 @@ def check(
         raise InputError(f"seed: expected less than 2^32, found {seed}.", "Correct the seed.")
 
 
-def _walkers(posterior: Posterior, given: int | None) -> int:
+def _walkers(posterior: Posterior, wanted: int | None) -> int:
     """The number of walkers, even and enough for the coordinates."""
     from diffthrust.uncertainty._sampling import ensemble
 
-    if given is None:
+    if wanted is None:
         return ensemble.default_walkers(posterior.dim)
     least = 2 * (posterior.dim + 1)
-    if given < least or given % 2:
+    if wanted < least or wanted % 2:
         raise InputError(
             f"walkers: expected an even number of at least {least}, for {posterior.dim} "
-            f"coordinates ({', '.join(posterior.labels)}), found {given}.",
-            f"Give {max(least, given + given % 2)} or more.",
+            f"coordinates ({', '.join(posterior.labels)}), found {wanted}.",
+            f"Give {max(least, wanted + wanted % 2)} or more.",
         )
-    return given
+    return wanted
