@@ -92,7 +92,6 @@ def worst_regimes(
     plain: Collection[str] = (),
     most: int = 2,
     channels: int = 1,
-    seed: int = 0,
 ) -> tuple[Regime, ...]:
     """Search for the regimes that hold the largest share of squared error beyond their samples.
 
@@ -110,7 +109,6 @@ def worst_regimes(
         plain: signals of which only the value is searched, such as an angle that jumps by a turn.
         most: how many regimes to name; each further one lies outside those before it.
         channels: how many channels are searched in all; p-values are multiplied by it.
-        seed: of the random orders; equal seeds give equal results.
 
     Returns:
         The regimes, the one with the largest excess first; none where none is significant.
@@ -123,7 +121,7 @@ def worst_regimes(
     if samples is None:
         return ()
     block = _block(residuals)
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)  # equal residuals give equal regimes
     everything, outside = float(samples.energy.sum()), np.ones(samples.energy.size, bool)
     regimes: list[Regime] = []
     while len(regimes) < most:

@@ -20,7 +20,7 @@ from diffthrust.uncertainty._intervals_row import Interval, Row
 from diffthrust.uncertainty._profile import check_level, profiles_of, threshold_of
 from diffthrust.uncertainty._profile_result import Profiles
 from diffthrust.uncertainty._sandwich import Sandwich, converged, quantile, sandwich_of
-from diffthrust.uncertainty._scores import scores
+from diffthrust.uncertainty._scores import sample_scores
 
 _WHITE = 0.1
 """Residuals correlated from sample to sample by less than this count as white: standard errors that
@@ -67,7 +67,7 @@ def intervals(
         check_mark(posterior, fit, "intervals")
     drawn = {} if posterior is None else {n: _drawn(posterior, n, level) for n in fit.free}
     problem, z = problem_of(fit, logs)
-    told = scores(problem, z)
+    told = sample_scores(problem, z)
     robust = sandwich_of(fit, problem, z, told)
     profiles = profiles_of(fit, problem, z, problem.own, None, {}, level)
     lag = told.lag_one()
@@ -88,7 +88,6 @@ def intervals(
         notes=tuple(notes),
         directions=directions_of(problem, z),
         profiles=profiles,
-        sandwich=robust,
     )
 
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 from diffthrust.uncertainty._directions import Directions
 from diffthrust.uncertainty._intervals_row import Row
 from diffthrust.uncertainty._profile_result import Profiles
-from diffthrust.uncertainty._sandwich import Sandwich
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -30,7 +29,6 @@ class Intervals:
         notes: what holds for all of them, the recommendation first.
         directions: which combinations of parameters the logs know well.
         profiles: the profiles behind the intervals.
-        sandwich: the sandwich behind them.
     """
 
     rows: Mapping[str, Row]
@@ -39,7 +37,6 @@ class Intervals:
     notes: tuple[str, ...]
     directions: Directions
     profiles: Profiles = field(repr=False)
-    sandwich: Sandwich = field(repr=False)
 
     def __getitem__(self, name: str) -> Row:
         return self.rows[name]

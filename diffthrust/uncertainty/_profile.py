@@ -17,12 +17,18 @@ from diffthrust.estimation._solver import solve
 from diffthrust.logs._log import Log
 from diffthrust.uncertainty._prediction.physical import derived
 from diffthrust.uncertainty._profile_curve import Profile
-from diffthrust.uncertainty._profile_lines import Function, Line, ParameterLine, Point, QuantityLine
+from diffthrust.uncertainty._profile_lines import (
+    Function,
+    Line,
+    ParameterLine,
+    ProfilePoint,
+    QuantityLine,
+)
 from diffthrust.uncertainty._profile_result import Better, Profiles
 from diffthrust.uncertainty._profile_walk import DeeperError, Side, walk
 from diffthrust.uncertainty._sandwich import converged, quantile
 
-ROUNDS = 3
+_ROUNDS = 3
 """So often a walk may find a lower cost and all begin anew from there."""
 
 
@@ -106,7 +112,7 @@ def profiles_of(
     """Profiles of a problem whose optimum is known."""
     threshold = threshold_of(problem, z, level)
     first = best = _point(problem, z)
-    for _ in range(ROUNDS):
+    for _ in range(_ROUNDS):
         try:
             found = [
                 _profile(fit, problem, name, ParameterLine(problem, name, best), threshold, level)
@@ -118,7 +124,7 @@ def profiles_of(
             best = _point(problem, deeper.point.z)
     else:
         raise InputError(
-            f"profile: {ROUNDS} times a lower cost than the best so far was found: the fit is at "
+            f"profile: {_ROUNDS} times a lower cost than the best so far was found: the fit is at "
             "none of the deep optima.",
             "Fit again with more starts.",
         )
@@ -127,9 +133,11 @@ def profiles_of(
     return Profiles({p.name: p for p in found}, level, better)
 
 
-def _point(problem: Problem, z: np.ndarray) -> Point:
+def _point(problem: Problem, z: np.ndarray) -> ProfilePoint:
     solved = solve(problem, z)
-    return Point(math.nan, float(solved.quadratic.cost), solved.z, solved.quadratic, math.nan)
+    return ProfilePoint(
+        math.nan, float(solved.quadratic.cost), solved.z, solved.quadratic, math.nan
+    )
 
 
 def _wanted(fit: Fit, names: str | Sequence[str] | None) -> tuple[str, ...]:
@@ -175,7 +183,7 @@ def threshold_of(problem: Problem, z: np.ndarray, confidence: float) -> float:
 def _quantities(
     fit: Fit,
     problem: Problem,
-    best: Point,
+    best: ProfilePoint,
     function: Function | None,
     units: Mapping[str, str],
     threshold: float,

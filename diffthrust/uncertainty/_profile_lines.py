@@ -16,15 +16,14 @@ from diffthrust.estimation._likelihood import Quadratic, evaluate, named_values
 from diffthrust.estimation._numbers import ProblemNumbers
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._solver import MOST_STEPS, BoundedLevenbergMarquardt, solve
+from diffthrust.uncertainty._sandwich import VANISHED
 
-GONE = 23.0
-"""A logarithm that fell by so much is that of nothing (ten decades), as in the fit's status."""
-STIFF = 0.1
+_STIFF = 0.1
 """A pull is as strong as a measurement of the quantity with this share of its standard error."""
 Function = Callable[[Mapping[str, Any]], Mapping[str, Any]]
 
 
-class Point(NamedTuple):
+class ProfilePoint(NamedTuple):
     """The least cost at one place of a line, and the coordinates that have it.
 
     ``aim`` is what was asked for: a quantity is only drawn near to it.
@@ -37,7 +36,7 @@ class Point(NamedTuple):
     aim: float
 
 
-def spread(problem: Problem, point: Point) -> np.ndarray:
+def spread(problem: Problem, point: ProfilePoint) -> np.ndarray:
     """Inverse information in the coordinates that are free, zero for those at a bound ``(N, N)``.
 
     Directions of which nothing is known are left out: here it only sets steps, never intervals.
@@ -57,7 +56,7 @@ class ParameterLine:
 
     problem: Problem
     name: str
-    best: Point
+    best: ProfilePoint
 
     @cached_property
     def place(self) -> int:
@@ -81,14 +80,16 @@ class ParameterLine:
         if p.transform != "log":
             return low, high
         down, up = p.limits
-        return (low if down > 0 else min(x, x - GONE)), (high if np.isfinite(up) else x + GONE)
+        return (low if down > 0 else min(x, x - VANISHED)), (
+            high if np.isfinite(up) else x + VANISHED
+        )
 
-    def start(self) -> Point:
+    def start(self) -> ProfilePoint:
         """The optimum."""
         x = float(self.best.z[self.place])
         return self.best._replace(x=x, aim=x)
 
-    def reach(self, x: float, near: Point) -> Point:
+    def reach(self, x: float, near: ProfilePoint) -> ProfilePoint:
         """The least cost at ``x``, from the neighbour along the valley's direction."""
         i, (low, high) = self.place, self.problem.limits()
         others = np.asarray(near.quadratic.information).copy()
@@ -107,7 +108,7 @@ class ParameterLine:
         if not (found[0].done and np.isfinite(found[0].quadratic.cost)):
             found.append(solve(self.problem, near.z, limits=(low, high)))
         best = min(found, key=lambda s: float(s.quadratic.cost))
-        return Point(x, float(best.quadratic.cost), best.z, best.quadratic, x)
+        return ProfilePoint(x, float(best.quadratic.cost), best.z, best.quadratic, x)
 
     def value(self, x: float) -> float:
         """The value in the parameter's unit."""
@@ -128,7 +129,7 @@ class QuantityLine:
     problem: Problem
     function: Function
     index: int
-    best: Point
+    best: ProfilePoint
 
     @cached_property
     def _slope(self) -> tuple[float, np.ndarray]:
@@ -148,16 +149,16 @@ class QuantityLine:
         """Only the parameters have bounds."""
         return -np.inf, np.inf
 
-    def start(self) -> Point:
+    def start(self) -> ProfilePoint:
         """The optimum."""
         x = self._slope[0]
         return self.best._replace(x=x, aim=x)
 
-    def reach(self, x: float, near: Point) -> Point:
+    def reach(self, x: float, near: ProfilePoint) -> ProfilePoint:
         """The least cost at a value near ``x``."""
         low, high = self.problem.limits()
-        width = STIFF * self.scale
-        drawn = x + STIFF**2 * (x - self._slope[0])  # as far as a quadratic cost pulls back
+        width = _STIFF * self.scale
+        drawn = x + _STIFF**2 * (x - self._slope[0])  # as far as a quadratic cost pulls back
         z, quadratic, value, pull, _ = _pulled(
             self.problem.layout,
             self.function,
@@ -171,7 +172,7 @@ class QuantityLine:
         )
         quadratic = Quadratic(*(np.asarray(part) for part in quadratic))
         cost = float(quadratic.cost) - float(pull)
-        return Point(float(value), cost, np.asarray(z), quadratic, x)
+        return ProfilePoint(float(value), cost, np.asarray(z), quadratic, x)
 
     def value(self, x: float) -> float:
         """The place is the value."""

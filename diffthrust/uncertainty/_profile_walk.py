@@ -6,24 +6,24 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diffthrust.uncertainty._profile_lines import Line, Point
+from diffthrust.uncertainty._profile_lines import Line, ProfilePoint
 
-MOST = 60
+_MOST = 60
 """Most points to one side."""
-FAR = 1e4
+_FAR = 1e4
 """A walk without bounds ends after so many standard errors."""
-STEP = 1 / 3
+_STEP = 1 / 3
 """Steps aim at this share of the threshold's root."""
-NEAR = 1e-4
+_NEAR = 1e-4
 """An end is found where the signed root agrees with the threshold's to this share."""
-GAIN = 1e-3
+_GAIN = 1e-3
 """A cost lower by this than the fit's is another optimum, not rounding."""
 
 
 class DeeperError(Exception):
     """A walk came to a lower cost than that of the fit, at ``point``."""
 
-    def __init__(self, point: Point) -> None:
+    def __init__(self, point: ProfilePoint) -> None:
         self.point = point
         super().__init__(f"a lower cost than the fit's at {point.x}")
 
@@ -37,7 +37,7 @@ class Side(NamedTuple):
         why: the reason, where there is no end: "bound", "flat", "stuck" or "fails".
     """
 
-    points: list[Point]
+    points: list[ProfilePoint]
     end: float | None
     why: str | None
 
@@ -59,13 +59,13 @@ def walk(line: Line, sign: float, reach: float) -> Side:
     """
     start = line.start()
     limit = line.ends()[0 if sign < 0 else 1]
-    points, step, failures, stuck = [start], STEP * reach * line.scale, 0, 0
-    while len(points) < MOST:
+    points, step, failures, stuck = [start], _STEP * reach * line.scale, 0, 0
+    while len(points) < _MOST:
         last = points[-1]
         room = sign * (limit - last.x)
         if room <= 1e-9:
             return Side(points, None, "bound")
-        if abs(last.x - start.x) > FAR * line.scale:
+        if abs(last.x - start.x) > _FAR * line.scale:
             return Side(points, None, "flat")
         aim = limit if step >= 0.999 * room else last.x + sign * step
         point = line.reach(aim, last)
@@ -86,31 +86,31 @@ def walk(line: Line, sign: float, reach: float) -> Side:
             points, end = _between(line, points, start, reach)
             return Side(_beyond(line, points, sign, limit, end), end, None)
         rise = root(point, start) - root(last, start)
-        wanted = STEP * reach * moved / rise if rise > 0 else np.inf
+        wanted = _STEP * reach * moved / rise if rise > 0 else np.inf
         step = float(np.clip(wanted, 0.25 * moved, 4 * moved))
     return Side(points, None, "flat")
 
 
-def root(point: Point, start: Point) -> float:
+def root(point: ProfilePoint, start: ProfilePoint) -> float:
     """Root of twice the drop of the log-likelihood."""
     return float(np.sqrt(2 * max(point.cost - start.cost, 0.0)))
 
 
-def _check(point: Point, start: Point) -> None:
-    if point.cost < start.cost - GAIN:
+def _check(point: ProfilePoint, start: ProfilePoint) -> None:
+    if point.cost < start.cost - _GAIN:
         raise DeeperError(point)
 
 
 def _between(
-    line: Line, points: list[Point], start: Point, reach: float
-) -> tuple[list[Point], float]:
+    line: Line, points: list[ProfilePoint], start: ProfilePoint, reach: float
+) -> tuple[list[ProfilePoint], float]:
     """The place where the root has the wanted value, between the last two points."""
     inner, outer = points[-2], points[-1]
     inside, outside = root(inner, start) - reach, root(outer, start) - reach
     known, kept = [*points], 0
     nearest = outer if outside < -inside else inner
     for _ in range(40):
-        if abs(root(nearest, start) - reach) < NEAR * reach:
+        if abs(root(nearest, start) - reach) < _NEAR * reach:
             break
         x = inner.aim - inside * (outer.aim - inner.aim) / (outside - inside)
         if not min(inner.aim, outer.aim) < x < max(inner.aim, outer.aim):
@@ -129,7 +129,9 @@ def _between(
     return sorted(known, key=lambda p: abs(p.x - start.x)), nearest.x
 
 
-def _beyond(line: Line, points: list[Point], sign: float, limit: float, end: float) -> list[Point]:
+def _beyond(
+    line: Line, points: list[ProfilePoint], sign: float, limit: float, end: float
+) -> list[ProfilePoint]:
     """One more point a little outside, so that a figure shows the crossing."""
     start, last = points[0], points[-1]
     x = end + 0.2 * (end - start.x)

@@ -17,7 +17,11 @@ from diffthrust.estimation._result import Fit
 from diffthrust.estimation._solver import solve
 from diffthrust.estimation._status import RANK_LIMIT, Status, marginal_spread
 from diffthrust.logs._log import Log
-from diffthrust.uncertainty._scores import Scores, scores, summed
+from diffthrust.uncertainty._scores import Scores, sample_scores, summed
+
+VANISHED = 23.0
+"""A "log" parameter so many e-foldings (ten decades) below its start has run to zero, as in the
+fit's status."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +110,7 @@ def sandwich(fit: Fit, logs: Log | Sequence[Log]) -> Sandwich:
     """
     converged(fit, "sandwich")
     problem, z = problem_of(fit, logs)
-    return sandwich_of(fit, problem, z, scores(problem, z))
+    return sandwich_of(fit, problem, z, sample_scores(problem, z))
 
 
 def converged(fit: Fit, what: str) -> None:
@@ -183,7 +187,7 @@ def _influence(problem: Problem, z: np.ndarray, told: Scores) -> tuple[np.ndarra
     held = ((z <= low + 1e-9) & (gradient >= 0)) | ((z >= high - 1e-9) & (gradient <= 0))
     for i, name in enumerate(problem.free):
         p = problem.named[name]
-        held[i] |= p.transform == "log" and z[i] < math.log(p.value) - 23.0
+        held[i] |= p.transform == "log" and z[i] < math.log(p.value) - VANISHED
     held |= (place >= free) & (np.diagonal(information) <= 0)
     follows = (place >= k) & (place < free)
     inside, beside = np.flatnonzero(~held & ~follows), np.flatnonzero(~held & follows)

@@ -58,7 +58,7 @@ class Scores:
         return max(map(lag_one, zip(*self.residuals, strict=True)), default=0.0)
 
 
-def scores(problem: Problem, z: np.ndarray) -> Scores:
+def sample_scores(problem: Problem, z: np.ndarray) -> Scores:
     """Scores at some coordinates, by one forward-mode pass over the logs.
 
     The curvature is the Gauss-Newton one for the Gaussian law. Under the Student-t law it is
@@ -74,7 +74,7 @@ def scores(problem: Problem, z: np.ndarray) -> Scores:
         Nothing: a simulation that fails gives values that are not finite.
 
     Example:
-        >>> scores(*problem_of(fit, logs)).lag_one()
+        >>> sample_scores(*problem_of(fit, logs)).lag_one()
     """
     done = _pass(problem.layout, problem.numbers, jnp.asarray(z))
     n, m = problem.shared, len(problem.layout.starts)

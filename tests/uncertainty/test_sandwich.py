@@ -11,7 +11,7 @@ import diffthrust as dft
 from diffthrust.estimation._rebuild import problem_of
 from diffthrust.estimation._solver import solve
 from diffthrust.uncertainty._sandwich import sandwich
-from diffthrust.uncertainty._scores import scores, summed
+from diffthrust.uncertainty._scores import sample_scores, summed
 
 
 def test_scores_sum_to_the_gradient_and_their_curvature_is_the_fits():
@@ -19,7 +19,7 @@ def test_scores_sum_to_the_gradient_and_their_curvature_is_the_fits():
     fit = fitted(logs)
     problem, z = problem_of(fit, logs)
     away = z + np.linspace(0.01, 0.02, z.size)
-    told = scores(problem, away)
+    told = sample_scores(problem, away)
     q = solve(problem, away, budget=1).quadratic
     total = np.zeros(z.size)
     for value, place in zip(told.values, told.places, strict=True):
@@ -120,7 +120,7 @@ def test_correlated_noise_is_seen():
     fit = fitted(log)
     told = sandwich(fit, log)
     assert all(1.5 < told.inflation[name] < 6.0 for name in TRUE)
-    assert scores(*problem_of(fit, log)).lag_one() == pytest.approx(0.8, abs=0.1)
+    assert sample_scores(*problem_of(fit, log)).lag_one() == pytest.approx(0.8, abs=0.1)
     low, high = told.interval("alpha")
     width = 2 * 1.96 * told.std_errors["alpha"]
     assert width < high - low < 1.4 * width

@@ -16,7 +16,7 @@ from diffthrust.estimation._registry import LOSSES
 from diffthrust.logs._log import Log
 from diffthrust.uncertainty._prediction.draws import Draws
 
-HALVINGS = 32
+_HALVINGS = 32
 """The ends of a band with noise are found by halving, to this many binary digits."""
 
 
@@ -128,5 +128,5 @@ def _mixed(law: Law, centre: Any, scale: Any, probability: Any) -> Any:
         return jnp.where(less, middle, low), jnp.where(less, high, middle)
 
     ends = jnp.min(centre, axis=0) - far, jnp.max(centre, axis=0) + far
-    low, high = jax.lax.fori_loop(0, HALVINGS, halve, ends)
+    low, high = jax.lax.fori_loop(0, _HALVINGS, halve, ends)
     return 0.5 * (low + high)

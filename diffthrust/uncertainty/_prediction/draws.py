@@ -16,7 +16,7 @@ from diffthrust.estimation._result import Fit
 from diffthrust.estimation._status import Status
 from diffthrust.models._base.model import Model
 
-ROUNDS = 200
+_ROUNDS = 200
 """Draws of a covariance that fall outside the bounds are drawn anew at most so many times."""
 
 
@@ -133,7 +133,7 @@ def _of_fit(fit: Fit, model: Model, count: int, rng: np.random.Generator) -> Dra
         return np.where(logs, best * np.exp(np.where(logs, moved, 0.0)), best + moved)
 
     drawn = some(count)
-    for _ in range(ROUNDS):
+    for _ in range(_ROUNDS):
         outside = np.any((drawn < low) | (drawn > high), axis=1)
         if not outside.any():
             break

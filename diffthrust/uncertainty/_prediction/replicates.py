@@ -26,7 +26,7 @@ from diffthrust.simulation._inputs import bridged, hold_of, inputs_of, measured_
 from diffthrust.simulation._trajectory import Grid, Key, march, read_out, trajectory
 from diffthrust.uncertainty._prediction.draws import Draws
 
-BATCH = 8
+_BATCH = 8
 """So many simulations run side by side; more leave the processor's cache."""
 
 
@@ -114,7 +114,7 @@ def _runs(
         outputs, _ = trajectory(model, grid, time, inputs, each[1], {})
         return {c: outputs[c] for c in channels}
 
-    return jax.lax.map(one, (values, start), batch_size=BATCH)
+    return jax.lax.map(one, (values, start), batch_size=_BATCH)
 
 
 class _Driven(Correction):
@@ -156,7 +156,7 @@ def _random(
             out[c] = after[c] + _coloured(error[i], gain, kept, run.limit[i])
         return out
 
-    return jax.lax.map(one, (values, start, errors), batch_size=BATCH)
+    return jax.lax.map(one, (values, start, errors), batch_size=_BATCH)
 
 
 def _coloured(errors: Any, gain: Any, kept: Any, limit: Any) -> Any:

@@ -23,13 +23,13 @@ from diffthrust.simulation._bare import bare
 from diffthrust.simulation._trajectory import Grid, Key, trajectory
 from diffthrust.uncertainty._prediction.draws import Draws
 
-SAMPLES = 800
+_SAMPLES = 800
 """Samples of one response."""
-LONG = 16.0
+_LONG = 16.0
 """A response is followed for so many times the time to 63 % of it."""
-SETTLED = 1e-3
+_SETTLED = 1e-3
 """It has settled where its last fifth moves by no more than this share of it."""
-TRIALS = 40
+_TRIALS = 40
 """Durations that are tried before a model counts as one that does not settle."""
 
 
@@ -85,7 +85,7 @@ def responses(
     ends = _durations(model, run, {n: float(np.median(v)) for n, v in draws.values.items()}, sizes)
     rows = [run({n: v[i] for n, v in draws.values.items()}, ends) for i in range(len(draws))]
     steady, time, moving = (np.stack(part) for part in zip(*rows, strict=True))
-    unsettled = ~(moving <= 3 * SETTLED)
+    unsettled = ~(moving <= 3 * _SETTLED)
     return Responses(steady, time, float(unsettled.mean(axis=0).max()))
 
 
@@ -119,7 +119,7 @@ def _durations(model: Model, run: Any, values: Mapping[str, float], sizes: Any) 
     slowest = model.time_scales[1]
     ends = np.full(sizes.size, slowest if np.isfinite(slowest) else 10.0)
     least, done = np.zeros(sizes.size), np.zeros(sizes.size, bool)
-    for _ in range(TRIALS):
+    for _ in range(_TRIALS):
         steady, time, moving = run(values, ends)
         wanted = ends.copy()
         for j in range(sizes.size):
@@ -127,10 +127,10 @@ def _durations(model: Model, run: Any, values: Mapping[str, float], sizes: Any) 
                 wanted[j] = ends[j] / 8
             elif not np.isfinite(time[j]) and moving[j] == 0:  # nothing moves
                 done[j] = True
-            elif not moving[j] <= SETTLED:
+            elif not moving[j] <= _SETTLED:
                 least[j] = wanted[j] = 2 * ends[j]
             else:
-                wanted[j] = max(LONG * time[j], least[j], ends[j] / 30)
+                wanted[j] = max(_LONG * time[j], least[j], ends[j] / 30)
                 done[j] = wanted[j] > 0.6 * ends[j] and wanted[j] < 1.6 * ends[j]
         if done.all():
             return ends
@@ -150,16 +150,16 @@ def _steps(
     model = key.model.bind(values)
 
     def one(end: Any, size: Any) -> Any:
-        time = end * (jnp.arange(-1.0, SAMPLES - 1.0) / (SAMPLES - 2.0))
-        after = jnp.arange(SAMPLES) >= 1
-        series = {n: jnp.full(SAMPLES, v) for n, v in others.items()}
+        time = end * (jnp.arange(-1.0, _SAMPLES - 1.0) / (_SAMPLES - 2.0))
+        after = jnp.arange(_SAMPLES) >= 1
+        series = {n: jnp.full(_SAMPLES, v) for n, v in others.items()}
         series[drive] = jnp.where(after, size, 0.0)
         outputs, _ = trajectory(model, grid, time, series, {}, {})
         y = outputs[output]
         last, first = y[-1], y[1]
         way = last - first
         still = jnp.abs(way) <= 1e-9 * jnp.max(jnp.abs(y))
-        tail = y[-(SAMPLES // 5) :]
+        tail = y[-(_SAMPLES // 5) :]
         share = jnp.where(still, 0.0, (jnp.max(tail) - jnp.min(tail)) / jnp.abs(way))
         return last, jnp.where(still, jnp.inf, _near(time, (last - y) / way)), share
 

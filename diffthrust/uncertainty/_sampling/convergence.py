@@ -13,11 +13,11 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust.uncertainty._prediction.draws import posterior_data
 
-R_HAT = 1.01
+_R_HAT = 1.01
 """Chains with a larger R-hat have not mixed (Vehtari et al. 2021, section 4)."""
-SAMPLES = 400.0
+_SAMPLES = 400.0
 """Effective samples that quantiles and their errors need (the same)."""
-DIVERGENCES = 0.001
+_DIVERGENCES = 0.001
 """Share of divergent draws beyond which NUTS has left out a part of the posterior."""
 
 
@@ -123,20 +123,20 @@ def _judged(
         )
     least = min(min(bulk.values()), min(tail.values()))
     worst = max(r_hat, key=lambda name: r_hat[name])
-    if r_hat[worst] > R_HAT:
-        times = min(max(math.ceil(SAMPLES / least), 4), 10)
+    if r_hat[worst] > _R_HAT:
+        times = min(max(math.ceil(_SAMPLES / least), 4), 10)
         return Mixing.NOT_MIXED, (
-            f"R-hat of {worst} {r_hat[worst]:.3f} (allowed {R_HAT}): the chains have not found the "
-            f"same distribution. Draw {times} times as many with a longer warmup{other}."
+            f"R-hat of {worst} {r_hat[worst]:.3f} (allowed {_R_HAT}): the chains have not found "
+            f"the same distribution. Draw {times} times as many with a longer warmup{other}."
         )
-    if least < SAMPLES:
+    if least < _SAMPLES:
         scarce = min(bulk, key=lambda name: min(bulk[name], tail[name]))
-        times = math.ceil(1.2 * SAMPLES / least)
+        times = math.ceil(1.2 * _SAMPLES / least)
         return Mixing.TOO_SHORT, (
             f"The chains agree, but {total} draws of {scarce} are worth only {least:.0f} "
-            f"independent ones (wanted {SAMPLES:.0f}). Draw {max(times, 2)} times as many."
+            f"independent ones (wanted {_SAMPLES:.0f}). Draw {max(times, 2)} times as many."
         )
-    if lost > DIVERGENCES * total:
+    if lost > _DIVERGENCES * total:
         return Mixing.DIVERGENT, (
             f"{lost} of {total} draws diverged: a part of the posterior is too sharply bent to be "
             "followed, and may be missing. Give priors, or sample with method='emcee'."

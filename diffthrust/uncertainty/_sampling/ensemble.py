@@ -16,7 +16,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.progress import Progress
 from diffthrust.uncertainty._sampling import chain_file
 from diffthrust.uncertainty._sampling.chain_file import Stored
-from diffthrust.uncertainty._sampling.moves import MOST, learned, moves, suited
+from diffthrust.uncertainty._sampling.moves import MOST_INDEPENDENT, learned, moves, suited
 from diffthrust.uncertainty._sampling.posterior import LANES, Posterior
 
 _WIDER = 1.3
@@ -95,7 +95,7 @@ def run_ensemble(
         for until in (min(warmup // 2, total), total):
             if backend.iteration >= until:
                 continue
-            centre, root, share = stored.centre, stored.root, MOST
+            centre, root, share = stored.centre, stored.root, MOST_INDEPENDENT
             if until == total and warmup >= 8:
                 centre, root, share = _adapted(backend, density, stored, warmup, seed)
             sampler = emcee.EnsembleSampler(

@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-LEVEL = 0.95
-REGIONS = (0.5, 0.95)
+_LEVEL = 0.95
+_REGIONS = (0.5, 0.95)
 """The contours of two parameters hold these shares of the draws."""
-BINS = 32
-REACH = 1.0
+_BINS = 32
+_REACH = 1.0
 """An axis is stretched by at most so many of its lengths to show a value that is marked."""
 # Okabe & Ito 2008, besides those of the other figures
 _MARKS = ("#000000", "#009E73", "#CC79A7", "#E69F00")
@@ -82,11 +82,11 @@ def plot_corner(
             _corner_labels(axes, row, column, count, _label(across, units), _label(below, units))
     handles: list[Any] = [
         Line2D([], [], color=BLUE, linewidth=1.2, label="median"),
-        Patch(color=BLUE, alpha=0.2, linewidth=0, label=f"{percent(LEVEL)} interval"),
+        Patch(color=BLUE, alpha=0.2, linewidth=0, label=f"{percent(_LEVEL)} interval"),
         *(Line2D([], [], label=literal(label), **looks[label]) for label in sets),
     ]
     if count > 1:
-        told = f"{' and '.join(map(percent, REGIONS))} of the draws"
+        told = f"{' and '.join(map(percent, _REGIONS))} of the draws"
         handles.append(Line2D([], [], color=BLUE, linewidth=0.9, label=told))
     where = "upper right" if count > 1 else "outside right upper"
     figure.legend(handles=handles, loc=where, frameon=False, fontsize=9)
@@ -119,7 +119,7 @@ def plot_trace(post: Any, *, names: Sequence[str] | None = None) -> Figure:
             index, kept = thinned(np.arange(chain.size, dtype=float), chain)
             left.plot(index, kept, color=colour, linewidth=0.5, alpha=0.6 if few else 0.25)
         half = values.shape[1] // 2
-        edges = np.histogram_bin_edges(values, BINS).tolist()
+        edges = np.histogram_bin_edges(values, _BINS).tolist()
         for part, colour, label in (
             (values[:, :half], BLUE, "first half"),
             (values[:, half:], VERMILLION, "second half"),
@@ -180,16 +180,16 @@ def _limits(values: np.ndarray, marked: Sequence[float]) -> tuple[float, float]:
     """The range of nearly all draws, stretched to marks that are not far."""
     low, high = np.quantile(values, [0.0005, 0.9995])
     width = float(high - low) or abs(float(low)) or 1.0
-    near = [m for m in marked if low - REACH * width <= m <= high + REACH * width]
+    near = [m for m in marked if low - _REACH * width <= m <= high + _REACH * width]
     low, high = min([low, *near]), max([high, *near])
     return float(low - 0.06 * width), float(high + 0.06 * width)
 
 
 def _histogram(axes: Axes, name: str, values: np.ndarray, unit: str) -> None:
     flat = values.ravel()
-    low, median, high = np.quantile(flat, [0.5 * (1 - LEVEL), 0.5, 0.5 * (1 + LEVEL)])
+    low, median, high = np.quantile(flat, [0.5 * (1 - _LEVEL), 0.5, 0.5 * (1 + _LEVEL)])
     # bins as fine over the draws however far a mark stretches the axis
-    axes.hist(flat, BINS, range=tuple(np.quantile(flat, [0.0005, 0.9995])), density=True,
+    axes.hist(flat, _BINS, range=tuple(np.quantile(flat, [0.0005, 0.9995])), density=True,
               histtype="stepfilled", color=BLUE, alpha=0.35)  # fmt: skip
     axes.axvspan(low, high, color=BLUE, alpha=0.12, linewidth=0)
     axes.axvline(median, color=BLUE, linewidth=1.2)
@@ -240,11 +240,11 @@ def _pair(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:
         return
     ranges = [tuple(np.quantile(v, [0.0005, 0.9995]) + np.ptp(v) * np.array([-0.05, 0.05]))
               for v in (x, y)]  # fmt: skip
-    counts, across, up = np.histogram2d(x, y, BINS, range=ranges)
+    counts, across, up = np.histogram2d(x, y, _BINS, range=ranges)
     smooth = gaussian_filter(counts, 1.2)
     ordered = np.sort(smooth.ravel())[::-1]
     held = np.cumsum(ordered) / ordered.sum()
-    levels = sorted({float(ordered[np.searchsorted(held, share)]) for share in REGIONS})
+    levels = sorted({float(ordered[np.searchsorted(held, share)]) for share in _REGIONS})
     middle = [0.5 * (edges[1:] + edges[:-1]) for edges in (across, up)]
     axes.contour(
         *middle, smooth.T, levels=levels, colors=BLUE, linewidths=[0.9, 1.4][-len(levels) :]

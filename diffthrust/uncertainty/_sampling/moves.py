@@ -10,7 +10,7 @@ import numpy as np
 
 _TAILS = 5.0
 """Degrees of freedom of the independent proposals: tails heavier than those of most posteriors."""
-MOST = 0.7
+MOST_INDEPENDENT = 0.7
 """Share of the independent proposals, where enough of them are accepted."""
 _ENOUGH = 0.3
 """The share of them that is enough."""
@@ -69,7 +69,7 @@ def suited(
     propose = independent_proposals(centre, root)
     new, factors = propose(points, np.random.RandomState(seed))
     accepted = np.exp(np.minimum(density(new)[:, 0] - log_prob + factors, 0.0))
-    return max(0.1, MOST * min(1.0, float(np.mean(accepted)) / _ENOUGH))
+    return max(0.1, MOST_INDEPENDENT * min(1.0, float(np.mean(accepted)) / _ENOUGH))
 
 
 def learned(

@@ -9,11 +9,11 @@ from diffthrust._support.files import write_page
 from diffthrust._support.page import STYLE, image
 from diffthrust._support.words import percent
 from diffthrust.uncertainty._sampling.figures import plot_corner, plot_trace
-from diffthrust.uncertainty._sampling.summary import LEVEL, Sampled
+from diffthrust.uncertainty._sampling.summary import INTERVAL_LEVEL, Sampled
 from diffthrust.uncertainty._sampling.tables import HEADINGS, draw_rows
 
 _TEMPLATE = "page.html"
-MOST = 10
+_MOST = 10
 """A corner of more parameters cannot be read: that many are shown."""
 
 
@@ -45,7 +45,7 @@ def write_report(found: Sampled, path: Path | str, *, title: str = "", spec: str
         model=str(found.fit.model),
         told=found.told,
         method=found.method,
-        level=percent(LEVEL),
+        level=percent(INTERVAL_LEVEL),
         headings=[*HEADINGS, "Fit ± standard error"],
         numbers=(1, 2, 3, 5, 6, 7, 8),
         rows=draw_rows(found),
@@ -53,8 +53,8 @@ def write_report(found: Sampled, path: Path | str, *, title: str = "", spec: str
         intervals=found.intervals.report(),
         bars=image(found.intervals.plot()),
         predictions=[(p.sentence, p.notes, image(p.plot()), p.log) for p in found.predictions],
-        left=own[MOST:],
-        corner=image(plot_corner(found.post, found.fit, names=own[:MOST])),
+        left=own[_MOST:],
+        corner=image(plot_corner(found.post, found.fit, names=own[:_MOST])),
         trace=image(plot_trace(found.post)),
         spec=spec,
     )

@@ -23,11 +23,10 @@ from diffthrust.estimation._solver import solve
 from diffthrust.logs._log import Log
 from diffthrust.models._base.parameter import Normal
 from diffthrust.uncertainty._sampling.density import DensityShape, log_densities
+from diffthrust.uncertainty._sandwich import VANISHED
 
 LANES = 16
 """Points evaluated at a time: the loop over the log runs through so many in vector registers."""
-_VANISHED = 23.0
-"""A "log" parameter this many e-foldings below its start has run to zero (see `_status`)."""
 _FAR = 8.0
 """A prior whose mean is more than this many standard deviations from the fit excludes it."""
 
@@ -251,7 +250,7 @@ def _refuse(posterior: Posterior) -> None:
                 "Widen the prior, correct its unit, or correct the bounds.",
             )
         start = posterior.fit.guess.get(name, p.value)
-        gone = p.transform == "log" and value < start * np.exp(-_VANISHED) and p.limits[0] <= 0
+        gone = p.transform == "log" and value < start * np.exp(-VANISHED) and p.limits[0] <= 0
         if gone and p.prior is None and name not in problem.nuisance:
             raise InputError(
                 f"Parameter '{name}' ran to zero in the fit ({value:.3g} {p.unit}), where the "

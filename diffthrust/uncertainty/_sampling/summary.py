@@ -16,7 +16,7 @@ from diffthrust.uncertainty._prediction.draws import posterior_data
 from diffthrust.uncertainty._prediction.predict import Prediction, predict
 from diffthrust.uncertainty._sampling.convergence import Convergence, convergence
 
-LEVEL = 0.95
+INTERVAL_LEVEL = 0.95
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class Sampled:
         coverage = None
         if self.predictions:
             coverage = {
-                "level": LEVEL,
+                "level": INTERVAL_LEVEL,
                 "channels": self.coverage,
                 "logs": [p.to_json() for p in self.predictions],
             }
@@ -129,7 +129,9 @@ def sampled(
         if set(variable.dims) != {"chain", "draw"}:
             continue
         values = np.asarray(variable.values, float)
-        low, median, high = np.quantile(values, [0.5 * (1 - LEVEL), 0.5, 0.5 * (1 + LEVEL)])
+        low, median, high = np.quantile(
+            values, [0.5 * (1 - INTERVAL_LEVEL), 0.5, 0.5 * (1 + INTERVAL_LEVEL)]
+        )
         found[str(name)] = Summary(
             median=float(median),
             low=float(low),
@@ -141,5 +143,5 @@ def sampled(
             ess_tail=told.ess_tail.get(str(name), float("nan")),
             unit=str(variable.attrs.get("unit", "")),
         )
-    bands = tuple(predict(post, fit, log, level=LEVEL, seed=seed) for log in unseen)
-    return Sampled(post, fit, told, found, intervals(fit, logs, post, level=LEVEL), bands)
+    bands = tuple(predict(post, fit, log, level=INTERVAL_LEVEL, seed=seed) for log in unseen)
+    return Sampled(post, fit, told, found, intervals(fit, logs, post, level=INTERVAL_LEVEL), bands)
