@@ -61,7 +61,7 @@ def sample_command(
     """Draw from the posterior: what the logs say of each parameter, and how far to trust it."""
     with session() as progress:
         from diffthrust.specs._spec import load_spec
-        from diffthrust.uncertainty._sampling.page import write_report
+        from diffthrust.uncertainty._sampling.page import write_posterior_page
         from diffthrust.uncertainty._sampling.sample import check_sampling, sample
         from diffthrust.uncertainty._sampling.summary import sampled
         from diffthrust.uncertainty._sampling.tables import sample_table
@@ -86,7 +86,9 @@ def sample_command(
         if json:
             write_json(json, posterior.to_json())
         if report:
-            write_report(posterior, report, title=f"Posterior: {loaded.name}", spec=loaded.text)
+            write_posterior_page(
+                posterior, report, title=f"Posterior: {loaded.name}", spec=loaded.text
+            )
         table = sample_table(posterior)
     show(table)
     written(file, json, report)

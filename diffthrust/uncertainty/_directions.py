@@ -60,11 +60,11 @@ class Direction:
     @property
     def sentence(self) -> str:
         """Such as ``hardly known (12 %): alpha up with beta up``."""
-        found = self.members
-        if len(found) == 1:
-            words = next(iter(found))
+        members = self.members
+        if len(members) == 1:
+            words = next(iter(members))
         else:
-            words = " with ".join(f"{n} {'up' if c > 0 else 'down'}" for n, c in found.items())
+            words = " with ".join(f"{n} {'up' if c > 0 else 'down'}" for n, c in members.items())
         size = f" ({100 * self.std_error:.2g} %)" if math.isfinite(self.std_error) else ""
         return f"{self.grade}{size}: {words}"
 
@@ -93,8 +93,8 @@ class Directions:
     @property
     def sentences(self) -> list[str]:
         """One for each direction, and one on what is held."""
-        told = [d.sentence for d in self.directions]
-        return told + ([f"held at a bound: {', '.join(self.held)}"] if self.held else [])
+        sentences = [d.sentence for d in self.directions]
+        return sentences + ([f"held at a bound: {', '.join(self.held)}"] if self.held else [])
 
     def table(self) -> RenderableType:
         """A table of rich: how well each direction is known, and what it moves."""
@@ -170,18 +170,18 @@ def directions_of(problem: Problem, z: np.ndarray) -> Directions:
     values, vectors = np.linalg.eigh(left * np.outer(length, length))
     samples = float(np.sum(problem.numbers.counts))
     wide = inflation(problem, samples, inside.size + beside.size)
-    found = []
+    ranked = []
     for value, vector in zip(values[::-1], vectors.T[::-1], strict=True):
         # along the vector the scaled information is this small where nothing is known
         known = value > nothing * float(np.sum((vector * length) ** 2))
         error = math.sqrt(wide / value) if known else math.inf
         sign = 1.0 if vector[np.argmax(np.abs(vector))] > 0 else -1.0
         step = sign * vector * (error if known else 0.01)
-        found.append(
+        ranked.append(
             Direction(
                 error,
                 dict(zip(names, map(float, step * unit * slopes), strict=True)),
                 dict(zip(names, map(float, step), strict=True)),
             )
         )
-    return Directions(tuple(found), tuple(problem.own[i] for i in np.flatnonzero(held[:k])))
+    return Directions(tuple(ranked), tuple(problem.own[i] for i in np.flatnonzero(held[:k])))

@@ -67,10 +67,10 @@ def intervals(
         check_mark(posterior, fit, "intervals")
     drawn = {} if posterior is None else {n: _drawn(posterior, n, level) for n in fit.free}
     problem, z = problem_of(fit, logs)
-    told = sample_scores(problem, z)
-    robust = sandwich_of(fit, problem, z, told)
+    measured = sample_scores(problem, z)
+    robust = sandwich_of(fit, problem, z, measured)
     profiles = profiles_of(fit, problem, z, problem.own, None, {}, level)
-    lag = told.lag_one()
+    lag = measured.lag_one()
     reach = _reach(problem, z, level)
     rows = [
         _row(fit, problem, name, profiles, robust, drawn.get(name), lag, reach, level)
@@ -112,23 +112,23 @@ def _row(
     level: float,
 ) -> Row:
     estimate, profile = fit.parameters[name], profiles[name]
-    error, found = estimate.std_error, {}
+    error, by_method = estimate.std_error, {}
     if error is not None:
-        found["covariance"] = Interval(
+        by_method["covariance"] = Interval(
             estimate.value - reach * error, estimate.value + reach * error
         )
     wide = robust.interval(name, level)
     if wide is not None:
-        found["sandwich"] = Interval(*wide)
-    found["profile"] = Interval(profile.low, profile.high)
+        by_method["sandwich"] = Interval(*wide)
+    by_method["profile"] = Interval(profile.low, profile.high)
     if drawn is not None:
-        found["posterior"] = drawn
+        by_method["posterior"] = drawn
     unwhite = lag > _WHITE or _wider(robust, name)
     recommended = "sandwich" if unwhite and wide is not None else "profile"
     evidence = Evidence(
         fit=fit,
         profile=profile,
-        intervals=found,
+        intervals=by_method,
         inflation=robust.inflation[name],
         chance=_chance(robust, name),
         correlation=lag if lag > _WHITE else 0.0,
@@ -140,7 +140,7 @@ def _row(
         name=name,
         unit=estimate.unit,
         value=estimate.value,
-        intervals=found,
+        intervals=by_method,
         recommended=recommended,
         sentences=tuple(sentences(evidence)),
         bounds=profile.bounds,

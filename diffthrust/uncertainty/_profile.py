@@ -114,11 +114,11 @@ def profiles_of(
     first = best = _point(problem, z)
     for _ in range(_ROUNDS):
         try:
-            found = [
+            profiles = [
                 _profile(fit, problem, name, ParameterLine(problem, name, best), threshold, level)
                 for name in names
             ]
-            found += _quantities(fit, problem, best, quantities, units, threshold, level)
+            profiles += _quantities(fit, problem, best, quantities, units, threshold, level)
             break
         except DeeperError as deeper:
             best = _point(problem, deeper.point.z)
@@ -130,7 +130,7 @@ def profiles_of(
         )
     gain = first.cost - best.cost
     better = Better(problem.values(best.z), gain) if best is not first else None
-    return Profiles({p.name: p for p in found}, level, better)
+    return Profiles({p.name: p for p in profiles}, level, better)
 
 
 def _point(problem: Problem, z: np.ndarray) -> ProfilePoint:
@@ -191,8 +191,8 @@ def _quantities(
 ) -> Iterator[Profile]:
     if function is None:
         return
-    told = derived(fit, function, units)
-    for index, (name, quantity) in enumerate(told.items()):
+    estimates = derived(fit, function, units)
+    for index, (name, quantity) in enumerate(estimates.items()):
         line = QuantityLine(problem, function, index, best)
         yield _profile(
             fit, problem, name, line, threshold, level, quantity.unit, quantity.std_error

@@ -104,10 +104,10 @@ class ParameterLine:
         low[i] = high[i] = x
         straight = near.z.copy()
         straight[inside] -= slope / length * (x - near.x)
-        found = [solve(self.problem, straight, limits=(low, high))]
-        if not (found[0].done and np.isfinite(found[0].quadratic.cost)):
-            found.append(solve(self.problem, near.z, limits=(low, high)))
-        best = min(found, key=lambda s: float(s.quadratic.cost))
+        tried = [solve(self.problem, straight, limits=(low, high))]
+        if not (tried[0].done and np.isfinite(tried[0].quadratic.cost)):
+            tried.append(solve(self.problem, near.z, limits=(low, high)))
+        best = min(tried, key=lambda s: float(s.quadratic.cost))
         return ProfilePoint(x, float(best.quadratic.cost), best.z, best.quadratic, x)
 
     def value(self, x: float) -> float:

@@ -140,14 +140,15 @@ def quantile(level: float, degrees: float) -> float:
     return float(stdtrit(degrees, 0.5 + 0.5 * level))
 
 
-def sandwich_of(fit: Fit, problem: Problem, z: np.ndarray, told: Scores) -> Sandwich:
+def sandwich_of(fit: Fit, problem: Problem, z: np.ndarray, measured: Scores) -> Sandwich:
     """The sandwich of a problem whose scores are known."""
-    inside, weights = _influence(problem, z, told)
+    inside, weights = _influence(problem, z, measured)
     ours = [problem.own[i] for i in inside]
-    runs = [weights[:, place] @ v for place, v in zip(told.places, told.values, strict=True)]
+    pairs = zip(measured.places, measured.values, strict=True)
+    runs = [weights[:, place] @ values for place, values in pairs]
     scatter, block, memory, degrees = summed(runs)
-    used = told.samples / max(told.samples - inside.size, 1)
-    scatter = used * scatter + weights @ told.prior @ weights.T
+    used = measured.samples / max(measured.samples - inside.size, 1)
+    scatter = used * scatter + weights @ measured.prior @ weights.T
     slopes = problem.slopes(z)[inside]
     k = len(problem.own)
     covariance = np.full((k, k), np.nan)
@@ -174,7 +175,7 @@ def _ratio(error: float | None, naive: float | None) -> float | None:
     return error / naive if error is not None and naive else None
 
 
-def _influence(problem: Problem, z: np.ndarray, told: Scores) -> tuple[np.ndarray, np.ndarray]:
+def _influence(problem: Problem, z: np.ndarray, measured: Scores) -> tuple[np.ndarray, np.ndarray]:
     """Which of the model's parameters are free, and what a score moves them by, ``(k, N)``.
 
     The coordinates are treated as `examine` treats them: those at a bound are held, those of the
@@ -182,7 +183,7 @@ def _influence(problem: Problem, z: np.ndarray, told: Scores) -> tuple[np.ndarra
     """
     low, high = problem.limits()
     gradient = np.asarray(solve(problem, z, budget=1).quadratic.gradient)
-    information = told.curvature + told.prior
+    information = measured.curvature + measured.prior
     k, free, place = len(problem.own), len(problem.free), np.arange(z.size)
     held = ((z <= low + 1e-9) & (gradient >= 0)) | ((z >= high - 1e-9) & (gradient <= 0))
     for i, name in enumerate(problem.free):
@@ -198,10 +199,10 @@ def _influence(problem: Problem, z: np.ndarray, told: Scores) -> tuple[np.ndarra
     values, vectors = np.linalg.eigh(left)
     null = values <= RANK_LIMIT * max(values.max(initial=0.0), 1e-300)
     inverse = (vectors[:, ~null] / values[~null]) @ vectors[:, ~null].T
-    cross, own = scaled[np.ix_(inside, beside)], scaled[np.ix_(beside, beside)]
+    cross, noise = scaled[np.ix_(inside, beside)], scaled[np.ix_(beside, beside)]
     weights = np.zeros((inside.size, z.size))
     weights[:, inside] = inverse
-    weights[:, beside] = -inverse @ cross @ np.linalg.pinv(own, rcond=1e-10, hermitian=True)
+    weights[:, beside] = -inverse @ cross @ np.linalg.pinv(noise, rcond=1e-10, hermitian=True)
     weights /= length[inside][:, None] * length[None, :]
     weights[np.any(np.abs(vectors[:, null]) > 1e-3, axis=1)] = np.nan
     ours = inside < k

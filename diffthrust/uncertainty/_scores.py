@@ -172,15 +172,15 @@ def summed(runs: Sequence[np.ndarray]) -> tuple[np.ndarray, float, np.ndarray, n
     columns = [out[:, at] for out, at in zip(together, kept, strict=True)]
     count = max(sum(out.shape[1] for out in columns), 1)
     block = _block(_lag_one_by_row(columns), count)
-    found = np.zeros((size, size))
+    scatter = np.zeros((size, size))
     for out in columns:
-        found += out @ out.T
+        scatter += out @ out.T
         for lag in range(1, min(math.ceil(block), out.shape[1])):
             product = out[:, lag:] @ out[:, :-lag].T
-            found += (1 - lag / block) * (product + product.T)
+            scatter += (1 - lag / block) * (product + product.T)
     # and of the blocks (Priestley 1981, table 6.1: 4/3 block over samples)
     relative = 4 / 3 * block / count + doubt / weight**2
-    return found, block, np.maximum(memory / weight, 1.0), np.maximum(2 / relative, _LEAST)
+    return scatter, block, np.maximum(memory / weight, 1.0), np.maximum(2 / relative, _LEAST)
 
 
 def _lasting(series: Sequence[np.ndarray], samples: int) -> np.ndarray:

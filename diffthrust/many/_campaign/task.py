@@ -173,9 +173,9 @@ def _sample(spec: Spec, job: Job) -> _Result:
     posterior = sampled(sample(fit, train, **options), fit, train, unseen, seed=options["seed"])
 
     def page(path: Path) -> None:
-        from diffthrust.uncertainty._sampling.page import write_report
+        from diffthrust.uncertainty._sampling.page import write_posterior_page
 
-        write_report(posterior, path, title=f"Posterior: {job.name}", spec=spec.text)
+        write_posterior_page(posterior, path, title=f"Posterior: {job.name}", spec=spec.text)
 
     numbers = {name: (s.median, s.sd) for name, s in posterior.parameters.items()}
     verdict = {"verdict": posterior.told.status.value}

@@ -85,17 +85,17 @@ def draws_of(source: Any, model: Any, *, count: int, seed: int, level: float = 0
         )
     rng = np.random.default_rng(seed)
     fit = model if isinstance(model, Fit) else source if isinstance(source, Fit) else None
-    own = model.model if isinstance(model, Fit) else model
-    if own is None and fit is not None:
-        own = fit.model
-    if not isinstance(own, Model):
+    drawn_model = model.model if isinstance(model, Fit) else model
+    if drawn_model is None and fit is not None:
+        drawn_model = fit.model
+    if not isinstance(drawn_model, Model):
         raise InputError(
             f"Expected the model of the posterior or a fit of it, found {type(model).__name__}.",
             "Give the model or the fit besides the posterior.",
         )
     if isinstance(source, Fit):
-        return _of_fit(source, own, count, rng)
-    return _of_posterior(source, own, fit, count, rng)
+        return _of_fit(source, drawn_model, count, rng)
+    return _of_posterior(source, drawn_model, fit, count, rng)
 
 
 def _of_fit(fit: Fit, model: Model, count: int, rng: np.random.Generator) -> Draws:
@@ -140,10 +140,10 @@ def _of_fit(fit: Fit, model: Model, count: int, rng: np.random.Generator) -> Dra
         drawn[outside] = some(int(outside.sum()))
     drawn = np.clip(drawn, low, high)
     named = dict(zip(names, drawn.T, strict=True))
-    found = {n: named.get(n, np.full(count, e.value)) for n, e in fit.parameters.items()}
+    values_by_name = {n: named.get(n, np.full(count, e.value)) for n, e in fit.parameters.items()}
     return Draws(
         model=model,
-        values=found,
+        values=values_by_name,
         noise={c: np.full(count, s) for c, s in fit.noise.items()},
         nuisance={n: np.full(count, e.value) for n, e in (fit.disturbance or {}).items()},
         kind="covariance",
@@ -159,16 +159,16 @@ def _of_posterior(
 ) -> Draws:
     posterior = posterior_data(source)
     scalars = [str(n) for n, v in posterior.data_vars.items() if set(v.dims) == {"chain", "draw"}]
-    own = [n for n in scalars if n in model.parameters]
+    drawn = [n for n in scalars if n in model.parameters]
     _same(model, [n for n in scalars if not n.startswith("noise.")], "The posterior", part=True)
     silent = [] if fit is None else [n for n in fit.model.parameters if n not in fit.free]
     absent = [
-        n for n, p in model.parameters.items() if not p.fixed and n not in own and n not in silent
+        n for n, p in model.parameters.items() if not p.fixed and n not in drawn and n not in silent
     ]
     if absent:
         raise InputError(
             f"The posterior has no draws of {listing(absent)}, which the model '{model}' leaves "
-            f"free; it has {listing(own) or 'none of its parameters'}.",
+            f"free; it has {listing(drawn) or 'none of its parameters'}.",
             "Give the model that was sampled, or the fit that it was sampled from.",
         )
     if fit is not None:
@@ -181,10 +181,10 @@ def _of_posterior(
         return np.asarray(one.transpose("chain", "draw").values, float).reshape(-1)[picked]
 
     values = {
-        n: flat(n) if n in own else np.full(picked.size, _value(n, model, fit))
+        n: flat(n) if n in drawn else np.full(picked.size, _value(n, model, fit))
         for n in model.parameters
     }
-    bad = [n for n in own if not np.all(np.isfinite(values[n]))]
+    bad = [n for n in drawn if not np.all(np.isfinite(values[n]))]
     if bad:
         raise InputError(
             f"The posterior's draws of {listing(bad)} are not all finite.", "Sample again."
@@ -236,8 +236,8 @@ def posterior_data(source: Any) -> Any:
 
 
 def _value(name: str, model: Model, fit: Fit | None) -> float:
-    found = fit.parameters.get(name) if fit else None
-    return found.value if found else model.parameters[name].value
+    estimate = fit.parameters.get(name) if fit else None
+    return estimate.value if estimate else model.parameters[name].value
 
 
 def _same(model: Model, names: list[str], what: str, part: bool = False) -> None:

@@ -122,12 +122,12 @@ def derived(
         >>> dft.uncertainty.derived(fit, gain, {"gain": "1/(V s^2)"})
     """
     values = {name: jnp.asarray(e.value) for name, e in fit.parameters.items()}
-    found = function(values)
+    values_of = function(values)
     slopes = jax.jacfwd(function)(values)
     uncertain = [name for name, e in fit.parameters.items() if not e.fixed]
     rows = {name: i for i, name in enumerate(fit.free)}
     out = {}
-    for name, value in found.items():
+    for name, value in values_of.items():
         slope = {n: float(slopes[name][n]) for n in uncertain if float(slopes[name][n]) != 0.0}
         variance = 0.0
         for a, da in slope.items():

@@ -206,9 +206,9 @@ def _with_noise(
     drawn: Draws, log: Log, channels: list[str], wanted: bool
 ) -> tuple[Draws, list[str]]:
     """The draws with a noise level for each channel that has one, and a word on those without."""
-    given = {c: log.noise_in(c, drawn.model.outputs[c]) for c in channels if c not in drawn.noise}
-    known = {c: np.full(len(drawn), s) for c, s in given.items() if s is not None}
-    lacking = [c for c, s in given.items() if s is None]
+    levels = {c: log.noise_in(c, drawn.model.outputs[c]) for c in channels if c not in drawn.noise}
+    known = {c: np.full(len(drawn), s) for c, s in levels.items() if s is not None}
+    lacking = [c for c, s in levels.items() if s is None]
     if lacking and wanted and len(lacking) == len(channels):
         raise InputError(
             f"predict: the noise of {listing(lacking)} is not known: the posterior has no 'sigma'.",

@@ -141,9 +141,9 @@ def quantities(
     if (pitch is None) != (area is None):
         raise InputError("quantities: expected both pitch and area, found one.", "Give both.")
     curves = {
-        name: _points(name, given)
-        for name, given in {"commands": commands, "steps": steps, "amplitudes": amplitudes}.items()
-        if given is not None
+        name: _points(name, wanted)
+        for name, wanted in {"commands": commands, "steps": steps, "amplitudes": amplitudes}.items()
+        if wanted is not None
     }
     if functions is not None and not (
         isinstance(functions, Mapping) and all(map(callable, functions.values()))
@@ -157,16 +157,16 @@ def quantities(
             "quantities: nothing is asked for.",
             "Give pitch and area, commands, steps, amplitudes or functions.",
         )
-    found: dict[str, DerivedQuantity] = {}
+    by_name: dict[str, DerivedQuantity] = {}
     notes = list(drawn.notes)
     share = level
 
     def add(name: str, unit: str, values: Any, *grid: Any) -> None:
-        if name in found:
+        if name in by_name:
             raise InputError(
                 f"quantities: there are two of the name {name!r}.", "Give the function another."
             )
-        found[name] = summarised(name, unit, np.asarray(values, float), share, *grid)
+        by_name[name] = summarised(name, unit, np.asarray(values, float), share, *grid)
 
     if pitch is not None and area is not None:
         check_sizes("quantities", pitch, area, density)
@@ -190,7 +190,7 @@ def quantities(
         values = _by_draw(name, function, drawn)
         grid = () if values.ndim == 1 else (np.arange(values.shape[1], dtype=float), "index", "")
         add(name, (units or {}).get(name, ""), values, *grid)
-    return Quantities(found, level, drawn.kind, tuple(notes))
+    return Quantities(by_name, level, drawn.kind, tuple(notes))
 
 
 def _add_responses(
@@ -205,31 +205,31 @@ def _add_responses(
     output = response or ("thrust" if "thrust" in model.outputs else next(iter(model.outputs)))
     commands = curves.get("commands", np.empty(0))
     steps = curves.get("steps", np.empty(0))
-    done = responses(drawn, np.concatenate([commands, steps]), output, inputs)
+    answers = responses(drawn, np.concatenate([commands, steps]), output, inputs)
     drive = next((n for n in model.inputs if n not in inputs), "input")
     unit, count = model.inputs.get(drive, ""), commands.size
     if count:
-        values = done.steady[:, :count]
+        values = answers.steady[:, :count]
         add(f"steady_{output}", model.outputs[output], values, commands, drive, unit)
     if steps.size:
-        add("step_time", "s", done.time[:, count:], steps, f"step of {drive}", unit)
-    if not np.all(np.isfinite(done.time[:, count:])):
+        add("step_time", "s", answers.time[:, count:], steps, f"step of {drive}", unit)
+    if not np.all(np.isfinite(answers.time[:, count:])):
         notes.append("step_time is infinite (inf) where a step moves nothing, as in a deadband.")
-    if done.unsettled > 0:
+    if answers.unsettled > 0:
         notes.append(
-            f"In {100 * done.unsettled:.2g} % of the draws a response had not settled at the end "
-            "of its simulation: its parameters are badly determined."
+            f"In {100 * answers.unsettled:.2g} % of the draws a response had not settled at the "
+            "end of its simulation: its parameters are badly determined."
         )
 
 
-def _points(name: str, given: Any) -> np.ndarray:
+def _points(name: str, wanted: Any) -> np.ndarray:
     try:
-        points = np.atleast_1d(np.asarray(given, float))
+        points = np.atleast_1d(np.asarray(wanted, float))
     except (TypeError, ValueError):
         points = np.empty(0)
     if points.ndim != 1 or not points.size or not np.all(np.isfinite(points)):
         raise InputError(
-            f"quantities: expected finite numbers as {name}, found {given!r}.",
+            f"quantities: expected finite numbers as {name}, found {wanted!r}.",
             f"Write {name}=[0.5, 1.0, 2.0].",
         )
     return points

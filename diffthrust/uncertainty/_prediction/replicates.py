@@ -40,8 +40,8 @@ def mean_runs(
     whole, original = bridged(log)
     model, grid, time, inputs = _arranged(draws.model, whole, substeps)
     start = _starts(draws, log, rng)
-    found = _runs(Key(model), grid, tuple(channels), _held(draws.values), time, inputs, start)
-    return {name: np.asarray(value)[:, original] for name, value in found.items()}
+    outputs = _runs(Key(model), grid, tuple(channels), _held(draws.values), time, inputs, start)
+    return {name: np.asarray(value)[:, original] for name, value in outputs.items()}
 
 
 def random_runs(
@@ -86,9 +86,9 @@ def random_runs(
 
 
 def _arranged(model: Model, log: Log, substeps: int) -> tuple[Model, Grid, Any, dict[str, Any]]:
-    given = inputs_of(model, log)
-    grid = Grid(hold_of(log, given), substeps, uniform=log.even)
-    return model, grid, jnp.asarray(log.time), {n: jnp.asarray(v) for n, v in given.items()}
+    series = inputs_of(model, log)
+    grid = Grid(hold_of(log, series), substeps, uniform=log.even)
+    return model, grid, jnp.asarray(log.time), {n: jnp.asarray(v) for n, v in series.items()}
 
 
 def _starts(draws: Draws, log: Log, rng: np.random.Generator) -> dict[str, Any]:

@@ -77,10 +77,10 @@ def responses(
 
     def run(values: Mapping[str, float], ends: np.ndarray) -> tuple[np.ndarray, ...]:
         at = {n: jnp.asarray(float(v)) for n, v in values.items()}
-        found = _steps(
+        parts = _steps(
             key, grid, (drive, output), at, jnp.asarray(ends), jnp.asarray(sizes), others
         )
-        return tuple(np.asarray(part) for part in found)
+        return tuple(np.asarray(part) for part in parts)
 
     ends = _durations(model, run, {n: float(np.median(v)) for n, v in draws.values.items()}, sizes)
     rows = [run({n: v[i] for n, v in draws.values.items()}, ends) for i in range(len(draws))]
@@ -118,7 +118,7 @@ def _durations(model: Model, run: Any, values: Mapping[str, float], sizes: Any) 
     """How long each size of step is to be followed [s], ``(m,)``."""
     slowest = model.time_scales[1]
     ends = np.full(sizes.size, slowest if np.isfinite(slowest) else 10.0)
-    least, done = np.zeros(sizes.size), np.zeros(sizes.size, bool)
+    least, ready = np.zeros(sizes.size), np.zeros(sizes.size, bool)
     for _ in range(_TRIALS):
         steady, time, moving = run(values, ends)
         wanted = ends.copy()
@@ -126,18 +126,18 @@ def _durations(model: Model, run: Any, values: Mapping[str, float], sizes: Any) 
             if not np.isfinite(steady[j]):  # the step of the integrator is too long
                 wanted[j] = ends[j] / 8
             elif not np.isfinite(time[j]) and moving[j] == 0:  # nothing moves
-                done[j] = True
+                ready[j] = True
             elif not moving[j] <= _SETTLED:
                 least[j] = wanted[j] = 2 * ends[j]
             else:
                 wanted[j] = max(_LONG * time[j], least[j], ends[j] / 30)
-                done[j] = wanted[j] > 0.6 * ends[j] and wanted[j] < 1.6 * ends[j]
-        if done.all():
+                ready[j] = wanted[j] > 0.6 * ends[j] and wanted[j] < 1.6 * ends[j]
+        if ready.all():
             return ends
-        ends = np.where(done, ends, wanted)
+        ends = np.where(ready, ends, wanted)
     raise InputError(
         f"quantities: the response of '{model}' does not settle after steps to "
-        f"{', '.join(f'{s:g}' for s in sizes[~done][:3])}.",
+        f"{', '.join(f'{s:g}' for s in sizes[~ready][:3])}.",
         "Look at another response, or at other sizes.",
     )
 

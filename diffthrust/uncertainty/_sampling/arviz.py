@@ -35,23 +35,23 @@ def inference_data(posterior: Posterior, chains: Chains, attrs: Mapping[str, Any
     problem, draw = posterior.problem, ("chain", "draw")
     names = log_names([log.name for log in problem.logs])
     units = problem.model.all_states | dict(problem.model.outputs)
-    found: dict[str, Any] = {}
+    variables: dict[str, Any] = {}
     for name, values in posterior.values(chains.points).items():
-        found[name] = (draw, values, {"unit": problem.named[name].unit})
+        variables[name] = (draw, values, {"unit": problem.named[name].unit})
     for state, values in posterior.initial(chains.points).items():
-        found[f"initial.{state}"] = ((*draw, "log"), values, {"unit": units[state]})
+        variables[f"initial.{state}"] = ((*draw, "log"), values, {"unit": units[state]})
     channels = [problem.layout.channels[i] for i in posterior.unknown]
     if channels:
         sigma = noise_draws(posterior, chains, int(attrs["seed"]))
-        told = ", ".join(f"{name}: {problem.model.outputs[name]}" for name in channels)
-        found["sigma"] = ((*draw, "channel"), sigma, {"unit": told})
+        listed = ", ".join(f"{name}: {problem.model.outputs[name]}" for name in channels)
+        variables["sigma"] = ((*draw, "channel"), sigma, {"unit": listed})
     count = chains.points.shape[:2]
     coords = {"chain": np.arange(count[0]), "draw": np.arange(count[1])}
-    used = {dim for entry in found.values() for dim in entry[0]}
+    used = {dim for entry in variables.values() for dim in entry[0]}
     stats = {"lp": chains.log_prob, **chains.stats}
     groups = {
         "posterior": xr.Dataset(
-            found,
+            variables,
             {**coords, **{k: v for k, v in (("log", names), ("channel", channels)) if k in used}},
             attrs,
         ),
@@ -78,12 +78,12 @@ def noise_draws(posterior: Posterior, chains: Chains, seed: int) -> np.ndarray:
     return np.stack(out, axis=-1)
 
 
-def log_names(given: list[str]) -> list[str]:
+def log_names(names: list[str]) -> list[str]:
     """Names of the logs, numbered where several are called the same, and without slashes."""
-    given = [name.replace("/", "|") for name in given]
+    names = [name.replace("/", "|") for name in names]
     return [
-        f"{name} {given[: i + 1].count(name)}" if given.count(name) > 1 else name
-        for i, name in enumerate(given)
+        f"{name} {names[: i + 1].count(name)}" if names.count(name) > 1 else name
+        for i, name in enumerate(names)
     ]
 
 

@@ -86,22 +86,22 @@ def convergence(post: Any) -> Convergence:
 
     from diffthrust.uncertainty._sampling.arviz import arviz
 
-    own = posterior_data(post)
+    posterior = posterior_data(post)
     az = arviz()
-    if own.sizes["draw"] < 4:
+    if posterior.sizes["draw"] < 4:
         raise InputError(
-            f"{own.sizes['draw']} draws by chain are too few to judge.", "Draw at least 100."
+            f"{posterior.sizes['draw']} draws by chain are too few to judge.", "Draw at least 100."
         )
-    r_hat = _flat(az.rhat(_several(own), method="rank"))
-    bulk = _flat(az.ess(own, method="bulk"))
-    tail = _flat(az.ess(own, method="tail"))
+    r_hat = _flat(az.rhat(_several(posterior), method="rank"))
+    bulk = _flat(az.ess(posterior, method="bulk"))
+    tail = _flat(az.ess(posterior, method="tail"))
     memory = {}
-    for name, values in _series(own).items():
+    for name, values in _series(posterior).items():
         with np.errstate(invalid="ignore", divide="ignore"):  # of chains that never moved
             memory[name] = float(integrated_time(values.T, tol=0, quiet=True, has_walkers=True)[0])
     stats = getattr(post, "sample_stats", None)
     lost = int(stats["diverging"].sum()) if stats is not None and "diverging" in stats else 0
-    total = own.sizes["chain"] * own.sizes["draw"]
+    total = posterior.sizes["chain"] * posterior.sizes["draw"]
     other = " or sample with method='nuts'" if post.attrs.get("method") == "emcee" else ""
     status, message = _judged(r_hat, bulk, tail, lost, total, other)
     return Convergence(status, message, r_hat, bulk, tail, memory, lost, total)
@@ -141,21 +141,21 @@ def _judged(
             f"{lost} of {total} draws diverged: a part of the posterior is too sharply bent to be "
             "followed, and may be missing. Give priors, or sample with method='emcee'."
         )
-    told = f" ({lost} of them diverged)" if lost else ""
+    divergent = f" ({lost} of them diverged)" if lost else ""
     return Mixing.CONVERGED, (
-        f"Converged: {total} draws{told} are worth at least {least:.0f} independent ones of every "
-        f"parameter, and the chains agree (R-hat at most {max(r_hat[worst], 1.0):.3f})."
+        f"Converged: {total} draws{divergent} are worth at least {least:.0f} independent ones of "
+        f"every parameter, and the chains agree (R-hat at most {max(r_hat[worst], 1.0):.3f})."
     )
 
 
-def _several(own: Any) -> Any:
+def _several(posterior: Any) -> Any:
     """A lone chain as its two halves, which must agree like chains."""
-    if own.sizes["chain"] > 1:
-        return own
-    half = own.sizes["draw"] // 2
+    if posterior.sizes["chain"] > 1:
+        return posterior
+    half = posterior.sizes["draw"] // 2
     import xarray as xr
 
-    parts = [own.isel(draw=slice(0, half)), own.isel(draw=slice(half, 2 * half))]
+    parts = [posterior.isel(draw=slice(0, half)), posterior.isel(draw=slice(half, 2 * half))]
     level = [part.assign_coords(chain=[i], draw=range(half)) for i, part in enumerate(parts)]
     return xr.concat(level, dim="chain")
 

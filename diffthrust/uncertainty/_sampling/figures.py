@@ -86,8 +86,8 @@ def plot_corner(
         *(Line2D([], [], label=literal(label), **looks[label]) for label in sets),
     ]
     if count > 1:
-        told = f"{' and '.join(map(percent, _REGIONS))} of the draws"
-        handles.append(Line2D([], [], color=BLUE, linewidth=0.9, label=told))
+        regions = f"{' and '.join(map(percent, _REGIONS))} of the draws"
+        handles.append(Line2D([], [], color=BLUE, linewidth=0.9, label=regions))
     where = "upper right" if count > 1 else "outside right upper"
     figure.legend(handles=handles, loc=where, frameon=False, fontsize=9)
     return figure
@@ -193,9 +193,9 @@ def _histogram(axes: Axes, name: str, values: np.ndarray, unit: str) -> None:
               histtype="stepfilled", color=BLUE, alpha=0.35)  # fmt: skip
     axes.axvspan(low, high, color=BLUE, alpha=0.12, linewidth=0)
     axes.axvline(median, color=BLUE, linewidth=1.2)
-    told = interval_text(float(median), float(low), float(high))
+    ends = interval_text(float(median), float(low), float(high))
     shown = _label(name, {name: unit})
-    axes.set_title(f"{shown}\n{told[0]}\n{told[1]} to {told[2]}", loc="left")
+    axes.set_title(f"{shown}\n{ends[0]}\n{ends[1]} to {ends[2]}", loc="left")
 
 
 def _lines(axes: Axes, name: str, sets: Mapping[str, Any], looks: Mapping[str, Any]) -> None:

@@ -202,7 +202,7 @@ def sample_target(
         seed: equal seeds give equal draws.
         progress: called with a message and the share done.
     """
-    tell = progress or (lambda message, done: None)
+    tell = progress or (lambda message, share: None)
     begin, adapt, on = jax.random.split(jax.random.key(seed), 3)
     starts = jax.random.normal(begin, (chains, dim))
     tell("warmup", 0.0)
@@ -213,8 +213,8 @@ def sample_target(
         tell("drawing", (warmup + block * _BLOCK) / (warmup + draws))
         keys = jax.random.split(jax.random.fold_in(on, block), (chains, _BLOCK))
         numbers = (data, state, step, mass, jax.random.key_data(keys))
-        state, found = run(_draw, target, numbers, rows=chains)
-        parts.append(jax.tree.map(np.asarray, found))
+        state, block_draws = run(_draw, target, numbers, rows=chains)
+        parts.append(jax.tree.map(np.asarray, block_draws))
     told, log_prob, (diverging, rate, steps) = jax.tree.map(
         lambda *part: np.concatenate(part, axis=1)[:, :draws], *parts
     )

@@ -17,11 +17,13 @@ _MOST = 10
 """A corner of more parameters cannot be read: that many are shown."""
 
 
-def write_report(found: Sampled, path: Path | str, *, title: str = "", spec: str = "") -> None:
+def write_posterior_page(
+    sampled: Sampled, path: Path | str, *, title: str = "", spec: str = ""
+) -> None:
     """Write a posterior as one page: intervals, convergence, predictions and figures.
 
     Args:
-        found: the posterior, summarised.
+        sampled: the posterior, summarised.
         path: the file to write.
         title: heading of the page; by default it names the model.
         spec: text of a spec file, shown at the end.
@@ -38,24 +40,24 @@ def write_report(found: Sampled, path: Path | str, *, title: str = "", spec: str
     template = (
         files("diffthrust.uncertainty._sampling").joinpath(_TEMPLATE).read_text(encoding="utf-8")
     )
-    own = [name for name in found.parameters if not name.startswith("noise.")]
+    shown = [name for name in sampled.parameters if not name.startswith("noise.")]
     text = environment.from_string(template).render(
         style=Markup(STYLE),
-        title=title or f"Posterior of the {found.fit.model}",
-        model=str(found.fit.model),
-        told=found.told,
-        method=found.method,
+        title=title or f"Posterior of the {sampled.fit.model}",
+        model=str(sampled.fit.model),
+        told=sampled.told,
+        method=sampled.method,
         level=percent(INTERVAL_LEVEL),
         headings=[*HEADINGS, "Fit ± standard error"],
         numbers=(1, 2, 3, 5, 6, 7, 8),
-        rows=draw_rows(found),
-        fit=found.fit,
-        intervals=found.intervals.report(),
-        bars=image(found.intervals.plot()),
-        predictions=[(p.sentence, p.notes, image(p.plot()), p.log) for p in found.predictions],
-        left=own[_MOST:],
-        corner=image(plot_corner(found.post, found.fit, names=own[:_MOST])),
-        trace=image(plot_trace(found.post)),
+        rows=draw_rows(sampled),
+        fit=sampled.fit,
+        intervals=sampled.intervals.report(),
+        bars=image(sampled.intervals.plot()),
+        predictions=[(p.sentence, p.notes, image(p.plot()), p.log) for p in sampled.predictions],
+        left=shown[_MOST:],
+        corner=image(plot_corner(sampled.post, sampled.fit, names=shown[:_MOST])),
+        trace=image(plot_trace(sampled.post)),
         spec=spec,
     )
     write_page(Path(path), text)

@@ -166,11 +166,11 @@ class Posterior:
         whole[..., self.moved] = points[..., : self.moved.size]
         logs = np.array([i for indices in self.problem.order for i in indices], int)
         states = whole[..., shared:].reshape(*points.shape[:-1], logs.size, len(layout.starts))
-        own = set(self.moved[self.moved >= shared] - shared)
+        moving = set(self.moved[self.moved >= shared] - shared)
         return {
             state: states[..., np.argsort(logs), k]
             for k, state in enumerate(layout.starts)
-            if any(row * len(layout.starts) + k in own for row in range(logs.size))
+            if any(row * len(layout.starts) + k in moving for row in range(logs.size))
         }
 
 
@@ -229,9 +229,9 @@ def _contradiction(fit: Fit, name: str, value: float, prior: Normal) -> float:
     variance = math.nan if known is None else float(fit.covariance[known, known])
     if not variance > 0:
         return abs(value - prior.mean) / prior.std
-    own = max(1 / variance - 1 / prior.std**2, 1e-12 / variance)  # information of the logs
-    apart = abs(value - prior.mean) * (1 + 1 / (own * prior.std**2))
-    return apart / math.sqrt(prior.std**2 + 1 / own)
+    information = max(1 / variance - 1 / prior.std**2, 1e-12 / variance)  # information of the logs
+    apart = abs(value - prior.mean) * (1 + 1 / (information * prior.std**2))
+    return apart / math.sqrt(prior.std**2 + 1 / information)
 
 
 def _refuse(posterior: Posterior) -> None:

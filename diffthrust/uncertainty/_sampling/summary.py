@@ -123,8 +123,8 @@ def sampled(
         InputError: an empty posterior, or a log that the model cannot be simulated with.
     """
     posterior = posterior_data(post)
-    told = convergence(post)
-    found = {}
+    judged = convergence(post)
+    parameters = {}
     for name, variable in posterior.data_vars.items():
         if set(variable.dims) != {"chain", "draw"}:
             continue
@@ -132,16 +132,17 @@ def sampled(
         low, median, high = np.quantile(
             values, [0.5 * (1 - INTERVAL_LEVEL), 0.5, 0.5 * (1 + INTERVAL_LEVEL)]
         )
-        found[str(name)] = Summary(
+        parameters[str(name)] = Summary(
             median=float(median),
             low=float(low),
             high=float(high),
             mean=float(values.mean()),
             sd=float(values.std(ddof=1)),
-            rhat=told.r_hat.get(str(name), float("nan")),
-            ess_bulk=told.ess_bulk.get(str(name), float("nan")),
-            ess_tail=told.ess_tail.get(str(name), float("nan")),
+            rhat=judged.r_hat.get(str(name), float("nan")),
+            ess_bulk=judged.ess_bulk.get(str(name), float("nan")),
+            ess_tail=judged.ess_tail.get(str(name), float("nan")),
             unit=str(variable.attrs.get("unit", "")),
         )
     bands = tuple(predict(post, fit, log, level=INTERVAL_LEVEL, seed=seed) for log in unseen)
-    return Sampled(post, fit, told, found, intervals(fit, logs, post, level=INTERVAL_LEVEL), bands)
+    side_by_side = intervals(fit, logs, post, level=INTERVAL_LEVEL)
+    return Sampled(post, fit, judged, parameters, side_by_side, bands)

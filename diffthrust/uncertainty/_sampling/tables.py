@@ -14,37 +14,37 @@ HEADINGS = ("Parameter", "Median", "95 % from", "to", "Unit", "R-hat", "ESS bulk
 """The headings of `draw_rows`, but for the last column, which is the fit's estimate."""
 
 
-def draw_rows(found: Sampled) -> list[tuple[str, ...]]:
+def draw_rows(sampled: Sampled) -> list[tuple[str, ...]]:
     """One row for each parameter, with the fit's estimate at the end."""
     rows = []
-    for name, s in found.parameters.items():
-        own = found.fit.parameters.get(name) or (found.fit.disturbance or {}).get(name)
+    for name, s in sampled.parameters.items():
+        fitted = sampled.fit.parameters.get(name) or (sampled.fit.disturbance or {}).get(name)
         estimate = "-"
-        if own is not None:
-            value, error = with_error(own.value, own.std_error)
-            estimate = value if own.std_error is None else f"{value} ± {error}"
+        if fitted is not None:
+            value, error = with_error(fitted.value, fitted.std_error)
+            estimate = value if fitted.std_error is None else f"{value} ± {error}"
         interval = interval_text(s.median, s.low, s.high)
         mixing = f"{s.rhat:.3f}", f"{s.ess_bulk:.0f}", f"{s.ess_tail:.0f}"
         rows.append((name, *interval, s.unit, *mixing, estimate))
     return rows
 
 
-def sample_table(found: Sampled) -> RenderableType:
+def sample_table(sampled: Sampled) -> RenderableType:
     """Convergence in words, the parameters, and how the predictions of unseen logs came out."""
-    told = found.told
-    colour = "bold green" if told.status.ok else "bold red"
+    judged = sampled.told
+    colour = "bold green" if judged.status.ok else "bold red"
     parts: list[RenderableType] = [
-        Text(str(found.fit.model), style="bold"),
-        Text.assemble(("Status: ", "bold"), (told.status.value, colour)),
-        Text(told.message),
+        Text(str(sampled.fit.model), style="bold"),
+        Text.assemble(("Status: ", "bold"), (judged.status.value, colour)),
+        Text(judged.message),
         Text(),
     ]
     table = plain_table(*HEADINGS, "Fit", numbers=(1, 2, 3, 5, 6, 7, 8))
-    for row in draw_rows(found):
+    for row in draw_rows(sampled):
         table.add_row(*map(escape, row))
-    parts += [table, Text(), found.intervals.table(), Text()]
-    for prediction in found.predictions:
+    parts += [table, Text(), sampled.intervals.table(), Text()]
+    for prediction in sampled.predictions:
         parts += [prediction.table(), Text()]
-    if not found.predictions:
+    if not sampled.predictions:
         parts.append(Text("There is no unseen log to hold the predictions against."))
-    return Group(*parts, *(Text(f"Note: {note}") for note in found.fit.notes))
+    return Group(*parts, *(Text(f"Note: {note}") for note in sampled.fit.notes))
