@@ -17,6 +17,7 @@ from diffthrust.comparison._derived_signals import signals_of
 from diffthrust.comparison._noise_advice import NoiseAdvice, noise_advice
 from diffthrust.comparison._regimes import Regime, worst_regimes
 from diffthrust.comparison._residual_tests import ResidualTests, residual_tests
+from diffthrust.estimation._registry import LIKELIHOODS
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors, errors
@@ -211,7 +212,7 @@ class Comparison:
         followed = (
             fit and advice and (fit.noise_model, fit.loss) == (advice.noise_model, advice.loss)
         )
-        if advice and not followed and not (fit and fit.likelihood == "innovations"):
+        if advice and not followed and not (fit and LIKELIHOODS[fit.likelihood].corrects):
             noise.append(advice.sentence)
         parts = [
             ("What does not fit together", [*self.hints, *self.outstanding]),

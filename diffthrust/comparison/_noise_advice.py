@@ -12,7 +12,12 @@ import numpy as np
 from diffthrust.estimation._ar1 import RANGE, linked
 from diffthrust.estimation._laws import TAIL
 
-LAWS = (("white", "gaussian"), ("white", "student_t"), ("ar1", "gaussian"), ("ar1", "student_t"))
+NOISE_CHOICES = (
+    ("white", "gaussian"),
+    ("white", "student_t"),
+    ("ar1", "gaussian"),
+    ("ar1", "student_t"),
+)
 _ROUNDS = 60
 """Rounds of reweighting for the level of a Student-t law."""
 
@@ -42,7 +47,7 @@ class NoiseAdvice:
     @property
     def sentence(self) -> str:
         """The advice in words."""
-        if (self.noise_model, self.loss) == LAWS[0]:
+        if (self.noise_model, self.loss) == NOISE_CHOICES[0]:
             return "The residuals look like white Gaussian noise, as a plain fit assumes."
         words, options = [], []
         if self.noise_model == "ar1":
@@ -77,19 +82,19 @@ def noise_advice(
 
     Source: the laws are those of `fit`; the criterion is Schwarz 1978.
     """
-    bic = {" ".join(law): 0.0 for law in LAWS}
+    bic = {" ".join(law): 0.0 for law in NOISE_CHOICES}
     correlation, widening = {}, {}
     for name, runs in residuals.items():
         pairs = list(zip(runs, times[name], strict=True))
         samples = sum(int(np.isfinite(run).sum()) for run in runs)
         step = float(np.median(np.concatenate([np.diff(time) for time in times[name]])))
-        for noise, loss in LAWS:
+        for noise, loss in NOISE_CHOICES:
             cost, kept = _cost(pairs, noise, loss, step)
             bic[f"{noise} {loss}"] += 2 * cost + (noise == "ar1") * math.log(samples)
             if noise == "ar1":
                 correlation[name] = -step / math.log(kept)
                 widening[name] = math.sqrt((1 + kept) / (1 - kept))
-    noise, loss = min(LAWS, key=lambda law: bic[" ".join(law)])
+    noise, loss = min(NOISE_CHOICES, key=lambda law: bic[" ".join(law)])
     least = bic[f"{noise} {loss}"]
     return NoiseAdvice(
         noise, loss, {law: value - least for law, value in bic.items()}, correlation, widening

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from diffthrust.estimation._registry import LIKELIHOODS, NOISES
 from diffthrust.estimation._result import Fit
 from diffthrust.uncertainty._intervals_row import Interval
 from diffthrust.uncertainty._profile_curve import LOPSIDED, Profile
@@ -44,7 +45,7 @@ class Evidence:
 
 def heading(fit: Fit, lag: float, correlated: bool, sandwich: bool) -> str:
     """The recommendation, with its reason."""
-    lasting = fit.noise_model == "ar1"
+    lasting = NOISES[fit.noise_model].lasts
     if correlated:
         kind = "What is new in the noise is" if lasting else "Residuals are"
         mend = "something is missing from the model" if lasting else _mend(fit)
@@ -63,7 +64,7 @@ def heading(fit: Fit, lag: float, correlated: bool, sandwich: bool) -> str:
 
 
 def _mend(fit: Fit) -> str:
-    if fit.likelihood == "innovations" or not fit.model.states:
+    if LIKELIHOODS[fit.likelihood].corrects or not fit.model.states:
         return "look for what the model lacks (diagnose)"
     return (
         'look for what the model lacks (diagnose), or fit with noise_model="ar1" or '

@@ -184,9 +184,8 @@ Line = ParameterLine | QuantityLine
 
 
 def _of(layout: Any, function: Function, numbers: ProblemNumbers, z: Any, index: Any) -> Any:
-    values = named_values(layout, numbers, z[: len(layout.free)])
-    found = function(values)
-    return jnp.stack([jnp.asarray(v, float) for v in found.values()])[index]
+    quantities = function(named_values(layout, numbers, z[: len(layout.free)]))
+    return jnp.stack([jnp.asarray(v, float) for v in quantities.values()])[index]
 
 
 @partial(jax.jit, static_argnums=(0, 1))

@@ -76,12 +76,12 @@ def sample_scores(problem: Problem, z: np.ndarray) -> Scores:
     Example:
         >>> sample_scores(*problem_of(fit, logs)).lag_one()
     """
-    done = _pass(problem.layout, problem.numbers, jnp.asarray(z))
+    batches = _pass(problem.layout, problem.numbers, jnp.asarray(z))
     n, m = problem.shared, len(problem.layout.starts)
     curvature = np.zeros((z.size, z.size))
-    found: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
+    rows_of: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
     at = n
-    for part, batch, indices in zip(done, problem.numbers.batches, problem.order, strict=True):
+    for part, batch, indices in zip(batches, problem.numbers.batches, problem.order, strict=True):
         values, rests, gram = (np.asarray(a) for a in part)
         absent = np.isnan(np.asarray(batch.measured))
         rests = np.where(absent, np.nan, rests)
@@ -91,8 +91,8 @@ def sample_scores(problem: Problem, z: np.ndarray) -> Scores:
             place = np.concatenate([np.arange(n), np.arange(at, at + m)])
             at += m
             curvature[np.ix_(place, place)] += gram[row]
-            found[index] = values[row, :, :, :size], place, rests[row, :, :size]
-    by_log = [found[index] for index in range(len(problem.logs))]
+            rows_of[index] = values[row, :, :, :size], place, rests[row, :, :size]
+    by_log = [rows_of[index] for index in range(len(problem.logs))]
     return Scores(
         values=tuple(v for v, _, _ in by_log),
         places=tuple(p for _, p, _ in by_log),

@@ -6,7 +6,7 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from diffthrust.comparison._noise_advice import (  # private: the laws on made residuals alone
-    LAWS,
+    NOISE_CHOICES,
     level_cost,
     noise_advice,
 )
@@ -24,7 +24,7 @@ def lasting(new, kept):
     return out
 
 
-@pytest.mark.parametrize(("noise_model", "loss"), LAWS)
+@pytest.mark.parametrize(("noise_model", "loss"), NOISE_CHOICES)
 def test_the_law_of_the_noise_is_recommended(noise_model, loss):
     rng = np.random.default_rng(1)
     for _ in range(10):

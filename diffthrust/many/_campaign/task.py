@@ -178,7 +178,7 @@ def _sample(spec: Spec, job: Job) -> _Result:
         write_posterior_page(posterior, path, title=f"Posterior: {job.name}", spec=spec.text)
 
     numbers = {name: (s.median, s.sd) for name, s in posterior.parameters.items()}
-    verdict = {"verdict": posterior.told.status.value}
+    verdict = {"verdict": posterior.convergence.status.value}
     return _Result(posterior.to_json(), {**fit_row(fit), **verdict}, numbers, page)
 
 

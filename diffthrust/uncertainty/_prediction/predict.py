@@ -11,6 +11,7 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust._support.words import percent
+from diffthrust.estimation._registry import LIKELIHOODS
 from diffthrust.logs._log import Log
 from diffthrust.simulation._step_size import choose_substeps
 from diffthrust.uncertainty._prediction.band import Band, band_of
@@ -186,7 +187,7 @@ def predict(
         substeps = choose_substeps(drawn.model.replace(middle), log)
     rng = np.random.default_rng([seed, 1])
     means = mean_runs(drawn, log, channels, substeps, rng)
-    random = drawn.likelihood == "innovations"
+    random = LIKELIHOODS[drawn.likelihood].corrects
     shown = random_runs(drawn, log, channels, substeps, rng) if random else {}
     bands = {c: band_of(drawn, log, c, means[c], shown.get(c), level, noise) for c in channels}
     return Prediction(

@@ -70,7 +70,7 @@ def random_runs(
     limits = Limits(
         jnp.asarray(np.array(clip, float)), jnp.asarray(np.array(fit.reach if fit else 1.0, float))
     )
-    found = _random(
+    shown = _random(
         Key(model),
         grid,
         observer,
@@ -82,7 +82,7 @@ def random_runs(
         jnp.asarray(np.array([c in log.unsigned for c in known], bool)),
         limits,
     )
-    return {c: np.asarray(found[c])[:, original] for c in known if c in channels}
+    return {c: np.asarray(shown[c])[:, original] for c in known if c in channels}
 
 
 def _arranged(model: Model, log: Log, substeps: int) -> tuple[Model, Grid, Any, dict[str, Any]]:

@@ -69,7 +69,7 @@ def problem_identity(posterior: Posterior, **settings: Any) -> dict[str, dict[st
     for i, channel in enumerate(layout.channels):
         known = float(numbers.noise[i]) if layout.known_noise[i] else None
         data[f"noise of {channel}"] = "estimated" if known is None else repr(known)
-    told = {
+    facts = {
         **settings,
         "likelihood": fit.likelihood,
         "loss": layout.likelihood.law.word,
@@ -85,7 +85,7 @@ def problem_identity(posterior: Posterior, **settings: Any) -> dict[str, dict[st
         "model": {str(problem.model): hashlib.sha256(structure.encode()).hexdigest()},
         "parameters": parameters,
         "data": data,
-        "settings": {name: str(value) for name, value in told.items()},
+        "settings": {name: str(value) for name, value in facts.items()},
     }
 
 

@@ -45,7 +45,7 @@ def write_posterior_page(
         style=Markup(STYLE),
         title=title or f"Posterior of the {sampled.fit.model}",
         model=str(sampled.fit.model),
-        told=sampled.told,
+        convergence=sampled.convergence,
         method=sampled.method,
         level=percent(INTERVAL_LEVEL),
         headings=[*HEADINGS, "Fit ± standard error"],

@@ -135,16 +135,16 @@ class Posterior:
         Directions of which the logs say nothing get the width of their bounds.
         """
         information = solve(self.problem, self.base, budget=1).quadratic.information
-        own = np.zeros((self.dim, self.dim))
-        own[: self.moved.size, : self.moved.size] = information[np.ix_(self.moved, self.moved)]
+        informed = np.zeros((self.dim, self.dim))
+        informed[: self.moved.size, : self.moved.size] = information[np.ix_(self.moved, self.moved)]
         counts = np.asarray(self.problem.numbers.counts)
         for row, channel in enumerate(self.sampled, start=self.moved.size):
-            own[row, row] = 2.0 * counts[channel] * TAIL / (TAIL + 3.0)
+            informed[row, row] = 2.0 * counts[channel] * TAIL / (TAIL + 3.0)
         width = 0.25 * (self.high - self.low)
         width = np.where(np.isfinite(width), np.minimum(width, 10.0), 10.0)
-        own += np.diag(1.0 / width**2)  # a faint prior: nothing is wider than its bounds
-        length = np.sqrt(np.diagonal(own))
-        values, vectors = np.linalg.eigh(own / np.outer(length, length))
+        informed += np.diag(1.0 / width**2)  # a faint prior: nothing is wider than its bounds
+        length = np.sqrt(np.diagonal(informed))
+        values, vectors = np.linalg.eigh(informed / np.outer(length, length))
         values = np.maximum(values, 1e-13 * values.max())
         return (vectors / values) @ vectors.T / np.outer(length, length)
 

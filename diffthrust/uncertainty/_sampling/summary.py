@@ -53,7 +53,7 @@ class Sampled:
     Args:
         post: the posterior.
         fit: the fit that was sampled.
-        told: how well the chains mixed.
+        convergence: how well the chains mixed.
         parameters: a `Summary` by name, of the model's parameters and those of its noise.
         intervals: those of the posterior beside covariance, sandwich and profile.
         predictions: one for each unseen log.
@@ -61,7 +61,7 @@ class Sampled:
 
     post: Any = field(repr=False)
     fit: Fit = field(repr=False)
-    told: Convergence
+    convergence: Convergence
     parameters: Mapping[str, Summary]
     intervals: Intervals
     predictions: tuple[Prediction, ...]
@@ -97,10 +97,10 @@ class Sampled:
             "schema": 1,
             "model": self.fit.model.name,
             "effects": [effect.name for effect in self.fit.model.effects],
-            "status": self.told.status.value,
-            "message": self.told.message,
+            "status": self.convergence.status.value,
+            "message": self.convergence.message,
             "method": self.method,
-            "draws": self.told.draws,
+            "draws": self.convergence.draws,
             "parameters": {name: dict(vars(s)) for name, s in self.parameters.items()},
             "intervals": self.intervals.to_json(),
             "coverage": coverage,

@@ -31,7 +31,7 @@ def draw_rows(sampled: Sampled) -> list[tuple[str, ...]]:
 
 def sample_table(sampled: Sampled) -> RenderableType:
     """Convergence in words, the parameters, and how the predictions of unseen logs came out."""
-    judged = sampled.told
+    judged = sampled.convergence
     colour = "bold green" if judged.status.ok else "bold red"
     parts: list[RenderableType] = [
         Text(str(sampled.fit.model), style="bold"),
