@@ -131,7 +131,7 @@ def agree(target, data, evidence, parts, likelihood=None):
     @jax.jit
     def both(v):
         change = jax.jacfwd(lambda v: parts(target, data, v))(v)
-        return target.density(data, v), target.told(data, v), change
+        return target.density(data, v), target.kept(data, v), change
 
     rng = np.random.default_rng(5)
     rest = []
@@ -145,7 +145,7 @@ def agree(target, data, evidence, parts, likelihood=None):
 
 
 def law_and_vehicles(target, data, v):
-    told = target.told(data, v)
+    told = target.kept(data, v)
     rows, columns = np.tril_indices(target.parameters, -1)
     return jnp.concatenate(
         [told["mean"], told["spread"], told["correlation"][rows, columns], told["theta"].ravel()]
@@ -186,7 +186,7 @@ def test_an_exact_likelihood_is_that_of_the_logs(dives):
     assert target.kinds[0].vehicles == 2  # one compilation for both
 
     def whole(target, data, v):
-        told = target.told(data, v)
+        told = target.kept(data, v)
         at = target.law + target.vehicles * target.parameters
         return jnp.concatenate([told["mean"], told["spread"], told["theta"].ravel(), v[at:]])
 

@@ -9,9 +9,7 @@ from short_logs import MODEL, TRUE, fitted, made_log
 from test_profile import Saturating, curve_log
 
 import diffthrust as dft
-from diffthrust.uncertainty._intervals import intervals
-from diffthrust.uncertainty._profile import profile
-from diffthrust.uncertainty._sandwich import sandwich
+from diffthrust.uncertainty import intervals, profile, sandwich
 
 
 def drawn(fit, widen=1.0, seed=0):

@@ -11,7 +11,7 @@ from posterior_cases import thruster_log
 from scipy.stats import chisquare
 
 import diffthrust as dft
-from diffthrust.uncertainty._sampling.sample import sample
+from diffthrust.uncertainty import sample
 
 pytestmark = pytest.mark.slow
 

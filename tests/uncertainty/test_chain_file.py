@@ -17,9 +17,9 @@ from places import TESTS
 from posterior_cases import line, thruster_fit, thruster_log
 
 import diffthrust as dft
-from diffthrust.uncertainty._sampling import chain_file
-from diffthrust.uncertainty._sampling.posterior import posterior_of
-from diffthrust.uncertainty._sampling.sample import sample
+from diffthrust.uncertainty import sample
+from diffthrust.uncertainty._sampling import chain_file  # private: the file alone
+from diffthrust.uncertainty._sampling.posterior import posterior_of  # private: what the file is of
 
 RUN = dict(draws=60, warmup=20, seed=3)
 
@@ -98,7 +98,7 @@ sys.path.insert(0, {tests!r})
 import diffthrust as dft
 from posterior_cases import thruster_fit
 from diffthrust.uncertainty._sampling import ensemble, posterior
-from diffthrust.uncertainty._sampling.sample import sample
+from diffthrust.uncertainty import sample
 ensemble.SAVE_EVERY, ensemble.SAVE_SHARE = 0.0, 0.0
 if {slow}:
     batch = posterior.Posterior.batch

@@ -10,8 +10,7 @@ import pytest
 from short_logs import MODEL, TRUE, fitted, made_log
 
 import diffthrust as dft
-from diffthrust.uncertainty._intervals import intervals
-from diffthrust.uncertainty._sandwich import sandwich
+from diffthrust.uncertainty import intervals, sandwich
 
 LOGS = 400
 HONEST = (0.92, 0.98)

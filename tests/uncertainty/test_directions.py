@@ -5,7 +5,7 @@ import pytest
 from short_logs import MODEL, TRUE, fitted, made_log
 
 import diffthrust as dft
-from diffthrust.uncertainty._directions import directions
+from diffthrust.uncertainty import directions
 
 
 def test_directions_are_those_of_the_relative_covariance():

@@ -10,8 +10,8 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 import diffthrust as dft
-from diffthrust.uncertainty._sampling import density, nuts
-from diffthrust.uncertainty._sampling.posterior import posterior_of
+from diffthrust.uncertainty._sampling import density, nuts  # private: caches, coordinates
+from diffthrust.uncertainty._sampling.posterior import posterior_of  # private: the density alone
 
 
 def around(posterior, count=20, width=1.0, seed=0):

@@ -11,8 +11,8 @@ import xarray as xr
 
 import diffthrust as dft
 from diffthrust._support.errors import InputError
-from diffthrust.uncertainty._prediction.tables import interval_text
-from diffthrust.uncertainty._sampling.figures import plot_corner, plot_trace
+from diffthrust.uncertainty import plot_corner, plot_trace
+from diffthrust.uncertainty._prediction.tables import interval_text  # private: digits alone
 
 UNITS = {"alpha": "1/rad", "beta": "rad/(V s^2)", "actuator_lag.time_constant": "s"}
 

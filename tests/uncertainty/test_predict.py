@@ -12,9 +12,9 @@ from test_quantities import log
 
 import diffthrust as dft
 from diffthrust._support.errors import InputError
-from diffthrust.estimation._laws import Gaussian, StudentT
-from diffthrust.uncertainty._prediction.band import _mixed
-from diffthrust.uncertainty._prediction.predict import predict
+from diffthrust.estimation._laws import Gaussian, StudentT  # private: the laws
+from diffthrust.uncertainty import predict
+from diffthrust.uncertainty._prediction.band import mixed_quantile  # private: the mixture alone
 
 TRUE = dft.Thruster()
 
@@ -54,10 +54,10 @@ def test_the_band_of_a_straight_line_is_that_of_its_closed_form(line):
 def test_noise_is_mixed_in_closed_form(heavy):
     law, noise = (stats.t(4), StudentT()) if heavy else (stats.norm(), Gaussian())
     for probability in (0.025, 0.5, 0.9):
-        one = _mixed(noise, np.full((3, 2), 5.0), np.full(3, 2.0), probability)
+        one = mixed_quantile(noise, np.full((3, 2), 5.0), np.full(3, 2.0), probability)
         np.testing.assert_allclose(one, 5.0 + 2.0 * law.ppf(probability), rtol=1e-7)
         centre, scale = np.array([[0.0], [3.0]]), np.array([1.0, 0.5])
-        found = float(_mixed(noise, centre, scale, probability)[0])
+        found = float(mixed_quantile(noise, centre, scale, probability)[0])
         share = np.mean(law.cdf((found - centre[:, 0]) / scale))
         assert share == pytest.approx(probability, abs=1e-6)
 

@@ -9,8 +9,8 @@ from scipy.optimize import brentq, minimize
 from short_logs import MODEL, fitted, made_log
 
 import diffthrust as dft
-from diffthrust.estimation._solver import _solve
-from diffthrust.uncertainty._profile import profile
+from diffthrust.estimation._solver import _solve  # private: its cache
+from diffthrust.uncertainty import profile
 
 
 def line_log(count=12, seed=0, noise=0.02):

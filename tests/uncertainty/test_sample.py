@@ -10,12 +10,12 @@ import pytest
 from posterior_cases import TRUE, exact_line, line, thruster_fit, thruster_log
 
 import diffthrust as dft
-from diffthrust.uncertainty._sampling import nuts
-from diffthrust.uncertainty._sampling.arviz import arviz
-from diffthrust.uncertainty._sampling.convergence import Mixing, convergence
-from diffthrust.uncertainty._sampling.moves import independent_proposals, learned
-from diffthrust.uncertainty._sampling.posterior import Posterior
-from diffthrust.uncertainty._sampling.sample import sample
+from diffthrust.uncertainty import convergence, sample
+from diffthrust.uncertainty._sampling import nuts  # private: its caches
+from diffthrust.uncertainty._sampling.arviz import arviz  # private: without its warning
+from diffthrust.uncertainty._sampling.convergence import Mixing  # private: the words of a status
+from diffthrust.uncertainty._sampling.moves import independent_proposals, learned  # private
+from diffthrust.uncertainty._sampling.posterior import Posterior  # private: made to fail
 
 matplotlib.use("Agg")
 
@@ -142,11 +142,11 @@ def test_equal_seeds_give_equal_draws():
 def test_nuts_compiles_once_for_any_log_of_the_same_length():
     fit, log = thruster_fit()
     sample(fit, log, method="nuts", **SHORT["nuts"])
-    before = nuts._draw._cache_size(), nuts._adapt._cache_size()
+    before = nuts.draw_block._cache_size(), nuts.warm_up._cache_size()
     other = thruster_log(seed=7)
     theirs = dft.fit(dft.Thruster(**TRUE), other, starts=4, substeps=1)
     sample(theirs, other, method="nuts", **SHORT["nuts"])
-    assert (nuts._draw._cache_size(), nuts._adapt._cache_size()) == before
+    assert (nuts.draw_block._cache_size(), nuts.warm_up._cache_size()) == before
 
 
 def test_the_independent_proposal_keeps_a_law_that_is_not_its_own():

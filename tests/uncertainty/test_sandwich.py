@@ -8,10 +8,10 @@ from reference import noise
 from short_logs import MODEL, TRUE, fitted, made_log
 
 import diffthrust as dft
-from diffthrust.estimation._rebuild import problem_of
-from diffthrust.estimation._solver import solve
-from diffthrust.uncertainty._sandwich import sandwich
-from diffthrust.uncertainty._scores import sample_scores, summed
+from diffthrust.estimation._rebuild import problem_of  # private: the problem of a fit
+from diffthrust.estimation._solver import solve  # private: the gradient
+from diffthrust.uncertainty import sandwich
+from diffthrust.uncertainty._scores import sample_scores, summed  # private: the parts alone
 
 
 def test_scores_sum_to_the_gradient_and_their_curvature_is_the_fits():

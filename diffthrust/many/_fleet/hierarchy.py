@@ -77,7 +77,7 @@ class Hierarchy(NamedTuple):
             total += jnp.sum(_exact(kind, group, theta, others))
         return total
 
-    def told(self, data: Any, v: Any) -> Any:
+    def kept(self, data: Any, v: Any) -> Any:
         """The law's mean and standard deviations, the vehicles, and the law's weight in each."""
         mean, root, _ = self._law(data, v)
         end = self.law + self.vehicles * self.parameters

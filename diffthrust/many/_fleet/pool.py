@@ -58,8 +58,8 @@ def pool_vehicles(
     )
     if progress:
         progress("done", 1.0)
-    post = _posterior(ruler, evidence, walked.told, walked.stats, correlated, seed)
-    weight = np.mean(walked.told["weight"], axis=(0, 1))
+    post = _posterior(ruler, evidence, walked.kept, walked.stats, correlated, seed)
+    weight = np.mean(walked.kept["weight"], axis=(0, 1))
     return Pooled(fleet, ruler, tuple(evidence), post, weight, level, (*notes, *more))
 
 
@@ -111,7 +111,7 @@ def _ruler(fleet: Estimates, names: Sequence[str]) -> Ruler:
 def _posterior(
     ruler: Ruler,
     evidence: Sequence[VehicleEvidence],
-    told: Mapping[str, np.ndarray],
+    kept: Mapping[str, np.ndarray],
     stats: Mapping[str, np.ndarray],
     correlated: bool,
     seed: int,
@@ -123,16 +123,16 @@ def _posterior(
 
     draw, series = ("chain", "draw"), {}
     vehicles = [one.vehicle for one in evidence]
-    theta, mean = ruler.values(told["theta"]), ruler.values(told["mean"])
+    theta, mean = ruler.values(kept["theta"]), ruler.values(kept["mean"])
     for i, axis in enumerate(ruler.axes):
-        spread = axis.typical * told["spread"][..., i]
+        spread = axis.typical * kept["spread"][..., i]
         unit = "of the logarithm" if axis.log else axis.unit
         series[axis.name] = ((*draw, "vehicle"), theta[..., i], {"unit": axis.unit})
         series[f"{axis.name}.mean"] = (draw, mean[..., i], {"unit": axis.unit})
         series[f"{axis.name}.between"] = (draw, spread, {"unit": unit})
         for j in range(i if correlated else 0):
             name = f"correlation.{ruler.axes[j].name}.{axis.name}"
-            series[name] = (draw, told["correlation"][..., j, i], {"unit": ""})
+            series[name] = (draw, kept["correlation"][..., j, i], {"unit": ""})
     chains, count = theta.shape[:2]
     coords = {"chain": np.arange(chains), "draw": np.arange(count)}
     attrs = {"method": "nuts", "seed": seed}

@@ -90,7 +90,7 @@ def band_of(
         noisy_low, noisy_high = np.quantile(shown[whole], [tails[0], tails[2]], axis=0)
     elif sigma is not None:
         law = LOSSES[drawn.loss]
-        ends = [_mixed(law, mean[fine], sigma[fine], p) for p in (tails[0], tails[2])]
+        ends = [mixed_quantile(law, mean[fine], sigma[fine], p) for p in (tails[0], tails[2])]
         noisy_low, noisy_high = (np.asarray(end) for end in ends)
     measured = log.values(channel, unit)
     if channel in drawn.model.angles:
@@ -105,7 +105,7 @@ def band_of(
 
 
 @partial(jax.jit, static_argnums=0)
-def _mixed(law: Law, centre: Any, scale: Any, probability: Any) -> Any:
+def mixed_quantile(law: Law, centre: Any, scale: Any, probability: Any) -> Any:
     """A quantile of what is measured: the noise of every draw about its prediction, mixed.
 
     Args:

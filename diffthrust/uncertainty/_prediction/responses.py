@@ -77,7 +77,7 @@ def responses(
 
     def run(values: Mapping[str, float], ends: np.ndarray) -> tuple[np.ndarray, ...]:
         at = {n: jnp.asarray(float(v)) for n, v in values.items()}
-        parts = _steps(
+        parts = step_responses(
             key, grid, (drive, output), at, jnp.asarray(ends), jnp.asarray(sizes), others
         )
         return tuple(np.asarray(part) for part in parts)
@@ -143,7 +143,7 @@ def _durations(model: Model, run: Any, values: Mapping[str, float], sizes: Any) 
 
 
 @partial(jax.jit, static_argnums=(0, 1, 2))
-def _steps(
+def step_responses(
     key: Key, grid: Grid, names: tuple[str, str], values: Any, ends: Any, sizes: Any, others: Any
 ) -> Any:
     drive, output = names

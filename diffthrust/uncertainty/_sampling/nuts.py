@@ -105,7 +105,7 @@ class Target(Protocol):
         """Log density at a point ``(d,)``, without constants; differentiable."""
         ...
 
-    def told(self, data: Any, v: Any) -> Any:
+    def kept(self, data: Any, v: Any) -> Any:
         """What is kept of a point: any arrays."""
         ...
 
@@ -119,7 +119,7 @@ class _Unbounded(NamedTuple):
     def density(self, data: Any, v: Any) -> Any:
         return smooth(self.shape, self.box, data, v)
 
-    def told(self, data: Any, v: Any) -> Any:
+    def kept(self, data: Any, v: Any) -> Any:
         return to_coordinates(self.box, data, v)
 
 
@@ -131,7 +131,8 @@ def _mixing() -> Iterator[None]:
 
 
 @partial(jax.jit, static_argnums=0)
-def _adapt(static: tuple[Target, int], numbers: Any) -> Any:
+def warm_up(static: tuple[Target, int], numbers: Any) -> Any:
+    """Step and metric of each chain, and where it stands after the warmup."""
     import blackjax
     from blackjax.adaptation.base import get_filter_adapt_info_fn
 
@@ -150,7 +151,8 @@ def _adapt(static: tuple[Target, int], numbers: Any) -> Any:
 
 
 @partial(jax.jit, static_argnums=0)
-def _draw(target: Target, numbers: Any) -> Any:
+def draw_block(target: Target, numbers: Any) -> Any:
+    """A block of draws of each chain."""
     import blackjax
 
     data, state, step, mass, keys = numbers
@@ -161,7 +163,7 @@ def _draw(target: Target, numbers: Any) -> Any:
         def turn(state: Any, key: Any) -> Any:
             state, info = kernel(key, state, density, step, mass)
             stats = (info.is_divergent, info.acceptance_rate, info.num_integration_steps)
-            return state, (target.told(data, state.position), state.logdensity, stats)
+            return state, (target.kept(data, state.position), state.logdensity, stats)
 
         return jax.lax.scan(turn, state, keys)
 
@@ -170,9 +172,9 @@ def _draw(target: Target, numbers: Any) -> Any:
 
 
 class Walked(NamedTuple):
-    """Draws of a target, each ``(chains, draws, ...)``: what it told, log densities, figures."""
+    """Draws of a target, each ``(chains, draws, ...)``: what was kept, log densities, figures."""
 
-    told: Any
+    kept: Any
     log_prob: np.ndarray
     stats: dict[str, np.ndarray]
 
@@ -207,19 +209,19 @@ def sample_target(
     starts = jax.random.normal(begin, (chains, dim))
     tell("warmup", 0.0)
     keys = jax.random.key_data(jax.random.split(adapt, chains))
-    state, step, mass = run(_adapt, (target, warmup), (data, starts, keys), rows=chains)
+    state, step, mass = run(warm_up, (target, warmup), (data, starts, keys), rows=chains)
     parts = []
     for block in range(-(-draws // _BLOCK)):
         tell("drawing", (warmup + block * _BLOCK) / (warmup + draws))
         keys = jax.random.split(jax.random.fold_in(on, block), (chains, _BLOCK))
         numbers = (data, state, step, mass, jax.random.key_data(keys))
-        state, block_draws = run(_draw, target, numbers, rows=chains)
+        state, block_draws = run(draw_block, target, numbers, rows=chains)
         parts.append(jax.tree.map(np.asarray, block_draws))
-    told, log_prob, (diverging, rate, steps) = jax.tree.map(
+    kept, log_prob, (diverging, rate, steps) = jax.tree.map(
         lambda *part: np.concatenate(part, axis=1)[:, :draws], *parts
     )
     stats = {"diverging": diverging, "acceptance_rate": rate, "n_steps": steps}
-    return Walked(told, log_prob, stats)
+    return Walked(kept, log_prob, stats)
 
 
 def run_nuts(
