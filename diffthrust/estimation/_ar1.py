@@ -186,22 +186,22 @@ def linked(time: np.ndarray, measured: np.ndarray, anew: np.ndarray, step: float
 
 def _gaps(links: Sequence[Links]) -> Gaps:
     """The gaps of all logs."""
-    found = []
+    by_channel = []
     for channel in zip(*(np.moveaxis(np.asarray(b.gap), 1, 0) for b in links), strict=True):
         all_gaps = np.concatenate([part.ravel() for part in channel])
         finite = all_gaps[all_gaps < _FAR]
         size = 10.0 ** np.floor(np.log10(finite))
         rounded = np.round(finite / size, _DIGITS - 1) * size
         _, first, counts = np.unique(rounded, return_index=True, return_counts=True)
-        found.append((finite[first], counts))
-    widest = max(steps.size for steps, _ in found)
+        by_channel.append((finite[first], counts))
+    widest = max(steps.size for steps, _ in by_channel)
 
     def padded(values: np.ndarray, fill: float) -> np.ndarray:
         return np.concatenate([values, np.full(widest - values.size, fill)])
 
     return Gaps(
-        steps=np.stack([padded(steps, _FAR) for steps, _ in found]),
-        counts=np.stack([padded(counts.astype(float), 0.0) for _, counts in found]),
+        steps=np.stack([padded(steps, _FAR) for steps, _ in by_channel]),
+        counts=np.stack([padded(counts.astype(float), 0.0) for _, counts in by_channel]),
     )
 
 

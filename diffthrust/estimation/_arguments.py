@@ -19,13 +19,13 @@ def listed(logs: Any) -> tuple[Log, ...]:
     Raises:
         InputError: something else than logs.
     """
-    found = (logs,) if isinstance(logs, Log) else logs
-    if not isinstance(found, Sequence) or not all(isinstance(log, Log) for log in found):
+    several = (logs,) if isinstance(logs, Log) else logs
+    if not isinstance(several, Sequence) or not all(isinstance(log, Log) for log in several):
         raise InputError(
             f"Expected a Log or a sequence of them, found {type(logs).__name__}.",
             "Read a file with dft.read_log, or make a dft.Log.",
         )
-    return tuple(found)
+    return tuple(several)
 
 
 def by_input(what: str, given: Any, model: Model, example: str) -> dict[str, Any]:

@@ -46,10 +46,10 @@ def build(
     likelihood = SimulationError() if likelihood is None else likelihood
     channels = measured_outputs(model, logs)
     if not channels:
-        found = sorted({name for log in logs for name in log.measured})
+        measured = sorted({name for log in logs for name in log.measured})
         raise InputError(
             f"No log measures an output of '{model.name}': expected one of "
-            f"{listing(model.outputs)}, found {listing(found) or 'none'}.",
+            f"{listing(model.outputs)}, found {listing(measured) or 'none'}.",
             "Map a column to one of these channels.",
         )
     logs = tuple(bridged(log)[0] for log in logs)
@@ -164,14 +164,14 @@ def _spread(model: Model, logs: Sequence[Log], name: str) -> float:
 def _known_noise(model: Model, logs: Sequence[Log], channels: Sequence[str]) -> list[float | None]:
     known: list[float | None] = []
     for name in channels:
-        given = {log.noise_in(name, model.outputs[name]) for log in logs if name in log.measured}
-        if len(given) > 1:
+        levels = {log.noise_in(name, model.outputs[name]) for log in logs if name in log.measured}
+        if len(levels) > 1:
             raise InputError(
                 f"Channel '{name}': the logs give different noise levels "
-                f"({', '.join(map(str, sorted(given, key=str)))}).",
+                f"({', '.join(map(str, sorted(levels, key=str)))}).",
                 "Give every log the same noise, or none to have it estimated.",
             )
-        known.append(given.pop())
+        known.append(levels.pop())
     return known
 
 
@@ -207,7 +207,7 @@ def _batch(
             return np.concatenate([values, np.repeat(values[-1:], extra)])
         return np.concatenate([values, np.full(extra, np.nan)])
 
-    given = [inputs_of(model, log) for log in logs]
+    inputs = [inputs_of(model, log) for log in logs]
     measured = np.full((len(logs), len(channels), length), np.nan)
     for row, log in enumerate(logs):
         for column, name in enumerate(channels):
@@ -224,7 +224,7 @@ def _batch(
     }
     return Batch(
         time=np.stack([padded(log.time, "edge") for log in logs]),
-        inputs={n: np.stack([padded(g[n], "edge") for g in given]) for n in given[0]},
+        inputs={n: np.stack([padded(g[n], "edge") for g in inputs]) for n in inputs[0]},
         measured=measured,
         start=np.array([[f[n] for n in starts] for f in first]).reshape(len(logs), len(starts)),
         held={n: np.array([f[n] for f in first]) for n in first[0] if n not in starts},

@@ -235,18 +235,18 @@ def _pass(task: _Task, model: Model, substeps: int) -> _Optimum:
     begin = horizons[0] is None
     problem, silent, first = without_silent(problem, arrange, task.rng, begin)
     hold = task.initial == "auto"
-    found, final = through(problem, horizons, hold, task.starts, task.rng, task.progress, first)
+    search, final = through(problem, horizons, hold, task.starts, task.rng, task.progress, first)
     length = horizons[-1]
     if task.automatic and horizons != (None,):
-        found, final, length, notes = whole_runs(found, final, length)
+        search, final, length, notes = whole_runs(search, final, length)
     if task.likelihood.corrects:
-        found, final = refined(found, final)
-    model = final.model_at(found.best.z)
-    states = tuple(final.initial_states(found.best.z))
-    failed = not np.isfinite(found.best.quadratic.cost)
+        search, final = refined(search, final)
+    model = final.model_at(search.best.z)
+    states = tuple(final.initial_states(search.best.z))
+    failed = not np.isfinite(search.best.quadratic.cost)
     runs = runs_over(model, task.logs, initial=None if failed else states, substeps=substeps)
     needed = _substeps(model, runs)
-    return _Optimum(found, final, length, silent, model, states, runs, substeps, needed, notes)
+    return _Optimum(search, final, length, silent, model, states, runs, substeps, needed, notes)
 
 
 def _judged(optimum: _Optimum, again: tuple[str, ...]) -> dict[str, Any]:

@@ -64,28 +64,28 @@ def through(
     the first horizon where it was begun already.
     """
     stage = restarts(problem, horizons[0], hold=hold and horizons[0] is not None)
-    found = search(stage, starts, rng, progress, first)
+    ended = search(stage, starts, rng, progress, first)
     for horizon in horizons[1:]:
         stage = restarts(problem, horizon, hold=hold and horizon is not None)
         if progress:
             progress(f"segments of {horizon:g} s" if horizon else "whole runs", 1.0)
-        found = found.followed(stage)
-    return found, stage
+        ended = ended.followed(stage)
+    return ended, stage
 
 
 def whole_runs(
-    found: Search, stage: Problem, horizon: float | None
+    ended: Search, stage: Problem, horizon: float | None
 ) -> tuple[Search, Problem, float | None, tuple[str, ...]]:
     """Go on to whole runs where the model holds over them as well as over segments.
 
     Where it does not, the error of whole runs is mostly what accumulates from a missing effect or
     from random forces, and fitting it would bend the parameters; a note says so.
     """
-    if not np.isfinite(found.best.quadratic.cost):
-        return found, stage, horizon, ()
+    if not np.isfinite(ended.best.quadratic.cost):
+        return ended, stage, horizon, ()
     entire = restarts(stage, None)
-    further = found.followed(entire)
-    growth = further.best.quadratic.sigma / found.best.quadratic.sigma
+    further = ended.followed(entire)
+    growth = further.best.quadratic.sigma / ended.best.quadratic.sigma
     if np.isfinite(further.best.quadratic.cost) and np.all(growth <= _GROWTH):
         return further, entire, None, ()
     worst = int(np.argmax(np.nan_to_num(growth, nan=np.inf)))
@@ -94,4 +94,4 @@ def whole_runs(
         f"'{stage.layout.channels[worst]}' is {growth[worst]:.1f} times as large, so something is "
         "missing from the model or random forces act."
     )
-    return found, stage, horizon, (note,)
+    return ended, stage, horizon, (note,)

@@ -28,36 +28,36 @@ _SHARE = 1e-3
 """Gradients are compared so many standard errors to either side."""
 
 
-def refined(found: Search, problem: Problem) -> tuple[Search, Problem]:
+def refined(search: Search, problem: Problem) -> tuple[Search, Problem]:
     """The search of a fit carried to its end, with large errors limited where the law forgives."""
     if problem.layout.likelihood.law.forgiving:
-        found, problem = _clipped(found, problem)
-    return _polished(found, problem), problem
+        search, problem = _clipped(search, problem)
+    return _polished(search, problem), problem
 
 
-def _clipped(found: Search, problem: Problem) -> tuple[Search, Problem]:
+def _clipped(search: Search, problem: Problem) -> tuple[Search, Problem]:
     """The search carried on with errors limited to a few times what they are.
 
     A spike then moves the states no further than a large error does. Where large errors are no
     spikes, they move the states further.
     """
     for _ in range(2):
-        problem = with_clip(problem, CLIP * found.best.quadratic.sigma)
-        found = found.followed(problem)
+        problem = with_clip(problem, CLIP * search.best.quadratic.sigma)
+        search = search.followed(problem)
     wide = with_clip(problem, problem.numbers.clip, reach=WIDE)
-    freer = found.followed(wide)
-    if freer.best.quadratic.cost < found.best.quadratic.cost - REAL:
+    freer = search.followed(wide)
+    if freer.best.quadratic.cost < search.best.quadratic.cost - REAL:
         return freer, wide
-    return found, problem
+    return search, problem
 
 
-def _polished(found: Search, problem: Problem) -> Search:
+def _polished(search: Search, problem: Problem) -> Search:
     """The search with its best optimum carried to the end by Newton's method.
 
     Gains and memories lie on flat ridges, where the Gauss-Newton curvature is no guide and a search
     creeps. The curvature is taken from differences of the gradient over a small share of an error.
     """
-    (best, count), *others = found.optima
+    (best, count), *others = search.optima
     for _ in range(_NEWTON):
         if best.done or not np.isfinite(best.quadratic.cost):
             break
@@ -65,7 +65,7 @@ def _polished(found: Search, problem: Problem) -> Search:
         if further is None:
             break
         best = further
-    return replace(found, optima=((best, count), *others))
+    return replace(search, optima=((best, count), *others))
 
 
 def _newton(problem: Problem, at: Solved) -> Solved | None:
@@ -97,11 +97,11 @@ def _newton(problem: Problem, at: Solved) -> Solved | None:
 def disturbance_of(problem: Problem, z: np.ndarray) -> dict[str, Estimate]:
     """The observer's gains and memories, without standard errors."""
     values = problem.values(z)
-    found = {}
+    estimates = {}
     for name, p in problem.nuisance.items():
         touching = any(np.isclose(values[name], end, rtol=1e-9, atol=1e-9) for end in p.limits)
-        found[name] = Estimate(values[name], None, p.unit, fixed=False, at_bound=touching)
-    return found
+        estimates[name] = Estimate(values[name], None, p.unit, fixed=False, at_bound=touching)
+    return estimates
 
 
 def limits_of(problem: Problem) -> dict[str, float]:
@@ -119,7 +119,7 @@ def one_step(fit: Fit, logs: Sequence[Log], substeps: int = 1) -> list[dict[str,
     Raises:
         InputError: the logs measure no state.
     """
-    found = fit.disturbance or {}
+    estimates = fit.disturbance or {}
     problem = build(
         fit.model,
         logs,
@@ -130,7 +130,7 @@ def one_step(fit: Fit, logs: Sequence[Log], substeps: int = 1) -> list[dict[str,
     nuisance = {}
     for name, p in problem.nuisance.items():
         absent = p.value if is_memory(name) else 0.0
-        nuisance[name] = p.with_value(found[name].value if name in found else absent)
+        nuisance[name] = p.with_value(estimates[name].value if name in estimates else absent)
     problem = replace(problem, nuisance=nuisance)
     if fit.limits is not None:
         large = [fit.limits.get(name, np.inf) for name in problem.layout.channels]

@@ -77,15 +77,15 @@ def residuals(
 
 def errors_at(problem: Problem, z: np.ndarray) -> list[dict[str, np.ndarray]]:
     """The residuals that a likelihood sums, ``(T,)`` by log and channel; NaN where not measured."""
-    done = _errors(problem.layout, problem.numbers, jnp.asarray(z))
-    found: dict[int, dict[str, np.ndarray]] = {}
-    for rests, batch, indices in zip(done, problem.numbers.batches, problem.order, strict=True):
+    by_batch = _errors(problem.layout, problem.numbers, jnp.asarray(z))
+    by_log: dict[int, dict[str, np.ndarray]] = {}
+    for rests, batch, indices in zip(by_batch, problem.numbers.batches, problem.order, strict=True):
         rests = np.where(np.isnan(batch.measured), np.nan, rests)
         for row, index in enumerate(indices):
             log = problem.logs[index]
             by_channel = zip(problem.layout.channels, rests[row, :, : len(log)], strict=True)
-            found[index] = {name: rest for name, rest in by_channel if name in log.measured}
-    return [found[index] for index in range(len(problem.logs))]
+            by_log[index] = {name: rest for name, rest in by_channel if name in log.measured}
+    return [by_log[index] for index in range(len(problem.logs))]
 
 
 @partial(jax.jit, static_argnums=0)
@@ -222,6 +222,6 @@ def gram(series: Sequence[Any]) -> Any:
         lambda one, other: tuple(a + b for a, b in zip(one, other, strict=True)),
         (1, 2),
     )
-    found = dict(zip(pairs, sums, strict=True))
-    whole = [[found[max(i, j), min(i, j)] for j in range(k)] for i in range(k)]
+    products = dict(zip(pairs, sums, strict=True))
+    whole = [[products[max(i, j), min(i, j)] for j in range(k)] for i in range(k)]
     return jnp.stack([jnp.stack(row, axis=-1) for row in whole], axis=-2)

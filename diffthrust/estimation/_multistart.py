@@ -141,8 +141,8 @@ def search(
             break
     if not ended:  # not one start could be simulated
         ended.append(solve(problem, problem.start(), budget=1))
-    found = _distinct([(solved, 1) for solved in ended])
-    return Search(_mirrored(problem, found), total)
+    optima = _distinct([(solved, 1) for solved in ended])
+    return Search(_mirrored(problem, optima), total)
 
 
 def _distinct(ended: list[tuple[Solved, int]]) -> tuple[tuple[Solved, int], ...]:

@@ -66,7 +66,7 @@ class Observer:
 
     def parameters(self, duration: float, step: float) -> dict[str, Parameter]:
         """The gains and memories, by name, with values to start from."""
-        found: dict[str, Parameter] = {}
+        named: dict[str, Parameter] = {}
         longest = (0.5 * step, 10.0 * duration)
 
         def gain(value: float, own: bool = True) -> Parameter:
@@ -80,16 +80,16 @@ class Observer:
 
         for state, sources in self.corrected:
             for c in sources:
-                found[f"noise.{state}.gain.{c}"] = gain(0.2, state == c)
+                named[f"noise.{state}.gain.{c}"] = gain(0.2, state == c)
                 if state in self.forced:
-                    found[f"noise.{state}.drift.{c}"] = gain(0.05, state == c)
+                    named[f"noise.{state}.drift.{c}"] = gain(0.05, state == c)
             if state in self.forced:
-                found[f"noise.{state}.memory"] = memory(1.0, self.still)
+                named[f"noise.{state}.memory"] = memory(1.0, self.still)
         for c in self.channels:
             whole = Parameter(1.0, "", (0.0, 1.0), size=0.3, fixed=True)
-            found[f"noise.{c}.colour"] = whole if self.still else gain(0.2)
-            found[f"noise.{c}.correlation"] = memory(5 * step)
-        return found
+            named[f"noise.{c}.colour"] = whole if self.still else gain(0.2)
+            named[f"noise.{c}.correlation"] = memory(5 * step)
+        return named
 
 
 def observer_of(
@@ -107,12 +107,12 @@ def observer_of(
     reads more than the present sample. Where no state is measured nothing is corrected, and the
     errors of the outputs keep their colour.
     """
-    own = [n for n in model.states if n not in log.inputs]
-    fed = tuple(n for n in own if n in channels and n not in remembering)
+    free = [n for n in model.states if n not in log.inputs]
+    fed = tuple(n for n in free if n in channels and n not in remembering)
     rates, _ = slopes_at(model, log)
     corrected = tuple(
         (n, (n,) if n in fed else fed)
-        for n in own
+        for n in free
         if n in fed or any(rates[m][0][n] != 0 for m in fed)
     )
     forced = tuple(
@@ -217,29 +217,29 @@ class Correction:
         s = Signals({**state, **u})
         _, outputs = equations_of(self.model, s, Ports(self.model.effects, s))
         sensor = Ports(self.model.effects, s.also(outputs))
-        told, errors = {}, {}
+        seen, errors = {}, {}
         for c in o.fed:
             modelled = sensor(c, outputs[c])
             e = self.error(c, modelled, row[c], state[f"colour.{c}"])
             i = o.channels.index(c)
-            told[c] = limited(e, self.limit[i])
+            seen[c] = limited(e, self.limit[i])
             toward = jnp.where(self.unsigned[i], direction(modelled, self.clip[i]), 1.0)
-            errors[c] = toward * told[c]
+            errors[c] = toward * seen[c]
         new = dict(state)
         for name, sources in o.corrected:
-            own = name in o.fed
-            pace = 1.0 if own else row["rate"]
+            measured = name in o.fed
+            pace = 1.0 if measured else row["rate"]
             new[name] = new[name] + pace * sum(
                 v[f"noise.{name}.gain.{c}"] * errors[c] for c in sources
             )
             if name in o.forced:
-                pace = row["rate"] if own else row["rate"] ** 2
+                pace = row["rate"] if measured else row["rate"] ** 2
                 drift = sum(v[f"noise.{name}.drift.{c}"] * errors[c] for c in sources)
                 new[f"drift.{name}"] = row[f"drift.{name}"] * (
                     state[f"drift.{name}"] + pace * drift
                 )
         for c in o.fed:
-            held = state[f"colour.{c}"] + v[f"noise.{c}.colour"] * told[c]
+            held = state[f"colour.{c}"] + v[f"noise.{c}.colour"] * seen[c]
             new[f"colour.{c}"] = row[f"colour.{c}"] * held
         return new
 
@@ -294,18 +294,18 @@ def innovations(
     ahead = read_out(model, Signals({**path, **signals}))
     corrected = run.correct(path, signals, run.rows)
     after = read_out(model, Signals({**corrected, **signals}))
-    told = {f"moved.{n}": corrected[n] - path[n] for n, _ in observer.corrected}
-    told |= {f"pushed.{n}": corrected[f"drift.{n}"] for n in observer.forced}
+    noted = {f"moved.{n}": corrected[n] - path[n] for n, _ in observer.corrected}
+    noted |= {f"pushed.{n}": corrected[f"drift.{n}"] for n in observer.forced}
     errors = []
     for c in observer.channels:
         modelled = ahead[c] if c in observer.fed else after[c]
-        told[f"rest.{c}"] = rest = run.error(c, modelled, run.rows[c], 0.0)
+        noted[f"rest.{c}"] = rest = run.error(c, modelled, run.rows[c], 0.0)
         if c in observer.fed:
             errors.append(run.error(c, modelled, run.rows[c], path[f"colour.{c}"]))
         else:
             gain, limit = values[f"noise.{c}.colour"], run.limit[observer.channels.index(c)]
             errors.append(_whitened(rest, run.rows[c], gain, run.rows[f"colour.{c}"], limit))
-    return jnp.stack(errors), {**path, **told}
+    return jnp.stack(errors), {**path, **noted}
 
 
 def _whitened(rest: Any, measured: Any, gain: Any, kept: Any, limit: Any) -> Any:

@@ -44,19 +44,19 @@ def passes(problem: Problem, z: np.ndarray | None = None) -> list[Pass]:
         z: coordinates, initial states included; the problem's own values where ``None``.
     """
     z = problem.start() if z is None else z
-    found: dict[int, Pass] = {}
+    by_log: dict[int, Pass] = {}
     batches = problem.numbers.batches
-    done, _ = _pass(problem.layout, problem.numbers, jnp.asarray(z))
-    for batch, indices, (errors, path) in zip(batches, problem.order, done, strict=True):
+    by_batch, _ = _pass(problem.layout, problem.numbers, jnp.asarray(z))
+    for batch, indices, (errors, path) in zip(batches, problem.order, by_batch, strict=True):
         measured = np.asarray(batch.measured)
         errors = np.where(np.isnan(measured), np.nan, errors)
         series = {**batch.inputs, **path, "time": batch.time}
         series = {name: np.asarray(values) for name, values in series.items()}
         for row, index in enumerate(indices):
             size = len(problem.logs[index])
-            own = {name: values[row, :size] for name, values in series.items()}
-            found[index] = Pass(errors[row, :, :size], measured[row, :, :size], own)
-    return [found[index] for index in range(len(problem.logs))]
+            signals = {name: values[row, :size] for name, values in series.items()}
+            by_log[index] = Pass(errors[row, :, :size], measured[row, :, :size], signals)
+    return [by_log[index] for index in range(len(problem.logs))]
 
 
 def settled_start(problem: Problem) -> Problem:
@@ -99,13 +99,13 @@ def cost(problem: Problem) -> float:
 
 def nrmse(problem: Problem) -> float:
     """Root mean over the channels of squared errors over variance of the measurement."""
-    done = passes(problem)
+    logs = passes(problem)
     ratios = []
     for i in range(len(problem.layout.channels)):
-        errors = np.concatenate([one.errors[i] for one in done])
+        errors = np.concatenate([one.errors[i] for one in logs])
         seen = np.isfinite(errors)
         if seen.any():
-            measured = np.concatenate([one.measured[i] for one in done])[seen]
+            measured = np.concatenate([one.measured[i] for one in logs])[seen]
             ratios.append(np.mean(errors[seen] ** 2) / np.var(measured))
     return float(np.sqrt(np.mean(ratios)))
 

@@ -27,15 +27,15 @@ _SAME = 1e-6
 
 def mark_of(fit: Fit) -> str:
     """A short mark of a fit, by which a posterior of it is known."""
-    told = [fit.log_likelihood, fit.likelihood, fit.loss, fit.noise_model]
-    told += [(n, e.value, e.fixed) for n, e in sorted(fit.parameters.items())]
-    return hashlib.sha256(repr((str(fit.model), told)).encode()).hexdigest()[:16]
+    facts = [fit.log_likelihood, fit.likelihood, fit.loss, fit.noise_model]
+    facts += [(n, e.value, e.fixed) for n, e in sorted(fit.parameters.items())]
+    return hashlib.sha256(repr((str(fit.model), facts)).encode()).hexdigest()[:16]
 
 
 def check_mark(post: Any, fit: Fit, what: str) -> None:
     """Raise `InputError` for a posterior of another fit; one without a mark is taken on trust."""
-    found = getattr(post.posterior, "attrs", {}).get("fit")
-    if found is not None and found != mark_of(fit):
+    mark = getattr(post.posterior, "attrs", {}).get("fit")
+    if mark is not None and mark != mark_of(fit):
         raise InputError(
             f"{what}: this posterior was drawn from another fit (other estimates, logs or noise).",
             "Give the fit that was sampled, or sample this one.",
@@ -84,9 +84,9 @@ def problem_of(fit: Fit, logs: Log | Sequence[Log]) -> tuple[Problem, np.ndarray
     )
     if fit.limits is not None:
         problem = with_clip(problem, [fit.limits[c] for c in problem.layout.channels], fit.reach)
-    found = fit.disturbance or {}
+    estimates = fit.disturbance or {}
     nuisance = {
-        name: p.with_value(found[name].value) if name in found else p
+        name: p.with_value(estimates[name].value) if name in estimates else p
         for name, p in problem.nuisance.items()
     }
     problem = restarts(replace(problem, nuisance=nuisance), fit.horizon, hold=fit.held)

@@ -85,14 +85,14 @@ class Fit:
             >>> dft.fit(fit.model + effect, logs, **fit.options)
         """
         kept = ("likelihood", "loss", "noise_model")
-        found: dict[str, Any] = {name: getattr(self, name) for name in kept}
+        arguments: dict[str, Any] = {name: getattr(self, name) for name in kept}
         if self.horizon is not None:
-            found["horizon"] = self.horizon
+            arguments["horizon"] = self.horizon
         if not any(self.initial):
-            found["initial"] = "measured"
+            arguments["initial"] = "measured"
         elif self.horizon is not None and not self.held:
-            found["initial"] = "estimate"
-        return found
+            arguments["initial"] = "estimate"
+        return arguments
 
     def report(self) -> str:
         """Parameters, errors, status and notes as text for people."""

@@ -182,14 +182,14 @@ def solve(
     z, layout, numbers = np.clip(z, low, high), problem.layout, problem.numbers
     side_by_side = lanes()
     if side_by_side is None:
-        told = (low, high, np.asarray(budget - 1), np.asarray(tolerance))
-        value, quadratic, done, steps = _solve(layout, numbers, z, *told)
+        bounds = (low, high, np.asarray(budget - 1), np.asarray(tolerance))
+        value, quadratic, done, steps = _solve(layout, numbers, z, *bounds)
         quadratic = Quadratic(*(np.asarray(part) for part in quadratic))
         return Solved(np.asarray(value), quadratic, bool(done), int(steps))
     state = _begin(layout, z)
     while not (state.done or state.failed):
-        given = (numbers, z, state, low, high, np.asarray(budget - 1), np.asarray(tolerance))
-        z, state = side_by_side.ask(_further, layout, given)
+        carried = (numbers, z, state, low, high, np.asarray(budget - 1), np.asarray(tolerance))
+        z, state = side_by_side.ask(_further, layout, carried)
     return Solved(z, state.quadratic, bool(state.done), int(state.steps))
 
 

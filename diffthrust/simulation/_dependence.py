@@ -30,9 +30,9 @@ def states_behind(
 
     def right_hand_side(state: Mapping[str, Any]) -> tuple[Any, ...]:
         s = {**signals, **state}
-        found = rates_of(model, states, state, signals)
+        rates = rates_of(model, states, state, signals)
         series = Signals({n: jax.numpy.broadcast_to(v, (1,)) for n, v in s.items()})
-        return (*(found[n] for n in states), read_out(model, series)[output])
+        return (*(rates[n] for n in states), read_out(model, series)[output])
 
     closed = jax.make_jaxpr(right_hand_side)(numbers)
     felt = _dependence(closed.jaxpr)

@@ -57,16 +57,16 @@ def errors(pairs: Mapping[str, Iterable[tuple[np.ndarray, np.ndarray]]]) -> Erro
     Samples at which either is not finite in the measurement are left out; a residual that is not
     finite where something was measured makes the error infinite: a failed simulation is never good.
     """
-    found = {}
+    by_channel = {}
     for name, runs in pairs.items():
         measured, residual = (np.concatenate(x) for x in zip(*runs, strict=True))
         seen = np.isfinite(measured)
         if seen.all():
             seen = slice(None)  # no copy
         if measured[seen].size:
-            found[name] = _channel(measured[seen], residual[seen])
-    overall = np.sqrt(np.mean([e.nrmse**2 for e in found.values()])) if found else np.nan
-    return Errors(float(overall), found)
+            by_channel[name] = _channel(measured[seen], residual[seen])
+    overall = np.sqrt(np.mean([e.nrmse**2 for e in by_channel.values()])) if by_channel else np.nan
+    return Errors(float(overall), by_channel)
 
 
 def _channel(measured: np.ndarray, residual: np.ndarray) -> ChannelError:

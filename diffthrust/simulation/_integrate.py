@@ -72,14 +72,14 @@ def integrate(
     each = {} if uniform else fast
 
     def body(state: dict[str, Any], x: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        given, step, anew, weights, row = x
+        inputs_now, step, anew, weights, row = x
         weights = fast if uniform else weights
         for name, value in anew.items():
             signed = jnp.where(restart[name][1] & (state[name] < 0), -value, value)
             state = {**state, name: jnp.where(jnp.isnan(value), state[name], signed)}
         if correct:
-            state = correct(state, {name: value[0] for name, value in given.items()}, row)
-        state = advance(rates, state, given, step, weights)
+            state = correct(state, {name: value[0] for name, value in inputs_now.items()}, row)
+        state = advance(rates, state, inputs_now, step, weights)
         return state, state
 
     _, after = jax.lax.scan(body, first, (dict(inputs), steps, values, each, rows))
@@ -109,10 +109,10 @@ def advance(
 
     def slope(state: Mapping[str, Any], u: Mapping[str, Any]) -> dict[str, Any]:
         """The rates; of relaxing states the part that the frozen decay leaves."""
-        found = rates(state, u)
+        slopes = rates(state, u)
         return {
             name: plain_rate(k) + weights[name]["decay"] * state[name] if name in weights else k
-            for name, k in found.items()
+            for name, k in slopes.items()
         }
 
     k1 = {name: plain_rate(k) for name, k in rates(x, early).items()}

@@ -112,10 +112,10 @@ def _run(model: Model, log: Log, start: Mapping[str, float], substeps: int | Non
             theirs = unwrapped(theirs)
             ours = theirs - rest
         channels[name] = Trace(theirs, ours, rest, unit)
-    found = errors({n: [(t.measured, t.residual)] for n, t in channels.items()})
+    by_channel = errors({n: [(t.measured, t.residual)] for n, t in channels.items()})
     signals = {**inputs_of(model, log), **{n: v for n, v in modelled.items() if "." not in n}}
     units = {**model.inputs, **model.optional_inputs, **model.states, **model.outputs}
-    return Run(log.name, log.time, channels, found, log, signals, units, start, substeps)
+    return Run(log.name, log.time, channels, by_channel, log, signals, units, start, substeps)
 
 
 def pooled_errors(runs: Sequence[Run]) -> Errors:

@@ -110,10 +110,10 @@ def rates_of(
     """The rates of the named states, and of those of the effects, from states and inputs."""
     s = Signals({**state, **u})
     port = Ports(model.effects, s)
-    own, _ = equations_of(model, s, port)
-    found = {**own, **port.rates}
-    expect(f"{type(model).__name__}.equations", "rate of the state", states, found)
-    return found
+    of_model, _ = equations_of(model, s, port)
+    every = {**of_model, **port.rates}
+    expect(f"{type(model).__name__}.equations", "rate of the state", states, every)
+    return every
 
 
 def read_out(model: Model, s: Signals) -> dict[str, Any]:
@@ -152,26 +152,26 @@ def driven(model: Model, time: Any, inputs: Mapping[str, Any]) -> tuple[dict[str
 
 def arriving(model: Model, time: Any, inputs: Mapping[str, Any]) -> dict[str, Any]:
     """Inputs as they reach the model through the effects on them: series, or one sample of each."""
-    given = dict(inputs)
+    arrived = dict(inputs)
     for effect in model.effects:  # one after the other: some read several channels
-        outer = Ports((effect,), Signals({**given, "time": time}))
-        given = {name: outer(name, value) for name, value in given.items()}
-    return given
+        outer = Ports((effect,), Signals({**arrived, "time": time}))
+        arrived = {name: outer(name, value) for name, value in arrived.items()}
+    return arrived
 
 
 def equations_of(model: Model, s: Signals, port: Ports) -> tuple[Mapping[str, Any], ...]:
     """The rates and outputs of a model's equations, checked for their form."""
     where = f"{type(model).__name__}.equations"
     with elementwise(where):
-        found = model.equations(s, port)
-    pair = isinstance(found, tuple) and len(found) == 2
-    if not (pair and all(isinstance(part, Mapping) for part in found)):
-        kind = [type(part).__name__ for part in found] if isinstance(found, tuple) else found
+        parts = model.equations(s, port)
+    pair = isinstance(parts, tuple) and len(parts) == 2
+    if not (pair and all(isinstance(part, Mapping) for part in parts)):
+        kind = [type(part).__name__ for part in parts] if isinstance(parts, tuple) else parts
         raise InputError(
             f"{where}: expected two mappings, of the rates and of the outputs; found {kind}.",
             "Write return {state: rate}, {output: value}.",
         )
-    return found
+    return parts
 
 
 def starting_point(model: Model, first: Signals, given: Mapping[str, Any]) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from diffthrust.estimation._registry import LIKELIHOODS, NOISES
+from diffthrust.estimation._registry import LIKELIHOODS, NOISE_MODELS
 from diffthrust.estimation._result import Fit
 from diffthrust.uncertainty._intervals_row import Interval
 from diffthrust.uncertainty._profile_curve import LOPSIDED, Profile
@@ -45,7 +45,7 @@ class Evidence:
 
 def heading(fit: Fit, lag: float, correlated: bool, sandwich: bool) -> str:
     """The recommendation, with its reason."""
-    lasting = NOISES[fit.noise_model].lasts
+    lasting = NOISE_MODELS[fit.noise_model].lasts
     if correlated:
         kind = "What is new in the noise is" if lasting else "Residuals are"
         mend = "something is missing from the model" if lasting else _mend(fit)
