@@ -16,6 +16,7 @@ from diffthrust._support.names import listing
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._inputs import bridged, hold_of, inputs_of, measured_start
+from diffthrust.simulation._remembered import remembered
 from diffthrust.simulation._trajectory import Grid, Key, driven, trajectory
 
 
@@ -37,12 +38,20 @@ def simulate_fixed(
 ) -> dict[str, np.ndarray]:
     """As `simulate`, with so many integrator steps per sample."""
     start = {**measured_start(model, log), **checked_initial(model, initial)}
+    key, values = Key(model), {name: p.value for name, p in model.parameters.items()}
+    asked = (key, *values.values(), id(log), *sorted(start.items()), substeps)
+    return remembered(asked, log, lambda: _simulated(key, values, log, start, substeps))
+
+
+def _simulated(
+    key: Key, values: Mapping[str, float], log: Log, start: Mapping[str, float], substeps: int
+) -> dict[str, np.ndarray]:
     log, original = bridged(log)
-    inputs = inputs_of(model, log)
+    inputs = inputs_of(key.model, log)
     outputs, states = _run(
-        Key(model),
+        key,
         Grid(hold_of(log, inputs), substeps, uniform=log.even),
-        {name: np.asarray(p.value, float) for name, p in model.parameters.items()},
+        {name: np.asarray(value, float) for name, value in values.items()},
         log.time,
         inputs,
         {name: np.asarray(value, float) for name, value in start.items()},

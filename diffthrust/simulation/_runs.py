@@ -13,6 +13,7 @@ from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors, errors, unwrapped, wrapped
 from diffthrust.simulation._inputs import inputs_of
+from diffthrust.simulation._remembered import simulated_once
 from diffthrust.simulation._simulate import simulate
 from diffthrust.simulation._step_size import choose_substeps
 
@@ -97,9 +98,10 @@ def are_tables(model: Model, runs: Sequence[Run]) -> bool:
 
 
 def _run(model: Model, log: Log, start: Mapping[str, float], substeps: int | None) -> Run:
-    if substeps is None:
-        substeps = choose_substeps(model, log, initial=start)
-    modelled = simulate(model, log, initial=start, substeps=substeps)
+    with simulated_once():  # with the steps that are chosen it is simulated already
+        if substeps is None:
+            substeps = choose_substeps(model, log, initial=start)
+        modelled = simulate(model, log, initial=start, substeps=substeps)
     channels = {}
     for name, unit in model.outputs.items():
         if name not in log.measured:
