@@ -9,7 +9,13 @@ import numpy as np
 from reference import inputs, noise, thruster
 
 import diffthrust as dft
-from diffthrust.diagnosis._result import Candidate, Diagnosis, Missing, Remaining, Stage
+from diffthrust.diagnosis._findings import (  # private: made by hand
+    Missing,
+    Remaining,
+    SignalForm,
+    Stage,
+    TriedEffect,
+)
 from diffthrust.effects import ActuatorLag, CommandDeadband
 
 BAND = 0.4  # hidden dead band [V]
@@ -30,7 +36,7 @@ def logs() -> tuple[dft.Log, dft.Log]:
 
 
 @cache
-def found() -> Diagnosis:
+def found() -> dft.Diagnosis:
     """A dead band found, and nothing left."""
     train, unseen = logs()
     model = dft.Thruster()
@@ -41,7 +47,7 @@ def found() -> Diagnosis:
     time = train.time
     signal = 17.0 * np.clip(train.values("command", "V") / BAND, -1, 1)
     abscissa = np.linspace(-2.0, 2.0, 41)
-    return Diagnosis(
+    return dft.Diagnosis(
         verdict="effects_found",
         model=model,
         best=fit.model.effects,
@@ -61,7 +67,7 @@ def found() -> Diagnosis:
                 port="drive",
                 unit="rad/s^2",
                 runs=((time, -signal, np.full(time.size, 2.0)),),
-                depends_on="command",
+                signal=SignalForm("command"),
                 dependence_unit="V",
                 share=0.91,
                 p_value=1e-12,
@@ -74,7 +80,7 @@ def found() -> Diagnosis:
 
 
 @cache
-def diagnosis() -> Diagnosis:
+def diagnosis() -> dft.Diagnosis:
     """A dead band found first, an actuator lag second, and something left over at the load."""
     first = found()
     train, unseen = logs()
@@ -92,7 +98,7 @@ def diagnosis() -> Diagnosis:
             _candidate(1, "actuator_lag", 14.2, 6e-4, two),
             _candidate(1, "thrust_sensor_lag", 13.1, 9e-4, None),
         ),
-        remaining=Remaining("load", "|speed|", 0.34),
+        remaining=Remaining("load", SignalForm("speed"), 0.34),
         dropped=("coulomb_friction",),
         after=dft.compare(two, unseen),
         missing=(
@@ -101,7 +107,7 @@ def diagnosis() -> Diagnosis:
                 port="load",
                 unit="rad/s^2",
                 runs=((time, -0.2 * signal, np.full(time.size, 3.0)),),
-                depends_on=None,
+                signal=None,
                 dependence_unit="",
                 share=0.0,
                 p_value=0.4,
@@ -114,7 +120,7 @@ def diagnosis() -> Diagnosis:
     )
 
 
-def adequate() -> Diagnosis:
+def adequate() -> dft.Diagnosis:
     """A model with a dead band from which nothing is missing, without an unseen log."""
     full = found()
     fit = replace(full.stages[1].fit, holdout=None)
@@ -138,7 +144,7 @@ def adequate() -> Diagnosis:
     )
 
 
-def unexplained() -> Diagnosis:
+def unexplained() -> dft.Diagnosis:
     """Nothing known helps, but structure remains."""
     full = found()
     return replace(
@@ -147,7 +153,7 @@ def unexplained() -> Diagnosis:
         model=full.model,
         stages=full.stages[:1],
         ranking=full.ranking[1:2],
-        remaining=Remaining("drive", "command", 0.62),
+        remaining=Remaining("drive", SignalForm("command"), 0.62),
         before=full.before,
         after=full.before,
         missing=full.missing[:1],
@@ -156,9 +162,9 @@ def unexplained() -> Diagnosis:
 
 def _candidate(
     stage: int, effect: str, ratio: float, p_value: float, fit: dft.Fit | None
-) -> Candidate:
+) -> TriedEffect:
     estimates = fit.parameters if fit else {}
-    return Candidate(
+    return TriedEffect(
         stage=stage,
         effect=effect,
         likelihood_ratio=ratio,

@@ -8,7 +8,7 @@ import pytest
 from places import ROOT
 
 from diffthrust import Status
-from diffthrust.diagnosis._result import Verdict  # private: no user types it
+from diffthrust.diagnosis._findings import Verdict  # private: no user types it
 from diffthrust.specs import load_spec
 
 TEXT = (ROOT / "README.md").read_text()

@@ -33,7 +33,6 @@ def diagnose_command(
 ) -> None:
     """Find what a model lacks: where it fails, which effect is missing, what cannot be told."""
     with session() as progress:
-        from diffthrust.diagnosis._page import write_report
         from diffthrust.diagnosis._tables import diagnosis_table
         from diffthrust.specs._spec import load_spec
 
@@ -42,7 +41,7 @@ def diagnose_command(
         if json:
             write_json(json, diagnosis.to_json())
         if report:
-            write_report(diagnosis, report, title=f"Diagnosis: {loaded.name}", spec=loaded.text)
+            diagnosis.save(report, title=f"Diagnosis: {loaded.name}", spec=loaded.text)
         table = diagnosis_table(diagnosis)
     show(table)
     written(json, report)

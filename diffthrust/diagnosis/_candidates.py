@@ -12,7 +12,7 @@ from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.registry import catalogue
 
-EVERY = "all"
+_EVERY = "all"
 """The word for the whole catalogue."""
 
 Candidates = str | Effect | type[Effect] | Sequence[str | Effect | type[Effect]]
@@ -34,42 +34,13 @@ def candidates_of(
     Raises:
         InputError: a wanted effect that does not exist or that the model has no port for.
     """
-    known = catalogue()
-    chosen: list[Effect] = []
-    asked: set[str] = set()
-    if wanted is None or isinstance(wanted, str | Effect | type):
-        wanted = (EVERY if wanted is None else wanted,)
-    for one in wanted:
-        if isinstance(one, str) and one == EVERY:
-            names = {other.name for other in chosen}
-            chosen += [effect() for name, effect in known.items() if name not in names]
-            continue
-        if isinstance(one, str):
-            if one not in known:
-                near = nearest(one, known)
-                raise InputError(
-                    f"candidates: the effect {one!r} is not known{f' ({near})' if near else ''}; "
-                    f"there are {listing(known)}.",
-                    "Correct the name. An effect of your own is given as an object, on the command "
-                    "line as my_effect.py:MyEffect; 'all' stands for the catalogue.",
-                )
-            one = known[one]
-        if isinstance(one, type) and issubclass(one, Effect):
-            one = one()
-        if not isinstance(one, Effect):
-            raise InputError(
-                f"candidates: expected names, effects or classes of effects, found {one!r}.",
-                "Give for example 'command_deadband', or an effect of your own.",
-            )
-        if one.name not in asked:  # what is named by itself replaces its like in the catalogue
-            asked.add(one.name)
-            chosen = [other for other in chosen if other.name != one.name] + [one]
+    asked, chosen = _asked_for(wanted)
     measured = {name for log in logs for name in log.measured}
     inputs = set.intersection(*(set(log.inputs) for log in logs))
     has = {effect.name for effect in model.effects}
     places = {*model.ports, *inputs, *model.outputs}
     unseen = unseen_at(model, logs[0], measured)
-    given = [name for name in model.states if name in logs[0].inputs]
+    prescribed = [name for name in model.states if name in logs[0].inputs]
     tried: list[Effect] = []
     untestable: dict[str, str] = {}
     for effect in chosen:
@@ -100,8 +71,43 @@ def candidates_of(
                 )
             untestable[effect.name] = "no parameter of it has a null value"
         elif all(port in unseen for port in effect.ports):
-            why = f" while the logs prescribe {listing(given)}" if given else ""
+            why = f" while the logs prescribe {listing(prescribed)}" if prescribed else ""
             untestable[effect.name] = f"nothing that is measured depends on it{why}"
         else:
             tried.append(effect)
     return tried, untestable
+
+
+def _asked_for(wanted: Candidates | None) -> tuple[set[str], list[Effect]]:
+    """The names of effects that were asked for one by one, and all effects in question."""
+    known = catalogue()
+    chosen: list[Effect] = []
+    asked: set[str] = set()
+    if wanted is None or isinstance(wanted, str | Effect | type):
+        wanted = (_EVERY if wanted is None else wanted,)
+    for one in wanted:
+        if isinstance(one, str) and one == _EVERY:
+            names = {other.name for other in chosen}
+            chosen += [effect() for name, effect in known.items() if name not in names]
+            continue
+        if isinstance(one, str):
+            if one not in known:
+                near = nearest(one, known)
+                raise InputError(
+                    f"candidates: the effect {one!r} is not known{f' ({near})' if near else ''}; "
+                    f"there are {listing(known)}.",
+                    "Correct the name. An effect of your own is given as an object, on the command "
+                    "line as my_effect.py:MyEffect; 'all' stands for the catalogue.",
+                )
+            one = known[one]
+        if isinstance(one, type) and issubclass(one, Effect):
+            one = one()
+        if not isinstance(one, Effect):
+            raise InputError(
+                f"candidates: expected names, effects or classes of effects, found {one!r}.",
+                "Give for example 'command_deadband', or an effect of your own.",
+            )
+        if one.name not in asked:  # what is named by itself replaces its like in the catalogue
+            asked.add(one.name)
+            chosen = [other for other in chosen if other.name != one.name] + [one]
+    return asked, chosen

@@ -1,20 +1,37 @@
-"""The information criterion of a trial, which charges for its noise as well."""
+"""What speaks for a trial and what against it: its criterion, unseen logs, whole runs."""
 
 from __future__ import annotations
 
 import math
+import statistics
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
-from diffthrust.diagnosis._trials import Trial, Trials
+import numpy as np
+
+from diffthrust.diagnosis._findings import Refusal, Stage
+from diffthrust.diagnosis._trials import TrialFit, Trials
 from diffthrust.estimation._observer import is_memory
+from diffthrust.estimation._one_step import cost, nrmse, settled_start
+from diffthrust.simulation._errors import Errors
 
 _REMEMBERED = {"drift": "memory", "colour": "correlation"}
-BUDGET = 12
+_BUDGET = 12
 """Steps of a fit without one of the noises."""
+_SPOILT = 1.2
+"""An effect is refused with which the error of whole unseen runs grows by more than this."""
+_GROWN = 1.01
+"""So it is where those of unseen and of training runs together (the product of both, each in the
+mean of the channels) grow by more than this;"""
+_NOTHING = 1e-4
+"""and where the error of no channel changes by more than this over whole training runs."""
 
 
-class Noise(NamedTuple):
+# -- the information criterion, which charges for the noise of a trial as well ---------------------
+
+
+class NoiseTerm(NamedTuple):
     """One random force or lasting error: its gains, and its memory if it has one."""
 
     gains: tuple[str, ...]
@@ -26,7 +43,7 @@ class Noise(NamedTuple):
         return (*self.gains, *self.memory)
 
 
-def noises(nuisance: Sequence[str]) -> list[Noise]:
+def noises(nuisance: Sequence[str]) -> list[NoiseTerm]:
     """The parameters of an observer by what they tell of.
 
     Example:
@@ -39,12 +56,12 @@ def noises(nuisance: Sequence[str]) -> list[Noise]:
             _, of, kind, *_ = name.split(".")
             gains.setdefault((of, kind), []).append(name)
     return [
-        Noise(tuple(names), tuple({f"noise.{of}.{_REMEMBERED.get(kind)}"} & {*nuisance}))
+        NoiseTerm(tuple(names), tuple({f"noise.{of}.{_REMEMBERED.get(kind)}"} & {*nuisance}))
         for (of, kind), names in gains.items()
     ]
 
 
-def criterion(trials: Trials, trial: Trial) -> float:
+def criterion(trials: Trials, trial: TrialFit) -> float:
     """Bayesian information criterion with as much noise as the trial needs.
 
     Random forces and lasting sensor errors are explanations, too, and their parameters have a
@@ -58,8 +75,84 @@ def criterion(trials: Trials, trial: Trial) -> float:
     for noise in sorted(there, key=lambda n: max(abs(trial.values[gain]) for gain in n.gains)):
         values = {**trial.values, **dict.fromkeys(noise.gains, 0.0)}
         fewer = still | {*noise.parameters}
-        without = trials.solve(trial.effects, values, trial.begin, BUDGET, still=fewer)
+        without = trials.solve(
+            trial.effects, values, trial.begin, trial.limit, _BUDGET, still=fewer
+        )
         if 2 * (without.cost - trial.cost) < len(noise.parameters) * price:
             trial, still = without, fewer
     own = sum(name not in trials.nuisance for name in trial.names)
     return 2 * trial.cost + price * (own + len(trials.nuisance) - len(still))
+
+
+def price_of(trials: Trials, trial: TrialFit, effect: str | None = None) -> float:
+    """What the criterion charges for an effect of a trial; for the last one if not said."""
+    return len(trial.own(effect)) * math.log(trials.samples)
+
+
+# -- one-step errors on unseen logs ----------------------------------------------------------------
+
+
+def unseen_gain(trials: Trials, before: TrialFit, after: TrialFit) -> float:
+    """Gain of log-likelihood on the unseen logs, under the limit of ``after``; NaN without any.
+
+    The noise levels are those of the unseen logs, and initial states their best: a model that
+    halves the errors of both is better, although on other manoeuvres more may remain.
+    Taken with the observer of either trial, whichever is better: an effect that explains much
+    leaves an observer that corrects little, and a single event that it misses would count most.
+    """
+    before = replace(before, limit=after.limit)
+    noise = {name: before.values[name] for name in trials.nuisance}
+    louder = replace(after, values={**after.values, **noise})
+    one, *others = (unseen_cost(trials, trial) for trial in (before, after, louder))
+    return one - min(others)
+
+
+def unseen_cost(trials: Trials, trial: TrialFit) -> float:
+    """Negative log-likelihood of the unseen logs, from their best initial states.
+
+    NaN without unseen logs, infinite where the trial cannot be carried over them.
+    """
+    if trials.unseen is None:
+        return float("nan")
+    held = trial.limit.on(trials.unseen.focus(trial.names, trial.values))
+    value = cost(settled_start(held))
+    return value if np.isfinite(value) else float("inf")
+
+
+def simulation_errors(trials: Trials, trial: TrialFit) -> tuple[float, float | None]:
+    """NRMSE of the simulation, without correction, on training and unseen logs."""
+    still = {n: 0.0 for n in trials.problem.nuisance if not is_memory(n)}
+    pure = replace(trial, values={**trial.values, **still})
+    if trials.unseen is None:
+        return nrmse(pure.there), None
+    return nrmse(pure.there), nrmse(trials.unseen.focus(pure.names, pure.values))
+
+
+# -- simulations over whole runs, against the evidence of one-step errors --------------------------
+
+
+def missed(last: Stage, stage: Stage) -> bool:
+    """Whether whole training runs miss an effect that one-step errors can do without."""
+    return statistics.geometric_mean(_growth(last.train, stage.train)) > _GROWN
+
+
+def no_better(last: Stage, stage: Stage) -> Refusal | None:
+    """Why the simulations of a new stage speak against it, if they do."""
+    if not math.isfinite(stage.train.nrmse):
+        return Refusal.FAILS
+    trained = _growth(last.train, stage.train)
+    if all(abs(growth - 1.0) < _NOTHING for growth in trained):
+        return Refusal.NO_CHANGE
+    if last.holdout is not None and stage.holdout is not None:
+        if stage.holdout.nrmse > _SPOILT * last.holdout.nrmse:
+            return Refusal.UNSEEN_RUNS
+        unseen = _growth(last.holdout, stage.holdout)
+        if math.prod(map(statistics.geometric_mean, (trained, unseen))) > _GROWN:
+            return Refusal.ALL_RUNS
+    return None
+
+
+def _growth(before: Errors, after: Errors) -> list[float]:
+    """By how much the error of each channel has grown; 1 where that cannot be told."""
+    pairs = [(before.channels[n].rmse, one.rmse) for n, one in after.channels.items()]
+    return [new / old if 0 < old < math.inf and 0 < new < math.inf else 1.0 for old, new in pairs]

@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
-from diffthrust.comparison._compare import compare
+from diffthrust._support.progress import Progress
+from diffthrust.comparison._compare import Comparison, compare
 from diffthrust.diagnosis._candidates import Candidates
+from diffthrust.diagnosis._findings import Missing, Verdict
 from diffthrust.diagnosis._groups import groups_of, proposal
 from diffthrust.diagnosis._missing import missing_signals
-from diffthrust.diagnosis._result import Diagnosis, Missing, Verdict
-from diffthrust.diagnosis._stages import Progress, Stages
+from diffthrust.diagnosis._result import Diagnosis
+from diffthrust.diagnosis._search import SearchState, Tools, begun
+from diffthrust.diagnosis._stages import next_stage
+from diffthrust.diagnosis._trials import TrialFit
 from diffthrust.estimation._arguments import by_input, check_arguments, listed
 from diffthrust.estimation._result import Fit
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
+from diffthrust.simulation._remembered import simulated_once
 
-MOST_STAGES = 5
+_MOST_STAGES = 5
 
 
 def diagnose(
@@ -76,46 +82,75 @@ def diagnose(
                 f"limits: '{model}' has no input {name!r}; it has {listing(model.inputs)}.",
                 "Correct the name.",
             )
-    search = Stages(train, unseen, seed, progress or (lambda message, share: None))
-    search.begin(fit, candidates)
-    while len(search.present.effects) < MOST_STAGES and search.advance():
-        pass
-    groups = groups_of(search)
-    search.say("what no known effect explains", 0.9)
-    missing = search.timed("missing", missing_signals, search.trials, search.first)
-    remaining = search.timed("remaining", search.structure)
-    first, last = search.stages[0].fit, search.stages[-1].fit
-    trained = (
-        compare(first, train, initial=first.initial),
-        compare(last, train, initial=last.initial),
-    )
-    held = (compare(first, unseen), compare(last, unseen)) if unseen else trained
-    verdict: Verdict = "effects_found" if search.present.effects else "adequate"
+    say = progress or (lambda message, share: None)
+    with simulated_once():
+        tools, known = begun(fit, train, unseen, candidates, seed, say)
+        first = known.present.trial
+        while len(known.present.trial.effects) < _MOST_STAGES:
+            before, known = known, next_stage(tools, known)
+            if known.number == before.number:
+                break
+        return _reported(tools, known, first, unseen, limits, experiment)
+
+
+def _reported(
+    tools: Tools,
+    known: SearchState,
+    first: TrialFit,
+    unseen: Sequence[Log],
+    limits: Mapping[str, tuple[float, float]] | None,
+    experiment: bool,
+) -> Diagnosis:
+    """All that is told at the end of a search."""
+    trials, present = tools.trials, known.present.trial
+    # what the first model lacks is seen with errors limited as they are at the end
+    first = replace(first, limit=present.limit)
+    groups = groups_of(tools, known, first)
+    tools.say("what no known effect explains", 0.9)
+    with tools.clock("missing"):
+        missing = missing_signals(trials, first)
+    with tools.clock("remaining"):
+        remaining = known.present.remaining
+    left: tuple[Missing, ...] = ()
+    if remaining is not None and present.effects:
+        with tools.clock("missing"):
+            left = missing_signals(trials, present)
+    ends = known.stages[0].fit, known.stages[-1].fit
+    trained = _held_against(*ends, trials.logs, trained=True)
+    held = _held_against(*ends, unseen) if unseen else trained
+    verdict: Verdict = "effects_found" if present.effects else "adequate"
     if remaining is not None or held[1].hints:
         verdict = "unexplained"
-    left: tuple[Missing, ...] = ()
-    if remaining is not None and search.present.effects:
-        left = search.timed("missing", missing_signals, search.trials, search.present)
-    tested = {candidate.effect for candidate in search.ranking}
-    channels = search.trials.problem.layout.channels
+    tested = {candidate.effect for candidate in known.ranking}
+    sizes = map(float, present.quadratic.sigma)
     return Diagnosis(
         verdict=verdict,
-        model=search.given,
-        best=tuple(last.model.effects[len(search.given.effects) :]),
+        model=tools.given,
+        best=tuple(ends[1].model.effects[len(tools.given.effects) :]),
         groups=groups,
-        stages=tuple(search.stages),
-        ranking=tuple(search.ranking),
+        stages=known.stages,
+        ranking=known.ranking,
         remaining=remaining,
-        untestable=search.untestable,
-        dropped=tuple(search.dropped),
+        untestable=known.untestable,
+        dropped=known.dropped,
         before=held[0],
         after=held[1],
         missing=missing,
         left=left,
-        refused={n: why for n, why in search.refused.items() if n not in search.present.effects},
-        silent=tuple(sorted(search.silent - tested - set(search.untestable))),
-        one_step=dict(zip(channels, map(float, search.present.quadratic.sigma), strict=True)),
+        refused={n: why for n, why in known.refused.items() if n not in present.effects},
+        silent=tuple(sorted(known.silent - tested - {*known.untestable})),
+        one_step=dict(zip(trials.channels, sizes, strict=True)),
         trained=trained,
-        experiment=proposal(search, groups, limits) if experiment else None,
-        seconds=search.seconds,
+        experiment=proposal(tools, known, groups, limits) if experiment else None,
+        seconds=tools.clock.seconds,
     )
+
+
+def _held_against(
+    first: Fit, last: Fit, logs: Sequence[Log], trained: bool = False
+) -> tuple[Comparison, Comparison]:
+    """The models of two fits held against logs; once where they are one."""
+    before = compare(first, logs, initial=first.initial if trained else None)
+    if last is first:
+        return before, before
+    return before, compare(last, logs, initial=last.initial if trained else None)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
 
-    from diffthrust.diagnosis._result import Candidate, Diagnosis, Missing, Stage
+    from diffthrust.diagnosis._findings import Findings, Missing, Stage, TriedEffect
     from diffthrust.simulation._runs import Run
 
 _COLOURS = (BLUE, VERMILLION, "#009E73", "#CC79A7", "#E69F00", "#56B4E9")  # Okabe & Ito 2008
@@ -26,7 +26,7 @@ _BAND = 2.0
 _SHOWN = 8
 
 
-def stages_figure(diag: Diagnosis) -> Figure:
+def stages_figure(diag: Findings) -> Figure:
     """The errors at each stage on the left; on the right the first and the last model on a log.
 
     With one stage alone there is no error to see falling, and the left side is left out.
@@ -54,7 +54,7 @@ def stages_figure(diag: Diagnosis) -> Figure:
     return figure
 
 
-def missing_figure(diag: Diagnosis, most: int = 2) -> Figure:
+def missing_figure(diag: Findings, most: int = 2) -> Figure:
     """The missing signal at the ports that explain most: over time, and over what it depends on.
 
     Args:
@@ -72,7 +72,7 @@ def missing_figure(diag: Diagnosis, most: int = 2) -> Figure:
     return figure
 
 
-def ranking_figure(diag: Diagnosis) -> Figure:
+def ranking_figure(diag: Findings) -> Figure:
     """Likelihood ratio of the best candidates of each stage; the added one is filled."""
     from matplotlib.figure import Figure
 
@@ -86,7 +86,7 @@ def ranking_figure(diag: Diagnosis) -> Figure:
     return figure
 
 
-def _worst(diag: Diagnosis) -> tuple[Run, Run]:
+def _worst(diag: Findings) -> tuple[Run, Run]:
     """The run with the largest error of the model as given, by it and by the last stage."""
     pairs = zip(diag.before.runs, diag.after.runs, strict=True)
     return max(
@@ -95,7 +95,7 @@ def _worst(diag: Diagnosis) -> tuple[Run, Run]:
     )
 
 
-def _falling(panel: Axes, diag: Diagnosis) -> None:
+def _falling(panel: Axes, diag: Findings) -> None:
     where = np.arange(len(diag.stages))
     channels = dict.fromkeys(name for stage in diag.stages for name in stage.train.channels)
     top = 0.0
@@ -213,7 +213,7 @@ def _over_signal(panel: Axes, missing: Missing) -> None:
     _plainly(panel)
 
 
-def _bars(panel: Axes, tried: list[Candidate], diag: Diagnosis) -> None:
+def _bars(panel: Axes, tried: list[TriedEffect], diag: Findings) -> None:
     later = diag.stages[tried[0].stage + 1 :][:1]
     added = {name for stage in later for name in stage.effects}
     alike = {name for group in diag.groups if added & {*group} for name in group}

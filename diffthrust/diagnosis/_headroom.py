@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.words import percent
 from diffthrust.comparison._compare import Comparison, compare
-from diffthrust.diagnosis._regressions import RUNGS, Flexible, Record, chosen, features_for
+from diffthrust.diagnosis._regressions import ErrorRecord, Flexible, Rung, chosen, features_for
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._runs import Run
@@ -42,8 +43,7 @@ class ChannelHeadroom:
         share: of the squared error that the correction explains; below zero where it harms.
         low: lower end of the 90 % interval of the share, by bootstrap over blocks of time.
         high: upper end.
-        rung: the form of the correction: "nothing", "static, linear", "static, curved", "dynamic,
-            linear" or "dynamic, curved"; where several were chosen for several records, the most
+        rung: the form of the correction; where several were chosen for several records, the most
             flexible of them.
         signals: what it was given.
     """
@@ -53,7 +53,7 @@ class ChannelHeadroom:
     share: float
     low: float
     high: float
-    rung: str
+    rung: Rung
     signals: tuple[str, ...]
 
 
@@ -68,7 +68,7 @@ class Headroom:
     """
 
     channels: Mapping[str, ChannelHeadroom] = field(repr=False)
-    judged_on: str
+    judged_on: Literal["unseen", "left-out"]
     model: str
 
     @property
@@ -83,16 +83,14 @@ class Headroom:
 
     def report(self) -> str:
         """A table and the summary, as text."""
-        from rich.table import Table
+        from diffthrust.diagnosis._tables_headroom import headroom_table
 
-        from diffthrust._support.tables import rendered
-
-        table = Table("Channel", "Physics (NRMSE)", "With a correction", "Share explained",
-                      "90 % interval", "Form")  # fmt: skip
-        for name, c in self.channels.items():
-            table.add_row(name, f"{c.physics:.3g}", f"{c.corrected:.3g}", _share(c.share),
-                          f"{_share(c.low)} to {_share(c.high)}", c.rung)  # fmt: skip
-        return f"{rendered(table)}\n{self.summary}"
+        rows = [
+            (name, f"{c.physics:.3g}", f"{c.corrected:.3g}", _share(c.share),
+             f"{_share(c.low)} to {_share(c.high)}", c.rung)
+            for name, c in self.channels.items()
+        ]  # fmt: skip
+        return f"{headroom_table(rows)}\n{self.summary}"
 
     def to_json(self) -> dict[str, Any]:
         """The headroom as plain data."""
@@ -140,32 +138,32 @@ def headroom(
 def headroom_of(learn: Comparison, judge: Comparison | None, seed: int = 0) -> Headroom:
     """`headroom` from comparisons with the logs to learn from, and with unseen ones."""
     model, runs, unseen = learn.model, learn.runs, judge.runs if judge else None
-    found = {}
+    channels = {}
     for name in dict.fromkeys(n for run in (unseen or runs) for n in run.channels):
         train = [_record(model, run, name) for run in runs if name in run.channels]
         test = [_record(model, run, name) for run in unseen or () if name in run.channels]
         measured = [r.channels[name].measured for r in (unseen or runs) if name in r.channels]
         if train:
-            found[name] = _channel(_thinned(train), test, np.concatenate(measured), seed)
-    if not found:
+            channels[name] = _channel(_thinned(train), test, np.concatenate(measured), seed)
+    if not channels:
         raise InputError(
             "headroom: the logs to learn from and the unseen ones have no channel in common.",
             "Give logs that measure the same channels.",
         )
-    return Headroom(found, "unseen" if unseen else "left-out", str(model))
+    return Headroom(channels, "unseen" if unseen else "left-out", str(model))
 
 
-def _record(model: Model, run: Run, name: str) -> Record:
+def _record(model: Model, run: Run, name: str) -> ErrorRecord:
     signals: dict[str, np.ndarray] = {}
     for key, values in run.signals.items():
         if key in model.angles:  # a turn more is the same direction
             signals |= {f"cos {key}": np.cos(values), f"sin {key}": np.sin(values)}
         elif run.units.get(key) != "m":  # where it is over ground, nothing depends on
             signals[key] = values
-    return Record(run.time, signals, run.channels[name].residual)
+    return ErrorRecord(run.time, signals, run.channels[name].residual)
 
 
-def _thinned(records: list[Record]) -> list[Record]:
+def _thinned(records: list[ErrorRecord]) -> list[ErrorRecord]:
     """Fewer samples of what is measured; signals keep theirs, for the filters."""
     every = -(-sum(r.time.size for r in records) // _MOST)
     kept = [np.arange(r.time.size) % every == 0 for r in records]
@@ -175,7 +173,7 @@ def _thinned(records: list[Record]) -> list[Record]:
 
 
 def _channel(
-    train: list[Record], test: list[Record], measured: np.ndarray, seed: int
+    train: list[ErrorRecord], test: list[ErrorRecord], measured: np.ndarray, seed: int
 ) -> ChannelHeadroom:
     if len(train) == 1:
         train = _cut(train[0])
@@ -199,7 +197,7 @@ def _channel(
     seen = np.isfinite(before)
     spread = float(np.nanstd(measured))
     low, high = _interval(rests, seed)
-    rung = max((one.rung for one in used), key=RUNGS.index)
+    rung = max((one.rung for one in used), key=list(Rung).index)
     return ChannelHeadroom(
         float(np.sqrt(np.mean(before[seen] ** 2))) / spread,
         float(np.sqrt(np.mean(after[seen] ** 2))) / spread,
@@ -211,11 +209,13 @@ def _channel(
     )
 
 
-def _cut(record: Record) -> list[Record]:
+def _cut(record: ErrorRecord) -> list[ErrorRecord]:
     """A record in stretches, one after the other."""
     edges = np.linspace(0, record.time.size, _BLOCKS + 1).astype(int)
     return [
-        Record(record.time[a:b], {n: v[a:b] for n, v in record.signals.items()}, record.error[a:b])
+        ErrorRecord(
+            record.time[a:b], {n: v[a:b] for n, v in record.signals.items()}, record.error[a:b]
+        )
         for a, b in pairwise(edges)
     ]
 
@@ -236,7 +236,7 @@ def _interval(rests: list[tuple[np.ndarray, np.ndarray]], seed: int) -> tuple[fl
     return float(ends[0]), float(ends[1])
 
 
-def _explained(before: Any, after: Any) -> np.ndarray:
+def _explained(before: ArrayLike, after: ArrayLike) -> np.ndarray:
     """The share of squared errors that a correction takes away; none where there is no error."""
     before, after = np.asarray(before), np.asarray(after)
     return 1.0 - np.divide(after, before, out=np.ones_like(before), where=before > 0)

@@ -3,58 +3,62 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from diffthrust.diagnosis._ports import Place, slopes_along
-from diffthrust.diagnosis._result import Missing
-from diffthrust.diagnosis._smoother import Errors, smoothed
-from diffthrust.diagnosis._structure import bases, ratio_of, signals_at, unknown
-from diffthrust.diagnosis._trials import Trial, Trials, side_by_side
+from diffthrust.diagnosis._findings import Missing, SignalForm
+from diffthrust.diagnosis._ports import DrivingPort, slopes_along, words_and_unit
+from diffthrust.diagnosis._smoother import LinearErrors, smoothed_signals
+from diffthrust.diagnosis._structure import bases, observed, ratio_of, signals_at, unknown
+from diffthrust.diagnosis._trials import TrialFit, Trials, side_by_side, with_values
+from diffthrust.models._base.model import Model
 
-BLOCKS = 12
+_BLOCKS = 12
 """Blocks of time in a log: what the mean of a signal leaves lasts, but for less than a block."""
-LEAST_BLOCKS = 3
+_LEAST_BLOCKS = 3
 """With fewer, nothing tells how sure a mean is."""
-SURE = 0.05
+_SURE = 0.05
 """False alarms of a dependence, over all signals at a place together."""
-TOLD = 0.01
+_TOLD = 0.01
 """A dependence that explains less of the missing signal's variance is not told."""
 
 Curve = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
-def missing_signals(trials: Trials, trial: Trial) -> tuple[Missing, ...]:
+def missing_signals(trials: Trials, trial: TrialFit) -> tuple[Missing, ...]:
     """The missing signal at each place, the one that explains most first.
 
     Of the signals on which the errors depend (score test) the one is told that explains most of it.
     """
-    found = []
+    seen = observed(trials, trial)
+    signals = []
     for place in trials.places:
         runs = _runs(trials, place, trial)
-        tests = bases(signals_at(trials, place, trial))
+        tests = bases(signals_at(trials, place, seen))
 
-        def tested(series: list[np.ndarray], port: str = place.port) -> Any:
+        def tested(
+            series: list[np.ndarray], port: str = place.port
+        ) -> tuple[float, np.ndarray, np.ndarray]:
             return unknown(trials, port, trial, series)
 
         answers = side_by_side(tested, [series for series, _ in tests.values()])
         least = min((p for p, *_ in answers), default=1.0) * len(tests)
         depends, gain, dependence = None, 0.0, NONE
-        for (name, (series, knots)), answer in zip(tests.items(), answers, strict=True):
+        for (form, (series, knots)), answer in zip(tests.items(), answers, strict=True):
             p, coefficients, covariance = answer
-            if p * len(tests) < SURE:
-                told = dependence_of([signal for _, signal, _ in runs], series, knots)
-                if told.share > max(dependence.share, TOLD):
-                    depends, dependence, least = name, told, p * len(tests)
+            if p * len(tests) < _SURE:
+                on_this = dependence_of([signal for _, signal, _ in runs], series, knots)
+                if on_this.share > max(dependence.share, _TOLD):
+                    depends, dependence, least = form, on_this, p * len(tests)
                     gain = ratio_of(coefficients, covariance)
-        found.append(
+        signals.append(
             Missing(
                 port=place.port,
-                unit=unit_at(trials, place),
+                unit=words_and_unit(trials.model, place.port)[1],
                 runs=tuple(runs),
-                depends_on=depends,
-                dependence_unit=unit_of(trials, depends) if depends else "",
+                signal=depends,
+                dependence_unit=_unit_of(trials.model, depends) if depends else "",
                 share=dependence.share,
                 p_value=min(1.0, least),
                 curve=dependence.curve,
@@ -62,7 +66,7 @@ def missing_signals(trials: Trials, trial: Trial) -> tuple[Missing, ...]:
                 gain=gain,
             )
         )
-    return tuple(sorted(found, key=lambda m: (-m.gain, m.p_value)))
+    return tuple(sorted(signals, key=lambda m: (-m.gain, m.p_value)))
 
 
 class Dependence(NamedTuple):
@@ -88,11 +92,11 @@ def dependence_of(
     Returns:
         What the function explains. Its standard errors are those of a jackknife over blocks of time
         (Cameron & Miller 2015), which allows for correlation within them; where fewer than
-        `LEAST_BLOCKS` of them tell of a knot, its mean and error are NaN.
+        `_LEAST_BLOCKS` of them tell of a knot, its mean and error are NaN.
     """
     rows = np.concatenate([one.T for one in series])
     known = np.concatenate(signal)
-    block = np.concatenate([i * BLOCKS + _blocks(one.size) for i, one in enumerate(signal)])
+    block = np.concatenate([i * _BLOCKS + _blocks(one.size) for i, one in enumerate(signal)])
     seen = np.isfinite(known)
     rows, known, block = rows[seen], known[seen], block[seen]
     if known.size <= knots.size or not np.ptp(known) > 0:
@@ -107,33 +111,33 @@ def dependence_of(
         without.append(left @ (cross - own.T @ those))
     apart = np.array(without) - np.mean(without, axis=0)
     errors = np.sqrt((1.0 - 1.0 / len(without)) * np.sum(apart**2, axis=0))
-    blind = np.array([np.unique(block[row > 0]).size < LEAST_BLOCKS for row in rows.T])
+    blind = np.array([np.unique(block[row > 0]).size < _LEAST_BLOCKS for row in rows.T])
     means, errors = np.where(blind, np.nan, means), np.where(blind, np.nan, errors)
     share = 1.0 - float(np.var(rest) / np.var(known))
     return Dependence(share, (knots, means, errors))
 
 
 def _blocks(samples: int) -> np.ndarray:
-    return np.arange(samples) * BLOCKS // samples
+    return np.arange(samples) * _BLOCKS // samples
 
 
 def _runs(
-    trials: Trials, place: Place, trial: Trial
+    trials: Trials, place: DrivingPort, trial: TrialFit
 ) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Time, missing signal and its standard error of each log, in the unit of the port."""
-    model = trials.with_values(trials.model, trial.values)
+    model = with_values(trials.model, trial.values)
     channel = place.target
-    paths, runs = trials.path(trial), []
-    for path, log in zip(paths, trials.problem.logs, strict=True):
+    runs = []
+    for path, log in zip(trial.path, trial.problem.logs, strict=True):
         step = np.diff(path["time"], append=2 * path["time"][-1] - path["time"][-2])
         decay, push = slopes_along(model, path, place)
         still = np.zeros_like(step)
         if channel not in log.measured:
-            runs.append(Errors(np.full_like(step, np.nan), still, still, still, still))
+            runs.append(LinearErrors(np.full_like(step, np.nan), still, still, still, still))
             continue
         seen = np.where(np.isnan(log.measured[channel]), np.nan, path[f"rest.{channel}"])
         if place.output:
-            runs.append(Errors(seen, still, still, still, push))
+            runs.append(LinearErrors(seen, still, still, still, push))
             continue
         turned = (path[channel] < 0) & (channel in log.unsigned)
         grown = np.expm1(np.clip(decay * step, -50.0, 1.0))
@@ -142,21 +146,14 @@ def _runs(
         undone = kept * path.get(f"moved.{channel}", 0.0) + within * path.get(
             f"pushed.{channel}", 0.0
         )
-        runs.append(Errors(seen, kept, undone, within * push, still))
+        runs.append(LinearErrors(seen, kept, undone, within * push, still))
     step = trials.logs[0].step
     lasting = float(np.exp(-step / trial.values.get(f"noise.{channel}.correlation", step)))
-    found = smoothed(runs, lasting)
-    return [(path["time"], *one) for path, one in zip(paths, found, strict=True)]
+    signals = smoothed_signals(runs, lasting)
+    return [(path["time"], *one) for path, one in zip(trial.path, signals, strict=True)]
 
 
-def unit_at(trials: Trials, place: Place) -> str:
-    """The unit of what passes a port: the one that its description ends with."""
-    text = trials.model.ports[place.port]
-    return text[text.rfind("[") + 1 : -1] if text.endswith("]") else ""
-
-
-def unit_of(trials: Trials, signal: str) -> str:
+def _unit_of(model: Model, signal: SignalForm) -> str:
     """The unit of an input, state or output, or of its rate."""
-    units = {**trials.model.inputs, **trials.model.optional_inputs, **trials.model.all_states}
-    units |= {f"d({n})/dt": f"{u}/s" for n, u in trials.model.states.items()}
-    return {**units, "time": "s"}.get(signal, "")
+    units = {**model.inputs, **model.optional_inputs, **model.all_states, "time": "s"}
+    return f"{units[signal.name]}/s" if signal.rate else units.get(signal.name, "")

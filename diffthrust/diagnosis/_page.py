@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from importlib.resources import files
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from diffthrust._support.files import write_page
 from diffthrust._support.page import STYLE, image
 from diffthrust._support.words import capitalised
 from diffthrust.diagnosis._skeleton import HOW, skeleton
@@ -16,8 +14,8 @@ from diffthrust.diagnosis._tables import (
     headroom_words,
     log_rows,
     meaning_rows,
-    parameter_rows,
     ranking_rows,
+    stage_parameter_rows,
     stage_rows,
     untestable_rows,
 )
@@ -36,28 +34,19 @@ from diffthrust.diagnosis._words import (
 )
 
 if TYPE_CHECKING:
-    from diffthrust.diagnosis._result import Diagnosis
+    from diffthrust.diagnosis._findings import Findings
 
 _TEMPLATE = "page.html"
 
 
-def write_report(diag: Diagnosis, path: Path | str, *, title: str = "", spec: str = "") -> None:
-    """Write a diagnosis as one page, with everything it needs inside.
+def page(diag: Findings, *, title: str = "", spec: str = "") -> str:
+    """The page as text.
 
     Args:
         diag: the diagnosis.
-        path: the file to write.
         title: heading of the page; by default it names the model.
         spec: text of a spec file, shown at the end.
-
-    Raises:
-        InputError: a file that does not end in ``.html``, or cannot be written.
     """
-    write_page(Path(path), page(diag, title=title, spec=spec))
-
-
-def page(diag: Diagnosis, *, title: str = "", spec: str = "") -> str:
-    """The page as text; arguments as in `write_report`."""
     import jinja2
     from markupsafe import Markup
 
@@ -65,7 +54,7 @@ def page(diag: Diagnosis, *, title: str = "", spec: str = "") -> str:
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     template = files("diffthrust.diagnosis").joinpath(_TEMPLATE).read_text(encoding="utf-8")
-    model = model_words(diag.model)
+    model, left = model_words(diag.model), diag.remaining
     return environment.from_string(template).render(
         style=Markup(STYLE),
         title=title or f"Diagnosis of the {model}",
@@ -89,8 +78,8 @@ def page(diag: Diagnosis, *, title: str = "", spec: str = "") -> str:
         groups=group_words(diag),
         remaining=remaining_words(diag),
         how=HOW,
-        skeleton=skeleton(diag),
-        parameters=parameter_rows(diag),
+        skeleton=skeleton(diag.fit.model, left, diag.missing) if left else "",
+        parameters=stage_parameter_rows(diag),
         untestable=untestable_rows(diag),
         checks=check_rows(diag),
         notes=caution_words(diag),
@@ -99,7 +88,7 @@ def page(diag: Diagnosis, *, title: str = "", spec: str = "") -> str:
     )
 
 
-def _figures(diag: Diagnosis) -> dict[str, str]:
+def _figures(diag: Findings) -> dict[str, str]:
     """The figures that this diagnosis has, as PNG in base64."""
     from diffthrust.diagnosis._figures import missing_figure, ranking_figure, stages_figure
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -10,6 +11,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import Array
 
 from diffthrust.logs._log import Log
 from diffthrust.models._base.effect import Effect
@@ -25,7 +27,7 @@ KNOTS = 7
 
 
 @dataclass(frozen=True)
-class Place:
+class DrivingPort:
     """One port at which an unknown signal is tried.
 
     Args:
@@ -44,6 +46,12 @@ class Place:
         return self.state or self.output or ""
 
 
+def words_and_unit(model: Model, port: str) -> tuple[str, str]:
+    """What the signal at a port is, in words, and its unit, with which its description ends."""
+    parts = re.fullmatch(r"(.*?) *\[([^]]*)\]", model.ports[port], re.DOTALL)
+    return (parts[1], parts[2]) if parts else (model.ports[port], "")
+
+
 def unseen_at(model: Model, log: Log, channels: Collection[str]) -> set[str]:
     """Ports and inputs through which nothing reaches a measured channel.
 
@@ -57,7 +65,7 @@ def unseen_at(model: Model, log: Log, channels: Collection[str]) -> set[str]:
     return {name for part, name in names if all(one[part][name] == 0 for one in seen)}
 
 
-def places_of(model: Model, log: Log, channels: Sequence[str]) -> tuple[Place, ...]:
+def places_of(model: Model, log: Log, channels: Sequence[str]) -> tuple[DrivingPort, ...]:
     """One port for every state that a port drives, and one for every measured output that one does.
 
     States that the log prescribes are driven by nothing.
@@ -65,7 +73,7 @@ def places_of(model: Model, log: Log, channels: Sequence[str]) -> tuple[Place, .
     Of several ports that come to the same, the last: the sum of all that acts there.
     """
     rates, outputs = slopes_at(model, log)
-    places: list[Place] = []
+    places: list[DrivingPort] = []
     for state in model.states:
         if state in log.inputs:
             continue  # it is given: nothing drives it
@@ -73,16 +81,16 @@ def places_of(model: Model, log: Log, channels: Sequence[str]) -> tuple[Place, .
         if pushing:
             # the port nearest to the state: it drives no other as well, if there is such a one
             alone = [p for p in pushing if sum(bool(r[1][p] != 0) for r in rates.values()) == 1]
-            places.append(Place((alone or pushing)[-1], state, None))
+            places.append(DrivingPort((alone or pushing)[-1], state, None))
     taken = {place.port for place in places}
     for output in outputs:
         pushing = [p for p in model.ports if outputs[output][1][p] != 0 and p not in taken]
         if pushing and output in channels:
-            places.append(Place(pushing[-1], None, output))
+            places.append(DrivingPort(pushing[-1], None, output))
     return tuple(places)
 
 
-def readings(model: Model, series: Mapping[str, Any]) -> dict[str, np.ndarray]:
+def port_readings(model: Model, series: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """What passes each port over a log, given its input and state series."""
     s = Signals({name: jnp.asarray(value) for name, value in series.items()})
     port = Reading(model.effects, s)
@@ -92,17 +100,17 @@ def readings(model: Model, series: Mapping[str, Any]) -> dict[str, np.ndarray]:
 
 
 def slopes_along(
-    model: Model, series: Mapping[str, Any], place: Place
+    model: Model, series: Mapping[str, np.ndarray], place: DrivingPort
 ) -> tuple[np.ndarray, np.ndarray]:
     """Derivatives of what a place drives, by its own state (zero of an output) and by its port.
 
     Of the rate of the place's state, or of its output, at every sample of a log, ``(T,)`` each.
     """
-    given = {name: jnp.asarray(value, float) for name, value in series.items()}
-    own, still = given.get(place.state or "", jnp.zeros(())), jnp.zeros_like(given["time"])
+    signals = {name: jnp.asarray(value, float) for name, value in series.items()}
+    own, still = signals.get(place.state or "", jnp.zeros(())), jnp.zeros_like(signals["time"])
 
-    def driven(x: Any, push: Any) -> Any:
-        s = Signals({**given, place.state: x} if place.state else given)
+    def driven(x: Array, push: Array) -> Array:
+        s = Signals({**signals, place.state: x} if place.state else signals)
         rates, outputs = equations_of(model, s, Reading(model.effects, s, {place.port: push}))
         value = (rates if place.state else outputs)[place.target]
         return jnp.broadcast_to(value, still.shape)

@@ -4,22 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import product
-from typing import Any
 
 import numpy as np
 
 from diffthrust.models._base.effect import Effect
-from diffthrust.models._base.parameter import Relative
+from diffthrust.models._base.parameter import Parameter, Relative
 
-MOST_PROBES = 6
+_MOST_PROBES = 6
 """An effect is tried from at most so many points."""
-NEAR = 2e-5
+_NEAR = 2e-5
 """The first probe of an effect is so small a share of its trial value."""
-PLACES = 24
+_PLACES = 24
 """Next to the null, so many places or directions of an effect are tried."""
-APART = 1.2
+_APART = 1.2
 """A limit acts on nothing until it acts on much: its probes stand this close to each other."""
-LIMITS = 12
+_LIMITS = 12
 """So many of them are tried, upward from the lowest trial value."""
 
 
@@ -48,19 +47,19 @@ def probes(
         tried[name] = inside or [float(np.clip(p.scale, low, high))]
         if limit:
             values = tried[name]
-            reach = max(APART**LIMITS, 2.5 * max(values) / min(values))
-            tried[name] = list(min(values) * np.geomspace(1.0, reach, LIMITS + 1))
+            reach = max(_APART**_LIMITS, 2.5 * max(values) / min(values))
+            tried[name] = list(min(values) * np.geomspace(1.0, reach, _LIMITS + 1))
     points = list(product(*tried.values()))
     if not is_limit(effect):
-        points = points[:: max(1, len(points) // MOST_PROBES)][:MOST_PROBES]
+        points = points[:: max(1, len(points) // _MOST_PROBES)][:_MOST_PROBES]
     near: list[tuple[float, ...]] = []
     nulls = {n: named[n].null for n in tried}
     if all(null is None or np.isfinite(null) for null in nulls.values()):  # from there, the score
-        many = max(1, round(PLACES ** (1.0 / max(1, list(nulls.values()).count(None)))))
+        many = max(1, round(_PLACES ** (1.0 / max(1, list(nulls.values()).count(None)))))
         beside = [
             _spread(tried[n], many, named[n].transform == "log")
             if null is None
-            else [null + NEAR * abs(tried[n][0] - null)]
+            else [null + _NEAR * abs(tried[n][0] - null)]
             for n, null in nulls.items()
         ]
         near = [tuple(map(float, np.clip(p, *_ends(named, tried)))) for p in product(*beside)]
@@ -77,8 +76,8 @@ def _spread(values: Sequence[float], many: int, positive: bool) -> list[float]:
         return list(values)
     at = np.log(values) if positive else np.array(values)
     gap = np.ptp(at) / (len(at) - 1)
-    found = np.linspace(at.min() - gap / 2, at.max() + gap / 2, many)
-    return list(np.exp(found) if positive else found)
+    places = np.linspace(at.min() - gap / 2, at.max() + gap / 2, many)
+    return list(np.exp(places) if positive else places)
 
 
 def is_limit(effect: Effect) -> bool:
@@ -86,12 +85,14 @@ def is_limit(effect: Effect) -> bool:
     return any(np.isinf(p.null or 0.0) for p in effect._parameters.values())
 
 
-def _ends(named: Mapping[str, Any], names: Iterable[str]) -> tuple[list[float], list[float]]:
+def _ends(named: Mapping[str, Parameter], names: Iterable[str]) -> tuple[list[float], list[float]]:
     limits = [named[n].limits for n in names]
     return [low for low, _ in limits], [high for _, high in limits]
 
 
-def _trial_values(probes: Any, levels: Mapping[str, float]) -> tuple[float, ...]:
+def _trial_values(
+    probes: Sequence[float] | Relative, levels: Mapping[str, float]
+) -> tuple[float, ...]:
     if isinstance(probes, Relative):
         level = levels.get(probes.signal, 0.0)
         return tuple(f * level**probes.power for f in probes.factors) if level > 0 else ()

@@ -13,13 +13,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-RUNGS = ("nothing", "static, linear", "static, curved", "dynamic, linear", "dynamic, curved")
-"""From no correction at all to the most flexible one."""
 _CURVES = 100
 _FILTERS = 5
 _RIDGES = 10.0 ** np.arange(-6.0, 3.0)
@@ -28,7 +27,27 @@ _FAR = 4.0
 """Standard deviations beyond which a signal counts as this far: no extrapolation."""
 
 
-class Record(NamedTuple):
+class Rung(StrEnum):
+    """The forms of a correction, from none at all to the most flexible one."""
+
+    NOTHING = "nothing"
+    STATIC_LINEAR = "static, linear"
+    STATIC_CURVED = "static, curved"
+    DYNAMIC_LINEAR = "dynamic, linear"
+    DYNAMIC_CURVED = "dynamic, curved"
+
+    @property
+    def dynamic(self) -> bool:
+        """Whether the past counts."""
+        return self in (Rung.DYNAMIC_LINEAR, Rung.DYNAMIC_CURVED)
+
+    @property
+    def curved(self) -> bool:
+        """Whether it bends."""
+        return self in (Rung.STATIC_CURVED, Rung.DYNAMIC_CURVED)
+
+
+class ErrorRecord(NamedTuple):
     """One record: signals and the error to be explained.
 
     Args:
@@ -51,16 +70,16 @@ class Flexible:
     """A rung and a ridge, fitted to records.
 
     Args:
-        rung: one of `RUNGS`.
+        rung: its form.
         features: what turns a record into regressors.
         weights: ``(p,)``; empty on the lowest rung.
     """
 
-    rung: str
+    rung: Rung
     features: Features
     weights: np.ndarray
 
-    def __call__(self, record: Record) -> np.ndarray:
+    def __call__(self, record: ErrorRecord) -> np.ndarray:
         """The error that the regression expects, ``(n,)``."""
         if not self.weights.size:
             return np.zeros(record.time.size)
@@ -85,29 +104,29 @@ class Features:
     scale: np.ndarray
     seed: int
 
-    def of(self, record: Record, rung: str) -> np.ndarray:
+    def of(self, record: ErrorRecord, rung: Rung) -> np.ndarray:
         """``(n, p)`` regressors of a rung, with a column of ones in front."""
-        wide = through(record.time, record.columns(self.names), self.lags) - self.centre
+        wide = through_filters(record.time, record.columns(self.names), self.lags) - self.centre
         wide = np.clip(wide / self.scale, -_FAR, _FAR)
         present = wide[:, : len(self.names)]
-        parts = [np.ones((record.time.size, 1)), present if rung.startswith("static") else wide]
-        if rung.endswith("curved"):
+        parts = [np.ones((record.time.size, 1)), wide if rung.dynamic else present]
+        if rung.curved:
             parts.append(_bent(present, *self._curves[True]))
-        if rung == "dynamic, curved":
+        if rung.curved and rung.dynamic:
             parts.append(_bent(wide, *self._curves[False]))
-            parts[-2] = through(record.time, parts[-2], self.lags)
+            parts[-2] = through_filters(record.time, parts[-2], self.lags)
         return np.concatenate(parts, axis=1)
 
     @cached_property
     def _curves(self) -> dict[bool, tuple[np.ndarray, np.ndarray]]:
-        rng, found = np.random.default_rng(self.seed), {}
+        rng, curves = np.random.default_rng(self.seed), {}
         for static, inputs in ((True, len(self.names)), (False, self.centre.size)):
             slopes = rng.standard_normal((inputs, _CURVES)) * (1.5 / np.sqrt(inputs))
-            found[static] = slopes, rng.uniform(-1.5, 1.5, _CURVES)
-        return found
+            curves[static] = slopes, rng.uniform(-1.5, 1.5, _CURVES)
+        return curves
 
 
-def through(time: np.ndarray, columns: np.ndarray, lags: Sequence[float]) -> np.ndarray:
+def through_filters(time: np.ndarray, columns: np.ndarray, lags: Sequence[float]) -> np.ndarray:
     """Series, and each through first-order lags that begin settled, ``(n, d (1 + lags))``."""
     from scipy.signal import lfilter  # takes a while
 
@@ -130,7 +149,7 @@ def _bent(columns: np.ndarray, slopes: np.ndarray, shifts: np.ndarray) -> np.nda
     return np.tanh(columns @ slopes + shifts)
 
 
-def features_for(records: Sequence[Record], seed: int) -> Features:
+def features_for(records: Sequence[ErrorRecord], seed: int) -> Features:
     """Features scaled to these records; signals that never move are left out."""
     step = float(np.median(np.concatenate([np.diff(r.time) for r in records])))
     longest = max(float(r.time[-1] - r.time[0]) for r in records)
@@ -141,29 +160,29 @@ def features_for(records: Sequence[Record], seed: int) -> Features:
         if all(name in r.signals for r in records)
         and np.ptp(np.concatenate([r.signals[name] for r in records])) > 0
     ]
-    wide = np.concatenate([through(r.time, r.columns(moving), lags) for r in records])
+    wide = np.concatenate([through_filters(r.time, r.columns(moving), lags) for r in records])
     scale = np.std(wide, axis=0)
     return Features(
         tuple(moving), lags, np.mean(wide, axis=0), np.where(scale > 0, scale, 1.0), seed
     )
 
 
-def chosen(records: Sequence[Record], features: Features) -> Flexible:
+def chosen(records: Sequence[ErrorRecord], features: Features) -> Flexible:
     """The rung and ridge that predict left-out records best, fitted to all of them.
 
     A higher rung must be better than the last good one by a hundredth of the squared error: a tie
     goes to the simpler model.
     """
-    best, rung_found, ridge_found = 1.0, RUNGS[0], 0.0
-    for rung in RUNGS[1:]:
-        losses = _left_out(_regression(records, features, rung)[0])
+    best, best_rung, best_ridge = 1.0, Rung.NOTHING, 0.0
+    for rung in list(Rung)[1:]:
+        losses = _left_out(regression(records, features, rung)[0])
         least = int(np.argmin(losses))
         if losses[least] < best - 0.01:
-            best, rung_found, ridge_found = losses[least], rung, float(_RIDGES[least])
-    if rung_found == RUNGS[0]:
-        return Flexible(rung_found, features, np.empty(0))
-    blocks, basis = _regression(records, features, rung_found)
-    return Flexible(rung_found, features, basis @ _solved(_together(blocks), ridge_found))
+            best, best_rung, best_ridge = losses[least], rung, float(_RIDGES[least])
+    if best_rung is Rung.NOTHING:
+        return Flexible(best_rung, features, np.empty(0))
+    blocks, basis = regression(records, features, best_rung)
+    return Flexible(best_rung, features, basis @ ridge_solution(pooled_sums(blocks), best_ridge))
 
 
 class _Sums(NamedTuple):
@@ -175,8 +194,8 @@ class _Sums(NamedTuple):
     samples: int
 
 
-def _regression(
-    records: Sequence[Record], features: Features, rung: str
+def regression(
+    records: Sequence[ErrorRecord], features: Features, rung: Rung
 ) -> tuple[list[_Sums], np.ndarray]:
     """What to solve for each record, and what turns a solution into weights of the regressors.
 
@@ -198,7 +217,7 @@ def _regression(
     ], basis
 
 
-def _together(blocks: Sequence[_Sums]) -> _Sums:
+def pooled_sums(blocks: Sequence[_Sums]) -> _Sums:
     squares, products = blocks[0].squares.copy(), blocks[0].products.copy()
     for block in blocks[1:]:  # in place: they are large
         squares += block.squares
@@ -207,7 +226,7 @@ def _together(blocks: Sequence[_Sums]) -> _Sums:
     return _Sums(squares, products, total, samples)
 
 
-def _solved(sums: _Sums, ridge: float) -> np.ndarray:
+def ridge_solution(sums: _Sums, ridge: float) -> np.ndarray:
     from scipy.linalg import LinAlgError, cho_factor, cho_solve  # takes a while
 
     squares = sums.squares.copy()
@@ -227,8 +246,8 @@ def _left_out(blocks: Sequence[_Sums]) -> np.ndarray:
     """
     rest = np.zeros(_RIDGES.size)
     for k, own in enumerate(blocks):
-        others = _together([b for i, b in enumerate(blocks) if i != k])
+        others = pooled_sums([b for i, b in enumerate(blocks) if i != k])
         for i, ridge in enumerate(_RIDGES):
-            w = _solved(others, float(ridge))
+            w = ridge_solution(others, float(ridge))
             rest[i] += own.total - 2.0 * float(w @ own.products) + float(w @ own.squares @ w)
     return rest / max(sum(b.total for b in blocks), 1e-300)

@@ -2,215 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from diffthrust._support.errors import InputError
-from diffthrust.comparison._compare import Comparison
-from diffthrust.diagnosis._headroom import Headroom, headroom_of
-from diffthrust.estimation._result import Fit
-from diffthrust.models._base.effect import Effect
-from diffthrust.models._base.model import Model
-from diffthrust.simulation._errors import Errors
+from diffthrust.diagnosis._findings import Findings
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from diffthrust.experiments._result import Experiment
-
-Verdict = Literal["adequate", "effects_found", "unexplained"]
-
 
 @dataclass(frozen=True)
-class Candidate:
-    """One effect tried at one stage.
-
-    Args:
-        stage: the number of the stage to which it would be added, from 0.
-        effect: its name.
-        likelihood_ratio: twice the gain of log-likelihood of the innovations by adding it.
-        delta_bic: its Bayesian information criterion less that of the stage: negative is better.
-        p_value: of the likelihood ratio, for this effect alone.
-        holdout_gain: gain of log-likelihood of the innovations on the unseen logs; NaN without any.
-        train_nrmse: simulation error on the training logs, at the parameters that predict each
-            sample best from all before it (those of a stage are fitted to whole runs).
-        holdout_nrmse: the same on the unseen logs.
-        parameters: its estimated parameters, name to value and unit.
-    """
-
-    stage: int
-    effect: str
-    likelihood_ratio: float
-    delta_bic: float
-    p_value: float
-    holdout_gain: float
-    train_nrmse: float | None
-    holdout_nrmse: float | None
-    parameters: Mapping[str, tuple[float, str]]
-
-
-@dataclass(frozen=True)
-class Stage:
-    """One round: the effects in the model, and its fit."""
-
-    effects: tuple[str, ...]
-    fit: Fit
-
-    @property
-    def train(self) -> Errors:
-        """Simulation errors on the training logs."""
-        return self.fit.train
-
-    @property
-    def holdout(self) -> Errors | None:
-        """Simulation errors on the unseen logs."""
-        return self.fit.holdout
-
-
-_TOLD = 1.5
-"""A signal without a known dependence is told where it is so many times its standard error."""
-
-
-@dataclass(frozen=True)
-class Missing:
-    """The signal that is missing at one port, estimated without assuming its form.
-
-    Args:
-        port: the port; ``unit`` that of the signal there.
-        runs: for each training log the time stamps, the signal and its standard error, ``(T,)``.
-        depends_on: the model's signal on which it depends most, ``None`` where on none.
-        dependence_unit: the unit of that signal.
-        share: share of the missing signal's variance that the dependence explains.
-        gain: likelihood ratio of the dependence; 0 without one.
-        p_value: of the test that it depends on nothing, allowing for all signals tried.
-        curve: its mean as a function of that signal: abscissa, mean and standard error, each
-            ``(K,)``; empty without a dependence.
-        logs: names of the training logs.
-    """
-
-    port: str
-    unit: str
-    runs: tuple[tuple[np.ndarray, np.ndarray, np.ndarray], ...] = field(repr=False)
-    depends_on: str | None
-    dependence_unit: str
-    share: float
-    p_value: float
-    curve: tuple[np.ndarray, np.ndarray, np.ndarray] = field(repr=False)
-    logs: tuple[str, ...] = ()
-    gain: float = 0.0
-
-    @property
-    def size(self) -> float:
-        """Root mean square of the signal over all logs."""
-        return float(np.sqrt(np.mean(np.concatenate([run[1] for run in self.runs]) ** 2)))
-
-    @property
-    def error(self) -> float:
-        """Root mean square of its standard error; NaN where it is not known."""
-        return float(np.sqrt(np.mean(np.concatenate([run[2] for run in self.runs]) ** 2)))
-
-    @property
-    def shows(self) -> bool:
-        """Whether it depends on a signal, or is clearly larger than its error."""
-        return self.depends_on is not None or not self.size < _TOLD * self.error
-
-
-@dataclass(frozen=True)
-class Remaining:
-    """Structure that no known effect explains.
-
-    Args:
-        port: where it enters.
-        depends_on: the signal on which it depends.
-        share: share of the squared one-step errors at that place that it explains.
-        manner: whether something is added there, or what is there is scaled.
-        gain: likelihood ratio that a function of the signal, `KNOTS` numbers, promises.
-    """
-
-    port: str
-    depends_on: str
-    share: float
-    manner: Literal["adds", "scales"] = "adds"
-    gain: float = float("nan")
-
-
-@dataclass(frozen=True)
-class Diagnosis:
-    """What is missing from a model.
-
-    Args:
-        verdict: "adequate", "effects_found", or "unexplained" (structure remains; effects may
-            still have been added).
-        model: the model that was diagnosed, as it was given.
-        best: the effects that were added, at their estimated parameters: ``model + diag.best``.
-        groups: for each added effect, all effects that these logs cannot tell from it.
-        stages: the model as given, then with one effect after the other.
-        ranking: the effects tried at each stage, the best first.
-        remaining: structure that no known effect explains.
-        untestable: effects that these logs cannot test, with the reason.
-        dropped: effects that a later one made superfluous.
-        before: the model as given, held against the logs (unseen ones, if any): where it fails.
-        after: the last stage, held against the same.
-        missing: the missing signals of the model as given, the one that explains most first.
-        left: those of the last stage, where structure remains beside the effects that were added.
-        experiment: the test that would best separate the first group of several, if there is one.
-        seconds: time spent, by part of the work.
-        refused: effects that improved the fit of the training logs and were not added, with the
-            reason.
-        silent: effects that were tried, and promised nothing.
-        one_step: standard deviation of the last stage's one-step errors, by channel.
-        trained: the model as given and the last stage, held against the training logs.
-    """
-
-    verdict: Verdict
-    model: Model
-    best: tuple[Effect, ...]
-    groups: tuple[tuple[str, ...], ...]
-    stages: tuple[Stage, ...]
-    ranking: tuple[Candidate, ...]
-    remaining: Remaining | None
-    untestable: Mapping[str, str]
-    dropped: tuple[str, ...]
-    before: Comparison
-    after: Comparison
-    missing: tuple[Missing, ...]
-    experiment: Experiment | None
-    seconds: Mapping[str, float]
-    refused: Mapping[str, str] = field(default_factory=dict)
-    silent: tuple[str, ...] = ()
-    one_step: Mapping[str, float] = field(default_factory=dict)
-    trained: tuple[Comparison, Comparison] | None = field(default=None, repr=False)
-    left: tuple[Missing, ...] = ()
-
-    @property
-    def added(self) -> tuple[str, ...]:
-        """Names of the added effects."""
-        return tuple(effect.name for effect in self.best)
-
-    @property
-    def fit(self) -> Fit:
-        """The fit of the last stage."""
-        return self.stages[-1].fit
-
-    @cached_property
-    def headroom(self) -> tuple[Headroom, Headroom] | None:
-        """How much any flexible model could explain, of the model as given and of the last stage.
-
-        Worked out when it is first asked for; ``None`` where the logs are too short for it.
-        """
-        if self.trained is None:
-            return None
-        unseen = self.before is not self.trained[0]
-        pairs = zip(self.trained, (self.before, self.after), strict=True)
-        try:
-            first, last = (headroom_of(a, b if unseen else None) for a, b in pairs)
-        except InputError:
-            return None
-        return first, last
+class Diagnosis(Findings):
+    """What is missing from a model, and how it is told; the fields are those of `Findings`."""
 
     @property
     def summary(self) -> str:
@@ -232,11 +36,21 @@ class Diagnosis:
 
         return stages_figure(self)
 
-    def save(self, path: str) -> None:
-        """Write the report as one HTML file that can be read without the library."""
-        from diffthrust.diagnosis._page import write_report
+    def save(self, path: Path | str, *, title: str = "", spec: str = "") -> None:
+        """Write the report as one HTML file that can be read without the library.
 
-        write_report(self, path)
+        Args:
+            path: the file to write.
+            title: heading of the page; by default it names the model.
+            spec: text of a spec file, shown at the end.
+
+        Raises:
+            InputError: a file that does not end in ``.html``, or cannot be written.
+        """
+        from diffthrust._support.files import write_page
+        from diffthrust.diagnosis._page import page
+
+        write_page(Path(path), page(self, title=title, spec=spec))
 
     def to_json(self) -> dict[str, Any]:
         """The diagnosis as plain data, in the form that ``diffthrust diagnose --json`` writes."""

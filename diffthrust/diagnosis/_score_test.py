@@ -1,13 +1,17 @@
-"""What one forward-mode pass says of parameters that were not estimated: the score test."""
+"""What the quadratic of one forward-mode pass says: the score test, and what a step promises."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from diffthrust.estimation._likelihood import Quadratic
 
-MOST_REMOVED = 0.9
+_MOST_REMOVED = 0.9
 """No step is taken to remove more of the squared errors than this, whatever it promises."""
+_SAME = 1e-6
+"""An effect is redundant that keeps less than this of its information beside the others."""
 
 
 def score_test(q: Quadratic, base: int, more: int) -> tuple[float, np.ndarray, np.ndarray]:
@@ -38,11 +42,11 @@ def score_test(q: Quadratic, base: int, more: int) -> tuple[float, np.ndarray, n
     scatter = max(1.0, float(np.sum(seen**2)) / rank)
     ratio = float(np.sum(seen.sum(axis=1) ** 2)) / rank / scatter
     inverse = basis @ basis.T
-    found = -inverse @ clear.sum(axis=1)
-    return float(fdtrc(rank, rank * (blocks - 1), ratio)), found, inverse
+    estimated = -inverse @ clear.sum(axis=1)
+    return float(fdtrc(rank, rank * (blocks - 1), ratio)), estimated, inverse
 
 
-def promise(q: Quadratic, movable: np.ndarray) -> float:
+def promised_gain(q: Quadratic, movable: np.ndarray) -> float:
     """What a full Gauss-Newton step promises to gain in log-likelihood.
 
     The likelihood goes with the logarithm of the squared errors: a step that is to remove most of
@@ -56,4 +60,19 @@ def promise(q: Quadratic, movable: np.ndarray) -> float:
         return 0.0
     removed = float(slope @ np.linalg.pinv(scaled, rcond=1e-9, hermitian=True) @ slope)
     energy = float(q.energy) / len(q.sigma)
-    return -0.5 * energy * float(np.log1p(-min(removed / energy, MOST_REMOVED)))
+    return -0.5 * energy * float(np.log1p(-min(removed / energy, _MOST_REMOVED)))
+
+
+def redundant(q: Quadratic, names: Sequence[str], effect: str) -> bool:
+    """Whether an effect does nothing that the other estimated parameters cannot."""
+    live = np.diagonal(q.information) > 0
+    own = np.zeros(live.size, bool)
+    own[: len(names)] = [n.rpartition(".")[0] == effect for n in names]
+    length = np.sqrt(np.diagonal(q.information)[live])
+    scaled = q.information[np.ix_(live, live)] / np.outer(length, length)
+    own = own[live]
+    if not own.any():
+        return True
+    cross, rest = scaled[np.ix_(own, ~own)], scaled[np.ix_(~own, ~own)]
+    left = scaled[np.ix_(own, own)] - cross @ np.linalg.pinv(rest, 1e-12, True) @ cross.T
+    return bool(np.diagonal(left).max() < _SAME)

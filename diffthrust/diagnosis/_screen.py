@@ -7,63 +7,66 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from diffthrust.diagnosis._probes import is_limit, probes
-from diffthrust.diagnosis._score_test import promise
-from diffthrust.diagnosis._trials import Trial, Trials, side_by_side
+from diffthrust.diagnosis._score_test import promised_gain
+from diffthrust.diagnosis._trials import TrialFit, Trials, side_by_side
 from diffthrust.estimation._solver import solve
 
-HOPE = 2.0
+_HOPE = 2.0
 """Likelihood ratio that a probe must promise to be followed."""
-SILENT = 0.1
+_SILENT = 0.1
 """Where the score next to the null says less than this, the effect may have a threshold: the
 weakest probe that acts is followed, whatever it promises."""
-KEEP = 3.0
-"""Likelihood ratio that must be promised after `FEW` steps: less, nothing would come of it."""
-FEW = 6
+_KEEP = 3.0
+"""Likelihood ratio that must be promised after `_FEW` steps: less, nothing would come of it."""
+_FEW = 6
 """Steps from each of the best probes, before it is known which effects matter."""
-MANY = 20
+_MANY = 20
 """Steps across a threshold, where a search creeps."""
-IDLE = 1e-6
+_AT_NULL = 1e-6
+"""An effect does nothing that is nearer to its null than this, in units of its scale."""
+_IDLE = 1e-6
 """A probe that changes the cost by less does nothing: a limit that nothing reaches."""
-HALVINGS = 10
+_HALVINGS = 10
 """So often the gap is halved between a limit that acts and one that nothing reaches."""
-INSIDE = (0.999, 0.997, 0.99, 0.97)
+_INSIDE = (0.999, 0.997, 0.99, 0.97)
 """A limit is tried at these shares of the least that nothing reaches: faint ones lie there."""
-FAR = 0.25
+_FAR = 0.25
 """A probe whose cost rises by more than this times the samples is no start."""
 
-Point = Mapping[str, float]
+_Point = Mapping[str, float]
 
 
 def screened(
     trials: Trials,
     names: Sequence[str],
-    present: Trial,
+    present: TrialFit,
     levels: Mapping[str, float],
     say: Callable[[str], None] = lambda name: None,
-    given: Mapping[str, float] | None = None,
-) -> dict[str, Trial]:
+    others: Mapping[str, float] | None = None,
+) -> dict[str, TrialFit]:
     """The present model with each of some effects, carried a few steps from its best probes.
 
     Args:
         trials: the fits.
         names: the candidates.
         present: the model as it is so far.
-        levels: `Trials.levels`.
+        levels: `levels_of` the signals.
         say: told each name as its turn comes.
-        given: values of the model's parameters from which far probes are tried as well.
+        others: values of the model's parameters from which far probes are tried as well.
 
     Returns:
         Trials by name; candidates of which nothing is to be hoped are left out.
     """
     points = {name: probes(trials.candidates[name], levels) for name in names}
-    scored = scores(trials, present, {name: near for name, (near, _) in points.items()})
+    scored = null_scores(trials, present, {name: near for name, (near, _) in points.items()})
 
-    def one(name: str) -> Trial | None:
+    def one(name: str) -> TrialFit | None:
         say(name)
         effects = (*present.effects, name)
 
-        def followed(point: Point, budget: int) -> Trial:
-            return trials.solve(effects, {**present.values, **point}, present.begin, budget)
+        def followed(point: _Point, budget: int) -> TrialFit:
+            values = {**present.values, **point}
+            return trials.solve(effects, values, present.begin, present.limit, budget)
 
         # next to the null nothing tells where a place or a direction should move: it waits until
         # the effect has a size
@@ -73,54 +76,76 @@ def screened(
             if p.null is None and not p.fixed
         }
 
-        def risen(point: Point, budget: int) -> Trial:
+        def risen(point: _Point, budget: int) -> TrialFit:
             if not waiting:
                 return followed(point, budget)
             values = {**present.values, **point}
-            sized = trials.solve(effects, values, present.begin, FEW, still=waiting)
-            return trials.solve(effects, sized.values, sized.begin, budget)
+            sized = trials.solve(effects, values, present.begin, present.limit, _FEW, still=waiting)
+            return trials.solve(effects, sized.values, sized.begin, sized.limit, budget)
 
         def gain(expected: float) -> float:
             return 2 * (present.cost - expected)
 
         starts = list(scored[name])
         far = _far(trials, name, present, points[name][1], followed)
-        silent = all(gain(expected) < SILENT for expected, _ in starts)
+        silent = all(gain(expected) < _SILENT for expected, _ in starts)
         if far and silent:
-            far[0] = (min(far[0][0], present.cost - HOPE), far[0][1])
-        starts = [pair for pair in starts + far if gain(pair[0]) >= HOPE]
+            far[0] = (min(far[0][0], present.cost - _HOPE), far[0][1])
+        starts = [pair for pair in starts + far if gain(pair[0]) >= _HOPE]
         starts = sorted(starts, key=lambda pair: pair[0])[:2]
-        ends = [risen(point, MANY if silent else FEW) for _, point in starts]
-        if given is not None:
-            ends += _anew(trials, name, present, points[name][1], given)
+        ends = [risen(point, _MANY if silent else _FEW) for _, point in starts]
+        if others is not None:
+            ends += anew(trials, name, present, points[name][1], others)
         best = min(ends, key=lambda trial: trial.expected, default=None)
-        return best if best is not None and gain(best.expected) > KEEP else None
+        return best if best is not None and gain(best.expected) > _KEEP else None
 
-    found = zip(names, side_by_side(one, names), strict=True)
-    return {name: trial for name, trial in found if trial is not None}
+    ends = zip(names, side_by_side(one, names), strict=True)
+    return {name: trial for name, trial in ends if trial is not None}
 
 
-def scores(
-    trials: Trials, present: Trial, near: Mapping[str, Sequence[Point]]
-) -> dict[str, list[tuple[float, Point]]]:
+def levels_of(trials: Trials, trial: TrialFit) -> dict[str, float]:
+    """The 90th percentile of the absolute value of every signal, and the longest duration."""
+    pairs = zip(trial.path, trials.readings(trial), strict=True)
+    series = [{**path, **ports} for path, ports in pairs]
+    levels = {
+        name: float(np.quantile(np.abs(np.concatenate([one[name] for one in series])), 0.9))
+        for name in series[0]
+        if all(name in one for one in series)
+    }
+    return {**levels, "duration": max(log.duration for log in trials.logs)}
+
+
+def is_idle(trials: Trials, trial: TrialFit) -> bool:
+    """Whether the last effect of a trial has gone back to its null."""
+    effect = trials.candidates[trial.effects[-1]]
+    return all(
+        abs(trial.values[f"{effect.name}.{name}"] - p.null) < _AT_NULL * p.scale
+        for name, p in effect._parameters.items()
+        if p.null is not None
+    )
+
+
+def null_scores(
+    trials: Trials, present: TrialFit, near: Mapping[str, Sequence[_Point]]
+) -> dict[str, list[tuple[float, _Point]]]:
     """For each point next to a null the cost that a full step from there promises.
 
     As many effects as there is room for are there at once: so near to their nulls none feels the
     others, and one forward-mode pass scores them all.
     """
-    found: dict[str, list[tuple[float, Point]]] = {name: [] for name in near}
+    promised: dict[str, list[tuple[float, _Point]]] = {name: [] for name in near}
     turns = max(map(len, near.values()), default=0)
     groups = [
         group
         for turn in range(turns)
-        for group in _packed({n: p[turn] for n, p in near.items() if len(p) > turn}, trials.room)
+        for group in packed({n: p[turn] for n, p in near.items() if len(p) > turn}, trials.room)
     ]
 
-    def scored(group: Mapping[str, Point]) -> list[float]:
+    def scored(group: Mapping[str, _Point]) -> list[float]:
         effects = (*present.effects, *group)
         values = {**present.values, **{k: v for point in group.values() for k, v in point.items()}}
         names = trials.moved(effects)
-        problem = trials.problem.focus(names, values, present.begin)
+        problem = present.limit.on(trials.problem.focus(names, values, present.begin))
         q = solve(problem, problem.start(), budget=1).quadratic
         if not np.isfinite(q.cost):
             return [np.inf] * len(group)
@@ -131,13 +156,13 @@ def scores(
             movable = np.ones(q.gradient.size, bool)
             movable[: len(names)] = [not n.startswith(others) for n in names] if others else True
             movable[: len(names)] &= ~barred
-            costs.append(float(q.cost) - promise(q, movable))
+            costs.append(float(q.cost) - promised_gain(q, movable))
         return costs
 
     for group, costs in zip(groups, side_by_side(scored, groups), strict=True):
         for (name, point), cost in zip(group.items(), costs, strict=True):
-            found[name].append((cost, point))
-    return found
+            promised[name].append((cost, point))
+    return promised
 
 
 def _barred(trials: Trials, name: str, slope: float) -> bool:
@@ -149,9 +174,9 @@ def _barred(trials: Trials, name: str, slope: float) -> bool:
     return bool((p.null <= low and slope > 0) or (p.null >= high and slope < 0))
 
 
-def _packed(points: Mapping[str, Point], room: int) -> list[dict[str, Point]]:
+def packed(points: Mapping[str, _Point], room: int) -> list[dict[str, _Point]]:
     """The points in groups of no more parameters than there is room for; at least one each."""
-    groups: list[dict[str, Point]] = []
+    groups: list[dict[str, _Point]] = []
     free = 0
     for name, point in points.items():
         if not groups or len(point) > free:
@@ -165,48 +190,50 @@ def _packed(points: Mapping[str, Point], room: int) -> list[dict[str, Point]]:
 def _far(
     trials: Trials,
     name: str,
-    present: Trial,
-    points: Sequence[Point],
-    followed: Callable[[Point, int], Trial],
-) -> list[tuple[float, Point]]:
+    present: TrialFit,
+    points: Sequence[_Point],
+    followed: Callable[[_Point, int], TrialFit],
+) -> list[tuple[float, _Point]]:
     """Of points far from the null the two with the least cost, with the cost that they promise."""
     effects = (*present.effects, name)
 
-    def cost(point: Point) -> float:
-        return trials.cost(effects, {**present.values, **point}, present.begin)
+    def cost(point: _Point) -> float:
+        values = {**present.values, **point}
+        return trials.cost(effects, values, present.begin, present.limit)
 
     def acts(cost: float) -> bool:
-        return abs(cost - present.cost) > IDLE
+        return abs(cost - present.cost) > _IDLE
 
-    found = [(cost(point), point) for point in points]
+    tried = [(cost(point), point) for point in points]
     if is_limit(trials.candidates[name]) and len(points[0]) == 1:
         (key,) = points[0]
-        below = max((point[key] for at, point in found if acts(at)), default=np.inf)
-        above = min((point[key] for at, point in found if not acts(at)), default=0.0)
+        below = max((point[key] for at, point in tried if acts(at)), default=np.inf)
+        above = min((point[key] for at, point in tried if not acts(at)), default=0.0)
         if below < above:
             edge = edge_of(below, above, lambda value: acts(cost({key: value})))
-            found += [(cost({key: share * edge}), {key: share * edge}) for share in INSIDE]
-    worth = present.cost + FAR * trials.samples  # NaN and infinite costs are worth nothing
-    found = [(at, point) for at, point in found if acts(at) and at < worth]
-    chosen = sorted(found, key=lambda pair: pair[0])[:2]
+            tried += [(cost({key: share * edge}), {key: share * edge}) for share in _INSIDE]
+    worth = present.cost + _FAR * trials.samples  # NaN and infinite costs are worth nothing
+    tried = [(at, point) for at, point in tried if acts(at) and at < worth]
+    chosen = sorted(tried, key=lambda pair: pair[0])[:2]
     return [(followed(point, 1).expected, point) for _, point in chosen]
 
 
-def _anew(
-    trials: Trials, name: str, present: Trial, points: Sequence[Point], given: Point
-) -> list[Trial]:
+def anew(
+    trials: Trials, name: str, present: TrialFit, points: Sequence[_Point], others: _Point
+) -> list[TrialFit]:
     """The best of points far from the null, with the model's parameters as they were given.
 
     The fit of a model that is wrong at heart may have run to where its effect shows no more.
     """
-    effects, values = (*present.effects, name), {**present.values, **given}
-    found = [(trials.cost(effects, {**values, **point}, None), point) for point in points]
-    found = [pair for pair in found if np.isfinite(pair[0])]
-    cost, point = min(found, key=lambda pair: pair[0], default=(np.inf, {}))
-    without = trials.cost(effects, values, None)
-    if 2 * (without - cost) < HOPE or not found:
+    effects, values = (*present.effects, name), {**present.values, **others}
+    limit = present.limit
+    tried = [(trials.cost(effects, {**values, **point}, None, limit), point) for point in points]
+    tried = [pair for pair in tried if np.isfinite(pair[0])]
+    cost, point = min(tried, key=lambda pair: pair[0], default=(np.inf, {}))
+    without = trials.cost(effects, values, None, limit)
+    if 2 * (without - cost) < _HOPE or not tried:
         return []
-    return [trials.solve(effects, {**values, **point}, None, MANY)]
+    return [trials.solve(effects, {**values, **point}, None, limit, _MANY)]
 
 
 def edge_of(low: float, high: float, acts: Callable[[float], bool]) -> float:
@@ -216,7 +243,7 @@ def edge_of(low: float, high: float, acts: Callable[[float], bool]) -> float:
         >>> round(edge_of(1.0, 2.0, lambda value: value < 1.5), 2)
         1.5
     """
-    for _ in range(HALVINGS):
+    for _ in range(_HALVINGS):
         middle = float(np.sqrt(low * high))
         low, high = (middle, high) if acts(middle) else (low, middle)
     return low

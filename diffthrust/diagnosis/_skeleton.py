@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import re
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
+from diffthrust.diagnosis._findings import Missing, Remaining, SignalForm
+from diffthrust.diagnosis._ports import words_and_unit
 from diffthrust.models._base.model import Model
-
-if TYPE_CHECKING:
-    from diffthrust.diagnosis._result import Diagnosis
 
 HOW = "Write the law that you suspect as an effect of your own, say in my_effect.py, and fit it:"
 _CODE = '''import jax.numpy as jnp
@@ -33,19 +31,21 @@ class MyEffect(dft.Effect):
 '''
 
 
-def skeleton(diag: Diagnosis) -> str:
-    """Python code of an effect with the port and the signal filled in; "" with nothing left.
+def skeleton(model: Model, left: Remaining, missing: Sequence[Missing]) -> str:
+    """Python code of an effect with the port and the signal filled in.
 
     It runs as it stands: a term in proportion to the signal, of which the user makes the law.
+
+    Args:
+        model: the model of the last stage.
+        left: what no known effect explains.
+        missing: the missing signals, which know the units of their ports.
     """
-    left = diag.remaining
-    if left is None:
-        return ""
-    found = next((m for m in diag.missing if m.port == left.port), None)
+    units = {m.port: m.unit for m in reversed(missing)}
     adds = left.manner == "adds"
-    here = (found.unit if found else _unit(diag.model, left.port)) if adds else ""
-    signal, unit = _signal(diag.model, left.depends_on)
-    effects = [*(effect.name for effect in diag.fit.model.effects), "my_effect.py:MyEffect"]
+    here = units.get(left.port, _unit(model, left.port)) if adds else ""
+    signal, unit = _read(model, left.signal)
+    effects = [*(effect.name for effect in model.effects), "my_effect.py:MyEffect"]
     return _CODE.format(
         port=left.port,
         signal=signal,
@@ -56,25 +56,18 @@ def skeleton(diag: Diagnosis) -> str:
 
 
 def _unit(model: Model, place: str) -> str:
-    """The unit of a port, which ends its description, or of a channel."""
+    """The unit of a port or of a channel."""
     channels = {**model.outputs, **model.optional_inputs, **model.inputs}
-    if place in channels:
-        return channels[place]
-    ends = re.search(r"\[([^]]*)\]$", model.ports.get(place, ""))
-    return ends[1] if ends else ""
+    return channels[place] if place in channels else words_and_unit(model, place)[1]
 
 
 def _bracketed(unit: str) -> str:
     return f"({unit})" if set(unit) & {"/", " "} else unit
 
 
-def _signal(model: Model, words: str) -> tuple[str, str]:
-    """The signal as an effect reads it, and its unit: ``|speed|`` is ``jnp.abs(s.speed)``."""
-    known = {**model.inputs, **model.optional_inputs, **model.states, "time": "s"}
-    plain = "time" if words == "time since the start" else words.strip("|")
-    if plain in known:
-        read = f"s.{plain}"
-        return (f"jnp.abs({read})" if words == f"|{plain}|" else read), known[plain]
-    inside = [name for name in re.findall(r"\w+", words) if name in known]
-    read = f"s.{inside[0]}" if inside else "s.time"
-    return f"{read}  # from which to work out: {words}", ""
+def _read(model: Model, signal: SignalForm) -> tuple[str, str]:
+    """The signal as an effect reads it, and its unit."""
+    if signal.rate or signal.past is not None:
+        return f"s.{signal.name}  # from which to work out: {signal}", ""
+    units = {**model.inputs, **model.optional_inputs, **model.states, "time": "s"}
+    return f"s.{signal.name}", units[signal.name]

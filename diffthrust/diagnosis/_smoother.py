@@ -15,18 +15,18 @@ from itertools import product
 
 import numpy as np
 
-SIZES = 10.0 ** np.linspace(-3.0, 1.5, 10)
+_SIZES = 10.0 ** np.linspace(-3.0, 1.5, 10)
 """What the signal does within a sample, over the noise."""
-MEMORIES = (3.0, 15.0, 75.0)
+_MEMORIES = (3.0, 15.0, 75.0)
 """Samples for which the signal is remembered."""
-LASTING = (0.0, 0.5, 2.0, 8.0)
+_LASTING = (0.0, 0.5, 2.0, 8.0)
 """Standard deviation of the lasting noise, over that of the white."""
-ENOUGH = 500
+_ENOUGH = 500
 """Samples of each log that choose among these."""
 
 
 @dataclass(frozen=True)
-class Errors:
+class LinearErrors:
     """The errors of one log, linear about an observer's path; each ``(T,)``.
 
     Args:
@@ -44,7 +44,9 @@ class Errors:
     direct: np.ndarray
 
 
-def smoothed(runs: Sequence[Errors], lasting: float) -> list[tuple[np.ndarray, np.ndarray]]:
+def smoothed_signals(
+    runs: Sequence[LinearErrors], lasting: float
+) -> list[tuple[np.ndarray, np.ndarray]]:
     """The signal and its standard error, ``(T,)`` each, for every log.
 
     Args:
@@ -59,14 +61,14 @@ def smoothed(runs: Sequence[Errors], lasting: float) -> list[tuple[np.ndarray, n
     if not noise > 0 or not unit > 0:
         return [(np.zeros(run.seen.size), np.full(run.seen.size, np.nan)) for run in runs]
     steady = all(np.all(run.direct == 0) for run in runs)  # else nothing tells it from the signal
-    grid = np.array(list(product(SIZES / unit, MEMORIES, LASTING if steady else (0.0,))))
-    scaled = [Errors(run.seen / noise, run.kept, run.undone / noise, run.pushed, run.direct)
+    grid = np.array(list(product(_SIZES / unit, _MEMORIES, _LASTING if steady else (0.0,))))
+    scaled = [LinearErrors(run.seen / noise, run.kept, run.undone / noise, run.pushed, run.direct)
               for run in runs]  # fmt: skip
     cost, squares, count = np.zeros(len(grid)), np.zeros(len(grid)), 0
     for run in scaled:
-        filtered = _filter(run, grid, lasting, ENOUGH)
+        filtered = _filter(run, grid, lasting, _ENOUGH)
         cost, squares = cost + filtered.logs, squares + filtered.squares
-        count += int(np.isfinite(run.seen[:ENOUGH]).sum())
+        count += int(np.isfinite(run.seen[:_ENOUGH]).sum())
     best = int(np.argmin(cost + count * np.log(squares / count)))
     chosen = [_filter(run, grid[best : best + 1], lasting) for run in scaled]
     total = sum(float(one.squares[0]) for one in chosen)
@@ -87,7 +89,9 @@ class _Filtered:
         self.moments: list[tuple[np.ndarray, ...]] = []
 
 
-def _filter(run: Errors, grid: np.ndarray, lasting: float, most: int | None = None) -> _Filtered:
+def _filter(
+    run: LinearErrors, grid: np.ndarray, lasting: float, most: int | None = None
+) -> _Filtered:
     """Kalman filter over (deviation, signal, lasting noise), for all points of a grid at once."""
     size, memory, share = grid.T
     forgets = np.exp(-1.0 / memory)
@@ -96,7 +100,7 @@ def _filter(run: Errors, grid: np.ndarray, lasting: float, most: int | None = No
     p[:, 0, 0], p[:, 1, 1], p[:, 2, 2] = 0.0 if unmoved else 100.0, size**2, share**2
     q[:, 1, 1] = size**2 * (1.0 - forgets**2)
     q[:, 2, 2] = share**2 * (1.0 - lasting**2)
-    found = _Filtered(many)
+    filtered = _Filtered(many)
     for t in range(run.seen[:most].size):
         ahead = x, p
         if np.isfinite(run.seen[t]):
@@ -106,22 +110,22 @@ def _filter(run: Errors, grid: np.ndarray, lasting: float, most: int | None = No
             error = run.seen[t] - x @ reads
             x = x + gained * (error / spread)[:, None]
             p = p - gained[:, :, None] * (gained / spread[:, None])[:, None, :]
-            found.logs += np.log(spread)
-            found.squares += error**2 / spread
+            filtered.logs += np.log(spread)
+            filtered.squares += error**2 / spread
         moves = np.zeros((many, 3, 3))
         moves[:, 0, 0], moves[:, 0, 1] = run.kept[t], run.pushed[t]
         moves[:, 1, 1], moves[:, 2, 2] = forgets, lasting
         if many == 1:
-            found.moments.append((*(part[0] for part in (*ahead, x, p)), moves[0]))
+            filtered.moments.append((*(part[0] for part in (*ahead, x, p)), moves[0]))
         x = (moves @ x[:, :, None])[:, :, 0]
         x[:, 0] -= run.undone[t]
         p = moves @ p @ moves.transpose(0, 2, 1) + q
-    return found
+    return filtered
 
 
-def _smoother(found: _Filtered) -> tuple[np.ndarray, np.ndarray]:
+def _smoother(filtered: _Filtered) -> tuple[np.ndarray, np.ndarray]:
     """Means ``(T, 3)`` and covariances ``(T, 3, 3)``, given all samples."""
-    ahead, spread, means, covariances, moves = map(np.array, zip(*found.moments, strict=True))
+    ahead, spread, means, covariances, moves = map(np.array, zip(*filtered.moments, strict=True))
     undone = np.linalg.pinv(spread[1:], rcond=1e-12, hermitian=True)
     backs = covariances[:-1] @ moves[:-1].transpose(0, 2, 1) @ undone
     for t in range(len(backs) - 1, -1, -1):

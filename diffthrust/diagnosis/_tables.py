@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from diffthrust._support.tables import number, with_error
+from diffthrust._support.tables import number, plain_table, with_error
 from diffthrust._support.words import percent, spelt
 from diffthrust.diagnosis._skeleton import HOW, skeleton
 from diffthrust.diagnosis._words import (
@@ -32,7 +32,7 @@ from diffthrust.diagnosis._words import (
 from diffthrust.estimation._tables import units
 
 if TYPE_CHECKING:
-    from diffthrust.diagnosis._result import Diagnosis, Stage
+    from diffthrust.diagnosis._findings import Findings, Stage
     from diffthrust.estimation._result import Fit
     from diffthrust.simulation._errors import Errors
 
@@ -58,7 +58,7 @@ class Rows:
         return any(self.blocks)
 
 
-def diagnosis_table(diag: Diagnosis) -> RenderableType:
+def diagnosis_table(diag: Findings) -> RenderableType:
     """Summary, stages, missing signal, ranking, groups, test, what remains, parameters, notes."""
     colour = "green" if diag.verdict == "adequate" else "yellow"
     parts: list[RenderableType] = [
@@ -88,15 +88,15 @@ def diagnosis_table(diag: Diagnosis) -> RenderableType:
             remaining_words(diag),
             *(missing_words(m, diag.model) for m in diag.left[:1]),
             HOW,
-            skeleton(diag),
+            skeleton(diag.fit.model, diag.remaining, diag.missing),
         )
-    parts += _section("Parameters", _rich(parameter_rows(diag)))
+    parts += _section("Parameters", _rich(stage_parameter_rows(diag)))
     if diag.untestable:
         parts += _section("Not testable by these logs", _rich(untestable_rows(diag)))
     return Group(*parts, *(Text(f"Note: {note}") for note in caution_words(diag)))
 
 
-def headroom_rows(diag: Diagnosis) -> Rows:
+def headroom_rows(diag: Findings) -> Rows:
     """What a flexible correction explains of the model as given and of the last stage."""
     rows = [
         (
@@ -115,7 +115,7 @@ def headroom_rows(diag: Diagnosis) -> Rows:
     return Rows(headings, (tuple(rows),), numbers=(2, 3, 4, 5))
 
 
-def headroom_words(diag: Diagnosis) -> list[str]:
+def headroom_words(diag: Findings) -> list[str]:
     """Whether there is something to find, before the search and after it."""
     if diag.headroom is None:
         return []
@@ -126,7 +126,7 @@ def headroom_words(diag: Diagnosis) -> list[str]:
     return said
 
 
-def stage_rows(diag: Diagnosis) -> Rows:
+def stage_rows(diag: Findings) -> Rows:
     """Errors of each channel at each stage, on the training logs and on unseen ones."""
     unit = units(diag.model)
     return Rows(
@@ -148,7 +148,7 @@ def stage_rows(diag: Diagnosis) -> Rows:
     )
 
 
-def log_rows(diag: Diagnosis) -> Rows:
+def log_rows(diag: Findings) -> Rows:
     """Errors of each log by the model as given and by the last stage, so that a bad run shows."""
     unit = units(diag.model)
     several = len(diag.stages) > 1
@@ -168,8 +168,8 @@ def log_rows(diag: Diagnosis) -> Rows:
                 )
                 for name in before.errors.channels
             ]
-            told = (before.name, kind)
-            blocks.append(tuple((*(told if i == 0 else ("", "")), *r) for i, r in enumerate(rows)))
+            head = (before.name, kind)
+            blocks.append(tuple((*(head if i == 0 else ("", "")), *r) for i, r in enumerate(rows)))
     if several:
         sizes, shares = ("RMSE as given", "last stage"), ("NRMSE as given", "last stage")
     else:
@@ -178,7 +178,7 @@ def log_rows(diag: Diagnosis) -> Rows:
     return Rows(("Log", "", "Channel", *sizes, "Unit", *shares), tuple(blocks), numbers)
 
 
-def ranking_rows(diag: Diagnosis) -> Rows:
+def ranking_rows(diag: Findings) -> Rows:
     """The best candidates of each stage; the added one is marked."""
     blocks = []
     for stage in sorted({c.stage for c in diag.ranking}):
@@ -214,7 +214,7 @@ def ranking_rows(diag: Diagnosis) -> Rows:
     )
 
 
-def parameter_rows(diag: Diagnosis) -> Rows:
+def stage_parameter_rows(diag: Findings) -> Rows:
     """Each parameter at the first and at the last stage; once where there is one stage."""
     first, last = diag.stages[0].fit, diag.fit
     shown = [first, last] if len(diag.stages) > 1 else [first]
@@ -227,22 +227,22 @@ def parameter_rows(diag: Diagnosis) -> Rows:
     return Rows(("Parameter", *values, "Unit"), (rows,), numbers=tuple(range(1, 1 + len(values))))
 
 
-def meaning_rows(diag: Diagnosis) -> Rows:
+def meaning_rows(diag: Findings) -> Rows:
     """What each effect that is named does, in the words of its docstring."""
     known = effects_known(diag)
     named = [*diag.added, *(name for group in diag.groups for name in group)]
     named += [c.effect for c in diag.ranking]
-    told = [(spelt(name), first_line(name, known)) for name in dict.fromkeys(named)]
-    return Rows(("Effect", "What it does"), (tuple(row for row in told if row[1]),))
+    lines = [(spelt(name), first_line(name, known)) for name in dict.fromkeys(named)]
+    return Rows(("Effect", "What it does"), (tuple(row for row in lines if row[1]),))
 
 
-def untestable_rows(diag: Diagnosis) -> Rows:
+def untestable_rows(diag: Findings) -> Rows:
     """Effects that the logs cannot test, and why."""
     rows = tuple((spelt(name), reason) for name, reason in diag.untestable.items())
     return Rows(("Effect", "Reason"), (rows,))
 
 
-def check_rows(diag: Diagnosis) -> Rows:
+def check_rows(diag: Findings) -> Rows:
     """How far each stage's fit can be trusted."""
     rows = tuple(
         (str(i), stage_words(diag, i), stage.fit.status.value, stage.fit.message)
@@ -291,16 +291,13 @@ def _valued(fit: Fit, name: str) -> tuple[str, str]:
 
 def _section(title: str, *things: RenderableType) -> list[RenderableType]:
     """A titled part; nothing where there is nothing to tell."""
-    told = [Text(thing) if isinstance(thing, str) else thing for thing in things]
-    kept = [thing for thing in told if not isinstance(thing, Text) or thing.plain]
+    texts = [Text(thing) if isinstance(thing, str) else thing for thing in things]
+    kept = [thing for thing in texts if not isinstance(thing, Text) or thing.plain]
     return [Text(), Text(title, style="bold"), *kept] if kept else []
 
 
 def _rich(rows: Rows) -> Table:
-    table = Table(box=None, padding=(0, 1), pad_edge=False, header_style="dim")
-    for i, heading in enumerate(rows.headings):
-        justify = "right" if i in rows.numbers else "left"
-        table.add_column(heading, justify=justify, overflow="fold")
+    table = plain_table(*rows.headings, numbers=rows.numbers)
     for block in rows.blocks:
         for row in block:
             table.add_row(*(escape(cell) for cell in row))

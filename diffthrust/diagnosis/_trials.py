@@ -2,28 +2,31 @@
 
 The model under test carries every candidate at its null value, where it does nothing, and at each
 place a signal of unknown form. Which parameters move is a matter of numbers (`Problem.focus`), so
-that hundreds of trials share one compilation.
+that hundreds of trials share one compilation. Nothing here changes once it is made: what a trial
+has come to, and under which limit of errors, it carries itself.
 """
 
+# ruff: noqa: F722  (shapes of arrays)
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 from typing import TypeVar
 
 import numpy as np
+from jaxtyping import Float
 
 from diffthrust._support.errors import InputError
-from diffthrust.diagnosis._ports import KNOTS, places_of, readings, unknown_at
-from diffthrust.diagnosis._score_test import promise
+from diffthrust.diagnosis._ports import KNOTS, places_of, port_readings, unknown_at
+from diffthrust.diagnosis._score_test import promised_gain
 from diffthrust.estimation._arrange import build
 from diffthrust.estimation._laws import StudentT
 from diffthrust.estimation._likelihood import Quadratic
 from diffthrust.estimation._observer import CLIP, REAL, WIDE, guesses, is_memory, observer_of
-from diffthrust.estimation._one_step import cost, nrmse, passes, settled_start, with_clip
+from diffthrust.estimation._one_step import cost, passes, with_clip
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._registry import NOISE_MODELS
 from diffthrust.estimation._residuals import Innovations
@@ -34,22 +37,18 @@ from diffthrust.models._base.model import Model
 from diffthrust.simulation._inputs import measured_outputs
 
 Item = TypeVar("Item")
-Found = TypeVar("Found")
+Answer = TypeVar("Answer")
 
-SAME = 1e-6
-"""An effect is redundant that keeps less than this of its information beside the others."""
-ENOUGH = 2e-3
+_ENOUGH = 2e-3
 """A trial ends where a full step would gain less log-likelihood than this."""
-IDLE = 1e-6
-"""An effect does nothing that is nearer to its null than this, in units of its scale."""
-LONG = 60
+_LONG = 60
 """Steps that carry a trial to its end: a search that goes on creeps along a flat ridge."""
-ROOM = 4
+_ROOM = 4
 """Parameters of effects that are estimated together with all of the model's and the observer's;
 with more, the observer's memories are held at what they were, and then its gains."""
 
 
-def side_by_side(work: Callable[[Item], Found], items: Sequence[Item]) -> list[Found]:
+def side_by_side(work: Callable[[Item], Answer], items: Sequence[Item]) -> list[Answer]:
     """``work`` on each item, on all cores: compiled code runs without Python's lock.
 
     The first item goes alone, so that nothing is compiled twice at the same time.
@@ -59,8 +58,25 @@ def side_by_side(work: Callable[[Item], Found], items: Sequence[Item]) -> list[F
         return first + list(pool.map(work, items[1:]))
 
 
-@dataclass(frozen=True)
-class Trial:
+@dataclass(frozen=True, eq=False)
+class Limit:
+    """How large an error may be that corrects the states; larger ones correct them no further.
+
+    Args:
+        size: of a large error; infinite without a limit.
+        reach: errors are limited at so many times that.
+    """
+
+    size: Float[np.ndarray, " channels"]
+    reach: float = 1.0
+
+    def on(self, problem: Problem) -> Problem:
+        """A problem under this limit."""
+        return with_clip(problem, self.size, self.reach)
+
+
+@dataclass(frozen=True, eq=False)
+class TrialFit:
     """The model with some effects, fitted in the innovations form.
 
     Args:
@@ -68,9 +84,11 @@ class Trial:
         values: all parameters by full name, the observer's included.
         quadratic: the likelihood near the optimum, in the coordinates of ``names``.
         names: the parameters that were estimated.
-        cost: negative log-likelihood.
+        cost: negative log-likelihood, under ``limit``.
         promise: gain of log-likelihood that a full step within the bounds would still bring.
-        begin: the initial states of the logs.
+        begin: the initial states of the logs, one after the other.
+        limit: how errors were limited.
+        problem: the training logs.
     """
 
     effects: tuple[str, ...]
@@ -79,12 +97,29 @@ class Trial:
     names: tuple[str, ...]
     cost: float
     promise: float
-    begin: np.ndarray | None
+    begin: Float[np.ndarray, " starts"] | None
+    limit: Limit
+    problem: Problem = field(repr=False)
 
     @property
     def expected(self) -> float:
         """The cost that a full step promises."""
         return self.cost - self.promise
+
+    def own(self, effect: str | None = None) -> list[str]:
+        """The estimated parameters of one effect; of the last one if not said."""
+        effect = effect or self.effects[-1]
+        return [n for n in self.names if n.rpartition(".")[0] == effect]
+
+    @property
+    def there(self) -> Problem:
+        """The training logs at these values and under this limit."""
+        return self.limit.on(self.problem.focus(self.names, self.values, self.begin))
+
+    @cached_property
+    def path(self) -> list[dict[str, np.ndarray]]:
+        """For each training log the series of inputs and states, predicted one step ahead."""
+        return [one.path for one in passes(self.there)]
 
 
 class Trials:
@@ -111,8 +146,8 @@ class Trials:
     ) -> None:
         self.model = model
         self.logs = tuple(logs)
-        channels = measured_outputs(model, logs)
-        self.places = places_of(model, logs[0], channels)
+        self.channels = measured_outputs(model, logs)
+        self.places = places_of(model, logs[0], self.channels)
         self.unknowns = {place.port: unknown_at(place.port)() for place in self.places}
         everything = model
         for effect in (*candidates, *self.unknowns.values()):
@@ -120,17 +155,20 @@ class Trials:
         self.candidates = {effect.name: effect for effect in candidates}
         self.own = tuple(n for n, p in model.parameters.items() if not p.fixed)
         remembering = {p for e in model.effects if e.memory for p in e.ports}
-        observer = observer_of(
-            model, logs[0], channels, remembering, NOISE_MODELS[noise_model].lasts
-        )
+        lasts = NOISE_MODELS[noise_model].lasts
+        observer = observer_of(model, logs[0], self.channels, remembering, lasts)
         likelihood = Innovations(law=StudentT(), observer=observer)
-        arrange = partial(build, everything, substeps=substeps, likelihood=likelihood)
-        first = arrange(self._with_series(logs))
+        arranged = partial(build, everything, substeps=substeps, likelihood=likelihood)
+        series = [name for effect in self.unknowns.values() for name in effect.needs]
+        first = arranged([_with_room(log, series) for log in logs])
         self.nuisance = tuple(n for n, p in first.nuisance.items() if not p.fixed)
-        width = len(self.own) + max(len(self.nuisance), KNOTS) + ROOM
-        self.problem = replace(first, layout=replace(first.layout, width=width))
-        self.unseen = arrange(self._with_series(unseen), width=width) if unseen else None
-        self.samples = float(np.sum(first.numbers.counts))
+        self.width = len(self.own) + max(len(self.nuisance), KNOTS) + _ROOM
+        self.problem = replace(first, layout=replace(first.layout, width=self.width))
+        held = [_with_room(log, series) for log in unseen]
+        self.unseen = arranged(held, width=self.width) if held else None
+        counts = first.numbers.counts
+        self.counts = dict(zip(self.channels, map(float, counts), strict=True))
+        self.samples = float(np.sum(counts))
         if self.samples <= (numbers := len(self.own) + len(self.nuisance)):
             raise InputError(
                 f"The training logs hold {self.samples:.0f} measurements, and {numbers} numbers of "
@@ -138,95 +176,84 @@ class Trials:
                 "Give longer logs, or fix parameters.",
             )
 
-    def _with_series(self, logs: Sequence[Log]) -> list[Log]:
-        """The logs with room for the series of the unknown signals, zero at first."""
-        names = [name for effect in self.unknowns.values() for name in effect.needs]
-        return [
-            log.replaced(
-                inputs={**log.inputs, **dict.fromkeys(names, np.zeros(len(log)))},
-                units={**log.units, **dict.fromkeys(names, "")},
-                hold={**log.hold, **dict.fromkeys(names, "linear")},
-            )
-            for log in logs
-        ]
-
-    # -- fits --------------------------------------------------------------------------------------
-
     @property
     def room(self) -> int:
         """Parameters of effects for which there is room beside all of the model's own and noise."""
-        return (self.problem.layout.width or 0) - len(self.own) - len(self.nuisance)
+        return self.width - len(self.own) - len(self.nuisance)
 
     def moved(self, effects: Sequence[str]) -> tuple[str, ...]:
         """The parameters that are estimated with some effects present."""
         named = self.problem.named
         theirs = [n for n in named if n.rpartition(".")[0] in effects and not named[n].fixed]
-        gains = [n for n in self.nuisance if not is_memory(n)]
-        memories = [n for n in self.nuisance if n not in gains]
-        free = max(0, (self.problem.layout.width or 0) - len(self.own) - len(theirs))
-        return (*self.own, *(*gains, *memories)[:free], *theirs)
+        free = max(0, self.width - len(self.own) - len(theirs))
+        return (*self.own, *sorted(self.nuisance, key=is_memory)[:free], *theirs)  # gains first
 
     def solve(
         self,
         effects: Sequence[str],
         values: Mapping[str, float],
-        begin: np.ndarray | None = None,
+        begin: np.ndarray | None,
+        limit: Limit,
         budget: int = 40,
         still: Collection[str] = (),
-    ) -> Trial:
+    ) -> TrialFit:
         """Fit with some effects present, from given values and initial states.
 
         Parameters named in ``still`` stay where they are.
         """
         names = tuple(name for name in self.moved(effects) if name not in still)
-        problem = self.problem.focus(names, values, begin)
-        found = solve(problem, problem.start(), budget, ENOUGH)
-        q, z = found.quadratic, found.z
-        given = (problem.values(z), q, names)
+        problem = limit.on(self.problem.focus(names, values, begin))
+        optimum = solve(problem, problem.start(), budget, _ENOUGH)
+        q, z = optimum.quadratic, optimum.z
+        known = (tuple(effects), problem.values(z), q, names)
+        ended = partial(TrialFit, *known, limit=limit, problem=self.problem)
         if not np.isfinite(q.cost):
-            return Trial(tuple(effects), *given, cost=np.inf, promise=0.0, begin=begin)
+            return ended(cost=np.inf, promise=0.0, begin=begin)
         low, high = problem.limits()
         outward = ((z <= low + 1e-9) & (q.gradient >= 0)) | ((z >= high - 1e-9) & (q.gradient <= 0))
-        return Trial(
-            tuple(effects),
-            *given,
-            cost=float(q.cost),
-            promise=promise(q, ~outward),
-            begin=z[problem.shared :],
+        return ended(
+            cost=float(q.cost), promise=promised_gain(q, ~outward), begin=z[problem.shared :]
         )
 
-    def further(self, trial: Trial, budget: int = 40) -> Trial:
+    def further(self, trial: TrialFit, budget: int = 40) -> TrialFit:
         """A trial carried on."""
-        return self.solve(trial.effects, trial.values, trial.begin, budget)
+        return self.solve(trial.effects, trial.values, trial.begin, trial.limit, budget)
 
-    def values_of(self, model: Model) -> dict[str, float]:
-        """Values of a model's parameters, by full name."""
-        return {n: p.value for n, p in model.parameters.items()}
+    def settled(
+        self,
+        effects: Sequence[str],
+        values: Mapping[str, float],
+        begin: np.ndarray | None,
+        limit: Limit,
+    ) -> TrialFit:
+        """Fit with some effects present to the end, from several guesses of the noise.
 
-    def with_values(self, model: Model, values: Mapping[str, float]) -> Model:
-        """A model at the values of a trial."""
-        return model.replace({n: values[n] for n in model.parameters if n in values})
+        An effect that explains much leaves little noise: the observer's gains may be far from what
+        they were. Then large errors are limited to a few times what errors now are: the trial has
+        a limit of its own.
+        """
 
-    def absent(self, effect: str, values: Mapping[str, float]) -> dict[str, float]:
-        """The values with one effect at its null."""
-        null = self.candidates[effect].at_null()
-        own = {f"{effect}.{n}": p.value for n, p in null._parameters.items()}
-        return {**values, **own}
+        def one(guess: Mapping[str, float]) -> TrialFit:
+            return self.solve(effects, {**values, **guess}, begin, limit, budget=12)
 
-    def base(self, values: Mapping[str, float]) -> Trial:
-        """The model as it is, from given values of its parameters.
+        begun = side_by_side(one, guesses(self.nuisance))
+        trial = min(begun, key=lambda trial: trial.expected)
+        for _ in range(2):
+            trial = self.further(trial, budget=_LONG)
+            trial = replace(trial, limit=Limit(CLIP * trial.quadratic.sigma, limit.reach))
+        return self.further(trial, budget=_LONG)
+
+    def base(self) -> TrialFit:
+        """The model as it is, from its own values.
 
         Here it is seen at what size errors are limited.
         """
-        start = {n: p.value for n, p in self.problem.named.items()} | dict(values)
+        start = {n: p.value for n, p in self.problem.named.items()}
         self._compile(start)
-        limited, before = self.settled((), start), self.problem
-        self.problem = with_clip(before, before.numbers.clip, reach=WIDE)
-        wide = self.further(limited, budget=LONG)
-        if wide.cost < limited.cost - REAL:
-            return wide
-        self.problem = before
-        return limited
+        limited = self.settled((), start, None, Limit(np.full(len(self.channels), np.inf)))
+        widened = replace(limited, limit=replace(limited.limit, reach=WIDE))
+        wide = self.further(widened, budget=_LONG)
+        return wide if wide.cost < limited.cost - REAL else limited
 
     def _compile(self, values: Mapping[str, float]) -> None:
         """Compile what all trials need side by side, not one after the other as it is called."""
@@ -235,115 +262,37 @@ class Trials:
         if self.unseen is not None:
             work.append(partial(cost, self.unseen.focus(self.moved(()), values)))
         with ThreadPoolExecutor(len(work)) as pool:
-            for done in [pool.submit(one) for one in work]:
-                done.result()
+            list(pool.map(lambda compiled: compiled(), work))
 
-    def settled(
+    def cost(
         self,
         effects: Sequence[str],
         values: Mapping[str, float],
-        begin: np.ndarray | None = None,
-    ) -> Trial:
-        """Fit with some effects present to the end, from several guesses of the noise.
-
-        An effect that explains much leaves little noise: the observer's gains may be far from what
-        they were. Then large errors are limited to a few times what errors now are.
-        """
-
-        def one(guess: Mapping[str, float]) -> Trial:
-            return self.solve(effects, {**values, **guess}, begin, budget=12)
-
-        begun = side_by_side(one, guesses(self.nuisance))
-        trial = min(begun, key=lambda trial: trial.expected)
-        reach = self.problem.numbers.reach
-        for _ in range(2):
-            trial = self.further(trial, budget=LONG)
-            self.problem = with_clip(self.problem, CLIP * trial.quadratic.sigma, reach)
-        return self.further(trial, budget=LONG)
-
-    def cost(
-        self, effects: Sequence[str], values: Mapping[str, float], begin: np.ndarray | None
+        begin: np.ndarray | None,
+        limit: Limit,
     ) -> float:
         """Negative log-likelihood at given values: a tenth of the work of a derivative."""
-        return cost(self.problem.focus(self.moved(effects), values, begin))
+        return cost(limit.on(self.problem.focus(self.moved(effects), values, begin)))
 
-    def idle(self, trial: Trial) -> bool:
-        """Whether the last effect of a trial has gone back to its null."""
-        effect = self.candidates[trial.effects[-1]]
-        return all(
-            abs(trial.values[f"{effect.name}.{name}"] - p.null) < IDLE * p.scale
-            for name, p in effect._parameters.items()
-            if p.null is not None
-        )
+    def absent(self, effect: str, values: Mapping[str, float]) -> dict[str, float]:
+        """The values with one effect at its null."""
+        null = self.candidates[effect].at_null()
+        return {**values, **{f"{effect}.{n}": p.value for n, p in null._parameters.items()}}
 
-    def redundant(self, trial: Trial) -> bool:
-        """Whether the last effect of a trial does nothing that the other parameters cannot."""
-        q, effect = trial.quadratic, trial.effects[-1]
-        live = np.diagonal(q.information) > 0
-        own = np.zeros(live.size, bool)
-        own[: len(trial.names)] = [n.rpartition(".")[0] == effect for n in trial.names]
-        length = np.sqrt(np.diagonal(q.information)[live])
-        scaled = q.information[np.ix_(live, live)] / np.outer(length, length)
-        own = own[live]
-        if not own.any():
-            return True
-        cross, rest = scaled[np.ix_(own, ~own)], scaled[np.ix_(~own, ~own)]
-        left = scaled[np.ix_(own, own)] - cross @ np.linalg.pinv(rest, 1e-12, True) @ cross.T
-        return bool(np.diagonal(left).max() < SAME)
-
-    def levels(self, trial: Trial) -> dict[str, float]:
-        """The 90th percentile of the absolute value of every signal, and the longest duration."""
-        paths = self.path(trial)
-        series = [{**path, **own} for path, own in zip(paths, self.readings(paths), strict=True)]
-        found = {
-            name: float(np.quantile(np.abs(np.concatenate([one[name] for one in series])), 0.9))
-            for name in series[0]
-            if all(name in one for one in series)
-        }
-        return {**found, "duration": max(log.duration for log in self.logs)}
-
-    # -- what the innovations say ------------------------------------------------------------------
-
-    def path(self, trial: Trial) -> list[dict[str, np.ndarray]]:
-        """For each training log the series of inputs and states, predicted one step ahead."""
-        return [one.path for one in passes(self._at(self.problem, trial))]
-
-    def readings(self, paths: Sequence[Mapping[str, np.ndarray]]) -> list[dict[str, np.ndarray]]:
+    def readings(self, trial: TrialFit) -> list[dict[str, np.ndarray]]:
         """What passes each port of the model as it was given, log by log."""
-        bound = self.model
-        return [readings(bound, path) for path in paths]
+        return [port_readings(self.model, path) for path in trial.path]
 
-    def unseen_gain(self, before: Trial, after: Trial) -> float:
-        """Gain of log-likelihood on the unseen logs; NaN without any.
 
-        The noise levels are those of the unseen logs, and initial states their best: a model that
-        halves the errors of both is better, although on other manoeuvres more may remain.
-        Taken with the observer of either trial, whichever is better: an effect that explains much
-        leaves an observer that corrects little, and a single event that it misses would count most.
-        """
-        noise = {name: before.values[name] for name in self.nuisance}
-        louder = replace(after, values={**after.values, **noise})
-        one, *others = (self.unseen_cost(trial) for trial in (before, after, louder))
-        return one - min(others)
+def with_values(model: Model, values: Mapping[str, float]) -> Model:
+    """A model at the values of a trial."""
+    return model.replace({n: values[n] for n in model.parameters if n in values})
 
-    def unseen_cost(self, trial: Trial) -> float:
-        """Negative log-likelihood of the unseen logs, from their best initial states.
 
-        NaN without unseen logs, infinite where the trial cannot be carried over them.
-        """
-        if self.unseen is None:
-            return float("nan")
-        unseen = with_clip(self.unseen, self.problem.numbers.clip, self.problem.numbers.reach)
-        found = cost(settled_start(self._at(unseen, trial)))
-        return found if np.isfinite(found) else float("inf")
-
-    def simulation_errors(self, trial: Trial) -> tuple[float, float | None]:
-        """NRMSE of the simulation, without correction, on training and unseen logs."""
-        still = {n: 0.0 for n in self.problem.nuisance if not is_memory(n)}
-        pure = replace(trial, values={**trial.values, **still})
-        train = nrmse(self._at(self.problem, pure))
-        return train, None if self.unseen is None else nrmse(self._at(self.unseen, pure))
-
-    def _at(self, problem: Problem, trial: Trial) -> Problem:
-        begin = trial.begin if problem is self.problem else None
-        return problem.focus(trial.names, trial.values, begin)
+def _with_room(log: Log, names: Sequence[str]) -> Log:
+    """A log with room for the series of the unknown signals, zero at first."""
+    return log.replaced(
+        inputs={**log.inputs, **dict.fromkeys(names, np.zeros(len(log)))},
+        units={**log.units, **dict.fromkeys(names, "")},
+        hold={**log.hold, **dict.fromkeys(names, "linear")},
+    )

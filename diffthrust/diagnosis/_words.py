@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from diffthrust._support.tables import number
 from diffthrust._support.words import an, apart, capitalised, joined, percent, probability, spelt
+from diffthrust.diagnosis._ports import words_and_unit
 from diffthrust.estimation._tables import units
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
 
 if TYPE_CHECKING:
     from diffthrust.comparison._compare import Comparison
-    from diffthrust.diagnosis._result import Diagnosis, Missing
+    from diffthrust.diagnosis._findings import Findings, Missing
     from diffthrust.estimation._estimate import Estimate
     from diffthrust.estimation._result import Fit
     from diffthrust.simulation._errors import Errors
@@ -26,7 +26,7 @@ _NAMED = 2
 """Channels that the summary names (more are told by their mean), and hints that it repeats."""
 
 
-def summary(diag: Diagnosis) -> str:
+def summary(diag: Findings) -> str:
     """The outcome in a few sentences: what lacks, what it gains, what stays open.
 
     Example:
@@ -37,7 +37,7 @@ def summary(diag: Diagnosis) -> str:
     model = model_words(diag.model)
     if diag.best:
         them = "it" if len(diag.best) == 1 else "them"
-        sentences = [f"The {model} lacks {joined(_found(diag))}: with {them} {gain_words(diag)}."]
+        sentences = [f"The {model} lacks {joined(_lacking(diag))}: with {them} {gain_words(diag)}."]
     elif diag.verdict == "adequate" and not (diag.ranking or diag.silent):
         sentences = [
             f"These logs can test none of the effects: whether the {model} lacks one, they do not "
@@ -67,7 +67,7 @@ def summary(diag: Diagnosis) -> str:
     return " ".join(sentences)
 
 
-def verdict_words(diag: Diagnosis) -> str:
+def verdict_words(diag: Findings) -> str:
     """The verdict as a person would say it."""
     return {
         "adequate": "adequate",
@@ -101,7 +101,7 @@ def sized_words(name: str, fit: Fit) -> str:
     return f"{an(spelt(name))} ({listed})" if listed else an(spelt(name))
 
 
-def gain_words(diag: Diagnosis) -> str:
+def gain_words(diag: Findings) -> str:
     """How the error of each channel changed from the first stage to the last."""
     logs, before, after = _errors(diag)
     unit = units(diag.model)
@@ -125,7 +125,7 @@ def gain_words(diag: Diagnosis) -> str:
     return joined(parts)
 
 
-def level_words(diag: Diagnosis) -> str:
+def level_words(diag: Findings) -> str:
     """How large the error of each channel is at the last stage."""
     logs, _, after = _errors(diag)
     unit = units(diag.model)
@@ -138,7 +138,7 @@ def level_words(diag: Diagnosis) -> str:
     return joined(parts)
 
 
-def forced_words(diag: Diagnosis) -> list[str]:
+def forced_words(diag: Findings) -> list[str]:
     """How much of the error over whole runs is left to random forces and lasting sensor errors."""
     logs, _, after = _errors(diag)
     unit = units(diag.model)
@@ -157,7 +157,7 @@ def forced_words(diag: Diagnosis) -> list[str]:
     ]
 
 
-def refused_words(diag: Diagnosis) -> list[str]:
+def refused_words(diag: Findings) -> list[str]:
     """Effects that were not added although they fit the training logs better, and why."""
     return [
         f"{capitalised(an(spelt(name)))} was not added: it {why}."
@@ -165,13 +165,13 @@ def refused_words(diag: Diagnosis) -> list[str]:
     ]
 
 
-def silent_words(diag: Diagnosis) -> str:
+def silent_words(diag: Findings) -> str:
     """The effects that were tried in vain."""
     names = joined(an(spelt(name)) for name in diag.silent)
     return f"Tried in vain: {names}." if diag.silent else ""
 
 
-def group_words(diag: Diagnosis) -> list[str]:
+def group_words(diag: Findings) -> list[str]:
     """For each added effect that has rivals: what these logs cannot tell it from."""
     return [
         f"These logs cannot tell {an(spelt(added))} from "
@@ -206,7 +206,7 @@ def failure_words(comparison: Comparison) -> list[str]:
     ]
 
 
-def remaining_words(diag: Diagnosis) -> str:
+def remaining_words(diag: Findings) -> str:
     """What no known effect explains: where it enters and on what it depends."""
     left = diag.remaining
     if left is None:
@@ -225,14 +225,13 @@ def remaining_words(diag: Diagnosis) -> str:
 def place_words(model: Model, port: str) -> str:
     """A port in words: its name, and what the signal there is."""
     if port in model.ports:
-        described = re.sub(r" *\[[^]]*\]$", "", model.ports[port])  # less its unit
-        return f"the port '{port}' ({described})"
+        return f"the port '{port}' ({words_and_unit(model, port)[0]})"
     if port in model.outputs:
         return f"the measured {port} (its sensor)"
     return f"the recorded {port}"
 
 
-def dropped_words(diag: Diagnosis) -> str:
+def dropped_words(diag: Findings) -> str:
     """The effects that were taken out again."""
     names = joined(an(spelt(name)) for name in diag.dropped)
     was = "was" if len(diag.dropped) == 1 else "were"
@@ -244,7 +243,7 @@ def dropped_words(diag: Diagnosis) -> str:
     )
 
 
-def caution_words(diag: Diagnosis) -> list[str]:
+def caution_words(diag: Findings) -> list[str]:
     """What weakens the outcome: fits that may not claim what they print, and their notes."""
     words = [
         f"The fit of stage {i} ({stage_words(diag, i)}) has the status "
@@ -262,7 +261,7 @@ def caution_words(diag: Diagnosis) -> list[str]:
     return [*words, *diag.fit.notes]
 
 
-def stage_words(diag: Diagnosis, index: int) -> str:
+def stage_words(diag: Findings, index: int) -> str:
     """What a stage added: "as given", "+ command dead band"; "- ..." for what was dropped."""
     if index == 0:
         return "as given"
@@ -272,7 +271,7 @@ def stage_words(diag: Diagnosis, index: int) -> str:
     return ", ".join(changes)
 
 
-def _found(diag: Diagnosis) -> list[str]:
+def _lacking(diag: Findings) -> list[str]:
     """The added effects with their values, and what each cannot be told from."""
     words = []
     for name, group in zip(diag.added, diag.groups, strict=True):
@@ -282,7 +281,7 @@ def _found(diag: Diagnosis) -> list[str]:
     return words
 
 
-def _errors(diag: Diagnosis) -> tuple[str, Errors, Errors]:
+def _errors(diag: Findings) -> tuple[str, Errors, Errors]:
     """Name of the logs that count, and the errors on them at the first and the last stage."""
     first, last = diag.stages[0], diag.stages[-1]
     if first.holdout is not None and last.holdout is not None:
@@ -300,7 +299,7 @@ def _rank(value: float) -> float:
     return -math.inf if math.isnan(value) else value
 
 
-def effects_known(diag: Diagnosis) -> dict[str, type[Effect]]:
+def effects_known(diag: Findings) -> dict[str, type[Effect]]:
     """The classes of effects by name: those of the catalogue and those that the models have."""
     from diffthrust.models._base.registry import catalogue
 

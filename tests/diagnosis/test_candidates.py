@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import diffthrust as dft
-from diffthrust.diagnosis._candidates import candidates_of
-from diffthrust.models._base import registry
+from diffthrust.diagnosis._candidates import candidates_of  # private: without a search
+from diffthrust.models._base import registry  # private: a catalogue of its own
 
 
 def log(*, inputs=(), measured=("speed", "thrust")):

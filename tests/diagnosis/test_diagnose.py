@@ -2,12 +2,14 @@
 
 import json
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from reference import inputs, noise, thruster
 
 import diffthrust as dft
+from diffthrust.simulation import _fixed_step  # private: each run of a program is counted
 
 TIME = np.arange(700) * 0.05
 FEW = ("command_deadband", "linear_damping", "thrust_sensor_offset")
@@ -42,17 +44,39 @@ TRIED = [*FEW, SquareRootDrag]  # of all diagnoses, which so share what they com
 
 
 @pytest.fixture(scope="module")
-def diag():
+def simulations():
+    """What was simulated so far: which model, how, over which log, from where."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def diag(simulations):
     *train, unseen = logs(command_deadband=0.4, thrust_sensor_offset=1.0)
     said = []
-    found = dft.diagnose(
-        dft.Thruster(),
-        train,
-        holdout=unseen,
-        candidates=TRIED,
-        progress=lambda message, share: said.append((message, share)),
-    )
+    simulated = _fixed_step._run
+
+    def counted(key, grid, values, time, inputs, start):
+        numbers = jax.tree.map(lambda value: np.asarray(value).tobytes(), (values, inputs, start))
+        simulations.append((key, grid, str(numbers), time.tobytes()))
+        return simulated(key, grid, values, time, inputs, start)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(_fixed_step, "_run", counted)
+        found = dft.diagnose(
+            dft.Thruster(),
+            train,
+            holdout=unseen,
+            candidates=TRIED,
+            progress=lambda message, share: said.append((message, share)),
+        )
     return found, said, train, unseen
+
+
+def test_nothing_is_simulated_twice(diag, simulations):
+    _, _, train, unseen = diag
+    # by the first and the last model every log with the steps that it has, and with half of them
+    assert len(simulations) >= 2 * 2 * len([*train, unseen])
+    assert len(set(simulations)) == len(simulations)
 
 
 def test_both_hidden_effects_are_found_and_the_errors_fall(diag):

@@ -16,12 +16,16 @@ import pytest
 
 import diffthrust as dft
 from diffthrust._support.words import an, apart, joined, spelt
-from diffthrust.diagnosis._figures import missing_figure, ranking_figure, stages_figure
-from diffthrust.diagnosis._page import page
-from diffthrust.diagnosis._result import Diagnosis, Remaining
-from diffthrust.diagnosis._skeleton import skeleton
-from diffthrust.diagnosis._tables import log_rows
-from diffthrust.diagnosis._words import (
+from diffthrust.diagnosis._figures import (  # private: each figure alone
+    missing_figure,
+    ranking_figure,
+    stages_figure,
+)
+from diffthrust.diagnosis._findings import Refusal, Remaining, SignalForm  # private: made by hand
+from diffthrust.diagnosis._page import page  # private: the page as text
+from diffthrust.diagnosis._skeleton import skeleton  # private: of any port and signal
+from diffthrust.diagnosis._tables import log_rows  # private: its cells
+from diffthrust.diagnosis._words import (  # private: each sentence alone
     caution_words,
     group_words,
     missing_words,
@@ -30,7 +34,7 @@ from diffthrust.diagnosis._words import (
     stage_words,
 )
 from diffthrust.effects import EFFECTS
-from diffthrust.simulation._errors import ChannelError, Errors
+from diffthrust.simulation._errors import ChannelError, Errors  # private: made by hand
 
 CHROMIUM = next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
@@ -38,7 +42,7 @@ CHROMIUM = next(
 
 
 @pytest.fixture(scope="module")
-def full() -> Diagnosis:
+def full() -> dft.Diagnosis:
     return made.diagnosis()
 
 
@@ -75,7 +79,7 @@ def test_the_summary_admits_what_cannot_be_told_apart_and_what_remains(full):
     assert "(these logs cannot tell it from a thrust sensor lag)" in text
     assert "Structure still remains that no known effect explains" in text
     assert "port 'load' (deceleration of the shaft by the propeller's torque)" in text
-    assert "depends on |speed|, which explains 34 %" in text
+    assert "depends on speed, which explains 34 %" in text
     assert group_words(full) == ["These logs cannot tell an actuator lag from a thrust sensor lag."]
 
 
@@ -187,15 +191,15 @@ def test_phrases():
 @pytest.mark.parametrize(
     ("port", "signal", "manner"),
     [
-        ("load", "|speed|", "adds"), ("drive", "command", "adds"), ("propeller", "speed", "adds"),
-        ("shaft", "time since the start", "adds"), ("shaft", "rate of speed", "adds"),
-        ("command", "command", "adds"), ("drive", "time", "scales"),
-        ("propeller", "the last 1 s of speed", "scales"),
+        ("load", SignalForm("speed"), "adds"), ("drive", SignalForm("command"), "adds"),
+        ("propeller", SignalForm("speed"), "adds"), ("shaft", SignalForm("time"), "adds"),
+        ("shaft", SignalForm("speed", rate=True), "adds"),
+        ("command", SignalForm("command"), "adds"), ("drive", SignalForm("time"), "scales"),
+        ("propeller", SignalForm("speed", past=1.0), "scales"),
     ],
 )  # fmt: skip
 def test_the_skeleton_runs_and_does_nothing_at_its_null(full, port, signal, manner):
-    diag = replace(full, remaining=Remaining(port, signal, 0.5, manner))
-    code = skeleton(diag)
+    code = skeleton(full.fit.model, Remaining(port, signal, 0.5, manner), full.missing)
     scope: dict = {}
     exec(code, scope)
     effect = scope["MyEffect"]()
@@ -210,12 +214,13 @@ def test_the_skeleton_runs_and_does_nothing_at_its_null(full, port, signal, mann
 
 
 def test_the_skeleton_has_the_unit_of_its_strength(full):
-    assert 'unit="(rad/s^2)/(rad/s)"' in skeleton(full)
-    at_thrust = replace(full, remaining=Remaining("propeller", "command", 0.5))
-    assert 'unit="N/V"' in skeleton(at_thrust)
-    scaled = replace(full, remaining=Remaining("propeller", "command", 0.5, "scales"))
-    assert 'unit="1/V"' in skeleton(scaled)
-    assert skeleton(made.found()) == ""
+    def unit(left):
+        return re.search('unit="(.*?)"', skeleton(full.fit.model, left, full.missing))[1]
+
+    assert unit(full.remaining) == "(rad/s^2)/(rad/s)"
+    assert unit(Remaining("propeller", SignalForm("command"), 0.5)) == "N/V"
+    assert unit(Remaining("propeller", SignalForm("command"), 0.5, "scales")) == "1/V"
+    assert "class MyEffect" not in made.found().report()
 
 
 # -- tables ----------------------------------------------------------------------------------------
@@ -254,7 +259,7 @@ def test_the_summary_tells_what_is_left_to_random_forces():
 
 
 def test_refused_effects_are_told_with_the_reason(full):
-    why = "costs the unseen logs what it gains on the training logs"
+    why = Refusal.UNSEEN_LOGS
     diag = replace(full, refused={"actuator_lag": why})
     sentence = f"An actuator lag was not added: it {why}."
     assert sentence in diag.report().replace("\n", " ")
@@ -433,7 +438,7 @@ def test_the_page_of_a_diagnosis_in_which_no_signal_is_missing(full):
 def test_the_page_is_part_of_the_package():
     from importlib.resources import files
 
-    assert files("diffthrust").joinpath("_diagnosis_report.html").is_file()
+    assert files("diffthrust.diagnosis").joinpath("page.html").is_file()
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium was found to open the page with")

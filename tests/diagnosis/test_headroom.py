@@ -5,16 +5,16 @@ import pytest
 
 import diffthrust as dft
 from diffthrust import InputError, effects, papers
-from diffthrust.diagnosis._headroom import ChannelHeadroom, Headroom
-from diffthrust.diagnosis._regressions import (
-    RUNGS,
-    Record,
-    _regression,
-    _solved,
-    _together,
+from diffthrust.diagnosis._headroom import ChannelHeadroom, Headroom  # private: made by hand
+from diffthrust.diagnosis._regressions import (  # private: the regressions alone
+    ErrorRecord,
+    Rung,
     chosen,
     features_for,
-    through,
+    pooled_sums,
+    regression,
+    ridge_solution,
+    through_filters,
 )
 
 NOISE = {"speed": 0.3, "thrust": 0.15}
@@ -100,7 +100,7 @@ def test_a_vessels_heading_counts_modulo_a_turn_and_its_place_not_at_all():
 def test_too_few_logs_are_told_from_nothing_to_find():
     shares = {"few": (0.02, -0.3, 0.4), "none": (0.01, -0.02, 0.04), "much": (0.6, 0.4, 0.8)}
     channels = {
-        name: ChannelHeadroom(0.3, 0.2, *share, rung="static, linear", signals=("command",))
+        name: ChannelHeadroom(0.3, 0.2, *share, rung=Rung.STATIC_LINEAR, signals=("command",))
         for name, share in shares.items()
     }
     text = Headroom(channels, "unseen", "thruster").summary
@@ -125,13 +125,13 @@ def test_the_answer_as_text_and_data():
 def test_filters_are_the_same_on_even_and_uneven_records():
     time = np.linspace(0.0, 10.0, 401)
     value = np.where(time >= 2.0, 1.0, 0.0)
-    lagged = through(time, value[:, None], [0.5])[:, 1]
+    delayed = through_filters(time, value[:, None], [0.5])[:, 1]
     expected = np.where(time >= 2.0, 1.0 - np.exp(-(time - 2.0 + 0.025) / 0.5), 0.0)
-    np.testing.assert_allclose(lagged, expected, atol=1e-9)
+    np.testing.assert_allclose(delayed, expected, atol=1e-9)
     uneven = time.copy()
     uneven[300] += 1e-4
-    again = through(uneven, value[:, None], [0.5])[:, 1]
-    np.testing.assert_allclose(again, lagged, atol=1e-4)
+    again = through_filters(uneven, value[:, None], [0.5])[:, 1]
+    np.testing.assert_allclose(again, delayed, atol=1e-4)
 
 
 def test_a_higher_rung_is_taken_only_where_it_helps():
@@ -140,7 +140,7 @@ def test_a_higher_rung_is_taken_only_where_it_helps():
 
     def records(law):
         signals = [rng.standard_normal(time.size).cumsum() * 0.1 for _ in range(3)]
-        return [Record(time, {"a": a}, law(a) + 0.01 * rng.standard_normal(a.size))
+        return [ErrorRecord(time, {"a": a}, law(a) + 0.01 * rng.standard_normal(a.size))
                 for a in signals]  # fmt: skip
 
     for law, rung in (
@@ -149,7 +149,7 @@ def test_a_higher_rung_is_taken_only_where_it_helps():
         (lambda a: np.tanh(2.0 * a), 2),
     ):
         given = records(law)
-        assert chosen(given, features_for(given, 0)).rung == RUNGS[rung]
+        assert chosen(given, features_for(given, 0)).rung == list(Rung)[rung]
 
 
 def test_too_little_to_learn_from_is_refused():
@@ -171,14 +171,16 @@ def test_fewer_samples_than_regressors_are_solved_as_the_whole_system():
     given = []
     for _ in range(3):
         a = rng.standard_normal(time.size).cumsum() * 0.1
-        given.append(Record(time, {"a": a}, np.tanh(2.0 * a) + 0.1))
+        given.append(ErrorRecord(time, {"a": a}, np.tanh(2.0 * a) + 0.1))
     features = features_for(given, 0)
     found = chosen(given, features)
     assert found.rung == "static, curved"
-    x = np.concatenate([features.of(r, "dynamic, curved") for r in given])
+    x = np.concatenate([features.of(r, Rung.DYNAMIC_CURVED) for r in given])
     y = np.concatenate([r.error for r in given])
     assert x.shape[0] < x.shape[1]
-    blocks, basis = _regression(given, features, "dynamic, curved")
+    blocks, basis = regression(given, features, Rung.DYNAMIC_CURVED)
     ridge = np.diag(np.r_[1e-12, np.full(x.shape[1] - 1, 1e-3)]) * y.size
     whole = np.linalg.solve(x.T @ x + ridge, x.T @ y)
-    np.testing.assert_allclose(x @ basis @ _solved(_together(blocks), 1e-3), x @ whole, atol=1e-9)
+    np.testing.assert_allclose(
+        x @ basis @ ridge_solution(pooled_sums(blocks), 1e-3), x @ whole, atol=1e-9
+    )

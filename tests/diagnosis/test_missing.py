@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from reference import noise
 
-from diffthrust.diagnosis._missing import NONE, dependence_of
-from diffthrust.diagnosis._ports import hats, knots_of
+from diffthrust.diagnosis._missing import NONE, dependence_of  # private: against a known law
+from diffthrust.diagnosis._ports import hats, knots_of  # private: the basis of that law
 
 
 def made(seed, logs=2, size=1500):

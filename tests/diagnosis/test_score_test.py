@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from diffthrust.diagnosis._score_test import score_test
-from diffthrust.estimation._likelihood import Quadratic
+from diffthrust.diagnosis._score_test import score_test  # private: the test alone
+from diffthrust.estimation._likelihood import Quadratic  # private: made by hand
 
 BASE, MORE, BLOCKS, SAMPLES = 3, 4, 32, 1600
 

@@ -1,4 +1,4 @@
-"""The screen of a diagnosis and its criterion, on made-up trials and on one small set of logs."""
+"""The screen of a diagnosis, on made-up trials and on one small set of logs."""
 
 from dataclasses import dataclass, field, replace
 
@@ -7,67 +7,38 @@ import pytest
 from reference import inputs, noise, thruster
 
 import diffthrust as dft
-from diffthrust.diagnosis._criteria import criterion, noises
-from diffthrust.diagnosis._probes import probes
-from diffthrust.diagnosis._screen import _anew, _packed, edge_of, scores, screened
-from diffthrust.diagnosis._trials import Trials
-from diffthrust.estimation._observer import WIDE
-from diffthrust.estimation._solver import _solve
+from diffthrust.diagnosis._probes import probes  # private: the screen alone
+from diffthrust.diagnosis._screen import (  # private: the screen alone
+    anew,
+    edge_of,
+    is_idle,
+    levels_of,
+    null_scores,
+    packed,
+    screened,
+)
+from diffthrust.diagnosis._trials import Trials  # private: the screen alone
+from diffthrust.estimation._observer import WIDE  # private: its constant
+from diffthrust.estimation._solver import _solve  # private: how often it was compiled
 
 TIME = np.arange(500) * 0.05
-SAMPLES = 1000.0
-NOISE = ("noise.speed.drift.speed", "noise.speed.memory", "noise.thrust.colour",
-         "noise.thrust.correlation")  # fmt: skip
 
 
 def test_points_share_a_pass_as_far_as_there_is_room():
     points = {"a": {"a.x": 1.0}, "b": {"b.x": 1.0, "b.y": 1.0}, "c": {"c.x": 1.0}}
-    assert [list(group) for group in _packed(points, 3)] == [["a", "b"], ["c"]]
-    assert [list(group) for group in _packed(points, 0)] == [["a"], ["b"], ["c"]]
-
-
-def test_noises_are_gains_with_their_memory():
-    found = noises(NOISE)
-    assert [noise.parameters for noise in found] == [NOISE[:2], NOISE[2:]]
+    assert [list(group) for group in packed(points, 3)] == [["a", "b"], ["c"]]
+    assert [list(group) for group in packed(points, 0)] == [["a"], ["b"], ["c"]]
 
 
 @dataclass(frozen=True)
 class Made:
-    """A trial with as much of `Trial` as the criterion reads."""
+    """A trial with as much of `TrialFit` as a probe reads."""
 
     cost: float
     values: dict = field(default_factory=dict)
-    names: tuple = ("alpha", "effect.size", *NOISE)
     effects: tuple = ("effect",)
     begin: None = None
-
-
-class Costs:
-    """Trials in which taking out each noise costs what was said."""
-
-    nuisance = NOISE
-    samples = SAMPLES
-
-    def __init__(self, drift, colour):
-        self.rise = {"noise.speed.drift.speed": drift, "noise.thrust.colour": colour}
-
-    def solve(self, effects, values, begin, budget, still=()):
-        lost = sum(rise for name, rise in self.rise.items() if values[name] == 0.0)
-        names = tuple(n for n in Made.names if n not in still)
-        return Made(100.0 + lost, dict(values), names, effects)
-
-
-@pytest.mark.parametrize(
-    ("drift", "colour", "kept"), [(50.0, 50.0, 4), (1.0, 50.0, 2), (1.0, 1.0, 0), (5.0, 5.0, 0)]
-)
-def test_the_criterion_takes_out_the_noise_that_is_not_worth_its_price(drift, colour, kept):
-    """A noise of two parameters is worth it where it gains more than ln(1000) = 6.9."""
-    values = {"noise.speed.drift.speed": 0.1, "noise.thrust.colour": 0.2}
-    values |= {"noise.speed.memory": 1.0, "noise.thrust.correlation": 1.0}
-    lost = sum(rise for rise in (drift, colour) if rise < np.log(SAMPLES))
-    expected = 2 * (100.0 + lost) + (2 + kept) * np.log(SAMPLES)
-    found = criterion(Costs(drift, colour), Made(100.0, values))
-    assert found == pytest.approx(expected)
+    limit: None = None
 
 
 @pytest.fixture(scope="module")
@@ -84,18 +55,18 @@ def trials():
     known = dft.effects.EFFECTS
     names = ("coulomb_friction", "thrust_sensor_offset", "command_saturation")
     made = Trials(fit.model, [known[n]() for n in names], logs, [])
-    return made, made.base(made.values_of(fit.model))
+    return made, made.base()
 
 
 @pytest.mark.slow
 def test_effects_scored_together_are_scored_as_alone(trials):
     made, base = trials
-    levels = made.levels(base)
+    levels = levels_of(made, base)
     near = {name: probes(effect, levels)[0] for name, effect in made.candidates.items()}
     assert not near.pop("command_saturation")  # a limit has no neighbourhood of its null
-    together = scores(made, base, near)
+    together = null_scores(made, base, near)
     for name, points in near.items():
-        alone = scores(made, base, {name: points})[name]
+        alone = null_scores(made, base, {name: points})[name]
         # the others are there at some 1e-5 of their size
         assert together[name][0][0] == pytest.approx(alone[0][0], abs=0.05)
     gain = {name: 2 * (base.cost - pairs[0][0]) for name, pairs in together.items()}
@@ -105,7 +76,7 @@ def test_effects_scored_together_are_scored_as_alone(trials):
 def test_the_screen_leaves_out_what_is_hopeless_and_keeps_what_is_there(trials):
     made, base = trials
     told = []
-    found = screened(made, list(made.candidates), base, made.levels(base), told.append)
+    found = screened(made, list(made.candidates), base, levels_of(made, base), told.append)
     assert sorted(told) == sorted(made.candidates)
     assert "coulomb_friction" in found
     best = found["coulomb_friction"]
@@ -115,9 +86,10 @@ def test_the_screen_leaves_out_what_is_hopeless_and_keeps_what_is_there(trials):
 
 def test_an_effect_at_its_null_is_idle(trials):
     made, base = trials
-    there = made.solve(("coulomb_friction",), {**base.values, "coulomb_friction.level": 20.0})
-    assert not made.idle(there)
-    assert made.idle(replace(there, values=made.absent("coulomb_friction", there.values)))
+    values = {**base.values, "coulomb_friction.level": 20.0}
+    there = made.solve(("coulomb_friction",), values, None, base.limit)
+    assert not is_idle(made, there)
+    assert is_idle(made, replace(there, values=made.absent("coulomb_friction", there.values)))
 
 
 @pytest.mark.slow
@@ -130,8 +102,8 @@ def test_an_instant_is_found_wherever_it_lies():
     record = noise.measure(record, rng, speed=noise.Sensor(0.3), thrust=noise.Sensor(0.2))
     log = dft.Log(record.time, record.inputs, record.measured)
     made = Trials(dft.Thruster(), [dft.effects.ThrustDegradation()], [log], [])
-    base = made.base(made.values_of(dft.Thruster()))
-    found = screened(made, ["thrust_degradation"], base, made.levels(base))
+    base = made.base()
+    found = screened(made, ["thrust_degradation"], base, levels_of(made, base))
     values = found["thrust_degradation"].values
     assert values["thrust_degradation.instant"] == pytest.approx(9.0, abs=0.5)
     assert values["thrust_degradation.fraction"] == pytest.approx(0.1, rel=0.2)
@@ -151,8 +123,8 @@ def test_a_limit_that_cuts_only_the_highest_commands_is_found():
     record = noise.measure(record, rng, speed=noise.Sensor(0.05), thrust=noise.Sensor(0.05))
     log = dft.Log(record.time, {"command": command}, record.measured)
     made = Trials(dft.Thruster(), [dft.effects.CommandSaturation()], [log], [])
-    base = made.base(made.values_of(dft.Thruster()))
-    found = screened(made, ["command_saturation"], base, made.levels(base))
+    base = made.base()
+    found = screened(made, ["command_saturation"], base, levels_of(made, base))
     assert found["command_saturation"].values["command_saturation.limit"] == pytest.approx(
         limit, rel=5e-3
     )
@@ -161,11 +133,11 @@ def test_a_limit_that_cuts_only_the_highest_commands_is_found():
 def test_all_trials_share_one_compilation(trials):
     made, base = trials
     before = _solve._cache_size()
-    screened(made, list(made.candidates), base, made.levels(base))
-    made.settled(("coulomb_friction",), base.values, base.begin)
+    screened(made, list(made.candidates), base, levels_of(made, base))
+    made.settled(("coulomb_friction",), base.values, base.begin, base.limit)
     assert _solve._cache_size() == before
     fresh = Trials(made.model, list(made.candidates.values()), made.logs[:1], [])
-    fresh.base(fresh.values_of(fresh.model))
+    fresh.base()
     assert _solve._cache_size() == before + 1  # from the first guess to the last limit of errors
 
 
@@ -184,8 +156,7 @@ def test_large_errors_are_limited_only_where_they_are_spikes(what, reach):
         record.measured["speed"] = record.measured["speed"] + 10.0 * jolts
     log = dft.Log(record.time, {"command": command}, record.measured)
     made = Trials(dft.Thruster(), [], [log], [])
-    made.base(made.values_of(dft.Thruster()))
-    assert made.problem.numbers.reach == reach
+    assert made.base().limit.reach == reach
 
 
 class Astray:
@@ -194,10 +165,10 @@ class Astray:
     def __init__(self, costs):
         self.costs = costs
 
-    def cost(self, effects, values, begin):
+    def cost(self, effects, values, begin, limit):
         return self.costs[values["alpha"], values["effect.size"]]
 
-    def solve(self, effects, values, begin, budget):
+    def solve(self, effects, values, begin, limit, budget):
         return dict(values)
 
 
@@ -206,5 +177,5 @@ def test_far_points_are_tried_with_the_values_as_they_were_given(low, followed):
     costs = {(1.0, 0.0): 100.0, (1.0, 0.2): np.nan, (1.0, 0.5): low, (1.0, 0.9): 80.0 + low}
     present = Made(90.0, {"alpha": 7.0, "effect.size": 0.0}, effects=())
     points = [{"effect.size": size} for size in (0.2, 0.5, 0.9)]
-    found = _anew(Astray(costs), "effect", present, points, {"alpha": 1.0})
+    found = anew(Astray(costs), "effect", present, points, {"alpha": 1.0})
     assert [values["effect.size"] for values in found] == followed

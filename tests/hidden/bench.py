@@ -71,7 +71,7 @@ def _work(task: Task) -> Row:
 
 def _start_worker() -> None:
     """A process of its own: its compiled code is shared with the others through the disk."""
-    from diffthrust._support._running.cache import enable_compilation_cache
+    from diffthrust._support._running.cache import enable_compilation_cache  # private: as pools do
 
     enable_compilation_cache()
 

@@ -150,9 +150,7 @@ def _diagnose(spec: Spec, job: Job) -> _Result:
     diagnosis = spec.diagnose(candidates=job.options.get("candidates"))
 
     def page(path: Path) -> None:
-        from diffthrust.diagnosis._page import write_report
-
-        write_report(diagnosis, path, title=f"Diagnosis: {job.name}", spec=spec.text)
+        diagnosis.save(path, title=f"Diagnosis: {job.name}", spec=spec.text)
 
     verdict = {"verdict": diagnosis.verdict, "added": ", ".join(diagnosis.added)}
     return _Result(

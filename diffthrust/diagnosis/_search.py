@@ -1,0 +1,201 @@
+"""What a search for missing effects works with, what it knows, and how it begins."""
+
+from __future__ import annotations
+
+import math
+import time
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.progress import Progress
+from diffthrust.diagnosis._candidates import Candidates, candidates_of
+from diffthrust.diagnosis._criteria import criterion
+from diffthrust.diagnosis._findings import Refusal, Remaining, Stage, TriedEffect
+from diffthrust.diagnosis._structure import remaining_structure
+from diffthrust.diagnosis._trials import TrialFit, Trials
+from diffthrust.effects import EFFECTS
+from diffthrust.estimation._fit import fit as fit_model
+from diffthrust.estimation._result import Fit
+from diffthrust.logs._log import Log
+from diffthrust.models._base.effect import Effect
+from diffthrust.models._base.model import Model
+from diffthrust.simulation._runs import pooled_errors, runs_over
+from diffthrust.simulation._step_size import CoarseStepWarning
+
+PLAIN = 200.0
+"""No doubt is left where the criterion falls, or the log-likelihood is lost, by so much."""
+_MOST_SUBSTEPS = 2
+"""Integrator steps per sample of the trials: over one sample ahead, errors do not build up."""
+
+
+class Clock:
+    """How long each part of the work took, in all."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def __call__(self, part: str) -> Iterator[None]:
+        begun = time.perf_counter()
+        yield
+        self.seconds[part] = self.seconds.get(part, 0.0) + time.perf_counter() - begun
+
+
+@dataclass(frozen=True)
+class Tools:
+    """What a search works with.
+
+    Args:
+        given: the model that is diagnosed.
+        trials: fits of it with any candidate.
+        refit: fits a model to whole runs, with the options of the first fit.
+        guess: values from which the first fit began.
+        say: told how far the work is.
+        clock: times its parts.
+    """
+
+    given: Model
+    trials: Trials
+    refit: Callable[[Model], Fit]
+    guess: Mapping[str, float]
+    say: Progress
+    clock: Clock
+
+
+@dataclass(frozen=True, eq=False)
+class Present:
+    """The model so far, with what is asked of it more than once."""
+
+    trials: Trials
+    trial: TrialFit
+    _without: dict[str, TrialFit] = field(default_factory=dict, init=False, repr=False)
+
+    @cached_property
+    def criterion(self) -> float:
+        """Its information criterion."""
+        return criterion(self.trials, self.trial)
+
+    @cached_property
+    def remaining(self) -> Remaining | None:
+        """What it leaves unexplained."""
+        return remaining_structure(self.trials, self.trial)
+
+    def without(self, name: str) -> TrialFit:
+        """The model, fitted without one of its effects.
+
+        Not to the end where a few steps show that much is lost.
+        """
+        if name not in self._without:
+            trial, trials = self.trial, self.trials
+            rest = tuple(n for n in trial.effects if n != name)
+            values = trials.absent(name, trial.values)
+            fewer = trials.solve(rest, values, trial.begin, trial.limit, budget=12)
+            if fewer.promise > 0 and fewer.expected < trial.cost + PLAIN:
+                fewer = trials.further(fewer)
+            self._without[name] = fewer
+        return self._without[name]
+
+
+@dataclass(frozen=True)
+class SearchState:
+    """What a search knows after so many stages.
+
+    Args:
+        present: the model so far.
+        stages: the model as given, then with one effect after the other.
+        untestable: effects that the logs cannot test, with the reason.
+        ranking: the effects tried at each stage.
+        dropped: effects that later ones made superfluous.
+        refused: effects that were not added at the last stage, with the reason.
+        silent: effects that promised nothing at some stage.
+    """
+
+    present: Present
+    stages: tuple[Stage, ...]
+    untestable: Mapping[str, str]
+    ranking: tuple[TriedEffect, ...] = ()
+    dropped: tuple[str, ...] = ()
+    refused: Mapping[str, Refusal] = field(default_factory=dict)
+    silent: frozenset[str] = frozenset()
+
+    @property
+    def number(self) -> int:
+        """Of the last stage."""
+        return len(self.stages) - 1
+
+
+def begun(
+    fit: Fit | Model,
+    train: Sequence[Log],
+    unseen: Sequence[Log],
+    wanted: Candidates | None,
+    seed: int,
+    say: Progress,
+) -> tuple[Tools, SearchState]:
+    """Fit the model as it is, and compile the trials."""
+    say("fitting the model as it is", 0.0)
+    clock, options = Clock(), fit.options if isinstance(fit, Fit) else {}
+
+    def refit(model: Model) -> Fit:
+        with clock("refit"), warnings.catch_warnings():
+            warnings.simplefilter("ignore", CoarseStepWarning)  # a note of the fit says the same
+            return fit_model(model, train, holdout=unseen or None, starts=4, seed=seed, **options)
+
+    first = fit if isinstance(fit, Fit) else refit(fit)
+    guess = first.guess
+    if first is fit and not _is_of_these_logs(first, train, unseen):
+        first = refit(first.model)
+    effects, untestable = candidates_of(first.model, (*train, *unseen), wanted)
+    say("compiling the trials", 0.1)
+    with clock("compile"):
+        trials, trial = _compiled(first, effects, train, unseen)
+    tools = Tools(first.model, trials, refit, guess, say, clock)
+    return tools, SearchState(Present(trials, trial), (Stage((), first),), untestable)
+
+
+def _is_of_these_logs(fit: Fit, train: Sequence[Log], unseen: Sequence[Log]) -> bool:
+    """Whether a fit's errors are those of the logs of this diagnosis."""
+    if len(fit.initial) != len(train) or (fit.holdout is None) == bool(unseen):
+        return False
+    runs = runs_over(fit.model, train, initial=fit.initial, substeps=fit.substeps)
+    pairs = [(fit.train, pooled_errors(runs))]
+    if fit.holdout:
+        runs = runs_over(fit.model, unseen, substeps=fit.substeps)
+        pairs.append((fit.holdout, pooled_errors(runs)))
+    return all(math.isclose(a.nrmse, b.nrmse, rel_tol=1e-6) for a, b in pairs)
+
+
+def _compiled(
+    fit: Fit, effects: Sequence[Effect], train: Sequence[Log], unseen: Sequence[Log]
+) -> tuple[Trials, TrialFit]:
+    """The trials, and the first of them: the model as it is."""
+    for substeps in dict.fromkeys((min(fit.substeps, _MOST_SUBSTEPS), fit.substeps)):
+        trials = Trials(fit.model, effects, train, unseen, substeps, fit.noise_model)
+        first = trials.base()
+        if math.isfinite(first.cost):
+            return trials, first
+    raise _not_finite(fit, effects, train)
+
+
+def _not_finite(fit: Fit, effects: Sequence[Effect], train: Sequence[Log]) -> InputError:
+    """What to say where no trial can be begun: the effects of the user's own that are why."""
+    for effect in effects:
+        if type(effect) is EFFECTS.get(effect.name):
+            continue
+        alone = Trials(fit.model, [effect], train, [], fit.substeps)
+        if not math.isfinite(alone.base().cost):
+            return InputError(
+                f"The effect '{effect.name}' cannot be tried: at its null value the errors or "
+                "their derivatives are not finite.",
+                "Write it so that its derivative at the null is finite (no root or logarithm "
+                "of zero), or leave it out.",
+            )
+    return InputError(
+        f"The '{fit.model}' cannot be carried over these logs at the parameters of its fit "
+        f"({fit.status.value}): expected finite one-step errors, found none.",
+        "Give bounds that keep its time constants longer than a fifth of a sample.",
+    )
