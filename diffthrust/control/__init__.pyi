@@ -18,8 +18,8 @@ from ._path import HarmonicPath as HarmonicPath
 from ._path import Path as Path
 from ._path import StraightPath as StraightPath
 from ._path import Wanted as Wanted
-from ._pid import PID as PID
 from ._position import PD as PD
+from ._position import PID as PID
 from ._position import PositionController as PositionController
 from ._reference import Sinusoid as Sinusoid
 from ._reference import Step as Step

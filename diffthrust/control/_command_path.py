@@ -19,7 +19,7 @@ from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Ports, Signals
 
 
-def delayed(line: Any, value: Any, first: Any, samples: Any) -> tuple[Any, Any]:
+def delayed_sample(line: Any, value: Any, first: Any, samples: Any) -> tuple[Any, Any]:
     """A sample some samples later, linear between them; before the first, the first.
 
     Args:
@@ -29,7 +29,7 @@ def delayed(line: Any, value: Any, first: Any, samples: Any) -> tuple[Any, Any]:
         samples: the delay, as a number of samples.
 
     Returns:
-        The delayed sample, and the line to remember.
+        The delayed_sample sample, and the line to remember.
     """
     line = jnp.where(first, value, jnp.concatenate([value[None], line[:-1]]))
     weights = jnp.maximum(1.0 - jnp.abs(samples - jnp.arange(line.shape[0], dtype=float)), 0.0)
@@ -98,7 +98,7 @@ class CommandPath:
         for effect in effects:
             if isinstance(effect, CommandDelay):
                 line = kept[effect.name]
-                value, after[effect.name] = delayed(line, value, first, effect.delay / step)
+                value, after[effect.name] = delayed_sample(line, value, first, effect.delay / step)
             elif isinstance(effect, CommandRateLimit):
                 last, reach = kept[effect.name], effect.rate * step
                 value = jnp.where(first, value, jnp.clip(value, last - reach, last + reach))

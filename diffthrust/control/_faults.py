@@ -145,14 +145,14 @@ def check_faults(faults: Any, parameters: Mapping[str, Any]) -> tuple[Fault, ...
 
 @jax.tree_util.register_pytree_node_class
 @dataclass(frozen=True)
-class Numbers:
+class FaultNumbers:
     """The faults of a loop as a pytree: their kinds are structure, their numbers are leaves."""
 
     kinds: tuple[tuple[Any, ...], ...]
     leaves: tuple[Mapping[str, Any], ...] = field(default=())
 
     @classmethod
-    def of(cls, faults: tuple[Fault, ...]) -> Numbers:
+    def of(cls, faults: tuple[Fault, ...]) -> FaultNumbers:
         """The numbers of some faults."""
         kinds, leaves = [], []
         for fault in faults:
@@ -175,7 +175,7 @@ class Numbers:
         return (self.leaves,), self.kinds
 
     @classmethod
-    def tree_unflatten(cls, kinds: Any, children: Any) -> Numbers:
+    def tree_unflatten(cls, kinds: Any, children: Any) -> FaultNumbers:
         """For JAX."""
         return cls(kinds, children[0])
 

@@ -5,18 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust.control._recorded import Record, bounded
+from diffthrust.control._assembly import LoopAssembly
+from diffthrust.control._recorded import RunSignals, bounded
 from diffthrust.logs._log import Log
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from diffthrust.control._loop import Loop
 
 
 class Tracking(NamedTuple):
@@ -33,8 +32,8 @@ class Tracking(NamedTuple):
     relative: float
 
 
-@dataclass(frozen=True, eq=False)
-class LoopRun(Record):
+@dataclass(frozen=True, eq=False, repr=False)
+class LoopRun(RunSignals):
     """A closed loop's run.
 
     Args:
@@ -52,7 +51,7 @@ class LoopRun(Record):
         >>> run["thrust"].max(), run.tracking(start=5.0).rms
     """
 
-    loop: Loop
+    loop: LoopAssembly
     time: np.ndarray
     signals: Mapping[str, np.ndarray]
     units: Mapping[str, str]
@@ -80,7 +79,7 @@ class LoopRun(Record):
             units={name: units[name] for name in (*inputs, *measured) if name in units},
             hold={name: "linear" if name == "inflow" else "zero" for name in inputs},
             name="loop",
-            notes=self._notes(),
+            notes=self.notes_of(type(self.loop.controller).__name__),
         )
 
     @cached_property
@@ -101,19 +100,12 @@ class LoopRun(Record):
             units={name: self.units[name] for name in ("thrust", *measured)},
             hold="linear",
             name="loop",
-            notes=self._notes(),
+            notes=self.notes_of(type(self.loop.controller).__name__),
         )
 
     def _measured(self) -> dict[str, np.ndarray]:
         kind = "measured."
         return {n.removeprefix(kind): v for n, v in self.signals.items() if n.startswith(kind)}
-
-    def _notes(self) -> tuple[str, ...]:
-        told = f"Simulated in a closed loop with {type(self.loop.controller).__name__}."
-        return (told,) if self.diverged is None else (told, self._runaway())
-
-    def _runaway(self) -> str:
-        return f"The loop ran away at {self.diverged:.3g} s."
 
     def tracking(self, start: float | None = None, stop: float | None = None) -> Tracking:
         """The error from one time to another.
@@ -133,23 +125,21 @@ class LoopRun(Record):
 
     def plot(self) -> Figure:
         """Reference and position, error, thrust, command and estimates over time."""
-        from diffthrust.control._run_figures import run_figure
+        from diffthrust.control._figures import run_figure
 
-        return run_figure(self)
-
-    def __repr__(self) -> str:
-        end = "" if self.diverged is None else f", ran away at {self.diverged:.3g} s"
-        return f"LoopRun({self.time[-1]:g} s, {self.time.size} samples{end})"
+        return run_figure(self, self.loop, self.units)
 
 
-def run_of(loop: Loop, rows: Mapping[str, np.ndarray], found: Mapping[str, Any]) -> LoopRun:
+def run_of(
+    loop: LoopAssembly, rows: Mapping[str, np.ndarray], signals: Mapping[str, np.ndarray]
+) -> LoopRun:
     """The run, cut where it ran away.
 
     Raises:
         InputError: it ran away before a second sample.
     """
     of = loop.controller.of
-    signals = dict(found)
+    signals = dict(signals)
     if loop.controller.gives != "thrust":
         del signals["wanted_thrust"]
     with np.errstate(invalid="ignore"):
@@ -162,7 +152,7 @@ def run_of(loop: Loop, rows: Mapping[str, np.ndarray], found: Mapping[str, Any])
     return LoopRun(loop, time, signals, _units(loop, signals), diverged)
 
 
-def _units(loop: Loop, signals: Mapping[str, Any]) -> dict[str, str]:
+def _units(loop: LoopAssembly, signals: Mapping[str, np.ndarray]) -> dict[str, str]:
     models = [model for model in (loop.thruster, loop.vehicle) if model is not None]
     known = {n: u for m in models for n, u in {**m.all_states, **m.outputs}.items()}
     known |= dict.fromkeys(("reference", "error"), known.get(loop.controller.of, ""))

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 from diffthrust.control._base import Block, Controller, Kept
 from diffthrust.control._command_path import CommandPath
 from diffthrust.control._compensators import Compensator
-from diffthrust.control._faults import Numbers
+from diffthrust.control._faults import FaultNumbers
 from diffthrust.control._plant import Plant
 from diffthrust.models._base.signals import Relaxing, Signals, elementwise, expect
 from diffthrust.simulation._integrate import advance, exponential_weights
@@ -26,7 +26,7 @@ from diffthrust.simulation._integrate import advance, exponential_weights
 
 @dataclass(frozen=True)
 class Timing:
-    """How often things happen within a loop; fixes the compiled code.
+    """How often things happen within a loop; fixes the compiled_loop code.
 
     Args:
         samples: recorded samples in one period of the controller.
@@ -51,7 +51,7 @@ class Parts:
 
     @property
     def structure(self) -> tuple[Any, ...]:
-        """What fixes the compiled code."""
+        """What fixes the compiled_loop code."""
         parts = (self.plant.thruster, self.plant.vehicle, self.controller, self.compensator)
         classes = tuple(part.structure if part else None for part in parts)
         return (*classes, tuple(self.plant.given), self.path.structure, self.timing)
@@ -63,11 +63,11 @@ class Parts:
         return hash(self.structure)
 
 
-def march(
+def loop_signals(
     parts: Parts,
     values: Mapping[str, Any],
     given: Mapping[str, Any],
-    faults: Numbers,
+    faults: FaultNumbers,
     rows: Mapping[str, Any],
     start: Mapping[str, Any],
 ) -> dict[str, Any]:
@@ -218,5 +218,5 @@ def _named(values: Mapping[str, Any], prefix: str) -> dict[str, Any]:
     return {k.removeprefix(prefix): v for k, v in values.items() if k.startswith(prefix)}
 
 
-compiled = partial(jax.jit, static_argnums=0)(march)
-"""`march`, compiled once for each structure and number of samples."""
+compiled_loop = partial(jax.jit, static_argnums=0)(loop_signals)
+"""`loop_signals`, compiled_loop once for each structure and number of samples."""

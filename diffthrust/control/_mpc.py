@@ -14,7 +14,7 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
 from diffthrust._support.validation import finite
-from diffthrust.control._mpc_step import Frame, Plan, Setting, solved
+from diffthrust.control._mpc_step import Frame, Plan, Setting, compiled_replan
 from diffthrust.control._one_sample import AT_SEA, begin, check_vessel
 from diffthrust.control._path import Wanted
 from diffthrust.models._base.model import Model
@@ -147,7 +147,9 @@ class MPC:
                 f"MPC, step: expected the plan of the last sample, found {plan!r}.",
                 "Begin with plan = mpc.start(measured).",
             )
-        return solved(self._frame, self._setting, plan, self._seen(measured), jnp.asarray(place))
+        return compiled_replan(
+            self._frame, self._setting, plan, self._seen(measured), jnp.asarray(place)
+        )
 
     @property
     def _samples(self) -> int:

@@ -77,7 +77,7 @@ class Setting(NamedTuple):
     iterations: Any
 
 
-def solve(frame: Frame, given: Setting, plan: Plan, seen: Mapping[str, Any], place: Any) -> Plan:
+def replan(frame: Frame, given: Setting, plan: Plan, seen: Mapping[str, Any], place: Any) -> Plan:
     """`MPC.step`, traceable: ``place`` is ``(horizon, 2)``, NaN in ``seen`` stands for not seen."""
     model = frame.key.model.bind(given.values)
     period, names = given.period, tuple(model.inputs)
@@ -171,5 +171,5 @@ def _estimate(plan: Plan, missed: Mapping[str, Any], since: Any, lag: Any) -> di
     return {name: plan.push[name] + gain * found[name] for name in plan.push}
 
 
-solved = partial(jax.jit, static_argnums=0)(solve)
-"""`solve`, compiled once for each structure and horizon."""
+compiled_replan = partial(jax.jit, static_argnums=0)(replan)
+"""`replan`, compiled once for each structure and horizon."""

@@ -118,7 +118,7 @@ class HarmonicPath(Path):
         return _turned(self, x, aside, np.arctan(self.amplitude * wave * np.cos(wave * x)))
 
 
-def told(path: Path, time: np.ndarray) -> Wanted:
+def wanted_at(path: Path, time: np.ndarray) -> Wanted:
     """Where a path says to be, checked.
 
     Raises:

@@ -1,14 +1,80 @@
-"""Controllers of position that know the vehicle and take the thruster for ideal."""
+"""Controllers: three terms on one channel, and of position, with the thruster taken for ideal."""
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from typing import Any, ClassVar, Literal
 
 import jax.numpy as jnp
 
-from diffthrust.control._base import Controller, Kept
-from diffthrust.models._base.parameter import parameter
+from diffthrust._support.errors import InputError
+from diffthrust.control._base import Controller, Kept, rate_of
+from diffthrust.models._base.parameter import Parameter, parameter
 from diffthrust.models._base.signals import Signals
+
+_CHOICES = {"of": ("speed", "position", "velocity"), "gives": ("command", "thrust")}
+
+
+class PID(Controller):
+    """Proportional, integral and derivative action on one channel: P, PI or PID by its gains.
+
+        output = kp e + integral of ki e - kd d(measured)/dt,   e = wanted - measured
+
+    The output is held within -limit and limit. While it is, the integral is drawn back with the
+    time constant ``unwinding`` [s], so that it does not wind up; kp / ki is a usual choice, and
+    infinite none at all. The derivative is that of the measurement (a step of the reference does
+    not kick), through a low-pass of the time constant ``smoothing`` [s].
+
+    Gains are per unit of the channel: kp in V/(rad/s) for a speed, N/m for a position that gives
+    a thrust. Sources: Aras et al. 2013, section 3.1 (a PI speed loop with kp = 5, ki = 15);
+    Åström & Hägglund 2006, sections 3.4 and 3.5 (derivative of the measurement, back-calculation).
+
+    Args:
+        of: the channel that follows the reference: "speed", "position" or "velocity".
+        gives: "command" [V], straight to the thruster, or "thrust" [N], through a compensator.
+        **gains: kp, ki, kd, limit, unwinding, smoothing.
+
+    Example:
+        >>> pi = dft.control.PID(kp=5.0, ki=15.0, limit=13.0)
+    """
+
+    states: ClassVar = {"integral": "", "smoothed": "", "begun": ""}
+    options = ("of", "gives")
+
+    kp: float = parameter(1.0, bounds=(0, None), transform="linear", size=1.0)
+    ki: float = parameter(0.0, bounds=(0, None), transform="linear", size=1.0)
+    kd: float = parameter(0.0, bounds=(0, None), transform="linear", size=1.0)
+    limit: float = parameter(math.inf, bounds=(0, None), null=math.inf, fixed=True)
+    unwinding: float = parameter(0.5, "s", bounds=(0, None), null=math.inf, fixed=True)
+    smoothing: float = parameter(0.0, "s", bounds=(0, None), transform="linear", fixed=True)
+
+    def __init__(
+        self,
+        of: Literal["speed", "position", "velocity"] = "speed",
+        gives: Literal["command", "thrust"] = "command",
+        **gains: float | Parameter,
+    ) -> None:
+        for what, given in (("of", of), ("gives", gives)):
+            if given not in _CHOICES[what]:
+                raise InputError(
+                    f"PID, {what}: expected {' or '.join(_CHOICES[what])}, found {given!r}.",
+                    "Correct it.",
+                )
+        self._set(of=of, gives=gives, reads=(of,))
+        super().__init__(**gains)
+
+    def __call__(self, s: Signals, kept: Kept, period: Any) -> tuple[Any, Kept]:
+        """The output within its limits, and the integral drawn back to it."""
+        measured = s[self.of]
+        error = s.wanted - measured
+        rate, smoothed = rate_of(measured, kept["smoothed"], kept["begun"], self.smoothing, period)
+        free = self.kp * error + kept["integral"] - self.kd * rate
+        output = jnp.clip(free, -self.limit, self.limit)
+        # the implicit form of (output - free) / unwinding: stable for any period
+        back = (output - free) * period / (self.unwinding + period)
+        back = jnp.where(self.ki > 0, back, 0.0)  # without integral action nothing winds up
+        integral = kept["integral"] + period * self.ki * error + back
+        return output, {"integral": integral, "smoothed": smoothed, "begun": jnp.ones(())}
 
 
 class PositionController(Controller):

@@ -10,20 +10,22 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
 from diffthrust._support.validation import finite
 
-LARGEST = 1e9
+RUN_AWAY = 1e9
 """A signal beyond this, in SI units, has run away."""
 
 
-class Record:
+class RunSignals:
     """Signals by name over the samples of a run.
 
     Args:
         time: [s], ``(n,)``.
         signals: ``(n,)`` each.
+        diverged: the time [s] at which it ran away, or ``None``.
     """
 
     time: np.ndarray
     signals: Mapping[str, np.ndarray]
+    diverged: float | None
 
     def __getitem__(self, name: str) -> np.ndarray:
         if name not in self.signals:
@@ -34,6 +36,17 @@ class Record:
                 "Correct the name.",
             )
         return self.signals[name]
+
+    def __repr__(self) -> str:
+        end = "" if self.diverged is None else f", ran away at {self.diverged:.3g} s"
+        return f"{type(self).__name__}({self.time[-1]:g} s, {self.time.size} samples{end})"
+
+    def notes_of(self, controller: str) -> tuple[str, ...]:
+        """What a log of the run says of where it is from."""
+        origin = f"Simulated in a closed loop with {controller}."
+        if self.diverged is None:
+            return (origin,)
+        return origin, f"The loop ran away at {self.diverged:.3g} s."
 
     def within(self, what: str, start: float | None, stop: float | None) -> np.ndarray:
         """Which samples lie from one time to another; by default the last two thirds.
@@ -72,15 +85,15 @@ def bounded(
         InputError: it ran away before a second sample.
     """
     with np.errstate(invalid="ignore"):
-        fine = np.all([np.abs(values) < LARGEST for values in signals.values()], axis=0)
-    diverged, found = None, dict(signals)
+        fine = np.all([np.abs(values) < RUN_AWAY for values in signals.values()], axis=0)
+    diverged, kept = None, dict(signals)
     if not fine.all():
         end = int(np.argmin(fine))
         diverged = float(time[end])
         if end < 2:
             raise InputError(f"The loop ran away at {diverged:g} s, at its first samples.", mend)
         time = time[:end]
-        found = {name: values[:end] for name, values in signals.items()}
-    for array in (time, *found.values()):
+        kept = {name: values[:end] for name, values in signals.items()}
+    for array in (time, *kept.values()):
         array.flags.writeable = False
-    return time, found, diverged
+    return time, kept, diverged

@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from diffthrust.control._assembly import VesselAssembly
 from diffthrust.control._path import Path
-from diffthrust.control._recorded import Record, bounded
+from diffthrust.control._recorded import RunSignals, bounded
 from diffthrust.logs._log import Log
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from diffthrust.control._vessel_loop import VesselLoop
 
 
 class PathError(NamedTuple):
@@ -53,8 +52,8 @@ class SolveTime(NamedTuple):
         )
 
 
-@dataclass(frozen=True, eq=False)
-class TrackRun(Record):
+@dataclass(frozen=True, eq=False, repr=False)
+class TrackRun(RunSignals):
     """A vessel's run along a path.
 
     Args:
@@ -73,7 +72,7 @@ class TrackRun(Record):
         >>> run.across(start=20.0).mean, run.solve_time.median
     """
 
-    loop: VesselLoop
+    loop: VesselAssembly
     path: Path
     time: np.ndarray
     signals: Mapping[str, np.ndarray]
@@ -117,9 +116,6 @@ class TrackRun(Record):
         inputs = {name: self[name] for name in (*vessel.inputs, *self.loop.given)}
         measured = {name: self[f"measured.{name}"] for name in vessel.outputs}
         units = {**vessel.inputs, **vessel.optional_inputs, **vessel.outputs}
-        notes = ["Simulated in a closed loop with MPC."]
-        if self.diverged is not None:
-            notes.append(f"The loop ran away at {self.diverged:.3g} s.")
         return Log(
             time=self.time,
             inputs=inputs,
@@ -127,22 +123,18 @@ class TrackRun(Record):
             units={name: units[name] for name in (*inputs, *measured)},
             hold="zero",
             name="tracking",
-            notes=tuple(notes),
+            notes=self.notes_of("MPC"),
         )
 
     def plot(self) -> Figure:
         """The path over the water; errors, inputs with their limits, and estimates over time."""
-        from diffthrust.control._track_figures import track_figure
+        from diffthrust.control._figures import track_figure
 
-        return track_figure(self)
-
-    def __repr__(self) -> str:
-        end = "" if self.diverged is None else f", ran away at {self.diverged:.3g} s"
-        return f"TrackRun({self.time[-1]:g} s, {self.time.size} samples{end})"
+        return track_figure(self, self.loop)
 
 
 def track_run_of(
-    loop: VesselLoop, path: Path, time: np.ndarray, signals: Mapping[str, np.ndarray]
+    loop: VesselAssembly, path: Path, time: np.ndarray, signals: Mapping[str, np.ndarray]
 ) -> TrackRun:
     """The run with its errors, cut where it ran away.
 
@@ -152,16 +144,16 @@ def track_run_of(
     wanted = path.at(time)
     north, east = signals["north"] - wanted.north, signals["east"] - wanted.east
     cos, sin = np.cos(wanted.course), np.sin(wanted.course)
-    found = {
+    whole = {
         **signals,
         "reference.north": wanted.north,
         "reference.east": wanted.east,
         "along": north * cos + east * sin,
         "across": east * cos - north * sin,
     }
-    cost = found.pop("cost")  # of a start far away it is large, and nothing has run away
-    time, found, diverged = bounded(
-        time, found, "Look at the units of the initial states and inputs, and at the path."
+    cost = whole.pop("cost")  # of a start far away it is large, and nothing has run away
+    time, whole, diverged = bounded(
+        time, whole, "Look at the units of the initial states and inputs, and at the path."
     )
-    found["cost"] = cost[: time.size]
-    return TrackRun(loop, path, time, found, diverged)
+    whole["cost"] = cost[: time.size]
+    return TrackRun(loop, path, time, whole, diverged)

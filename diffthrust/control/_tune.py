@@ -16,7 +16,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
 from diffthrust._support.validation import finite
 from diffthrust.control._loop import Loop
-from diffthrust.control._loop_scan import Parts, march
+from diffthrust.control._loop_scan import Parts, loop_signals
 from diffthrust.control._reference import Reference
 from diffthrust.models._base.parameter import Parameter
 
@@ -227,7 +227,7 @@ def _linearized(
     """Residuals ``(m,)`` and their derivatives with respect to each gain, ``(m, k)``."""
 
     def residuals(gains: Mapping[str, Any]) -> tuple[Any, Any]:
-        found = march(parts, {**values, **gains}, given, faults, rows, start)
+        found = loop_signals(parts, {**values, **gains}, given, faults, rows, start)
         signals = {**found, "time": rows["time"], "reference": rows["wanted"]}
         signals["error"] = rows["wanted"] - found[of]
         r = jnp.ravel(jnp.asarray(cost(signals), float))

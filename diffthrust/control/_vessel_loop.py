@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from functools import partial
 from time import perf_counter
 from typing import Any
@@ -14,16 +13,14 @@ import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.names import listing
 from diffthrust._support.validation import finite
-from diffthrust.control._loop_check import check_noise, mapping, seeded
-from diffthrust.control._mpc import MPC
-from diffthrust.control._one_sample import State, begin, check_vessel, one_sample, readings
-from diffthrust.control._path import Path, told
-from diffthrust.control._recorded import LARGEST
+from diffthrust.control._assembly import VesselAssembly
+from diffthrust.control._loop_check import seeded
+from diffthrust.control._one_sample import State, begin, one_sample, readings
+from diffthrust.control._path import Path, wanted_at
+from diffthrust.control._recorded import RUN_AWAY
 from diffthrust.control._reference import Reference
 from diffthrust.control._track_result import TrackRun, track_run_of
-from diffthrust.models._base.model import Model
 from diffthrust.simulation._fixed_step import checked_initial
 from diffthrust.simulation._trajectory import Key
 
@@ -31,8 +28,7 @@ _STEP = 0.05
 """Seconds: the longest step with which the vessel is integrated."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class VesselLoop:
+class VesselLoop(VesselAssembly):
     """A vessel that follows a path under a predictive controller.
 
     The vessel may carry effects that the controller's model does not: that is the disturbance. What
@@ -55,42 +51,6 @@ class VesselLoop:
         >>> run = loop.simulate(dft.control.StraightPath(0.8), 40.0, initial={"east": 0.5})
         >>> run.across, run.solve_time
     """
-
-    vessel: Model
-    controller: MPC
-    noise: Mapping[str, float] = field(default_factory=dict)
-    given: Mapping[str, float | Reference] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        check_vessel(self.vessel, "VesselLoop")
-        if not isinstance(self.controller, MPC):
-            raise InputError(
-                f"VesselLoop: expected an MPC as controller, found {self.controller!r}.",
-                "Write controller=dft.control.MPC(model=..., limits=...).",
-            )
-        if tuple(self.vessel.inputs) != tuple(self.controller.model.inputs):
-            raise InputError(
-                f"VesselLoop: the vessel has the inputs {listing(self.vessel.inputs)}, the "
-                f"controller's model {listing(self.controller.model.inputs)}.",
-                "Give both the same drive.",
-            )
-        check_noise("VesselLoop", self.noise, self.vessel.outputs)
-        known, example = self.vessel.optional_inputs, '{"wind_speed": 3.0, "wind_direction": 0.0}'
-        given = mapping("VesselLoop, given", self.given, example, known)
-        for name, value in given.items():
-            if not isinstance(value, Reference):
-                finite(
-                    f"VesselLoop, given '{name}'",
-                    value,
-                    lambda x: True,
-                    "a number or a Sinusoid, Step or Trajectory",
-                )
-        if len({"wind_speed", "wind_direction"} & set(given)) == 1:
-            raise InputError(
-                "VesselLoop, given: expected wind_speed and wind_direction, found "
-                f"{listing(given)}.",
-                f"Write given={example}.",
-            )
 
     def simulate(
         self,
@@ -126,7 +86,7 @@ class VesselLoop:
             )
         mpc, rate, rng = self.controller, self.controller.rate, seeded(seed)
         time = np.arange(max(1, round(duration * rate)) + 1) / rate
-        told(path, time)
+        wanted_at(path, time)
         rows = self._given(time)
         state, start = self._beginning(path, initial, rows)
         noise = {
@@ -141,10 +101,10 @@ class VesselLoop:
             given = {name: row[k] for name, row in rows.items()}
             outputs = _readings(ship[0], values, state, {**inputs, **given}, now)
             measured = {name: float(outputs[name]) + noise[name][k] for name in noise}
-            if records and not all(abs(value) < LARGEST for value in measured.values()):
+            if records and not all(abs(value) < RUN_AWAY for value in measured.values()):
                 records.append(dict.fromkeys(records[0], math.nan))
                 break
-            ahead = told(path, now + mpc.ahead)
+            ahead = wanted_at(path, now + mpc.ahead)
             plan = mpc.start(measured, inputs) if plan is None else plan
             begun = perf_counter()
             plan = jax.block_until_ready(mpc.step(plan, measured, ahead))
@@ -178,7 +138,7 @@ class VesselLoop:
         self, path: Path, initial: Any, rows: Mapping[str, np.ndarray]
     ) -> tuple[State, dict[str, Any]]:
         """All states at the start, and those of them that were given."""
-        start = told(path, np.zeros(1))
+        start = wanted_at(path, np.zeros(1))
         own = {"north": start.north[0], "east": start.east[0], "heading": start.course[0]}
         limits = self.controller.limits
         middle = {name: 0.5 * (low + high) for name, (low, high) in limits.items()}

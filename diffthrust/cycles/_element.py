@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from diffthrust._support.transfer import Transfer
-from diffthrust._support.validation import number
+from diffthrust._support.validation import finite
 from diffthrust.cycles._oscillation import Course, CycleSeries
 
 
@@ -123,4 +123,4 @@ def positive(what: str, value: Any, zero: bool = False) -> float:
         InputError: something else.
     """
     expected = "a number zero or more" if zero else "a number above zero"
-    return number(what, value, lambda x: x > 0 or (zero and x == 0), expected)
+    return finite(what, value, lambda x: x > 0 or (zero and x == 0), expected)

@@ -11,6 +11,7 @@ from scipy import signal
 import diffthrust as dft
 from diffthrust import InputError, control
 from diffthrust.control import Loop, Sinusoid, Step, Trajectory
+from diffthrust.control._loop_scan import loop_signals  # private: to be differentiated
 from diffthrust.models._base.signals import Signals
 
 THRUSTER = dft.Thruster(alpha=0.037, beta=42.0, ct=0.022)
@@ -272,11 +273,10 @@ def test_gains_that_cannot_be_tuned_are_refused():
 def test_a_loop_is_differentiable_with_respect_to_anything_in_it():
     loop = lead_loop()
     parts, values, given, faults, rows, start = loop.prepared(Sinusoid(0.1, 0.8), 4.0)
-    from diffthrust.control._loop_scan import march
 
     @jax.jit
     def end(values, start):
-        return march(parts, values, given, faults, rows, start)["position"][-1]
+        return loop_signals(parts, values, given, faults, rows, start)["position"][-1]
 
     start = {"position": jnp.asarray(0.05)}
     found, from_start = jax.jit(jax.jacfwd(end, (0, 1)))(values, start)

@@ -11,9 +11,8 @@ from scipy.optimize import lsq_linear, minimize
 import diffthrust as dft
 from diffthrust import InputError, control, effects
 from diffthrust.control import MPC, HarmonicPath, StraightPath, VesselLoop
-from diffthrust.control._bounded_lsq import least_squares_within
-from diffthrust.control._mpc_step import solved
-from diffthrust.control._one_sample import AT_SEA
+from diffthrust.control._bounded_lsq import least_squares_within  # private: the solver alone
+from diffthrust.control._mpc_step import compiled_replan  # private: compilations counted
 
 RUDDER = math.radians(24.0)
 LIMITS = {"propeller_speed": (0.0, 150.0), "rudder_angle": (-RUDDER, RUDDER)}
@@ -24,6 +23,7 @@ CALM = dft.Vessel()
 WINDY = CALM + effects.Wind(along=0.05, across=0.08, turning=0.0, direction=0.0, speed=4.0)
 PAPER = {"north": -0.75, "east": -0.2, "surge": 0.7}
 """Errors at the start as in figure 17; how fast the vessel was then is not printed."""
+AT_SEA = ("surge", "sway", "yaw_rate", "north", "east", "heading")
 
 
 def mpc(**more):
@@ -37,7 +37,7 @@ def tracked(vessel=CALM, path: control.Path = EAST, duration=60.0, initial=PAPER
 
 
 def compilations() -> int:
-    return solved._cache_size()  # pyright: ignore[reportAttributeAccessIssue]
+    return compiled_replan._cache_size()  # pyright: ignore[reportAttributeAccessIssue]
 
 
 # -- least squares within limits -------------------------------------------------------------------

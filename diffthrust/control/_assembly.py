@@ -1,0 +1,178 @@
+"""What a loop is put together from: parts that fit, their parameters by name, their timing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
+
+import jax.numpy as jnp
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing, nearest
+from diffthrust._support.validation import finite
+from diffthrust.control._base import Controller
+from diffthrust.control._command_path import CommandPath
+from diffthrust.control._compensators import Compensator, NoCompensator
+from diffthrust.control._faults import Fault, check_faults
+from diffthrust.control._loop_check import check_blocks, check_noise, check_numbers, mapping
+from diffthrust.control._loop_scan import Parts, Timing
+from diffthrust.control._mpc import MPC
+from diffthrust.control._one_sample import check_vessel
+from diffthrust.control._plant import Plant
+from diffthrust.control._reference import Reference
+from diffthrust.models._base.model import Model
+from diffthrust.models._base.parameter import Parameter
+
+_MOST = 64
+"""Recorded samples in one period of the controller."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LoopAssembly:
+    """The parts of a `Loop`."""
+
+    thruster: Model
+    controller: Controller
+    vehicle: Model | None = None
+    compensator: Compensator | None = None
+    rate: float = 50.0
+    delay: float = 0.0
+    noise: Mapping[str, float] = field(default_factory=dict)
+    faults: Sequence[Fault] | Fault = ()
+    given: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        plant = self.plant
+        check_numbers(plant, self.rate, self.delay, self.noise)
+        check_blocks(plant, self.controller, self.compensator)
+        if self.controller.gives == "thrust" and self.compensator is None:
+            object.__setattr__(self, "compensator", NoCompensator.of(self.thruster))
+        object.__setattr__(self, "faults", check_faults(self.faults, self.parameters))
+        self.parts(1)  # refuses effects that cannot run in a loop, and delays
+
+    @property
+    def plant(self) -> Plant:
+        """Thruster and vehicle as one system."""
+        given = mapping("Loop, given", self.given, '{"supply_voltage": 24.0}')
+        numbers = {
+            name: finite(f"Loop, given '{name}'", value, lambda x: True, "a number")
+            for name, value in given.items()
+        }
+        arrays = {name: jnp.asarray(value) for name, value in numbers.items()}
+        return Plant(self.thruster, self.vehicle, arrays)
+
+    @property
+    def _members(self) -> dict[str, Any]:
+        members = {name: getattr(self, name) for name in
+                   ("thruster", "vehicle", "controller", "compensator")}  # fmt: skip
+        return {name: part for name, part in members.items() if part is not None}
+
+    @property
+    def parameters(self) -> dict[str, Parameter]:
+        """All parameters and gains: ``thruster.alpha``, ``controller.bandwidth``, ..."""
+        return {
+            f"{member}.{name}": p
+            for member, part in self._members.items()
+            for name, p in part.parameters.items()
+        }
+
+    def replace(self, parameters: Mapping[str, Any] | None = None, /, **fields: Any) -> Self:
+        """The loop with some parameters or some of its arguments changed.
+
+        Args:
+            parameters: full name to a value, a `Parameter`, or some fields of one.
+            **fields: arguments of `Loop`.
+
+        Raises:
+            InputError: a name that the loop does not have, or a value outside its bounds.
+
+        Example:
+            >>> loop.replace({"controller.bandwidth": 2.0}, rate=100.0)
+        """
+        known = self.parameters
+        grouped: dict[str, dict[str, Any]] = {}
+        for name, new in (parameters or {}).items():
+            if name not in known:
+                near = nearest(name, known)
+                raise InputError(
+                    f"The loop has no parameter '{name}'{f' ({near})' if near else ''}; "
+                    f"it has {listing(known)}.",
+                    "Correct the name.",
+                )
+            member, _, own = name.partition(".")
+            grouped.setdefault(member, {})[own] = new
+        for name in fields:
+            if name not in self.__dataclass_fields__:
+                raise InputError(
+                    f"Loop has no argument '{name}'; it has {listing(self.__dataclass_fields__)}.",
+                    'Give parameters by their full names: replace({"thruster.ct": 0.02}).',
+                )
+        changed = {}
+        for member, named in grouped.items():
+            part = self._members[member]
+            model = isinstance(part, Model)
+            changed[member] = part.replace(named) if model else part.replace(**named)
+        return replace(self, **changed, **fields)
+
+    def parts(self, substeps: int) -> Parts:
+        """What fixes the compiled code."""
+        samples = self.samples
+        late = round(self.delay * self.rate * samples)
+        path = CommandPath(self.thruster, 1.0 / (self.rate * samples))
+        timing = Timing(samples, substeps, late)
+        return Parts(self.plant, self.controller, self.compensator, path, timing)
+
+    @property
+    def samples(self) -> int:
+        """The fewest recorded samples in a period of which the delay is a multiple."""
+        for samples in range(1, _MOST + 1):
+            late = self.delay * self.rate * samples
+            if abs(late - round(late)) <= 1e-6 * max(1.0, late):
+                return samples
+        raise InputError(
+            f"Loop, delay: expected a simple part of the controller's period, "
+            f"{1.0 / self.rate:g} s, found {self.delay:g} s.",
+            f"Give {round(self.delay * self.rate * 10) / 10 / self.rate:g} s, for one.",
+        )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class VesselAssembly:
+    """The parts of a `VesselLoop`."""
+
+    vessel: Model
+    controller: MPC
+    noise: Mapping[str, float] = field(default_factory=dict)
+    given: Mapping[str, float | Reference] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        check_vessel(self.vessel, "VesselLoop")
+        if not isinstance(self.controller, MPC):
+            raise InputError(
+                f"VesselLoop: expected an MPC as controller, found {self.controller!r}.",
+                "Write controller=dft.control.MPC(model=..., limits=...).",
+            )
+        if tuple(self.vessel.inputs) != tuple(self.controller.model.inputs):
+            raise InputError(
+                f"VesselLoop: the vessel has the inputs {listing(self.vessel.inputs)}, the "
+                f"controller's model {listing(self.controller.model.inputs)}.",
+                "Give both the same drive.",
+            )
+        check_noise("VesselLoop", self.noise, self.vessel.outputs)
+        known, example = self.vessel.optional_inputs, '{"wind_speed": 3.0, "wind_direction": 0.0}'
+        given = mapping("VesselLoop, given", self.given, example, known)
+        for name, value in given.items():
+            if not isinstance(value, Reference):
+                finite(
+                    f"VesselLoop, given '{name}'",
+                    value,
+                    lambda x: True,
+                    "a number or a Sinusoid, Step or Trajectory",
+                )
+        if len({"wind_speed", "wind_direction"} & set(given)) == 1:
+            raise InputError(
+                "VesselLoop, given: expected wind_speed and wind_direction, found "
+                f"{listing(given)}.",
+                f"Write given={example}.",
+            )

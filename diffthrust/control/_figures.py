@@ -1,0 +1,152 @@
+"""The figures of closed loops: signals over time, and a vessel's run along a path."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from diffthrust._support.figures import BLUE, GREY, VERMILLION, styled, thinned
+from diffthrust.control._assembly import LoopAssembly, VesselAssembly
+from diffthrust.control._faults import Change
+from diffthrust.control._recorded import RunSignals
+from diffthrust.logs._units import convert
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_WIDE = {"color": GREY, "linewidth": 2.4}
+_THIN = {"color": VERMILLION, "linewidth": 1.1}
+_OTHER = {"color": BLUE, "linewidth": 1.1}
+_ESTIMATES = "_estimate"
+_SHOWN = {"rad": "deg"}
+"""Units that a person reads more easily than those of the model."""
+
+
+def run_figure(run: RunSignals, loop: LoopAssembly, units: Mapping[str, str]) -> Figure:
+    """One panel each for what is followed, the error, thrust, command, speed, and estimates."""
+    from matplotlib.figure import Figure
+
+    of = loop.controller.of
+    estimates = [name for name in run.signals if name.endswith(_ESTIMATES)]
+    panels = [(of, ("reference", of)), ("error", ("error",))]
+    if "wanted_thrust" in run.signals:
+        panels.append(("thrust", ("wanted_thrust", "thrust")))
+    same = np.array_equal(run["command"], run["motor_command"])
+    panels.append(("command", ("command",) if same else ("command", "motor_command")))
+    if of != "speed" and "speed" in run.signals:
+        panels.append(("speed", ("compensator.wanted_speed", "speed")))
+    panels += [(name.removeprefix("compensator."), (name,)) for name in estimates]
+    figure = Figure(figsize=(8.0, 0.8 + 1.9 * len(panels)), layout="constrained")
+    rows = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, (label, names) in zip(rows, panels, strict=True):
+        _panel(axes, run, loop, units, label, tuple(name for name in names if name in run.signals))
+        axes.tick_params(labelbottom=False)
+    rows[-1].tick_params(labelbottom=True)
+    rows[-1].set_xlabel("time [s]", fontsize=9)
+    parts = (loop.controller, loop.compensator)
+    title = ", ".join(type(part).__name__ for part in parts if part is not None)
+    if run.diverged is not None:
+        title += f": ran away at {run.diverged:.3g} s"
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold")
+    return figure
+
+
+def _panel(
+    axes: Axes,
+    run: RunSignals,
+    loop: LoopAssembly,
+    units: Mapping[str, str],
+    label: str,
+    names: tuple[str, ...],
+) -> None:
+    styles = (_WIDE, _THIN) if len(names) == 2 else (_OTHER,)
+    for name, style in zip(names, styles, strict=True):
+        axes.plot(
+            *thinned(run.time, run[name]),
+            label=name.removeprefix("compensator.").replace("_", " "),
+            **style,
+        )
+    for fault in loop.faults:  # pyright: ignore[reportGeneralTypeIssues]
+        if fault.at <= run.time[-1]:
+            axes.axvline(fault.at, color="0.4", linewidth=0.8, linestyle=":")
+            if label == loop.controller.of:
+                word = "change" if isinstance(fault, Change) else type(fault).__name__.lower()
+                axes.annotate(f" {word}", (fault.at, 0.97), xycoords=("data", "axes fraction"),
+                              va="top", fontsize=8, color="0.4")  # fmt: skip
+    unit = units[names[-1]]
+    styled(axes, "", "", f"{label.replace('_', ' ')}" + (f"\n[{unit}]" if unit else ""))
+    if len(names) == 2:
+        axes.legend(loc="lower right", bbox_to_anchor=(1, 1), fontsize=8, frameon=False, ncols=2)
+
+
+def track_figure(run: RunSignals, loop: VesselAssembly) -> Figure:
+    """The path over the water on top; errors, each input, and what was estimated below."""
+    from matplotlib.figure import Figure
+
+    inputs = list(loop.vessel.inputs)
+    estimating = loop.controller.disturbance is not None
+    below = 1 + len(inputs) + estimating
+    figure = Figure(figsize=(8.0, 3.4 + 1.8 * below), layout="constrained")
+    grid = figure.add_gridspec(1 + below, 1, height_ratios=[2.0] + [1.0] * below)
+    _over_the_water(figure.add_subplot(grid[0]), run)
+    first = figure.add_subplot(grid[1])
+    _errors(first, run)
+    rows = [figure.add_subplot(grid[2 + i], sharex=first) for i in range(below - 1)]
+    for axes, name in zip(rows, inputs, strict=False):
+        _input(axes, run, loop, name)
+    if estimating:
+        _estimates(rows[-1], run)
+    for axes in (first, *rows)[:-1]:
+        axes.tick_params(labelbottom=False)
+    (first, *rows)[-1].set_xlabel("time [s]", fontsize=9)
+    title = f"{loop.vessel} under MPC"
+    if run.diverged is not None:
+        title += f": ran away at {run.diverged:.3g} s"
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold")
+    return figure
+
+
+def _over_the_water(axes: Axes, run: RunSignals) -> None:
+    axes.plot(run["reference.east"], run["reference.north"], color=GREY, linewidth=2.4,
+              label="path")  # fmt: skip
+    axes.plot(run["east"], run["north"], color=VERMILLION, linewidth=1.2, label="vessel")
+    axes.plot(run["east"][0], run["north"][0], "o", color=VERMILLION, markersize=5, label="start")
+    axes.set_aspect("equal", adjustable="datalim")
+    styled(axes, "", "east [m]", "north [m]")
+    axes.legend(fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+
+
+def _errors(axes: Axes, run: RunSignals) -> None:
+    axes.plot(run.time, run["along"], color=BLUE, linewidth=1.2, label="along (ahead +)")
+    axes.plot(run.time, run["across"], color=VERMILLION, linewidth=1.2,
+              label="across (starboard +)")  # fmt: skip
+    axes.axhline(0.0, color="0.4", linewidth=0.6)
+    styled(axes, "", "", "error\n[m]")
+    _legend(axes, 2)
+
+
+def _input(axes: Axes, run: RunSignals, loop: VesselAssembly, name: str) -> None:
+    unit = loop.vessel.inputs[name]
+    shown = _SHOWN.get(unit, unit)
+    values = convert(run[name], unit, shown, where=name)
+    axes.step(run.time, values, where="post", color=BLUE, linewidth=1.1)
+    for limit in loop.controller.limits[name]:
+        axes.axhline(float(convert(np.asarray(float(limit)), unit, shown, where=name)), color="0.3",
+                     linewidth=0.9, linestyle="--")  # fmt: skip
+    styled(axes, "", "", f"{name.replace('_', ' ')}\n[{shown}], limits dashed")
+
+
+def _estimates(axes: Axes, run: RunSignals) -> None:
+    axes.plot(run.time, run["push.north"], color=BLUE, linewidth=1.1, label="north [m/s²]")
+    axes.plot(run.time, run["push.east"], color=VERMILLION, linewidth=1.1, label="east [m/s²]")
+    axes.plot(run.time, run["push.yaw"], color="0.3", linewidth=1.1, linestyle=":",
+              label="yaw [rad/s²]")  # fmt: skip
+    styled(axes, "", "", "unexplained\nacceleration")
+    _legend(axes, 3)
+
+
+def _legend(axes: Axes, columns: int) -> None:
+    axes.legend(loc="lower right", bbox_to_anchor=(1, 1), fontsize=8, frameon=False, ncols=columns)
