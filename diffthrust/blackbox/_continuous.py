@@ -76,12 +76,12 @@ def _logarithm(a: np.ndarray) -> np.ndarray:
     lost = poles[(np.abs(poles) < 1e-9) | (real & (poles.real <= 0))]
     if not lost.size:
         whole: Any = logm(a)
-        found = np.real(whole)
-        if np.allclose(expm(found), a, rtol=_CLOSE, atol=_CLOSE):
-            return found
-    told = ", ".join(f"{pole.real:.3g}" for pole in lost) or "what rounding cannot tell from those"
+        real_part = np.real(whole)
+        if np.allclose(expm(real_part), a, rtol=_CLOSE, atol=_CLOSE):
+            return real_part
+    where = ", ".join(f"{pole.real:.3g}" for pole in lost) or "what rounding cannot tell from those"
     raise InputError(
-        f"The sampled model has poles at {told}; no continuous system of its order, sampled, has "
+        f"The sampled model has poles at {where}; no continuous system of its order, sampled, has "
         "poles at zero or on the negative real axis.",
         "Choose a lower order, no more coefficients in B than in A, or method='tustin'.",
     )

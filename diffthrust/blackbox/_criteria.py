@@ -6,36 +6,36 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from diffthrust.blackbox._records import Record
+from diffthrust.blackbox._records import SampledLog
 from diffthrust.blackbox._system import System
 
 _LAGS = 25
-LEVEL = 0.001
+WHITENESS_LEVEL = 0.001
 """White residuals are taken for correlated ones in this share of all cases."""
 
 
-def samples_of(records: Sequence[Record]) -> int:
+def samples_of(records: Sequence[SampledLog]) -> int:
     """Outputs that were measured."""
     return int(sum(np.isfinite(record.y).sum() for record in records))
 
 
-def one_step_errors(system: System, records: Sequence[Record]) -> list[np.ndarray]:
+def prediction_errors(system: System, records: Sequence[SampledLog]) -> list[np.ndarray]:
     """Measured minus predicted by record, ``(n, p)``; NaN where a sample is missing."""
     return [record.y - system.predict(record.u, record.y) for record in records]
 
 
-def bic_of(system: System, records: Sequence[Record], size: int) -> tuple[float, np.ndarray]:
+def bic_of(system: System, records: Sequence[SampledLog], size: int) -> tuple[float, np.ndarray]:
     """The Bayesian information criterion of the one-step errors, and their standard deviations.
 
     Source: Schwarz 1978, with the Gaussian likelihood of errors that have no memory. All kinds of
     models are judged on the same samples, each started as suits it best; the starting states of
     each record count as parameters.
     """
-    found = np.concatenate(one_step_errors(system, records))
-    if np.isinf(found).any():
-        return np.inf, np.full(found.shape[1], np.inf)
-    found = found[np.isfinite(found).all(axis=1)]
-    spread = found.T @ found / len(found)
+    e = np.concatenate(prediction_errors(system, records))
+    if np.isinf(e).any():
+        return np.inf, np.full(e.shape[1], np.inf)
+    e = e[np.isfinite(e).all(axis=1)]
+    spread = e.T @ e / len(e)
     floor = 1e-26 * np.mean(np.concatenate([r.y[r.seen] for r in records]) ** 2)
     _, logarithm = np.linalg.slogdet(spread + floor * np.eye(len(spread)))
     free = size + len(records) * system.order
@@ -67,12 +67,12 @@ def memory_of(residuals: Sequence[np.ndarray], used: int) -> tuple[float, float]
 
 def memory_note(memory: tuple[float, float], allowed_for: bool) -> tuple[str, ...]:
     """A sentence where residuals are not white."""
-    if not memory[1] < LEVEL:
+    if not memory[1] < WHITENESS_LEVEL:
         return ()
     means = "standard errors hold for white ones only."
     if allowed_for:
         means = "standard errors allow for that if the noise knows nothing of the input."
     return (
         f"The residuals last from sample to sample (correlation {memory[0]:.2f} at one step, "
-        f"Ljung-Box p < {LEVEL}): {means}",
+        f"Ljung-Box p < {WHITENESS_LEVEL}): {means}",
     )

@@ -5,15 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from diffthrust._support.figures import BLUE, GREY, VERMILLION, literal, styled, thinned
+from diffthrust.blackbox._sampled_model import SampledModel
 from diffthrust.logs._log import Log
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from diffthrust.blackbox._model import BlackBox
 
-
-def model_figure(model: BlackBox, log: Log) -> Figure:
+def model_figure(model: SampledModel, log: Log) -> Figure:
     """Measured, simulated and predicted outputs; below, what is left of each."""
     from matplotlib.figure import Figure
 
@@ -36,8 +35,8 @@ def model_figure(model: BlackBox, log: Log) -> Figure:
         if predicting:
             top.plot(*thinned(log.time, predicted[name]), color=BLUE, linewidth=0.9,
                      linestyle="--", label="predicted one step ahead")  # fmt: skip
-        told = f", fit {errors[name].fit_percent:.1f} %" if name in errors else ""
-        title = f"{literal(log.name)}: {model}{told} in free simulation"
+        fit = f", fit {errors[name].fit_percent:.1f} %" if name in errors else ""
+        title = f"{literal(log.name)}: {model}{fit} in free simulation"
         styled(top, title, "", words)
         top.legend(fontsize=8, frameon=False, ncols=3)
         below.axhline(0.0, color="0.4", linewidth=0.8)

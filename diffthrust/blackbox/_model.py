@@ -1,172 +1,18 @@
-"""The result of black-box identification: a sampled linear model with its errors."""
+"""The result of black-box identification: a sampled linear model, its words and its figure."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
-
-from diffthrust._support.errors import InputError
-from diffthrust._support.names import listing
-from diffthrust._support.transfer import Transfer, transfer_of
-from diffthrust.blackbox._continuous import Method, continued
-from diffthrust.blackbox._records import Channels
-from diffthrust.blackbox._system import System
-from diffthrust.estimation._estimate import Estimate
-from diffthrust.estimation._status import Status
+from diffthrust.blackbox._sampled_model import SampledModel
 from diffthrust.logs._log import Log
-from diffthrust.simulation._errors import Errors, errors
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Kind = Literal["arx", "armax", "output_error", "state_space"]
 
-
-@dataclass(frozen=True, eq=False)
-class BlackBox:
-    """A sampled linear model of a log's inputs and outputs.
-
-    Args:
-        kind: "arx", "armax", "output_error" or "state_space".
-        orders: as they were asked for, by name.
-        channels: inputs, outputs, their units, and the step.
-        parameters: an `Estimate` for each; empty for matrices that a change of the states' basis
-            would change.
-        covariance: of the parameters, ``(k, k)``; ``None`` where the logs do not tell them apart.
-            Like the standard errors it takes residuals for white, but for an output error, where
-            it allows for those that last; ``notes`` says where they do.
-        noise: standard deviation of the one-step prediction's error by output, in its unit.
-        polynomials: A, C, and B by input, as coefficients of 1, q^-1, ... (B: from q^-delay on);
-            empty for a state space.
-        system: the model in states, with its predictor; its last input is 1 where an offset is
-            estimated.
-        plain: the same without the noise's states: from inputs to outputs.
-        status: what may be claimed.
-        bic: of the one-step errors, with the starting states among what is estimated; comparable
-            between models of the same logs and outputs.
-        samples: outputs that were measured in the logs it is of.
-        singular_values: of a subspace identification, by which an order is chosen; else empty.
-        notes: what to keep in mind, one sentence each.
-    """
-
-    kind: Kind
-    orders: Mapping[str, Any]
-    channels: Channels = field(repr=False)
-    parameters: Mapping[str, Estimate] = field(repr=False)
-    covariance: np.ndarray | None = field(repr=False)
-    noise: Mapping[str, float]
-    polynomials: Mapping[str, np.ndarray] = field(repr=False)
-    system: System = field(repr=False)
-    plain: System = field(repr=False)
-    status: Status
-    bic: float = np.nan
-    samples: int = 0
-    singular_values: np.ndarray = field(default_factory=lambda: np.zeros(0), repr=False)
-    notes: tuple[str, ...] = ()
-
-    @property
-    def step(self) -> float:
-        """Time between samples [s]."""
-        return self.channels.step
-
-    @property
-    def poles(self) -> np.ndarray:
-        """Poles in z, from inputs to outputs, ``(n,)``."""
-        return np.linalg.eigvals(self.plain.a)
-
-    @property
-    def stable(self) -> bool:
-        """Whether all poles lie within the unit circle."""
-        return bool(np.all(np.abs(self.poles) < 1.0))
-
-    def zeros(self, input: str | None = None, output: str | None = None) -> np.ndarray:
-        """Zeros in z from one input to one output, without those of a delay."""
-        num, _ = self._rational(*self._pair(input, output))
-        return np.roots(num)
-
-    def simulate(
-        self, log: Log, *, start: Literal["estimated", "rest"] = "estimated"
-    ) -> dict[str, np.ndarray]:
-        """Outputs of a log under its inputs alone.
-
-        Args:
-            log: with the inputs; for ``start="estimated"`` also with the outputs.
-            start: the starting states are those that suit the log's outputs best, or all zero, as
-                all inputs before the log.
-
-        Returns:
-            By output ``(n,)``, in the unit of the logs that the model is of; NaN, with estimated
-            starting states, in as many first samples as inputs are late.
-
-        Raises:
-            InputError: a channel that is absent, uneven samples, or another step.
-        """
-        if start not in ("estimated", "rest"):
-            raise InputError(
-                f"start: expected 'estimated' or 'rest', found {start!r}.", "Correct it."
-            )
-        record = self.channels.record(log)
-        found = self.system.simulate(record.u, record.y if start == "estimated" else None)
-        return {name: found[:, i] for i, name in enumerate(self.channels.outputs)}
-
-    def predict(self, log: Log) -> dict[str, np.ndarray]:
-        """Each sample of a log from all before it: by output ``(n,)``. Raises as `simulate`."""
-        record = self.channels.record(log)
-        found = self.system.predict(record.u, record.y)
-        return {name: found[:, i] for i, name in enumerate(self.channels.outputs)}
-
-    def errors(
-        self, logs: Log | Sequence[Log], how: Literal["simulation", "prediction"] = "simulation"
-    ) -> Errors:
-        """RMSE, NRMSE and fit percent of free simulation, or of one-step prediction.
-
-        The starting states of each log are estimated from it. Raises as `simulate`.
-        """
-        if how not in ("simulation", "prediction"):
-            raise InputError(
-                f"how: expected 'simulation' or 'prediction', found {how!r}.", "Correct it."
-            )
-        logs = [logs] if isinstance(logs, Log) else list(logs)
-        pairs: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
-        for log in logs:
-            found = self.simulate(log) if how == "simulation" else self.predict(log)
-            for name, modelled in found.items():
-                measured = log.values(name, self.channels.units[name])
-                # the first samples, in which inputs from before the log have a part, are left out
-                measured = np.where(np.isnan(modelled), np.nan, measured)
-                pairs.setdefault(name, []).append((measured, measured - modelled))
-        return errors(pairs)
-
-    def transfer(
-        self, input: str | None = None, output: str | None = None, method: Method | None = None
-    ) -> Transfer:
-        """The continuous transfer function from one input to one output, with its dead time.
-
-        It is taken wherever the library wants a linear system, as `dft.cycles.limit_cycles` does.
-
-        Args:
-            input: may be left out where there is one.
-            output: likewise.
-            method: "zero" undoes the step of an input that keeps its value between samples,
-                "linear" that of one that runs straight; the logs' own where not given. "tustin" is
-                the bilinear transformation.
-
-        Raises:
-            InputError: an unknown channel, or poles that no sampled system has.
-        """
-        j, i = self._pair(input, output)
-        a, b, c, d = continued(self._of(j, i), self.step, method or self.channels.hold)
-        lag = self.plain.lags[j] * self.step if self.plain.lags else 0.0
-        den = np.real(np.atleast_1d(np.poly(a)))
-        # |C adj(s - A) B| = |s - A + B C| - |s - A|
-        num = np.real(np.poly(a - b @ c)) - den + d[0, 0] * den
-        num[np.abs(num) < 1e-12 * np.abs(num).max(initial=0.0)] = 0.0
-        if not num.any():
-            num = np.zeros(1)
-        return transfer_of((num, den, lag))
+class BlackBox(SampledModel):
+    """A sampled linear model of a log's inputs and outputs, with its parameters and errors."""
 
     def to_control(self, form: Literal["transfer", "states"] = "transfer") -> Any:
         """The sampled model as an object of python-control, with the delay of the inputs in it.
@@ -193,36 +39,3 @@ class BlackBox:
         from diffthrust.blackbox._figures import model_figure
 
         return model_figure(self, log)
-
-    def __str__(self) -> str:
-        orders = ", ".join(f"{name} {value}" for name, value in self.orders.items())
-        return f"{self.kind.replace('_', ' ')} ({orders})"
-
-    def _pair(self, input: str | None, output: str | None) -> tuple[int, int]:
-        """The places of an input and an output."""
-        places = []
-        named = (("input", input, self.channels.inputs), ("output", output, self.channels.outputs))
-        for what, name, known in named:
-            if name is None and len(known) == 1:
-                name = known[0]
-            if name not in known:
-                raise InputError(
-                    f"{what}: expected one of {listing(known)}, found {name!r}.",
-                    f"Write {what}={known[0]!r}.",
-                )
-            places.append(known.index(name))
-        return places[0], places[1]
-
-    def _of(self, j: int, i: int) -> System:
-        """One input and one output, without the noise and the lag."""
-        s = self.plain
-        return System(s.a, s.b[:, [j]], s.c[[i]], s.d[[i]][:, [j]], np.zeros((s.order, 1)))
-
-    def _rational(self, j: int, i: int) -> tuple[np.ndarray, np.ndarray]:
-        """Numerator and denominator in z, highest power first, without the lag."""
-        s = self._of(j, i)
-        den = np.real(np.poly(s.a))
-        num = np.real(np.poly(s.a - s.b @ s.c)) - den + s.d[0, 0] * den
-        num[np.abs(num) < 1e-12 * max(1e-300, np.abs(num).max())] = 0.0
-        first = int(np.argmax(num != 0)) if num.any() else num.size - 1
-        return num[first:], den

@@ -9,11 +9,12 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust.blackbox._criteria import bic_of, memory_note, samples_of
-from diffthrust.blackbox._model import BlackBox, Kind
+from diffthrust.blackbox._model import BlackBox
 from diffthrust.blackbox._orders import shape_of
 from diffthrust.blackbox._prediction_error import Shape, equations, stretches
-from diffthrust.blackbox._records import Channels, Record, channels_of
-from diffthrust.blackbox._search import Found, judged, search, size_of
+from diffthrust.blackbox._records import Channels, SampledLog, sampled_channels
+from diffthrust.blackbox._sampled_model import ModelKind
+from diffthrust.blackbox._search import SearchEnd, judged, search_coefficients, size_of
 from diffthrust.blackbox._starts import armax_starts, least_squares, output_error_starts
 from diffthrust.blackbox._system import observer_form
 from diffthrust.estimation._estimate import Estimate
@@ -121,8 +122,8 @@ def _asked(
     orders: Any,
     names: Sequence[str],
     offset: bool,
-) -> tuple[Channels, list[Record], Shape]:
-    channels, records = channels_of(logs, input, output, offset)
+) -> tuple[Channels, list[SampledLog], Shape]:
+    channels, records = sampled_channels(logs, input, output, offset)
     if len(channels.outputs) > 1:
         raise InputError(
             f"{what}: expected one output, found {len(channels.outputs)}.",
@@ -135,7 +136,7 @@ def _asked(
     return channels, records, shape
 
 
-def check_enough(what: str, records: Sequence[Record], shape: Shape) -> None:
+def check_enough(what: str, records: Sequence[SampledLog], shape: Shape) -> None:
     """Refuse records with too few samples for their coefficients."""
     usable = sum(t.size for record in records for t, _, _ in equations(record, shape))
     if usable <= 2 * shape.size:
@@ -147,29 +148,33 @@ def check_enough(what: str, records: Sequence[Record], shape: Shape) -> None:
 
 
 def searched(
-    kind: Kind,
+    kind: ModelKind,
     channels: Channels,
-    records: Sequence[Record],
+    records: Sequence[SampledLog],
     shape: Shape,
     starts: Sequence[np.ndarray],
 ) -> BlackBox:
     """The model of the best point that a search finds."""
     try:
-        found = search(records, shape, starts)
+        end = search_coefficients(records, shape, starts)
     except FloatingPointError:
         raise InputError(
             f"{kind}: no start gives a simulation that stays finite over the logs' length.",
             "Use dft.blackbox.armax, whose predictions lean on the measured output, or shorter "
             "logs.",
         ) from None
-    return polynomial_model(kind, channels, records, shape, found)
+    return polynomial_model(kind, channels, records, shape, end)
 
 
 def polynomial_model(
-    kind: Kind, channels: Channels, records: Sequence[Record], shape: Shape, found: Found
+    kind: ModelKind,
+    channels: Channels,
+    records: Sequence[SampledLog],
+    shape: Shape,
+    end: SearchEnd,
 ) -> BlackBox:
     """The result with its names, units, systems and notes."""
-    a, b, c = shape.split(found.theta)
+    a, b, c = shape.split(end.theta)
     inputs = len(channels.inputs)
     nb, delay = shape.nb[:inputs], shape.delays[:inputs]
     by_input = {"nb": nb[0] if inputs == 1 else nb, "delay": delay[0] if inputs == 1 else delay}
@@ -185,19 +190,19 @@ def polynomial_model(
     polynomials |= {"c": c} if shape.nc else {}
     system, plain = observer_form(a, b, shape.delays, c), observer_form(a, b, shape.delays, [1.0])
     bic, deviation = bic_of(system, records, shape.size)
-    status = Status.CONVERGED if found.stationary else Status.NOT_CONVERGED
-    if found.rank < shape.size:
+    status = Status.CONVERGED if end.stationary else Status.NOT_CONVERGED
+    if end.rank < shape.size:
         status = Status.NOT_IDENTIFIABLE
-    notes = memory_note(found.memory, shape.tied)
+    notes = memory_note(end.memory, shape.tied)
     if status is Status.NOT_IDENTIFIABLE:
-        told = f"These logs tell {found.rank} of {shape.size} coefficients apart: the orders are "
-        notes = (*notes, told + "too high, the input too plain, or there is no noise for C.")
+        unknown = f"These logs tell {end.rank} of {shape.size} coefficients apart: the orders are "
+        notes = (*notes, unknown + "too high, the input too plain, or there is no noise for C.")
     return BlackBox(
         kind=kind,
         orders=orders,
         channels=channels,
-        parameters=_named(shape, found, channels),
-        covariance=found.covariance,
+        parameters=_named(shape, end, channels),
+        covariance=end.covariance,
         noise={channels.outputs[0]: float(deviation[0])},
         polynomials=polynomials,
         system=system,
@@ -209,7 +214,7 @@ def polynomial_model(
     )
 
 
-def _named(shape: Shape, found: Found, channels: Channels) -> dict[str, Estimate]:
+def _named(shape: Shape, end: SearchEnd, channels: Channels) -> dict[str, Estimate]:
     units = channels.units
     out = units[channels.outputs[0]]
     letter = "f" if shape.tied else "a"
@@ -220,10 +225,10 @@ def _named(shape: Shape, found: Found, channels: Channels) -> dict[str, Estimate
         names += [(f"b{i}{of}", unit) for i in range(delay, delay + count)]
     names += [("offset", out)] if channels.offset else []
     names += [(f"c{i}", "") for i in range(1, shape.nc + 1)]
-    spread = None if found.covariance is None else np.sqrt(np.diag(found.covariance))
+    spread = None if end.covariance is None else np.sqrt(np.diag(end.covariance))
     return {
         name: Estimate(
             float(value), None if spread is None else float(spread[i]), unit, False, False
         )
-        for i, ((name, unit), value) in enumerate(zip(names, found.theta, strict=True))
+        for i, ((name, unit), value) in enumerate(zip(names, end.theta, strict=True))
     }

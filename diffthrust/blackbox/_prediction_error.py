@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from diffthrust.blackbox._records import Record
+from diffthrust.blackbox._records import SampledLog
 from diffthrust.blackbox._system import passed
 
 
@@ -64,13 +64,13 @@ class Shape:
         return np.concatenate([theta[: self.na + sum(self.nb)], c[1:]])
 
 
-def equations(record: Record, shape: Shape) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+def equations(record: SampledLog, shape: Shape) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Rows of past values and the output of each stretch in which they are all known.
 
     Returns:
         ``(samples (n,), rows (n, na + nb), y (n,))`` of each stretch; y = rows @ (a, b) + C e.
     """
-    y, found = record.y[:, 0], []
+    y, rows = record.y[:, 0], []
     for begin, end in record.segments:
         t = np.arange(max(begin + shape.na, shape.first), end)
         if t.size:
@@ -78,12 +78,12 @@ def equations(record: Record, shape: Shape) -> list[tuple[np.ndarray, np.ndarray
             columns += [record.u[t - d - i, j]
                         for j, (d, n) in enumerate(zip(shape.delays, shape.nb, strict=True))
                         for i in range(n)]  # fmt: skip
-            found.append((t, np.stack(columns, axis=1), y[t]))
-    return found
+            rows.append((t, np.stack(columns, axis=1), y[t]))
+    return rows
 
 
 def stretches(
-    records: Sequence[Record], shape: Shape, theta: np.ndarray
+    records: Sequence[SampledLog], shape: Shape, theta: np.ndarray
 ) -> list[tuple[np.ndarray, np.ndarray, int]]:
     """Residuals ``(n,)``, their gradient ``(n, k)`` and the starting values by stretch."""
     parts = _simulated if shape.tied else _predicted
@@ -91,7 +91,7 @@ def stretches(
 
 
 def _predicted(
-    record: Record, shape: Shape, theta: np.ndarray
+    record: SampledLog, shape: Shape, theta: np.ndarray
 ) -> list[tuple[np.ndarray, np.ndarray, int]]:
     """C e = A y - B u + starting values, in each stretch without a gap."""
     _, _, c = shape.split(theta)
@@ -113,7 +113,7 @@ def _predicted(
 
 
 def _simulated(
-    record: Record, shape: Shape, theta: np.ndarray
+    record: SampledLog, shape: Shape, theta: np.ndarray
 ) -> list[tuple[np.ndarray, np.ndarray, int]]:
     """What w leaves of y, with A w = B u + starting values; gaps are left out."""
     a, b, _ = shape.split(theta)

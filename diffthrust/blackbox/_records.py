@@ -16,7 +16,7 @@ _EVEN = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Record:
+class SampledLog:
     """One log.
 
     Args:
@@ -61,7 +61,7 @@ class Channels:
     hold: str
     offset: bool
 
-    def record(self, log: Log) -> Record:
+    def record(self, log: Log) -> SampledLog:
         """The channels of a log.
 
         Raises:
@@ -97,7 +97,7 @@ class Channels:
         u = [log.values(name, self.units[name]) for name in self.inputs]
         u += [np.ones(len(log))] if self.offset else []
         y = [log.values(name, self.units[name]) for name in self.outputs]
-        return Record(np.stack(u, axis=1), np.stack(y, axis=1), log)
+        return SampledLog(np.stack(u, axis=1), np.stack(y, axis=1), log)
 
 
 def step_of(log: Log) -> float:
@@ -108,23 +108,23 @@ def step_of(log: Log) -> float:
     """
     steps = np.diff(log.time)
     if len(log) < 3 or np.ptp(steps) > _EVEN * np.median(steps):
-        found = f"{len(log)} samples"
+        seen = f"{len(log)} samples"
         if len(log) > 1:
-            found += f" with steps of {steps.min():g} to {steps.max():g} s"
+            seen += f" with steps of {steps.min():g} to {steps.max():g} s"
         raise InputError(
-            f"{log.name}: expected three or more evenly spaced samples, found {found}.",
+            f"{log.name}: expected three or more evenly spaced samples, found {seen}.",
             "Give missing samples as NaN at their own time, or resample the log; dft.fit takes "
             "any time stamps.",
         )
     return float(np.mean(steps))
 
 
-def channels_of(
+def sampled_channels(
     logs: Log | Sequence[Log],
     input: str | Sequence[str],
     output: str | Sequence[str],
     offset: bool = False,
-) -> tuple[Channels, list[Record]]:
+) -> tuple[Channels, list[SampledLog]]:
     """The channels of logs that are meant for one model.
 
     Raises:

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from diffthrust.blackbox._criteria import LEVEL, memory_of
+from diffthrust.blackbox._criteria import WHITENESS_LEVEL, memory_of
 from diffthrust.blackbox._prediction_error import Shape, equations, stretches
-from diffthrust.blackbox._records import Record
+from diffthrust.blackbox._records import SampledLog
 from diffthrust.blackbox._starts import reflected
 
 _FLAT = 1e-5
@@ -21,7 +21,7 @@ _WORTH = 11.0
 
 
 @dataclass(frozen=True)
-class Found:
+class SearchEnd:
     """The outcome of a search.
 
     Args:
@@ -53,7 +53,9 @@ class Found:
         return self.flat < _FLAT
 
 
-def search(records: Sequence[Record], shape: Shape, starts: Sequence[np.ndarray]) -> Found:
+def search_coefficients(
+    records: Sequence[SampledLog], shape: Shape, starts: Sequence[np.ndarray]
+) -> SearchEnd:
     """The coefficients of least squared residuals, from several starts.
 
     Starts whose residuals are not finite are left out; at least one must have finite ones.
@@ -66,13 +68,13 @@ def search(records: Sequence[Record], shape: Shape, starts: Sequence[np.ndarray]
         if not (kept and np.array_equal(kept[0][0], theta)):
             with np.errstate(over="ignore", invalid="ignore"):
                 try:
-                    found = stretches(records, shape, theta)
+                    now = stretches(records, shape, theta)
                 except (
                     np.linalg.LinAlgError,
                     FloatingPointError,
                 ):  # an unstable filter left all bounds
-                    found = [(np.full(1, np.inf), np.zeros((1, shape.size)), 0)]
-            kept[:] = [(theta.copy(), found)]
+                    now = [(np.full(1, np.inf), np.zeros((1, shape.size)), 0)]
+            kept[:] = [(theta.copy(), now)]
         return kept[0][1]
 
     def residual(theta: np.ndarray, bounded: bool = False) -> np.ndarray:
@@ -96,7 +98,7 @@ def search(records: Sequence[Record], shape: Shape, starts: Sequence[np.ndarray]
         with np.errstate(over="ignore", invalid="ignore"):
             if not np.isfinite(residual(start, bounded)).all():
                 return np.inf, start
-            found = least_squares(
+            end = least_squares(
                 lambda theta: residual(theta, bounded) / scale,
                 start,
                 jac=lambda theta: gradient(theta) / scale,  # pyright: ignore
@@ -106,7 +108,7 @@ def search(records: Sequence[Record], shape: Shape, starts: Sequence[np.ndarray]
                 gtol=1e-12,
                 max_nfev=200,
             )
-        return float(found.cost), found.x
+        return float(end.cost), end.x
 
     ends = [end_of(start) for start in starts]
     best, theta = min(ends, key=lambda end: end[0])
@@ -124,7 +126,7 @@ def search(records: Sequence[Record], shape: Shape, starts: Sequence[np.ndarray]
     return judged(parts(theta), theta, shape, scale, len(starts), agreeing)
 
 
-def size_of(records: Sequence[Record]) -> float:
+def size_of(records: Sequence[SampledLog]) -> float:
     """Root mean square of the outputs; 1 where they are all zero."""
     return float(np.sqrt(np.mean(np.concatenate([r.y[r.seen] for r in records]) ** 2))) or 1.0
 
@@ -136,7 +138,7 @@ def judged(
     scale: float,
     starts: int = 1,
     agreeing: int = 1,
-) -> Found:
+) -> SearchEnd:
     """Variance and covariance at a point, and whether it is one where a search may end.
 
     The covariance of an output error allows for residuals with a memory, where they have one and
@@ -160,11 +162,11 @@ def judged(
     if rank == theta.size and left > 0:
         half = v.T / values / size[:, None]
         covariance = half @ half.T
-        if shape.tied and memory[1] < LEVEL:
+        if shape.tied and memory[1] < WHITENESS_LEVEL:
             covariance = covariance @ _with_memory(parts, r.size / left) @ covariance
         else:
             covariance = variance * covariance
-    return Found(theta, covariance, variance, residuals, flat, rank, starts, agreeing, memory)
+    return SearchEnd(theta, covariance, variance, residuals, flat, rank, starts, agreeing, memory)
 
 
 def _with_memory(parts: Sequence[tuple[np.ndarray, np.ndarray, int]], factor: float) -> np.ndarray:

@@ -10,14 +10,14 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
-from diffthrust._support.tables import number, plain_table, rendered
-from diffthrust.blackbox._model import BlackBox, Kind
+from diffthrust.blackbox._model import BlackBox
 from diffthrust.blackbox._orders import whole
 from diffthrust.blackbox._polynomial import armax, arx, output_error
+from diffthrust.blackbox._sampled_model import ModelKind
 from diffthrust.blackbox._subspace import state_space
 from diffthrust.logs._log import Log
 
-_POLYNOMIAL: tuple[Kind, ...] = ("arx", "armax", "output_error")
+_POLYNOMIAL: tuple[ModelKind, ...] = ("arx", "armax", "output_error")
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Candidate:
         remark: empty, or what to mind.
     """
 
-    kind: Kind
+    kind: ModelKind
     order: int
     delay: int
     model: BlackBox | None = field(repr=False)
@@ -77,6 +77,8 @@ class Selection:
 
     def report(self) -> str:
         """The table; a star marks the one chosen."""
+        from diffthrust._support.tables import number, plain_table, rendered
+
         headings = ("", "Kind", "Order", "Delay", "BIC", "One step", "Simulated", "Unseen", "")
         table = plain_table(*headings, numbers=range(2, 8))
         chosen = self.chosen
@@ -92,8 +94,8 @@ class Selection:
                 number(row.unseen, 3),
                 row.remark,
             )
-        told = "BIC" if self.by == "bic" else "the NRMSE of unseen logs"
-        return rendered(table) + f"Chosen by {told}; the other errors are NRMSE, too.\n"
+        criterion = "BIC" if self.by == "bic" else "the NRMSE of unseen logs"
+        return rendered(table) + f"Chosen by {criterion}; the other errors are NRMSE, too.\n"
 
     def _score(self, row: Candidate) -> float:
         value = row.bic if self.by == "bic" else row.unseen
@@ -105,7 +107,7 @@ def select(
     *,
     input: str | Sequence[str],
     output: str | Sequence[str],
-    kinds: Iterable[Kind] | None = None,
+    kinds: Iterable[ModelKind] | None = None,
     orders: Iterable[int] = (1, 2, 3, 4),
     delays: Iterable[int] = (1,),
     by: Literal["bic", "unseen"] = "bic",
@@ -146,7 +148,7 @@ def select(
     if by == "unseen" and not unseen:
         raise InputError("by='unseen': no unseen logs were given.", "Give holdout=[...].")
     several = not isinstance(output, str) and len(output) > 1
-    chosen: tuple[Kind, ...] = ("state_space",) if several else _POLYNOMIAL
+    chosen: tuple[ModelKind, ...] = ("state_space",) if several else _POLYNOMIAL
     known = (*_POLYNOMIAL, "state_space")
     chosen = chosen if kinds is None else tuple(kinds)
     strange = [kind for kind in chosen if kind not in known]
@@ -181,7 +183,7 @@ def select(
 
 
 def _made(
-    kind: Kind,
+    kind: ModelKind,
     logs: Log | Sequence[Log],
     order: int,
     delay: int,
@@ -199,7 +201,7 @@ def _made(
 
 
 def _judged(
-    kind: Kind,
+    kind: ModelKind,
     order: int,
     delay: int,
     model: BlackBox,

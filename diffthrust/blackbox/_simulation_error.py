@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diffthrust.blackbox._records import Record
+from diffthrust.blackbox._records import SampledLog
 from diffthrust.blackbox._system import System
 
 _STEPS = 100
@@ -41,7 +41,7 @@ class Simulated(NamedTuple):
 
 
 def simulation_fit(
-    starts: Sequence[System], records: Sequence[Record], free: np.ndarray
+    starts: Sequence[System], records: Sequence[SampledLog], free: np.ndarray
 ) -> Simulated:
     """The least error of free simulation, each output over its own size.
 
@@ -59,10 +59,10 @@ def simulation_fit(
 
 
 def _searched(
-    start: System, records: Sequence[Record], size: np.ndarray, free: np.ndarray
+    start: System, records: Sequence[SampledLog], size: np.ndarray, free: np.ndarray
 ) -> Simulated:
     here = _settled(start)
-    error, r, j = _linearized(here, records, size, free)
+    error, r, j = linearized(here, records, size, free)
     damping = 1e-3 * np.mean(np.sum(j**2, axis=0))
     for _ in range(_STEPS):
         squares, slope = j.T @ j, j.T @ r
@@ -70,8 +70,8 @@ def _searched(
             return Simulated(here, error, True)
         while damping < 1e12 * np.trace(squares):
             step = -np.linalg.solve(squares + damping * np.eye(slope.size), slope)
-            there = _moved(here, step, free)
-            found = _error(there, records, size)
+            there = stepped(here, step, free)
+            found = squared_error(there, records, size)
             if found < error:
                 break
             damping *= 4.0
@@ -79,13 +79,13 @@ def _searched(
             return Simulated(here, error, True)  # no way down is left but rounding
         still = found > (1.0 - _STILL) * error
         here, damping = there, damping / 5.0
-        error, r, j = _linearized(here, records, size, free)
+        error, r, j = linearized(here, records, size, free)
         if still and damping < 1e-3 * np.trace(squares):
             return Simulated(here, error, True)
     return Simulated(here, error, False)
 
 
-def output_sizes(records: Sequence[Record]) -> np.ndarray:
+def output_sizes(records: Sequence[SampledLog]) -> np.ndarray:
     """Root mean square of each output, ``(p,)``; 1 where it is zero."""
     power = np.nanmean(np.concatenate([r.y for r in records]) ** 2, axis=0)
     return np.where(power > 0, np.sqrt(power), 1.0)
@@ -107,7 +107,7 @@ def _settled(start: System) -> System:
     return System(a, start.b, start.c, start.d, np.zeros_like(start.k), start.lags)
 
 
-def _moved(s: System, step: np.ndarray, free: np.ndarray) -> System:
+def stepped(s: System, step: np.ndarray, free: np.ndarray) -> System:
     n, m, p = s.a.shape[0], s.b.shape[1], s.c.shape[0]
     ab, c, d = np.split(step, [n * (n + m), n * (n + m) + p * n])
     ab = ab.reshape(n, n + m)
@@ -116,7 +116,7 @@ def _moved(s: System, step: np.ndarray, free: np.ndarray) -> System:
     return System(s.a + ab[:, :n], s.b + ab[:, n:], s.c + c.reshape(p, n), moved, s.k, s.lags)
 
 
-def _error(s: System, records: Sequence[Record], size: np.ndarray) -> float:
+def squared_error(s: System, records: Sequence[SampledLog], size: np.ndarray) -> float:
     total = 0.0
     for record in records:
         found = (s.simulate(record.u, record.y) - record.y) / size
@@ -124,8 +124,8 @@ def _error(s: System, records: Sequence[Record], size: np.ndarray) -> float:
     return total if np.isfinite(total) else np.inf
 
 
-def _linearized(
-    s: System, records: Sequence[Record], size: np.ndarray, free: np.ndarray
+def linearized(
+    s: System, records: Sequence[SampledLog], size: np.ndarray, free: np.ndarray
 ) -> tuple[float, np.ndarray, np.ndarray]:
     """Squared error, residuals ``(N,)`` and their gradient ``(N, k)``."""
     parts = [_one(s, record, size, free) for record in records if len(record.u) > s.unknown]
@@ -134,7 +134,7 @@ def _linearized(
 
 
 def _one(
-    s: System, record: Record, size: np.ndarray, free: np.ndarray
+    s: System, record: SampledLog, size: np.ndarray, free: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     n, m, p = s.a.shape[0], s.b.shape[1], s.c.shape[0]
     u, y = s.late(record.u)[s.unknown :], record.y[s.unknown :]

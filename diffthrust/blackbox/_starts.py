@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from diffthrust.blackbox._prediction_error import Shape, equations
-from diffthrust.blackbox._records import Record
+from diffthrust.blackbox._records import SampledLog
 from diffthrust.blackbox._system import passed
 
 _ROUNDS = 10
@@ -22,27 +22,27 @@ def reflected(polynomial: np.ndarray, limit: float = 0.999) -> np.ndarray:
     return np.atleast_1d(np.real(np.poly(inside))) if roots.size else polynomial
 
 
-def least_squares(records: Sequence[Record], shape: Shape) -> np.ndarray:
+def least_squares(records: Sequence[SampledLog], shape: Shape) -> np.ndarray:
     """A and B of the smallest equation errors: the closed form of ARX."""
-    found = [part for record in records for part in equations(record, shape)]
-    rows = np.concatenate([part[1] for part in found])
+    parts = [part for record in records for part in equations(record, shape)]
+    rows = np.concatenate([part[1] for part in parts])
     scale = np.linalg.norm(rows, axis=0)
     scale[scale == 0] = 1.0
-    y = np.concatenate([part[2] for part in found])
+    y = np.concatenate([part[2] for part in parts])
     return np.linalg.lstsq(rows / scale, y, rcond=None)[0] / scale
 
 
-def plain(shape: Shape) -> Shape:
+def without_c(shape: Shape) -> Shape:
     """The same without C."""
     return Shape(shape.na, shape.nb, 0, shape.delays)
 
 
-def armax_starts(records: Sequence[Record], shape: Shape) -> list[np.ndarray]:
+def armax_starts(records: Sequence[SampledLog], shape: Shape) -> list[np.ndarray]:
     """ARX with C = 1, and the residuals of a long ARX as if the noise had been measured.
 
     Source of the second: Hannan & Rissanen 1982, Biometrika 69.
     """
-    starts = [np.concatenate([least_squares(records, plain(shape)), np.zeros(shape.nc)])]
+    starts = [np.concatenate([least_squares(records, without_c(shape)), np.zeros(shape.nc)])]
     samples = sum(int(record.seen.sum()) for record in records)
     depth = min(max(10, 3 * shape.reach), samples // (5 * (1 + len(shape.nb))))
     long = Shape(depth, tuple(n if n == 1 else max(n, depth) for n in shape.nb), 0, shape.delays)
@@ -54,7 +54,7 @@ def armax_starts(records: Sequence[Record], shape: Shape) -> list[np.ndarray]:
         noise = np.full(len(record.u), np.nan)
         for t, past, y in equations(record, long):
             noise[t] = y - past @ theta
-        for t, past, y in equations(record, plain(shape)):
+        for t, past, y in equations(record, without_c(shape)):
             earlier = t[:, None] - np.arange(1, shape.nc + 1)
             lagged = np.where(earlier >= 0, noise[earlier], np.nan)
             known = np.isfinite(lagged).all(axis=1)
@@ -68,12 +68,12 @@ def armax_starts(records: Sequence[Record], shape: Shape) -> list[np.ndarray]:
     return starts
 
 
-def output_error_starts(records: Sequence[Record], shape: Shape) -> list[np.ndarray]:
+def output_error_starts(records: Sequence[SampledLog], shape: Shape) -> list[np.ndarray]:
     """ARX, and ARX on records that pass 1 / A of the last round (Steiglitz & McBride 1965).
 
     Unstable ones are reflected into the unit circle.
     """
-    free = plain(shape)
+    free = without_c(shape)
 
     def inside(theta: np.ndarray) -> np.ndarray:
         a = reflected(np.concatenate([[1.0], theta[: shape.na]]))
@@ -85,15 +85,15 @@ def output_error_starts(records: Sequence[Record], shape: Shape) -> list[np.ndar
     whole = [_filled(record) for record in records]
     for _ in range(_ROUNDS):
         a, _, _ = free.split(theta)
-        whitened = [Record(passed(a, r.u), passed(a, r.y), r.log) for r in whole]
+        whitened = [SampledLog(passed(a, r.u), passed(a, r.y), r.log) for r in whole]
         theta = inside(least_squares(whitened, free))
     return [theta, *starts]
 
 
-def _filled(record: Record) -> Record:
+def _filled(record: SampledLog) -> SampledLog:
     """The record with straight lines across its gaps."""
     seen, y = record.seen, record.y
     if seen.all():
         return record
     t = np.arange(len(y))
-    return Record(record.u, np.interp(t, t[seen], y[seen, 0])[:, None], record.log)
+    return SampledLog(record.u, np.interp(t, t[seen], y[seen, 0])[:, None], record.log)

@@ -14,7 +14,7 @@ from diffthrust.blackbox._model import BlackBox
 from diffthrust.blackbox._orders import whole
 from diffthrust.blackbox._polynomial import check_enough, searched
 from diffthrust.blackbox._prediction_error import Shape
-from diffthrust.blackbox._records import Record, channels_of
+from diffthrust.blackbox._records import SampledLog, sampled_channels
 from diffthrust.blackbox._simulation_error import simulation_fit
 from diffthrust.blackbox._starts import armax_starts, reflected
 from diffthrust.blackbox._system import System
@@ -79,7 +79,7 @@ def state_space(
             f"state_space, focus: expected 'prediction' or 'simulation', found {focus!r}.",
             "Correct it.",
         )
-    channels, records = channels_of(logs, input, output)
+    channels, records = sampled_channels(logs, input, output)
     order, delay = whole("state_space", "order", order), whole("state_space", "delay", delay)
     direct, lag = delay == 0, max(delay - 1, 0)
     m, p = len(channels.inputs), len(channels.outputs)
@@ -100,7 +100,7 @@ def state_space(
             "Raise it, or leave it out.",
         )
     if offset:
-        channels, records = channels_of(logs, input, output, offset=True)
+        channels, records = sampled_channels(logs, input, output, offset=True)
 
     def of_horizon(horizon: int) -> tuple[System, np.ndarray]:
         a, b, c, d, k, values = _identified(series, m, order, horizon, direct)
@@ -138,7 +138,7 @@ def state_space(
     return _refined(found, records, order, delay) if refine and p == 1 else found
 
 
-def _late(record: Record, lag: int, level: np.ndarray) -> np.ndarray:
+def _late(record: SampledLog, lag: int, level: np.ndarray) -> np.ndarray:
     """Inputs as late as the delay makes them, beside outputs, ``(n, m + p)``; NaN in gaps."""
     u = record.u if not lag else np.concatenate(
         [np.full((lag, record.u.shape[1]), np.nan), record.u]
@@ -233,7 +233,11 @@ def _identified(
 
 
 def _simulating(
-    found: BlackBox, starts: Sequence[System], records: Sequence[Record], direct: bool, size: int
+    found: BlackBox,
+    starts: Sequence[System],
+    records: Sequence[SampledLog],
+    direct: bool,
+    size: int,
 ) -> BlackBox:
     """The same after searches for the least error of free simulation."""
     free = np.full(found.system.d.shape, direct)
@@ -255,7 +259,7 @@ def _simulating(
     )
 
 
-def _refined(found: BlackBox, records: Sequence[Record], order: int, delay: int) -> BlackBox:
+def _refined(found: BlackBox, records: Sequence[SampledLog], order: int, delay: int) -> BlackBox:
     """The same system after a search for the least prediction error."""
     s, inputs = found.system, found.system.b.shape[1]
     a = np.real(np.poly(s.a))

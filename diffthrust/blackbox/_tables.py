@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from rich.console import Group, RenderableType
 from rich.text import Text
 
 from diffthrust._support.tables import rendered
+from diffthrust.blackbox._sampled_model import SampledModel
 from diffthrust.estimation._tables import parameter_table
 
-if TYPE_CHECKING:
-    from diffthrust.blackbox._model import BlackBox
 
-
-def model_table(model: BlackBox) -> str:
+def model_table(model: SampledModel) -> str:
     """Kind, orders, parameters, poles and notes."""
     channels = model.channels
     noise = ", ".join(f"{name} {value:.4g} {channels.units[name]}".rstrip()

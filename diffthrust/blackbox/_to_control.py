@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from diffthrust._support.errors import InputError
-
-if TYPE_CHECKING:
-    from diffthrust.blackbox._model import BlackBox
+from diffthrust.blackbox._sampled_model import SampledModel
 
 
-def control_object(model: BlackBox, form: str) -> Any:
+def control_object(model: SampledModel, form: str) -> Any:
     """The sampled model from inputs to outputs; see `BlackBox.to_control`."""
     try:
         import control
@@ -29,7 +27,7 @@ def control_object(model: BlackBox, form: str) -> Any:
     channels = model.channels
     lags = model.plain.lags or (0,) * len(channels.inputs)
     if form == "transfer":
-        num, den = model._rational(*model._pair(None, None))
+        num, den = model.rational(*model.pair(None, None))
         return control.TransferFunction(
             num,
             np.concatenate([den, np.zeros(lags[0])]),
@@ -45,7 +43,7 @@ def control_object(model: BlackBox, form: str) -> Any:
     )
 
 
-def _with_lags(model: BlackBox, lags: tuple[int, ...]) -> tuple[np.ndarray, ...]:
+def _with_lags(model: SampledModel, lags: tuple[int, ...]) -> tuple[np.ndarray, ...]:
     """The matrices with a chain of states for each input that is late; without an offset."""
     m = len(model.channels.inputs)
     s = model.plain

@@ -9,13 +9,17 @@ from scipy.signal import cont2discrete, lfilter
 from scipy.stats import binom
 
 import diffthrust as dft
-from diffthrust import InputError
+from diffthrust import InputError, Status
 from diffthrust import blackbox as bb
-from diffthrust.blackbox._prediction_error import Shape, stretches
-from diffthrust.blackbox._records import channels_of
-from diffthrust.blackbox._simulation_error import _error, _linearized, _moved, output_sizes
-from diffthrust.blackbox._system import System
-from diffthrust.estimation._status import Status
+from diffthrust.blackbox._prediction_error import Shape, stretches  # private: the gradient alone
+from diffthrust.blackbox._records import sampled_channels  # private: what the gradient takes
+from diffthrust.blackbox._simulation_error import (  # private: the gradient alone
+    linearized,
+    output_sizes,
+    squared_error,
+    stepped,
+)
+from diffthrust.blackbox._system import System  # private: what the gradient takes
 
 A, B, C = [1.0, -1.5, 0.7], [0.0, 1.0, 0.5], [1.0, 0.5, 0.2]
 UY = {"input": "u", "output": "y"}
@@ -77,7 +81,7 @@ def test_gradients_are_those_of_the_residuals(tied):
     log = made("armax", 80)
     gap = np.array(log.measured["y"])
     gap[30:34] = np.nan
-    _, records = channels_of([log, log_of(log.inputs["u"], gap)], "u", "y", offset=True)
+    _, records = sampled_channels([log, log_of(log.inputs["u"], gap)], "u", "y", offset=True)
     shape = Shape(2, (2, 1), 0 if tied else 2, (1, 0), tied)
     theta = np.array([-1.4, 0.6, 0.9, 0.4, 0.3, *([] if tied else [0.3, 0.1])])
 
@@ -217,19 +221,19 @@ def test_the_gradient_of_a_simulated_state_space():
     y = log_matrix(log).copy()
     y[20:24, 0] = np.nan
     log = log_of(np.stack(list(log.inputs.values()), axis=1), y * [1.0, 1e3])
-    _, records = channels_of(log, ["u1", "u2"], ["y1", "y2"], offset=True)
+    _, records = sampled_channels(log, ["u1", "u2"], ["y1", "y2"], offset=True)
     rng = np.random.default_rng(2)
     start = System(0.6 * np.eye(2) + 0.1 * rng.standard_normal((2, 2)),
                    rng.standard_normal((2, 3)), rng.standard_normal((2, 2)),
                    np.zeros((2, 3)), np.zeros((2, 2)), (1, 0, 0))  # fmt: skip
     free = np.array([[False, True, True], [False, False, True]])
     size = output_sizes(records)
-    error, r, j = _linearized(start, records, size, free)
-    assert error == pytest.approx(_error(start, records, size))
+    error, r, j = linearized(start, records, size, free)
+    assert error == pytest.approx(squared_error(start, records, size))
     slope = 2.0 * j.T @ r
     assert slope.size == 4 + 6 + 4 + 3
     for i, step in enumerate(1e-6 * np.eye(slope.size)):
-        ends = [_error(_moved(start, sign * step, free), records, size) for sign in (1, -1)]
+        ends = [squared_error(stepped(start, sign * step, free), records, size) for sign in (1, -1)]
         assert slope[i] == pytest.approx((ends[0] - ends[1]) / 2e-6, rel=1e-4, abs=1e-4)
 
 
