@@ -10,15 +10,17 @@ from diffthrust._support.errors import InputError
 from diffthrust.blackbox._prediction_error import Shape
 from diffthrust.blackbox._records import Channels
 
+Orders = Sequence[int | Sequence[int]]
+"""A number for each name; of nb and delay a tuple by input is taken, too."""
 _LEAST = {"na": 0, "nb": 1, "nc": 0, "nf": 0, "delay": 0, "order": 1}
 
 
-def shape_of(what: str, orders: Any, names: Sequence[str], channels: Channels) -> Shape:
+def shape_of(what: str, orders: Orders, names: Sequence[str], channels: Channels) -> Shape:
     """The coefficients that orders ask for.
 
     Args:
         what: the model, for messages.
-        orders: a number for each of ``names``; of nb and delay a tuple by input is taken, too.
+        orders: a number for each of ``names``.
         names: such as ``("na", "nb", "delay")``.
         channels: their inputs.
 

@@ -10,7 +10,7 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust.blackbox._criteria import bic_of, memory_note, samples_of
 from diffthrust.blackbox._model import BlackBox
-from diffthrust.blackbox._orders import shape_of
+from diffthrust.blackbox._orders import Orders, shape_of
 from diffthrust.blackbox._prediction_error import Shape, equations, stretches
 from diffthrust.blackbox._records import Channels, SampledLog, sampled_channels
 from diffthrust.blackbox._sampled_model import ModelKind
@@ -27,7 +27,7 @@ def arx(
     *,
     input: str | Sequence[str],
     output: str,
-    orders: Any = (2, 2, 1),
+    orders: Orders = (2, 2, 1),
     offset: bool = False,
 ) -> BlackBox:
     """A(q) y = B(q) u + e, by linear least squares.
@@ -68,7 +68,7 @@ def armax(
     *,
     input: str | Sequence[str],
     output: str,
-    orders: Any = (2, 2, 2, 1),
+    orders: Orders = (2, 2, 2, 1),
     offset: bool = False,
 ) -> BlackBox:
     """A(q) y = B(q) u + C(q) e, by the least one-step prediction error.
@@ -92,7 +92,7 @@ def output_error(
     *,
     input: str | Sequence[str],
     output: str,
-    orders: Any = (2, 2, 1),
+    orders: Orders = (2, 2, 1),
     offset: bool = False,
 ) -> BlackBox:
     """Output = B(q) / F(q) u + e, by the least error of free simulation.
@@ -119,7 +119,7 @@ def _asked(
     logs: Log | Sequence[Log],
     input: str | Sequence[str],
     output: str,
-    orders: Any,
+    orders: Orders,
     names: Sequence[str],
     offset: bool,
 ) -> tuple[Channels, list[SampledLog], Shape]:

@@ -71,13 +71,13 @@ def _searched(
         while damping < 1e12 * np.trace(squares):
             step = -np.linalg.solve(squares + damping * np.eye(slope.size), slope)
             there = stepped(here, step, free)
-            found = squared_error(there, records, size)
-            if found < error:
+            lower = squared_error(there, records, size)
+            if lower < error:
                 break
             damping *= 4.0
         else:
             return Simulated(here, error, True)  # no way down is left but rounding
-        still = found > (1.0 - _STILL) * error
+        still = lower > (1.0 - _STILL) * error
         here, damping = there, damping / 5.0
         error, r, j = linearized(here, records, size, free)
         if still and damping < 1e-3 * np.trace(squares):
@@ -119,8 +119,8 @@ def stepped(s: System, step: np.ndarray, free: np.ndarray) -> System:
 def squared_error(s: System, records: Sequence[SampledLog], size: np.ndarray) -> float:
     total = 0.0
     for record in records:
-        found = (s.simulate(record.u, record.y) - record.y) / size
-        total += float(np.nansum(found**2))
+        missed = (s.simulate(record.u, record.y) - record.y) / size
+        total += float(np.nansum(missed**2))
     return total if np.isfinite(total) else np.inf
 
 

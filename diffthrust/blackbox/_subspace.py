@@ -115,7 +115,7 @@ def state_space(
     system, values = of_horizon(horizon)
     free = order * (m + 2 * p) + direct * m * p + offset * p
     bic, deviation = bic_of(system, records, free)
-    found = BlackBox(
+    model = BlackBox(
         kind="state_space",
         orders={"order": order, "delay": delay},
         channels=channels,
@@ -134,8 +134,8 @@ def state_space(
     if refine and focus == "simulation":
         shorter = {max(order + 1, round(share * horizon)) for share in (1 / 3, 2 / 3)}
         starts = [system, *(of_horizon(h)[0] for h in sorted(shorter - {horizon}))]
-        return _simulating(found, starts, records, direct, free - order * p)
-    return _refined(found, records, order, delay) if refine and p == 1 else found
+        return _simulating(model, starts, records, direct, free - order * p)
+    return _refined(model, records, order, delay) if refine and p == 1 else model
 
 
 def _late(record: SampledLog, lag: int, level: np.ndarray) -> np.ndarray:
@@ -148,13 +148,13 @@ def _late(record: SampledLog, lag: int, level: np.ndarray) -> np.ndarray:
 
 def _windows(series: Sequence[np.ndarray], length: int) -> np.ndarray:
     """All stretches of so many samples without a gap, ``(count, length, m + p)``."""
-    found = [np.zeros((0, length, series[0].shape[1]))]
+    whole_ones = [np.zeros((0, length, series[0].shape[1]))]
     for z in series:
         if len(z) >= length:
             view = np.lib.stride_tricks.sliding_window_view(z, length, axis=0)
             view = np.moveaxis(view, -1, 1)
-            found.append(view[np.isfinite(view).all(axis=(1, 2))])
-    return np.concatenate(found)
+            whole_ones.append(view[np.isfinite(view).all(axis=(1, 2))])
+    return np.concatenate(whole_ones)
 
 
 def _horizon(series: Sequence[np.ndarray], m: int, order: int, direct: bool) -> int:
@@ -209,12 +209,12 @@ def _identified(
     extra = u if direct else u[:, :0]
     rows = np.concatenate([before, extra], axis=1)
     markov = np.linalg.lstsq(rows, y, rcond=None)[0][: horizon * width]
-    told = np.zeros((horizon * p, horizon * width))
+    stacked = np.zeros((horizon * p, horizon * width))
     for i in range(horizon):  # what a past sample tells of the i-th sample from now
-        told[i * p : (i + 1) * p, i * width :] = markov[: (horizon - i) * width].T
+        stacked[i * p : (i + 1) * p, i * width :] = markov[: (horizon - i) * width].T
     _, r = np.linalg.qr(before)
-    left, values, _ = np.linalg.svd(told @ r.T, full_matrices=False)
-    states = (left[:, :order].T @ told).T
+    left, values, _ = np.linalg.svd(stacked @ r.T, full_matrices=False)
+    states = (left[:, :order].T @ stacked).T
     x, following = before @ states, after @ states
     scale = np.sqrt(np.mean(x**2, axis=0))
     scale[scale == 0] = 1.0
@@ -233,43 +233,43 @@ def _identified(
 
 
 def _simulating(
-    found: BlackBox,
+    model: BlackBox,
     starts: Sequence[System],
     records: Sequence[SampledLog],
     direct: bool,
     size: int,
 ) -> BlackBox:
     """The same after searches for the least error of free simulation."""
-    free = np.full(found.system.d.shape, direct)
-    free[:, len(found.channels.inputs) :] = True  # of the offset
+    free = np.full(model.system.d.shape, direct)
+    free[:, len(model.channels.inputs) :] = True  # of the offset
     ended = simulation_fit(starts, records, free)
     bic, deviation = bic_of(ended.system, records, size)
     return replace(
-        found,
+        model,
         system=ended.system,
         plain=ended.system,
-        noise=dict(zip(found.channels.outputs, map(float, deviation), strict=True)),
+        noise=dict(zip(model.channels.outputs, map(float, deviation), strict=True)),
         status=Status.CONVERGED if ended.stationary else Status.NOT_CONVERGED,
         bic=bic,
         notes=(
-            *found.notes,
+            *model.notes,
             "Fitted by free simulation: its prediction is its simulation; "
             f"{ended.agreeing} of {len(starts)} starts end there.",
         ),
     )
 
 
-def _refined(found: BlackBox, records: Sequence[SampledLog], order: int, delay: int) -> BlackBox:
+def _refined(model: BlackBox, records: Sequence[SampledLog], order: int, delay: int) -> BlackBox:
     """The same system after a search for the least prediction error."""
-    s, inputs = found.system, found.system.b.shape[1]
+    s, inputs = model.system, model.system.b.shape[1]
     a = np.real(np.poly(s.a))
     direct = delay == 0
     rows = []
     for j in range(inputs):
         num = np.real(np.poly(s.a - s.b[:, [j]] @ s.c)) - a + s.d[0, j] * a
-        is_offset = j == len(found.channels.inputs)
+        is_offset = j == len(model.channels.inputs)
         rows.append([num.sum()] if is_offset else num if direct else num[1:])
-    delays = tuple(0 if len(row) == 1 and j == len(found.channels.inputs) else delay
+    delays = tuple(0 if len(row) == 1 and j == len(model.channels.inputs) else delay
                    for j, row in enumerate(rows))  # fmt: skip
     shape = Shape(order, tuple(len(row) for row in rows), order, delays)
     try:
@@ -278,18 +278,18 @@ def _refined(found: BlackBox, records: Sequence[SampledLog], order: int, delay: 
         start = np.concatenate([a[1:], *rows, c[1:]])
         refined = searched(
             "state_space",
-            found.channels,
+            model.channels,
             records,
             shape,
             [start, *armax_starts(records, shape)],
         )
     except InputError:
-        return found
+        return model
     if not np.isfinite(refined.bic):
-        return found
+        return model
     return replace(
         refined,
-        orders=found.orders,
-        singular_values=found.singular_values,
-        notes=(*found.notes, *refined.notes),
+        orders=model.orders,
+        singular_values=model.singular_values,
+        notes=(*model.notes, *refined.notes),
     )

@@ -64,8 +64,8 @@ class System:
         """
         skip = 0 if y is None else min(self.unknown, len(u))
         y = None if y is None else y[skip:]
-        found = _run(self.a, self.b, self.c, self.d, self.late(u)[skip:], y)
-        return np.concatenate([np.full((skip, len(self.c)), np.nan), found])
+        outputs = _run(self.a, self.b, self.c, self.d, self.late(u)[skip:], y)
+        return np.concatenate([np.full((skip, len(self.c)), np.nan), outputs])
 
     def predict(self, u: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Each sample from all before it, ``(n, p)``.
@@ -74,8 +74,8 @@ class System:
         chosen by least squares over the whole record; NaN as in `simulate`.
         """
         skip = min(self.unknown, len(u))
-        found = self._predict(self.late(u)[skip:], y[skip:])
-        return np.concatenate([np.full((skip, len(self.c)), np.nan), found])
+        outputs = self._predict(self.late(u)[skip:], y[skip:])
+        return np.concatenate([np.full((skip, len(self.c)), np.nan), outputs])
 
     def _predict(self, u: np.ndarray, y: np.ndarray) -> np.ndarray:
         if np.isfinite(y).all():
@@ -140,10 +140,10 @@ def _run(
             out[i, :, :, 0] += (forced @ row).reshape(length, p)
             x = powers[length] @ x
             x[:, 0] += grown @ row
-    found = out.reshape(-1, p, columns)[: len(u)]
+    outputs = out.reshape(-1, p, columns)[: len(u)]
     if y is None:
-        return np.where(np.isfinite(found[:, :, 0]), found[:, :, 0], np.inf)
-    return _started(found[:, :, 0], found[:, :, 1:], y)
+        return np.where(np.isfinite(outputs[:, :, 0]), outputs[:, :, 0], np.inf)
+    return _started(outputs[:, :, 0], outputs[:, :, 1:], y)
 
 
 def _started(driven: np.ndarray, by_state: np.ndarray, y: np.ndarray) -> np.ndarray:

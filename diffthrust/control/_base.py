@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar, Self
 
 import jax.numpy as jnp
+from jaxtyping import Array
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
@@ -13,7 +14,7 @@ from diffthrust.models._base.component import Component, changed
 from diffthrust.models._base.parameter import Parameter
 from diffthrust.models._base.signals import Signals
 
-Kept = Mapping[str, Any]
+Kept = Mapping[str, Array]
 """What a block remembers from sample to sample, by the names in its ``states``."""
 
 
@@ -28,7 +29,7 @@ class Block(Component):
     reads: ClassVar[tuple[str, ...]] = ()
     states: ClassVar[Mapping[str, str]] = {}
 
-    def start(self) -> Kept:
+    def start(self) -> Mapping[str, float]:
         """What is remembered at the first sample; zero by default."""
         return {}
 
@@ -72,7 +73,7 @@ class Controller(Block):
     of: str = "position"
     gives: str = "thrust"
 
-    def __call__(self, s: Signals, kept: Kept, period: Any) -> tuple[Any, Kept]:
+    def __call__(self, s: Signals, kept: Kept, period: Array) -> tuple[Array, Kept]:
         """What is wanted at this sample, and what is to be remembered.
 
         Args:
@@ -87,7 +88,9 @@ class Controller(Block):
         )
 
 
-def rate_of(value: Any, last: Any, begun: Any, smoothing: Any, period: Any) -> tuple[Any, Any]:
+def rate_of(
+    value: Array, last: Array, begun: Array, smoothing: Array | float, period: Array
+) -> tuple[Array, Array]:
     """The rate of a sampled signal through a first-order low-pass, by backward differences.
 
     Args:

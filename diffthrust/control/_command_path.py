@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import jax.numpy as jnp
+from jaxtyping import Array
 
 from diffthrust._support.errors import InputError
 from diffthrust.effects import CommandDelay, CommandRateLimit
@@ -19,7 +20,7 @@ from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Ports, Signals
 
 
-def delayed_sample(line: Any, value: Any, first: Any, samples: Any) -> tuple[Any, Any]:
+def delayed_sample(line: Array, value: Array, first: Array, samples: Array) -> tuple[Array, Array]:
     """A sample some samples later, linear between them; before the first, the first.
 
     Args:
@@ -29,7 +30,7 @@ def delayed_sample(line: Any, value: Any, first: Any, samples: Any) -> tuple[Any
         samples: the delay, as a number of samples.
 
     Returns:
-        The delayed_sample sample, and the line to remember.
+        The delayed sample, and the line to remember.
     """
     line = jnp.where(first, value, jnp.concatenate([value[None], line[:-1]]))
     weights = jnp.maximum(1.0 - jnp.abs(samples - jnp.arange(line.shape[0], dtype=float)), 0.0)
@@ -73,18 +74,18 @@ class CommandPath:
         """What fixes the compiled code."""
         return tuple(self.lengths.items())
 
-    def start(self) -> dict[str, Any]:
+    def start(self) -> dict[str, Array]:
         """What is remembered before the first sample."""
         return {name: jnp.zeros((n,) if n else ()) for name, n in self.lengths.items()}
 
     def __call__(
         self,
         effects: tuple[Effect, ...],
-        given: Mapping[str, Any],
-        kept: Mapping[str, Any],
-        first: Any,
-        step: Any,
-    ) -> tuple[Any, dict[str, Any]]:
+        given: Mapping[str, Array],
+        kept: Mapping[str, Array],
+        first: Array,
+        step: Array,
+    ) -> tuple[Array, dict[str, Array]]:
         """The command that reaches the model.
 
         Args:

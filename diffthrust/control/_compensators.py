@@ -6,9 +6,10 @@ thruster that the designer believes in, which need not be the one in the loop.
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import jax.numpy as jnp
+from jaxtyping import Array
 
 from diffthrust._support.errors import InputError
 from diffthrust.control._base import Block, Kept, rate_of
@@ -52,7 +53,7 @@ class Compensator(Block):
         """The gains that follow from a thruster's parameters."""
         return {"thrust_per_volt": ct * beta / alpha}
 
-    def __call__(self, thrust: Any, s: Signals, kept: Kept, period: Any) -> tuple[Any, Kept]:
+    def __call__(self, thrust: Array, s: Signals, kept: Kept, period: Array) -> tuple[Array, Kept]:
         """The command for a wanted thrust [N]; other arguments as those of a controller."""
         raise InputError(
             f"Compensator '{type(self).__name__}' has no __call__.",
@@ -69,7 +70,7 @@ class NoCompensator(Compensator):
 
     thrust_per_volt: float = parameter(21.6, "N/V", bounds=(0, None), fixed=True)
 
-    def __call__(self, thrust: Any, s: Signals, kept: Kept, period: Any) -> tuple[Any, Kept]:
+    def __call__(self, thrust: Array, s: Signals, kept: Kept, period: Array) -> tuple[Array, Kept]:
         """Yoerger et al. 1990, section II: thrust is proportional to the command at rest."""
         return thrust / self.thrust_per_volt, {}
 
@@ -89,7 +90,7 @@ class Lead(Compensator):
     pole: float = parameter(6.5, "rad/s", bounds=(0, None))
     thrust_per_volt: float = parameter(21.6, "N/V", bounds=(0, None), fixed=True)
 
-    def __call__(self, thrust: Any, s: Signals, kept: Kept, period: Any) -> tuple[Any, Kept]:
+    def __call__(self, thrust: Array, s: Signals, kept: Kept, period: Array) -> tuple[Array, Kept]:
         """Yoerger et al. 1990, section V B."""
         lagged = kept["lagged"]
         ahead = thrust + (self.pole / self.zero - 1.0) * (thrust - lagged)
@@ -124,7 +125,7 @@ class PoleCancellation(Compensator):
     def _nominal(cls, alpha: float, beta: float, ct: float) -> dict[str, float]:
         return {**super()._nominal(alpha, beta, ct), "rate": 2.0 * alpha / ct**0.5}
 
-    def __call__(self, thrust: Any, s: Signals, kept: Kept, period: Any) -> tuple[Any, Kept]:
+    def __call__(self, thrust: Array, s: Signals, kept: Kept, period: Array) -> tuple[Array, Kept]:
         """Yoerger et al. 1990, section V C."""
         growth, smoothed = rate_of(thrust, kept["smoothed"], kept["begun"], self.smoothing, period)
         fastness = self.rate * jnp.sqrt(jnp.maximum(jnp.abs(thrust), self.floor))

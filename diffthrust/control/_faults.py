@@ -9,6 +9,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
@@ -126,8 +127,8 @@ def check_faults(faults: Any, parameters: Mapping[str, Any]) -> tuple[Fault, ...
         InputError: something else than faults, or a parameter that the loop does not have.
     """
     several = isinstance(faults, list | tuple)
-    found = tuple(faults) if several else (faults,)
-    for fault in found:
+    checked = tuple(faults) if several else (faults,)
+    for fault in checked:
         if not isinstance(fault, Fault):
             raise InputError(
                 f"faults: expected Change, Stuck or Limited, found {fault!r}.",
@@ -140,7 +141,7 @@ def check_faults(faults: Any, parameters: Mapping[str, Any]) -> tuple[Fault, ...
                     f"Change: the plant has no parameter '{name}'; it has {listing(plant)}.",
                     "Correct the name.",
                 )
-    return found
+    return checked
 
 
 @jax.tree_util.register_pytree_node_class
@@ -149,25 +150,25 @@ class FaultNumbers:
     """The faults of a loop as a pytree: their kinds are structure, their numbers are leaves."""
 
     kinds: tuple[tuple[Any, ...], ...]
-    leaves: tuple[Mapping[str, Any], ...] = field(default=())
+    leaves: tuple[Mapping[str, Array], ...] = field(default=())
 
     @classmethod
     def of(cls, faults: tuple[Fault, ...]) -> FaultNumbers:
         """The numbers of some faults."""
         kinds, leaves = [], []
         for fault in faults:
-            found = {"at": float(fault.at), "until": float(fault.until)}
+            numbers = {"at": float(fault.at), "until": float(fault.until)}
             match fault:
                 case Change():
                     kinds.append(("change", *fault.factors))
-                    found |= {name: float(value) for name, value in fault.factors.items()}
+                    numbers |= {name: float(value) for name, value in fault.factors.items()}
                 case Stuck():
                     kinds.append(("stuck", fault.value is None))
-                    found |= {"value": float(fault.value or 0.0)}
+                    numbers |= {"value": float(fault.value or 0.0)}
                 case Limited():
                     kinds.append(("limited",))
-                    found |= {"limit": float(fault.limit)}
-            leaves.append(found)
+                    numbers |= {"limit": float(fault.limit)}
+            leaves.append(numbers)
         return cls(tuple(kinds), tuple(leaves))
 
     def tree_flatten(self) -> tuple[Any, Any]:
@@ -184,15 +185,15 @@ class FaultNumbers:
         """Whether parameters of the plant jump."""
         return any(kind[0] == "change" for kind in self.kinds)
 
-    def factors(self, time: Any) -> dict[str, Any]:
+    def factors(self, time: Array) -> dict[str, Array]:
         """What each parameter is multiplied with at an instant, or at many."""
-        out: dict[str, Any] = {}
+        out: dict[str, Array] = {}
         for kind, n in zip(self.kinds, self.leaves, strict=True):
             for name in kind[1:] if kind[0] == "change" else ():
                 out[name] = out.get(name, 1.0) * jnp.where(_acts(n, time), n[name], 1.0)
         return out
 
-    def command(self, sent: Any, last: Any, time: Any) -> Any:
+    def command(self, sent: Array, last: Array, time: Array) -> Array:
         """The command that the motor controller takes, from the one sent and its last one."""
         for kind, n in zip(self.kinds, self.leaves, strict=True):
             if kind[0] == "stuck":
@@ -203,5 +204,5 @@ class FaultNumbers:
         return sent
 
 
-def _acts(n: Mapping[str, Any], time: Any) -> Any:
+def _acts(n: Mapping[str, Array], time: Array) -> Array:
     return (time >= n["at"] - _ROUNDING) & (time < n["until"] - _ROUNDING)

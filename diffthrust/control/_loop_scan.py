@@ -7,13 +7,14 @@ elementwise, so XLA compiles the loop as one kernel, and forward derivatives pas
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array
 
 from diffthrust.control._base import Block, Controller, Kept
 from diffthrust.control._command_path import CommandPath
@@ -23,10 +24,12 @@ from diffthrust.control._plant import Plant
 from diffthrust.models._base.signals import Relaxing, Signals, elementwise, expect
 from diffthrust.simulation._integrate import advance, exponential_weights
 
+_Tree = TypeVar("_Tree")
+
 
 @dataclass(frozen=True)
 class Timing:
-    """How often things happen within a loop; fixes the compiled_loop code.
+    """How often things happen within a loop; fixes the compiled code.
 
     Args:
         samples: recorded samples in one period of the controller.
@@ -51,7 +54,7 @@ class Parts:
 
     @property
     def structure(self) -> tuple[Any, ...]:
-        """What fixes the compiled_loop code."""
+        """What fixes the compiled code."""
         parts = (self.plant.thruster, self.plant.vehicle, self.controller, self.compensator)
         classes = tuple(part.structure if part else None for part in parts)
         return (*classes, tuple(self.plant.given), self.path.structure, self.timing)
@@ -65,12 +68,12 @@ class Parts:
 
 def loop_signals(
     parts: Parts,
-    values: Mapping[str, Any],
-    given: Mapping[str, Any],
+    values: Mapping[str, Array],
+    given: Mapping[str, Array],
     faults: FaultNumbers,
-    rows: Mapping[str, Any],
-    start: Mapping[str, Any],
-) -> dict[str, Any]:
+    rows: Mapping[str, Array],
+    start: Mapping[str, Array],
+) -> dict[str, Array]:
     """Run a loop; traceable.
 
     Args:
@@ -97,34 +100,26 @@ def loop_signals(
     time, step = rows["time"], rows["time"][1] - rows["time"][0]
     short, period = step / timing.substeps, step * timing.samples
 
-    def plant_at(instant: Any) -> Plant:
+    def plant_at(instant: Array) -> Plant:
         factors = faults.factors(instant)
         return sound.bind({n: values[n] * f for n, f in factors.items()}) if factors else sound
 
     first = {name: jnp.asarray(value, float) for name, value in sound.start(start).items()}
     settling = [name for name in first if "." in name]
 
-    def decays(instant: Any) -> dict[str, Any]:
+    def decays(instant: Array) -> dict[str, Array]:
         rates, _, _ = plant_at(instant).equations(first, jnp.zeros(()), instant)
         return {n: jnp.asarray(k.decay) for n, k in rates.items() if isinstance(k, Relaxing)}
 
-    x: dict[str, Any] = {name: jnp.repeat(row, timing.substeps) for name, row in rows.items()}
-    index = jnp.arange(x["time"].shape[0])
-    x["time"] = time[0] + short * index.astype(float)
-    x["mark"] = index % timing.substeps == 0
-    x["tick"] = index % (timing.substeps * timing.samples) == 0
-    x["first"] = index == 0
-    fixed = {} if faults.changes else decays(time[0])
-    weights = {name: exponential_weights(short, decay) for name, decay in fixed.items()}
-    if faults.changes:  # time constants may jump with the parameters
-        each = jax.vmap(decays)(x["time"])
-        x["weights"] = {name: exponential_weights(short, decay) for name, decay in each.items()}
+    x, weights = _turns(rows, timing, short, decays, jumping=faults.changes)
 
-    def body(carry: dict[str, Any], x: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    def body(
+        carry: dict[str, Any], x: Mapping[str, Any]
+    ) -> tuple[dict[str, Any], dict[str, Array]]:
         state, now = carry["state"], x["time"]
         plant = plant_at(now)
-        _, _, told = plant.equations(state, carry["motor_command"], now)
-        noisy = {n: v + x[f"noise.{n}"] if f"noise.{n}" in x else v for n, v in told.items()}
+        _, _, reported = plant.equations(state, carry["motor_command"], now)
+        noisy = {n: v + x[f"noise.{n}"] if f"noise.{n}" in x else v for n, v in reported.items()}
         wanted = {n: x[n] for n in ("wanted", "wanted_rate", "wanted_acceleration")}
         s = Signals({**noisy, **wanted, "time": now})
         kept = {n: carry[n] for n in ("kept", "output", "wanted_thrust")}
@@ -173,13 +168,37 @@ def loop_signals(
     return {**path, **_read(plant_at(time), path, rows)}
 
 
+def _turns(
+    rows: Mapping[str, Array],
+    timing: Timing,
+    short: Array,
+    decays: Callable[[Array], dict[str, Array]],
+    *,
+    jumping: bool,
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Rows for every turn of the scan, and the weights of relaxing states if these are constant."""
+    x: dict[str, Any] = {name: jnp.repeat(row, timing.substeps) for name, row in rows.items()}
+    index = jnp.arange(x["time"].shape[0])
+    time = rows["time"]
+    x["time"] = time[0] + short * index.astype(float)
+    x["mark"] = index % timing.substeps == 0
+    x["tick"] = index % (timing.substeps * timing.samples) == 0
+    x["first"] = index == 0
+    fixed = {} if jumping else decays(time[0])
+    weights = {name: exponential_weights(short, decay) for name, decay in fixed.items()}
+    if jumping:  # time constants may jump with the parameters
+        each = jax.vmap(decays)(x["time"])
+        x["weights"] = {name: exponential_weights(short, decay) for name, decay in each.items()}
+    return x, weights
+
+
 def _controlled(
-    blocks: Mapping[str, Any], s: Signals, kept: Mapping[str, Any], period: Any
+    blocks: Mapping[str, Any], s: Signals, kept: Mapping[str, Any], period: Array
 ) -> dict[str, Any]:
     """What controller and compensator make of one sample."""
     memory: dict[str, Kept] = {}
 
-    def evaluate(name: str, *before: Any) -> Any:
+    def evaluate(name: str, *before: Array) -> Array:
         where = type(blocks[name]).__name__
         with elementwise(where):
             value, after = blocks[name](*before, s, kept["kept"][name], period)
@@ -194,29 +213,30 @@ def _controlled(
     return {"kept": memory, "output": output, "wanted_thrust": wanted}
 
 
-def _read(plant: Plant, path: Mapping[str, Any], rows: Mapping[str, Any]) -> dict[str, Any]:
+def _read(plant: Plant, path: Mapping[str, Array], rows: Mapping[str, Array]) -> dict[str, Array]:
     """Outputs over a whole record, as they are and as the sensors report them."""
-    _, outputs, told = plant.equations(path, path["motor_command"], rows["time"])
+    _, outputs, reported = plant.equations(path, path["motor_command"], rows["time"])
     noisy = {
-        f"measured.{name}": value + rows.get(f"noise.{name}", 0.0) for name, value in told.items()
+        f"measured.{name}": value + rows.get(f"noise.{name}", 0.0)
+        for name, value in reported.items()
     }
     return {**outputs, **noisy}
 
 
-def _when(flag: Any, every: int, new: Any, old: Any) -> Any:
+def _when(flag: Array, every: int, new: _Tree, old: _Tree) -> _Tree:
     if every == 1:
         return new
     return jax.tree.map(lambda a, b: jnp.where(flag, a, b), new, old)
 
 
-def _memory(block: Block) -> dict[str, Any]:
+def _memory(block: Block) -> dict[str, Array]:
     start = block.start()
     return {name: jnp.asarray(start.get(name, 0.0), float) for name in block.states}
 
 
-def _named(values: Mapping[str, Any], prefix: str) -> dict[str, Any]:
+def _named(values: Mapping[str, Array], prefix: str) -> dict[str, Array]:
     return {k.removeprefix(prefix): v for k, v in values.items() if k.startswith(prefix)}
 
 
 compiled_loop = partial(jax.jit, static_argnums=0)(loop_signals)
-"""`loop_signals`, compiled_loop once for each structure and number of samples."""
+"""`loop_signals`, compiled once for each structure and number of samples."""

@@ -200,17 +200,17 @@ class MPC:
         """Measured states; NaN for what is missing unless all six have to be there."""
         names = tuple(self.model.all_states)
         _check_names("measured", measured, names, "0.0")
-        found = {}
+        seen = {}
         for name in AT_SEA:
             value = measured.get(name, math.nan)
             if whole:
                 finite(f"MPC, measured '{name}'", value, _any, "a number")
-            found[name] = jnp.asarray(_number(f"MPC, measured '{name}'", value), float)
+            seen[name] = jnp.asarray(_number(f"MPC, measured '{name}'", value), float)
         if whole:
             more = {n: v for n, v in measured.items() if n not in AT_SEA}
-            found |= {n: jnp.asarray(finite(f"MPC, measured '{n}'", v, _any, "a number"), float)
+            seen |= {n: jnp.asarray(finite(f"MPC, measured '{n}'", v, _any, "a number"), float)
                       for n, v in more.items()}  # fmt: skip
-        return found
+        return seen
 
 
 def _any(value: float) -> bool:

@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import partial
 from itertools import product
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from diffthrust.control._bounded_lsq import least_squares_within
-from diffthrust.control._one_sample import AT_SEA, PLACE, SPEEDS, one_sample
+from diffthrust.control._one_sample import AT_SEA, PLACE, SPEEDS, State, one_sample
 from diffthrust.simulation._trajectory import Key
 
 _LENGTHS = np.array([1.0, 0.5, 0.25, 0.1])
@@ -46,14 +47,14 @@ class Plan(NamedTuple):
         unseen: samples since the speeds were measured, for the estimate of ``push``.
     """
 
-    inputs: dict[str, Any]
-    planned: Any
-    state: dict[str, Any]
-    push: dict[str, Any]
-    cost: Any
-    iterations: Any
-    settled: Any
-    unseen: Any
+    inputs: dict[str, Array]
+    planned: Array
+    state: State
+    push: dict[str, Array]
+    cost: Array
+    iterations: Array
+    settled: Array
+    unseen: Array
 
 
 class Frame(NamedTuple):
@@ -67,17 +68,19 @@ class Frame(NamedTuple):
 class Setting(NamedTuple):
     """What a controller can be given anew without another compilation."""
 
-    values: dict[str, Any]
-    low: Any
-    high: Any
-    moves: Any
-    period: Any
-    position: Any
-    lag: Any
-    iterations: Any
+    values: dict[str, Array]
+    low: Array
+    high: Array
+    moves: Array
+    period: Array
+    position: Array
+    lag: Array
+    iterations: Array
 
 
-def replan(frame: Frame, given: Setting, plan: Plan, seen: Mapping[str, Any], place: Any) -> Plan:
+def replan(
+    frame: Frame, given: Setting, plan: Plan, seen: Mapping[str, Array], place: Array
+) -> Plan:
     """`MPC.step`, traceable: ``place`` is ``(horizon, 2)``, NaN in ``seen`` stands for not seen."""
     model = frame.key.model.bind(given.values)
     period, names = given.period, tuple(model.inputs)
@@ -90,19 +93,19 @@ def replan(frame: Frame, given: Setting, plan: Plan, seen: Mapping[str, Any], pl
     before = jnp.stack([plan.inputs[name] for name in names])
     before = (before - given.low) / (given.high - given.low)
 
-    def inputs_of(shares: Any) -> dict[str, Any]:
+    def inputs_of(shares: Array) -> dict[str, Array]:
         row = jnp.clip(given.low + shares * (given.high - given.low), given.low, given.high)
         return {name: row[i] for i, name in enumerate(names)}
 
-    def after(state: Any, shares: Any) -> Any:
+    def after(state: State, shares: Array) -> State:
         zero = jnp.zeros(())  # models do not read the time of day
         inputs = inputs_of(shares)
         return one_sample(model, state, inputs, zero, period, frame.substeps, push)
 
-    def residual(flat: Any) -> Any:
+    def residual(flat: Array) -> Array:
         shares = flat.reshape(plan.planned.shape)
 
-        def body(state: Any, row: Any) -> tuple[Any, Any]:
+        def body(state: State, row: Array) -> tuple[State, Array]:
             state = after(state, row)
             return state, jnp.stack([state[name] for name in PLACE])
 
@@ -110,11 +113,11 @@ def replan(frame: Frame, given: Setting, plan: Plan, seen: Mapping[str, Any], pl
         changes = jnp.diff(shares, axis=0, prepend=before[None]) / given.moves[None]
         return jnp.concatenate([((track - place) / given.position).ravel(), changes.ravel()])
 
-    def cost(flat: Any) -> Any:
+    def cost(flat: Array) -> Array:
         total = jnp.sum(residual(flat) ** 2)
         return jnp.where(jnp.isfinite(total), total, jnp.inf)
 
-    def improve(carry: tuple[Any, ...]) -> tuple[Any, ...]:
+    def improve(carry: tuple[Array, ...]) -> tuple[Array, ...]:
         flat, count, damping, _ = carry
         jacobian = jax.jacfwd(residual)(jnp.clip(flat, _MARGIN, 1.0 - _MARGIN))
         now, rest = cost(flat), residual(flat)
@@ -141,7 +144,7 @@ def replan(frame: Frame, given: Setting, plan: Plan, seen: Mapping[str, Any], pl
         damping = jnp.where(better, 0.1 * damping, jnp.maximum(10.0 * damping, 1e-3))
         return jnp.where(better, tried[best], flat), count + 1, damping, settled
 
-    def unfinished(carry: tuple[Any, ...]) -> Any:
+    def unfinished(carry: tuple[Array, ...]) -> Array:
         return ~carry[3] & (carry[1] < given.iterations)
 
     warm = jnp.concatenate([plan.planned[1:], plan.planned[-1:]]).ravel()
@@ -158,17 +161,19 @@ def replan(frame: Frame, given: Setting, plan: Plan, seen: Mapping[str, Any], pl
     return Plan(inputs_of(planned[0]), planned, expected, push, cost(flat), count, settled, unseen)
 
 
-def _estimate(plan: Plan, missed: Mapping[str, Any], since: Any, lag: Any) -> dict[str, Any]:
+def _estimate(
+    plan: Plan, missed: Mapping[str, Array], since: Array, lag: Array
+) -> dict[str, Array]:
     """The unexplained accelerations, moved towards what the last sample missed."""
     heading = plan.state["heading"]
     cos, sin = jnp.cos(heading), jnp.sin(heading)
     gain = -jnp.expm1(-since / lag) / since
-    found = {
+    unexplained = {
         "north": missed["surge"] * cos - missed["sway"] * sin,
         "east": missed["surge"] * sin + missed["sway"] * cos,
         "yaw": missed["yaw_rate"],
     }
-    return {name: plan.push[name] + gain * found[name] for name in plan.push}
+    return {name: plan.push[name] + gain * unexplained[name] for name in plan.push}
 
 
 compiled_replan = partial(jax.jit, static_argnums=0)(replan)

@@ -7,6 +7,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
@@ -15,7 +16,7 @@ from diffthrust.models._base.signals import Relaxing, Signals
 from diffthrust.simulation._integrate import advance, exponential_weights
 from diffthrust.simulation._trajectory import arriving, rates_of, read_out, starting_point
 
-State = dict[str, Any]
+State = dict[str, Array]
 PLACE = ("north", "east")
 SPEEDS = ("surge", "sway", "yaw_rate")
 AT_SEA: tuple[str, ...] = (*SPEEDS, *PLACE, "heading")
@@ -44,21 +45,23 @@ def check_vessel(model: Any, who: str) -> None:
             )
 
 
-def begin(model: Model, inputs: Mapping[str, Any], given: Mapping[str, Any]) -> State:
+def begin(
+    model: Model, inputs: Mapping[str, Array | float], given: Mapping[str, Array | float]
+) -> State:
     """All states at rest, or as given, and those of the effects as they follow; traceable."""
     first = {**arriving(model, jnp.zeros(()), inputs), "time": jnp.zeros(())}
-    found = starting_point(model, Signals(first), given)
-    return {name: jnp.asarray(value, float) for name, value in found.items()}
+    states = starting_point(model, Signals(first), given)
+    return {name: jnp.asarray(value, float) for name, value in states.items()}
 
 
 def one_sample(
     model: Model,
     state: State,
-    inputs: Mapping[str, Any],
-    time: Any,
-    period: Any,
+    inputs: Mapping[str, Array],
+    time: Array,
+    period: Array,
     substeps: int,
-    push: Mapping[str, Any] | None = None,
+    push: Mapping[str, Array] | None = None,
 ) -> State:
     """The states one period later; traceable.
 
@@ -75,32 +78,32 @@ def one_sample(
     held = arriving(model, time, inputs)
     step = period / substeps
 
-    def rates(state: Mapping[str, Any], u: Mapping[str, Any]) -> dict[str, Any]:
-        found = rates_of(model, state, state, u)
+    def rates(state: Mapping[str, Array], u: Mapping[str, Array]) -> dict[str, Array | Relaxing]:
+        slope = rates_of(model, state, state, u)
         if push is None:
-            return found
+            return slope
         cos, sin = jnp.cos(state["heading"]), jnp.sin(state["heading"])
         more = {
             "surge": push["north"] * cos + push["east"] * sin,
             "sway": push["east"] * cos - push["north"] * sin,
             "yaw_rate": push["yaw"],
         }
-        return {**found, **{name: found[name] + a for name, a in more.items()}}
+        return {**slope, **{name: slope[name] + a for name, a in more.items()}}
 
-    def given(instants: Any) -> dict[str, Any]:
+    def given(instants: tuple[Array, Array]) -> dict[str, tuple[Array, ...]]:
         return {**{name: (value,) for name, value in held.items()}, "time": instants}
 
     slopes = rates(state, {**held, "time": time})
     decays = {name: k.decay for name, k in slopes.items() if isinstance(k, Relaxing)}
     weights = {n: exponential_weights(step, jnp.asarray(decay)) for n, decay in decays.items()}
 
-    def body(count: Any, state: State) -> State:
+    def body(count: Array, state: State) -> State:
         now = time + step * count
         return advance(rates, state, given((now, now + step)), step, weights)
 
     return jax.lax.fori_loop(0, substeps, body, dict(state))
 
 
-def readings(model: Model, state: State, inputs: Mapping[str, Any], time: Any) -> State:
+def readings(model: Model, state: State, inputs: Mapping[str, Array], time: Array) -> State:
     """What the sensors report at one sample, without noise; traceable."""
     return read_out(model, Signals({**state, **arriving(model, time, inputs), "time": time}))

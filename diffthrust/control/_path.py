@@ -125,13 +125,13 @@ def wanted_at(path: Path, time: np.ndarray) -> Wanted:
         InputError: no `Wanted`, another length than that of ``time``, or numbers that are not
             finite.
     """
-    kind, found = type(path).__name__, path.at(time)
-    if not isinstance(found, Wanted):
+    kind, wanted = type(path).__name__, path.at(time)
+    if not isinstance(wanted, Wanted):
         raise InputError(
-            f"{kind}.at: expected a Wanted(north, east, course), found {type(found).__name__}.",
+            f"{kind}.at: expected a Wanted(north, east, course), found {type(wanted).__name__}.",
             "Write return dft.control.Wanted(north, east, course).",
         )
-    rows = [np.asarray(row, float) for row in found]
+    rows = [np.asarray(row, float) for row in wanted]
     for name, row in zip(Wanted._fields, rows, strict=True):
         if row.shape != time.shape:
             raise InputError(

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import jax.numpy as jnp
+from jaxtyping import Array
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
@@ -31,7 +31,7 @@ class Plant:
 
     thruster: Model
     vehicle: Model | None
-    given: Mapping[str, Any]
+    given: Mapping[str, Array]
 
     def check(self) -> None:
         """Raise `InputError` where the two cannot be joined."""
@@ -100,7 +100,7 @@ class Plant:
         """All states by their own names, with their units."""
         return {**self.thruster.all_states, **(self.vehicle.all_states if self.vehicle else {})}
 
-    def bind(self, values: Mapping[str, Any]) -> Plant:
+    def bind(self, values: Mapping[str, Array]) -> Plant:
         """The plant reading (possibly traced) values by full name."""
 
         def part(model: Model, prefix: str) -> Model:
@@ -110,7 +110,7 @@ class Plant:
         vehicle = part(self.vehicle, "vehicle.") if self.vehicle else None
         return Plant(part(self.thruster, "thruster."), vehicle, self.given)
 
-    def start(self, given: Mapping[str, Any], command: Any = 0.0) -> dict[str, Any]:
+    def start(self, given: Mapping[str, Array], command: Array | float = 0.0) -> dict[str, Array]:
         """All states at the start: those given, others as the models have them at rest.
 
         Effects with states of their own begin settled at ``command``, as in `simulate`.
@@ -126,28 +126,28 @@ class Plant:
         return states
 
     def equations(
-        self, state: Mapping[str, Any], command: Any, time: Any
-    ) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+        self, state: Mapping[str, Array], command: Array, time: Array
+    ) -> tuple[dict[str, Array], dict[str, Array], dict[str, Array]]:
         """Rates of all states, outputs as they are, and outputs as the sensors report them.
 
         Elementwise: with numbers inside the integration, with whole arrays for a record. Effects
         with memory on an output are left to `sensed`.
         """
-        given: dict[str, Any] = {"command": command, "time": time, **self.given}
+        given: dict[str, Array] = {"command": command, "time": time, **self.given}
         if "inflow" in self._own:
             given["inflow"] = state["velocity"]
-        rates, outputs, told = _side(self.thruster, state, given, "command")
+        rates, outputs, reported = _side(self.thruster, state, given, "command")
         if self.vehicle is not None:
             moved = _side(self.vehicle, state, {"thrust": outputs["thrust"], "time": time}, "")
-            rates, outputs, told = (
-                {**a, **b} for a, b in zip((rates, outputs, told), moved, strict=True)
+            rates, outputs, reported = (
+                {**a, **b} for a, b in zip((rates, outputs, reported), moved, strict=True)
             )
-        return rates, outputs, told
+        return rates, outputs, reported
 
 
 def _side(
-    model: Model, state: Mapping[str, Any], given: Mapping[str, Any], worked_out: str
-) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+    model: Model, state: Mapping[str, Array], given: Mapping[str, Array], worked_out: str
+) -> tuple[dict[str, Array], dict[str, Array], dict[str, Array]]:
     """Rates, outputs and readings of one of the two models."""
     for effect in model.effects:  # as `_trajectory` does with recorded series
         outer = Ports((effect,), Signals(given))

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import jax.numpy as jnp
+from jaxtyping import Array
 
 from diffthrust._support.errors import InputError
 from diffthrust.control._base import Controller, Kept, rate_of
@@ -63,7 +64,7 @@ class PID(Controller):
         self._set(of=of, gives=gives, reads=(of,))
         super().__init__(**gains)
 
-    def __call__(self, s: Signals, kept: Kept, period: Any) -> tuple[Any, Kept]:
+    def __call__(self, s: Signals, kept: Kept, period: Array) -> tuple[Array, Kept]:
         """The output within its limits, and the integral drawn back to it."""
         measured = s[self.of]
         error = s.wanted - measured
@@ -95,7 +96,7 @@ class PositionController(Controller):
     mass: float = parameter(340.0, "kg", bounds=(0, None), fixed=True)
     drag: float = parameter(67.0, "N s^2/m^2", bounds=(0, None), transform="linear", fixed=True)
 
-    def __call__(self, s: Signals, kept: Kept, period: Any) -> tuple[Any, Kept]:
+    def __call__(self, s: Signals, kept: Kept, period: Array) -> tuple[Array, Kept]:
         """Yoerger et al. 1990, section V A, the vehicle position controller."""
         error, rate = s.position - s.wanted, s.velocity - s.wanted_rate
         pull = 2.0 * self.bandwidth * rate + self.bandwidth**2 * error
@@ -121,7 +122,7 @@ class PD(Controller):
     damping: float = parameter(0.707, bounds=(0, None))
     mass: float = parameter(340.0, "kg", bounds=(0, None), fixed=True)
 
-    def __call__(self, s: Signals, kept: Kept, period: Any) -> tuple[Any, Kept]:
+    def __call__(self, s: Signals, kept: Kept, period: Array) -> tuple[Array, Kept]:
         """Yoerger et al. 1990, section IV."""
         near = self.frequency**2 * (s.wanted - s.position)
         calm = 2.0 * self.damping * self.frequency * (s.wanted_rate - s.velocity)

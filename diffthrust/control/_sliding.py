@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from collections.abc import Mapping
+from typing import ClassVar
 
 import jax.numpy as jnp
+from jaxtyping import Array
 
 from diffthrust.control._base import Kept, rate_of
 from diffthrust.control._compensators import Compensator
@@ -53,13 +55,19 @@ class Sliding(Compensator):
     def _nominal(cls, alpha: float, beta: float, ct: float) -> dict[str, float]:
         return {"load": alpha / beta, "inertia": 1.0 / beta, "thrust_coefficient": ct}
 
-    def __call__(self, thrust: Any, s: Signals, kept: Kept, period: Any) -> tuple[Any, Kept]:
+    def __call__(self, thrust: Array, s: Signals, kept: Kept, period: Array) -> tuple[Array, Kept]:
         """Yoerger et al. 1990, section V D."""
         return self._command(thrust, s, kept, period, self.load, self.inertia)[:2]
 
     def _command(
-        self, thrust: Any, s: Signals, kept: Kept, period: Any, load: Any, inertia: Any
-    ) -> tuple[Any, Kept, Any, Any]:
+        self,
+        thrust: Array,
+        s: Signals,
+        kept: Kept,
+        period: Array,
+        load: Array | float,
+        inertia: Array | float,
+    ) -> tuple[Array, Kept, Array, Array]:
         """Command, memory, and what ``load`` and ``inertia`` are multiplied with."""
         speed = thrust / jnp.sqrt(self.thrust_coefficient * (jnp.abs(thrust) + self.floor))
         rate, smoothed = rate_of(speed, kept["smoothed"], kept["begun"], self.smoothing, period)
@@ -104,11 +112,11 @@ class AdaptiveSliding(Sliding):
     load_rate: float = parameter(2e-9, "V s^4/rad^5", bounds=(0, None), transform="log")
     inertia_rate: float = parameter(5e-6, "V s^4/rad^3", bounds=(0, None), transform="log")
 
-    def start(self) -> Kept:
+    def start(self) -> Mapping[str, float]:
         """The estimates with which the run begins."""
         return {"load_estimate": self.load, "inertia_estimate": self.inertia}
 
-    def __call__(self, thrust: Any, s: Signals, kept: Kept, period: Any) -> tuple[Any, Kept]:
+    def __call__(self, thrust: Array, s: Signals, kept: Kept, period: Array) -> tuple[Array, Kept]:
         """Yoerger et al. 1990, section V E."""
         load, inertia = kept["load_estimate"], kept["inertia_estimate"]
         command, memory, swept, rate = self._command(thrust, s, kept, period, load, inertia)

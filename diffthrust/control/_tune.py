@@ -11,16 +11,18 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
 from diffthrust._support.validation import finite
+from diffthrust.control._faults import FaultNumbers
 from diffthrust.control._loop import Loop
 from diffthrust.control._loop_scan import Parts, loop_signals
 from diffthrust.control._reference import Reference
 from diffthrust.models._base.parameter import Parameter
 
-Cost = Callable[[Mapping[str, Any]], Any]
+Cost = Callable[[Mapping[str, Array]], Array]
 """From the signals of a run, ``(T,)`` each, to residuals whose mean square is to be small."""
 
 
@@ -49,7 +51,7 @@ class Effort:
     def __hash__(self) -> int:
         return hash((self.price, self.start))
 
-    def __call__(self, signals: Mapping[str, Any]) -> Any:
+    def __call__(self, signals: Mapping[str, Array]) -> Array:
         """The residuals, ``(2, T)``."""
         counts = jnp.where(signals["time"] >= self.start, 1.0, 0.0)
         return jnp.stack([counts * signals["error"], counts * self.price * signals["command"]])
@@ -165,20 +167,8 @@ def tune(
     # a start on a bound is moved inside: the method needs room
     room = 1e-6 * np.maximum(1.0, np.abs(begin))
     begin = np.clip(begin, ends[:, 0] + room, ends[:, 1] - room)
-    seen: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
-
-    def evaluated(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        key = y.tobytes()
-        if key not in seen:
-            of = (parts, loop.controller.of, names, cost)
-            coordinates = {n: p.from_coordinate(c) for n, p, c in
-                           zip(names, described, y, strict=True)}  # fmt: skip
-            traced = {n: jnp.asarray(v, float) for n, v in coordinates.items()}
-            r, slopes = _linearized(*of, traced, values, given, faults, rows, start)
-            scale = np.array([_slope(p, float(c)) for p, c in zip(described, y, strict=True)])
-            seen[key] = np.asarray(r), np.asarray(slopes) * scale
-        return seen[key]
-
+    run = (values, given, faults, rows, start)
+    evaluated = _Evaluated((parts, loop.controller.of, names, cost), described, run)
     first, slopes = evaluated(begin)
     if not np.all(np.isfinite(first)):
         raise InputError(
@@ -186,8 +176,7 @@ def tune(
             "finite there.",
             "Start from gains that hold the loop together.",
         )
-    scale = np.array([_slope(p, float(c)) for p, c in zip(described, begin, strict=True)])
-    found = least_squares(
+    end = least_squares(
         lambda y: evaluated(y)[0],
         begin,
         jac=lambda y: evaluated(y)[1],  # pyright: ignore[reportArgumentType]
@@ -198,17 +187,45 @@ def tune(
         gtol=1e-10,
         max_nfev=int(most),
     )
-    after = [float(p.from_coordinate(c)) for p, c in zip(described, found.x, strict=True)]
+    after = [float(p.from_coordinate(c)) for p, c in zip(described, end.x, strict=True)]
     inside = [float(np.clip(v, *p.limits)) for v, p in zip(after, described, strict=True)]
     return Tuning(
         loop=loop.replace(dict(zip(names, inside, strict=True))),
         gains={n: (p.value, v) for n, p, v in zip(names, described, inside, strict=True)},
-        cost=(float(first @ first), 2.0 * float(found.cost)),
-        gradient=dict(zip(names, (2.0 * first @ slopes / scale).tolist(), strict=True)),
-        runs=len(seen),
-        converged=bool(found.status > 0),
-        message=str(found.message),
+        cost=(float(first @ first), 2.0 * float(end.cost)),
+        gradient=dict(
+            zip(names, (2.0 * first @ slopes / evaluated.scale(begin)).tolist(), strict=True)
+        ),
+        runs=len(evaluated.seen),
+        converged=bool(end.status > 0),
+        message=str(end.message),
     )
+
+
+class _Evaluated:
+    """Residuals ``(m,)`` and their slopes ``(m, k)`` at coordinates of the gains, each once."""
+
+    def __init__(
+        self,
+        of: tuple[Parts, str, tuple[str, ...], Cost],
+        gains: tuple[Parameter, ...],
+        run: tuple[Any, ...],
+    ) -> None:
+        self.of, self.gains, self.run = of, gains, run
+        self.seen: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
+
+    def __call__(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        key = y.tobytes()
+        if key not in self.seen:
+            coordinates = zip(self.of[2], self.gains, y, strict=True)
+            traced = {n: jnp.asarray(p.from_coordinate(c), float) for n, p, c in coordinates}
+            r, slopes = _linearized(*self.of, traced, *self.run)
+            self.seen[key] = np.asarray(r), np.asarray(slopes) * self.scale(y)
+        return self.seen[key]
+
+    def scale(self, y: np.ndarray) -> np.ndarray:
+        """Derivatives of the gains with respect to their coordinates, ``(k,)``."""
+        return np.array([_slope(p, float(c)) for p, c in zip(self.gains, y, strict=True)])
 
 
 @partial(jax.jit, static_argnums=(0, 1, 2, 3))
@@ -217,19 +234,19 @@ def _linearized(
     of: str,
     names: tuple[str, ...],
     cost: Cost,
-    gains: Mapping[str, Any],
-    values: Mapping[str, Any],
-    given: Mapping[str, Any],
-    faults: Any,
-    rows: Mapping[str, Any],
-    start: Mapping[str, Any],
-) -> tuple[Any, Any]:
+    gains: Mapping[str, Array],
+    values: Mapping[str, Array],
+    given: Mapping[str, Array],
+    faults: FaultNumbers,
+    rows: Mapping[str, Array],
+    start: Mapping[str, Array],
+) -> tuple[Array, Array]:
     """Residuals ``(m,)`` and their derivatives with respect to each gain, ``(m, k)``."""
 
-    def residuals(gains: Mapping[str, Any]) -> tuple[Any, Any]:
-        found = loop_signals(parts, {**values, **gains}, given, faults, rows, start)
-        signals = {**found, "time": rows["time"], "reference": rows["wanted"]}
-        signals["error"] = rows["wanted"] - found[of]
+    def residuals(gains: Mapping[str, Array]) -> tuple[Array, Array]:
+        of_run = loop_signals(parts, {**values, **gains}, given, faults, rows, start)
+        signals = {**of_run, "time": rows["time"], "reference": rows["wanted"]}
+        signals["error"] = rows["wanted"] - of_run[of]
         r = jnp.ravel(jnp.asarray(cost(signals), float))
         r = r / math.sqrt(r.shape[0])
         return r, r

@@ -11,6 +11,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.validation import finite
@@ -136,7 +137,7 @@ class VesselLoop(VesselAssembly):
 
     def _beginning(
         self, path: Path, initial: Any, rows: Mapping[str, np.ndarray]
-    ) -> tuple[State, dict[str, Any]]:
+    ) -> tuple[State, dict[str, Array]]:
         """All states at the start, and those of them that were given."""
         start = wanted_at(path, np.zeros(1))
         own = {"north": start.north[0], "east": start.east[0], "heading": start.course[0]}
@@ -148,10 +149,24 @@ class VesselLoop(VesselAssembly):
 
 
 @partial(jax.jit, static_argnums=(0, 1))
-def _moved(key: Key, substeps: int, values: Any, state: Any, inputs: Any, now: Any, period: Any):
+def _moved(
+    key: Key,
+    substeps: int,
+    values: Mapping[str, Array],
+    state: State,
+    inputs: Mapping[str, Array],
+    now: Array,
+    period: Array,
+) -> State:
     return one_sample(key.model.bind(values), state, inputs, now, period, substeps)
 
 
 @partial(jax.jit, static_argnums=0)
-def _readings(key: Key, values: Any, state: Any, inputs: Any, now: Any) -> Any:
+def _readings(
+    key: Key,
+    values: Mapping[str, Array],
+    state: State,
+    inputs: Mapping[str, Array],
+    now: Array,
+) -> State:
     return readings(key.model.bind(values), state, inputs, now)

@@ -21,52 +21,52 @@ _FEW = 3
 """With fewer amplitudes or frequencies there are curves and no map."""
 
 
-def map_figure(found: DescribingValues) -> Figure:
+def map_figure(result: DescribingValues) -> Figure:
     """Gain and phase: maps with contours, or curves where there are few amplitudes."""
-    gain = np.where(found.settled, found.gain, np.nan)
+    gain = np.where(result.settled, result.gain, np.nan)
     gain = np.where(gain > 0, gain, np.nan)
-    title = f"{found.model}: {found.input} to {found.output}, {found.method.replace('_', ' ')}"
-    labels = bracketed("gain", found.gain_unit), "phase [deg]"
+    title = f"{result.model}: {result.input} to {result.output}, {result.method.replace('_', ' ')}"
+    labels = bracketed("gain", result.gain_unit), "phase [deg]"
     if min(gain.shape) < _FEW:
-        return _curves_figure(found, title, (gain, found.phase), labels)
+        return _curves_figure(result, title, (gain, result.phase), labels)
     figure = _figure(11.0, 4.4, title)
     left, right = figure.subplots(1, 2)
     empty = "output does not move"
-    _map(figure, left, found, gain, labels[0], empty, logarithmic=True)
-    _map(figure, right, found, found.phase, labels[1], empty, logarithmic=False)
+    _map(figure, left, result, gain, labels[0], empty, logarithmic=True)
+    _map(figure, right, result, result.phase, labels[1], empty, logarithmic=False)
     return figure
 
 
-def break_figure(found: DescribingValues) -> Figure:
+def break_figure(result: DescribingValues) -> Figure:
     """The break frequency as a map, and over frequency for several amplitudes."""
-    values = found.break_frequency
+    values = result.break_frequency
     label = "break frequency [rad/s]"
-    title = f"{found.model}: break frequency, {found.method.replace('_', ' ')}"
+    title = f"{result.model}: break frequency, {result.method.replace('_', ' ')}"
     if min(values.shape) < _FEW:
-        return _curves_figure(found, title, (values,), (label,))
+        return _curves_figure(result, title, (values,), (label,))
     figure = _figure(11.0, 4.4, title)
     left, right = figure.subplots(1, 2)
-    _map(figure, left, found, values, label, "no such lag", logarithmic=True)
-    _curves(right, found, values, label)
+    _map(figure, left, result, values, label, "no such lag", logarithmic=True)
+    _curves(right, result, values, label)
     return figure
 
 
-def band_figure(found: BandValues) -> Figure:
+def band_figure(result: BandValues) -> Figure:
     """Gain and phase over frequency for some amplitudes: medians, with bands behind."""
     from matplotlib import colormaps
 
-    title = f"{found.model}: {found.input} to {found.output}, {percent(found.level)} band"
+    title = f"{result.model}: {result.input} to {result.output}, {percent(result.level)} band"
     figure = _figure(11.0, 4.2, title)
-    rows = _rows(found.amplitudes.size, 4)
-    parts = (found.gain, bracketed("gain", found.gain_unit)), (found.phase, "phase [deg]")
+    rows = _rows(result.amplitudes.size, 4)
+    parts = (result.gain, bracketed("gain", result.gain_unit)), (result.phase, "phase [deg]")
     for axes, (values, label) in zip(np.ravel(figure.subplots(1, 2)), parts, strict=True):
         for j, i in enumerate(rows):
             colour = colormaps["cividis"](0.85 * j / max(rows.size - 1, 1))
             median, low, high = values[:, i]
-            axes.fill_between(found.frequencies, low, high, color=colour, alpha=0.3, linewidth=0)
-            curve = f"{found.amplitudes[i]:.3g} {found.input_unit}".rstrip()
-            axes.plot(found.frequencies, median, color=colour, linewidth=1.2, label=curve)
-        _scales(axes, found, values[:, rows], label)
+            axes.fill_between(result.frequencies, low, high, color=colour, alpha=0.3, linewidth=0)
+            curve = f"{result.amplitudes[i]:.3g} {result.input_unit}".rstrip()
+            axes.plot(result.frequencies, median, color=colour, linewidth=1.2, label=curve)
+        _scales(axes, result, values[:, rows], label)
     return figure
 
 
@@ -78,28 +78,28 @@ def _figure(width: float, height: float, title: str) -> Figure:
     return figure
 
 
-def _curves_figure(found: DescribingValues, title: str, parts: Any, labels: Any) -> Figure:
+def _curves_figure(result: DescribingValues, title: str, parts: Any, labels: Any) -> Figure:
     figure = _figure(5.6 * len(parts), 4.0, title)
     panels = np.ravel(figure.subplots(1, len(parts)))
     for axes, values, label in zip(panels, parts, labels, strict=True):
-        _curves(axes, found, values, label)
+        _curves(axes, result, values, label)
     return figure
 
 
 def _map(
-    figure: Figure, axes: Axes, found: DescribingValues, values: np.ndarray, label: str, empty: str,
-    *, logarithmic: bool,
+    figure: Figure, axes: Axes, result: DescribingValues, values: np.ndarray, label: str,
+    empty: str, *, logarithmic: bool,
 ) -> None:  # fmt: skip
     from matplotlib.colors import LogNorm, Normalize
 
     seen = values[np.isfinite(values)]
-    x, y = found.frequencies, found.amplitudes
-    unit = bracketed(f"amplitude of the {found.input}", found.input_unit)
+    x, y = result.frequencies, result.amplitudes
+    unit = bracketed(f"amplitude of the {result.input}", result.input_unit)
     styled(axes, literal(label), "frequency [rad/s]", unit)
     axes.grid(False)
     for axis, grid in ((axes.xaxis, x), (axes.yaxis, y)):  # before the labels of contours are set
         _logarithmic(axes, axis, grid[-1] / grid[0])
-    _hatched(axes, found, values, empty)
+    _hatched(axes, result, values, empty)
     if seen.size:
         low, high = float(seen.min()), float(seen.max())
         levels = _levels(low, high, logarithmic)
@@ -116,16 +116,16 @@ def _map(
         bar.ax.tick_params(labelsize=8)
 
 
-def _hatched(axes: Axes, found: DescribingValues, values: np.ndarray, empty: str) -> None:
+def _hatched(axes: Axes, result: DescribingValues, values: np.ndarray, empty: str) -> None:
     """Points without an answer, and those where the output does not move or does not lag."""
     from matplotlib.patches import Patch
 
     handles = []
-    silent = found.settled & ~np.isfinite(values)
-    for where, hatch, words in ((~found.settled, "xxxx", "not settled"), (silent, "....", empty)):
+    silent = result.settled & ~np.isfinite(values)
+    for where, hatch, words in ((~result.settled, "xxxx", "not settled"), (silent, "....", empty)):
         if where.any():
             axes.pcolor(
-                _edges(found.frequencies), _edges(found.amplitudes),
+                _edges(result.frequencies), _edges(result.amplitudes),
                 np.ma.masked_where(~where, where * 1.0), hatch=hatch, facecolor="0.92",
                 edgecolor="0.55", linewidth=0,
                 cmap="Greys_r", vmin=0, vmax=1,
@@ -141,19 +141,19 @@ def _edges(grid: np.ndarray) -> np.ndarray:
     return np.concatenate([[grid[0] ** 2 / inner[0]], inner, [grid[-1] ** 2 / inner[-1]]])
 
 
-def _curves(axes: Axes, found: DescribingValues, values: np.ndarray, label: str) -> None:
+def _curves(axes: Axes, result: DescribingValues, values: np.ndarray, label: str) -> None:
     from matplotlib import colormaps
 
-    rows = _rows(found.amplitudes.size, _CURVES)
-    static = found.static_gain
+    rows = _rows(result.amplitudes.size, _CURVES)
+    static = result.static_gain
     for j, i in enumerate(rows):
         colour = colormaps["cividis"](0.9 * j / max(rows.size - 1, 1))
-        curve = f"{found.amplitudes[i]:.3g} {found.input_unit}".rstrip()
-        if np.isfinite(static[i]) and found.output_unit:
-            curve += f" (static {static[i] * found.amplitudes[i]:.3g} {found.output_unit})"
+        curve = f"{result.amplitudes[i]:.3g} {result.input_unit}".rstrip()
+        if np.isfinite(static[i]) and result.output_unit:
+            curve += f" (static {static[i] * result.amplitudes[i]:.3g} {result.output_unit})"
         dots: dict[str, Any] = {"marker": "o", "markersize": 3} if values.shape[1] <= 20 else {}
-        axes.plot(found.frequencies, values[i], color=colour, linewidth=1.4, label=curve, **dots)
-    _scales(axes, found, values[rows], label)
+        axes.plot(result.frequencies, values[i], color=colour, linewidth=1.4, label=curve, **dots)
+    _scales(axes, result, values[rows], label)
 
 
 def _rows(size: int, most: int) -> np.ndarray:
@@ -161,15 +161,15 @@ def _rows(size: int, most: int) -> np.ndarray:
     return np.unique(np.linspace(0, size - 1, min(size, most)).round().astype(int))
 
 
-def _scales(axes: Axes, found: DescribingValues | BandValues, values: Any, label: str) -> None:
+def _scales(axes: Axes, result: DescribingValues | BandValues, values: Any, label: str) -> None:
     """Labels, scales and legend of curves over the frequency."""
     styled(axes, literal(label), "frequency [rad/s]", literal(label))
-    w = found.frequencies
+    w = result.frequencies
     _logarithmic(axes, axes.xaxis, w[-1] / w[0])
     seen = values[np.isfinite(values)]
     if "phase" not in label and seen.size and seen.min() > 0:
         _logarithmic(axes, axes.yaxis, float(seen.max() / seen.min()))
-    axes.legend(fontsize=7, frameon=False, title=f"amplitude of the {literal(found.input)}",
+    axes.legend(fontsize=7, frameon=False, title=f"amplitude of the {literal(result.input)}",
                 title_fontsize=8)  # fmt: skip
 
 
@@ -182,8 +182,8 @@ def _levels(low: float, high: float, logarithmic: bool) -> np.ndarray:
             return np.array([low - 1.0, high + 1.0])
         return np.asarray(MaxNLocator(9, steps=[1, 1.5, 2, 3, 5, 10]).tick_values(low, high))
     if high < 1.5 * low:
-        found = np.asarray(MaxNLocator(8).tick_values(low, max(high, low * 1.001)))
-        return found[found > 0]
+        ticks = np.asarray(MaxNLocator(8).tick_values(low, max(high, low * 1.001)))
+        return ticks[ticks > 0]
     tens = np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
     parts = (1.0, 2.0, 5.0) if high / low < 2000 else (1.0,)
     all_of = np.sort(np.ravel(10.0 ** tens[:, None] * np.array(parts)))

@@ -22,19 +22,19 @@ FORMULAS = ("paper", "consistent")
 
 def check_plain(method: str, model: Model, input: str, output: str, bias: float) -> None:
     """Raise `InputError` for a model, or a way to look at it, that the formulas do not cover."""
-    found: list[str] = []
+    beyond: list[str] = []
     if type(model) is not Thruster:
-        found.append(f"the model '{model.name}'")
+        beyond.append(f"the model '{model.name}'")
     elif model.effects:
-        found.append(f"the effects {', '.join(_name(e) for e in model.effects)}")
+        beyond.append(f"the effects {', '.join(_name(e) for e in model.effects)}")
     if input != "command" or output not in ("thrust", "speed"):
-        found.append(f"the path from {input!r} to {output!r}")
+        beyond.append(f"the path from {input!r} to {output!r}")
     if bias != 0:
-        found.append(f"a bias of {bias:g}")
-    if found:
+        beyond.append(f"a bias of {bias:g}")
+    if beyond:
         raise InputError(
             f"describing_function: the formula '{method}' is that of the plain thruster, from "
-            f"'command' to 'thrust' or 'speed' about zero; it does not cover {', '.join(found)}.",
+            f"'command' to 'thrust' or 'speed' about zero; it does not cover {', '.join(beyond)}.",
             "Use method='simulation' or method='harmonic_balance'.",
         )
 

@@ -16,24 +16,24 @@ _ROWS = 8
 """A table shows at most so many amplitudes."""
 
 
-def describing_table(found: DescribingValues) -> RenderableType:
+def describing_table(result: DescribingValues) -> RenderableType:
     """Method, how many points settled, and a row for some of the amplitudes."""
-    count, size = int(found.settled.sum()), found.reason.size
-    how = found.method.replace("_", " ")
-    if found.harmonics is not None:
-        how += f" with {found.harmonics} harmonics"
-    about = f" about {found.bias:g} {found.input_unit}" if found.bias else ""
-    w = found.frequencies
-    lines = [
-        f"From {found.input} to {found.output}{about}, by {how}: {size} points, {count} of them "
-        f"settled.",
-        f"Break frequency: that of the first-order lag of the same phase, at {_some_words(found)}. "
-        "Bandwidth: where the gain has fallen to 1/sqrt(2) of the static gain.",
-    ]
+    count, size = int(result.settled.sum()), result.reason.size
+    how = result.method.replace("_", " ")
+    if result.harmonics is not None:
+        how += f" with {result.harmonics} harmonics"
+    about = f" about {result.bias:g} {result.input_unit}" if result.bias else ""
+    w = result.frequencies
     middle = w.size // 2
+    lines = [
+        f"From {result.input} to {result.output}{about}, by {how}: {size} points, {count} of them "
+        f"settled.",
+        "Break frequency: that of the first-order lag of the same phase, "
+        f"at {w[middle]:.3g} rad/s. Bandwidth: where the gain has fallen to 1/sqrt(2) of the static gain.",
+    ]
     table = plain_table(
-        f"Amplitude [{escape(found.input_unit)}]",
-        f"Static gain [{escape(found.gain_unit)}]",
+        f"Amplitude [{escape(result.input_unit)}]",
+        f"Static gain [{escape(result.gain_unit)}]",
         "Bandwidth [rad/s]",
         f"Gain at {w[middle]:.3g} rad/s",
         "Phase [deg]",
@@ -41,14 +41,14 @@ def describing_table(found: DescribingValues) -> RenderableType:
         "Distortion at most",
         numbers=range(7),
     )
-    static, width = found.static_gain, found.bandwidth
-    gain, phase, lag = found.gain, found.phase, found.break_frequency
-    for i in _picked(found.amplitudes.size):
+    static, width = result.static_gain, result.bandwidth
+    gain, phase, lag = result.gain, result.phase, result.break_frequency
+    for i in _picked(result.amplitudes.size):
         worst = "-"
-        if found.distortion is not None and found.settled[i].any():
-            worst = f"{100 * np.nanmax(found.distortion[i]):.1f} %"
+        if result.distortion is not None and result.settled[i].any():
+            worst = f"{100 * np.nanmax(result.distortion[i]):.1f} %"
         table.add_row(
-            f"{found.amplitudes[i]:.4g}",
+            f"{result.amplitudes[i]:.4g}",
             number(float(static[i])),
             number(float(width[i]), 3),
             number(float(gain[i, middle])),
@@ -56,18 +56,18 @@ def describing_table(found: DescribingValues) -> RenderableType:
             number(float(lag[i, middle]), 3),
             worst,
         )
-    notes = [Text(f"Note: {note}") for note in found.notes]
+    notes = [Text(f"Note: {note}") for note in result.notes]
     texts = [Text(line) for line in lines]
-    return Group(Text(str(found.model), style="bold"), *texts, Text(), table, *notes)
+    return Group(Text(str(result.model), style="bold"), *texts, Text(), table, *notes)
 
 
-def band_table(found: BandValues) -> RenderableType:
+def band_table(result: BandValues) -> RenderableType:
     """Gain and phase with their intervals, at some of the points."""
-    share = percent(found.level)
+    share = percent(result.level)
     table = plain_table(
-        f"Amplitude [{escape(found.input_unit)}]",
+        f"Amplitude [{escape(result.input_unit)}]",
         "Frequency [rad/s]",
-        f"Gain [{escape(found.gain_unit)}]",
+        f"Gain [{escape(result.gain_unit)}]",
         f"{share} from",
         "to",
         "Phase [deg]",
@@ -75,22 +75,18 @@ def band_table(found: BandValues) -> RenderableType:
         "to",
         numbers=range(8),
     )
-    for i in _picked(found.amplitudes.size)[:: 2 if found.amplitudes.size > 4 else 1]:
-        for j in _picked(found.frequencies.size)[:: 2 if found.frequencies.size > 4 else 1]:
-            gain = interval_text(*(float(v) for v in found.gain[:, i, j]))
-            phase = interval_text(*(float(v) for v in found.phase[:, i, j]))
-            place = f"{found.amplitudes[i]:.4g}", f"{found.frequencies[j]:.4g}"
+    for i in _picked(result.amplitudes.size)[:: 2 if result.amplitudes.size > 4 else 1]:
+        for j in _picked(result.frequencies.size)[:: 2 if result.frequencies.size > 4 else 1]:
+            gain = interval_text(*(float(v) for v in result.gain[:, i, j]))
+            phase = interval_text(*(float(v) for v in result.phase[:, i, j]))
+            place = f"{result.amplitudes[i]:.4g}", f"{result.frequencies[j]:.4g}"
             table.add_row(*place, *gain, *phase)
     head = (
-        f"From {found.input} to {found.output}, by {found.method.replace('_', ' ')}: "
-        f"{found.draws.shape[0]} draws from the {found.kind}."
+        f"From {result.input} to {result.output}, by {result.method.replace('_', ' ')}: "
+        f"{result.draws.shape[0]} draws from the {result.kind}."
     )
-    notes = [Text(f"Note: {note}") for note in found.notes]
-    return Group(Text(found.model, style="bold"), Text(head), Text(), table, *notes)
-
-
-def _some_words(found: DescribingValues) -> str:
-    return f"{found.frequencies[found.frequencies.size // 2]:.3g} rad/s"
+    notes = [Text(f"Note: {note}") for note in result.notes]
+    return Group(Text(result.model, style="bold"), Text(head), Text(), table, *notes)
 
 
 def _picked(size: int) -> list[int]:

@@ -34,29 +34,29 @@ def respond_with_neighbours(
         shape: draws, amplitudes and frequencies.
         samples: as for `respond`.
     """
-    found = respond(solver, cycle, lanes, samples=samples)
+    responses = respond(solver, cycle, lanes, samples=samples)
     for _ in range(_SWEEPS):
-        lost = np.isin(found.reason, _LOST)
-        beside = _neighbours((found.reason == Reason.SETTLED).reshape(shape))
+        lost = np.isin(responses.reason, _LOST)
+        beside = _neighbours((responses.reason == Reason.SETTLED).reshape(shape))
         again = np.flatnonzero(lost & (beside >= 0))
         if not again.size:
             break
         source = beside[again]
         ratio = lanes.amplitude[again] / lanes.amplitude[source]
-        guess = found.x[source] * ratio.reshape(-1, *([1] * (found.x.ndim - 1)))
+        guess = responses.x[source] * ratio.reshape(-1, *([1] * (responses.x.ndim - 1)))
         more = respond(solver, cycle, some(lanes, again), samples=samples, guess=guess)
         better = more.reason == Reason.SETTLED
         if not better.any():
             break
         for field in fields(PeriodicResponses):
-            getattr(found, field.name)[again[better]] = getattr(more, field.name)[better]
-    return found
+            getattr(responses, field.name)[again[better]] = getattr(more, field.name)[better]
+    return responses
 
 
 def _neighbours(settled: np.ndarray) -> np.ndarray:
     """For each lane one beside it that settled, or -1; ``(D * A * F,)``."""
     index = np.arange(settled.size).reshape(settled.shape)
-    found = np.full(settled.shape, -1)
+    beside = np.full(settled.shape, -1)
     for axis in (2, 1):  # a neighbour in amplitude overrides one in frequency
         for shift in (-1, 1):
             at = np.roll(index, shift, axis)
@@ -64,5 +64,5 @@ def _neighbours(settled: np.ndarray) -> np.ndarray:
             edge = [slice(None)] * 3
             edge[axis] = slice(0, 1) if shift == 1 else slice(-1, None)
             there[tuple(edge)] = False
-            found = np.where(there, at, found)
-    return found.reshape(-1)
+            beside = np.where(there, at, beside)
+    return beside.reshape(-1)

@@ -39,7 +39,7 @@ def more_than(harmonics: int) -> int:
 
 
 def left_out(
-    richer: HarmonicBalance, cycle: Cycle, lanes: Lane, found: PeriodicResponses
+    richer: HarmonicBalance, cycle: Cycle, lanes: Lane, responses: PeriodicResponses
 ) -> np.ndarray:
     """The error of each first harmonic, relative to it, complex ``(L,)``.
 
@@ -47,25 +47,25 @@ def left_out(
         richer: a balance with more harmonics.
         cycle: names, as for `respond`.
         lanes: amplitudes, frequencies and parameters, ``(L,)`` each.
-        found: what was found with fewer harmonics.
+        responses: what was found with fewer harmonics.
 
     Returns:
         The real part is that of the gain, the imaginary one that of the phase [rad]. NaN where
         there is no answer, infinite where more harmonics lead nowhere.
     """
     error = np.full(lanes.amplitude.size, np.nan, complex)
-    more = 2 * richer.harmonics + 1 - found.x.shape[-1]
+    more = 2 * richer.harmonics + 1 - responses.x.shape[-1]
     share = more / (2 * richer.harmonics)  # of the error, if that falls with the first power
-    x = np.pad(found.x, ((0, 0), (0, 0), (0, more)))
+    x = np.pad(responses.x, ((0, 0), (0, 0), (0, more)))
 
     def judged(who: np.ndarray, at: Cycle) -> np.ndarray:
         seen = over(richer, at, lanes, who, richer.judge, x)
-        change = _relative_change(seen.harmonics, lanes.amplitude[who], found.first[who])
+        change = _relative_change(seen.harmonics, lanes.amplitude[who], responses.first[who])
         return np.where(seen.reason == Reason.SETTLED, change / share, np.inf)
 
-    settled = np.flatnonzero(found.reason == Reason.SETTLED)
-    for n, k in sorted(set(zip(found.samples[settled], found.stage[settled], strict=True))):
-        who = settled[(found.samples[settled] == n) & (found.stage[settled] == k)]
+    settled = np.flatnonzero(responses.reason == Reason.SETTLED)
+    for n, k in sorted(set(zip(responses.samples[settled], responses.stage[settled], strict=True))):
+        who = settled[(responses.samples[settled] == n) & (responses.stage[settled] == k)]
         at = staged(cycle, max(n, richer.coarsest), k)
         error[who] = judged(who, at)
         doubtful = who[too_few(_DOUBTFUL * error[who])]
