@@ -1,4 +1,4 @@
-"""Effects on the command, sample by sample: what `effects._series` does to whole records.
+"""Effects on the command, sample by sample: what `effects._recorded` does to whole records.
 
 Both give the same numbers, so that a loop's record, simulated anew from its commands, moves as it
 did in the loop.

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from diffthrust._support.transfer import Transfer
 from diffthrust._support.validation import finite
-from diffthrust.cycles._oscillation import Course, CycleSeries
+from diffthrust.cycles._oscillation import CycleSeries, LoopCourse
 
 
 class NotSimulated(Exception):
@@ -101,7 +101,7 @@ class Nonlinearity(ABC):
 
     def courses(
         self, transfer: Transfer, cycle: CycleSeries, factors: tuple[float, ...], periods: int
-    ) -> list[Course]:
+    ) -> list[LoopCourse]:
         """Simulate the loop from starts on a cycle, made larger or smaller.
 
         Args:

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from diffthrust._support.figures import BLUE, GREY, VERMILLION, styled
-from diffthrust.cycles._oscillation import Course
+from diffthrust.cycles._oscillation import LoopCourse
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def course_figure(course: Course, levels: Mapping[str, float], title: str) -> Figure:
+def course_figure(course: LoopCourse, levels: Mapping[str, float], title: str) -> Figure:
     """Command and thrust over time, with what the formulas and the balance say of the peak."""
     from matplotlib.figure import Figure
 

@@ -16,7 +16,7 @@ from diffthrust._support.names import listing
 from diffthrust._support.transfer import Transfer
 from diffthrust.cycles._balance_model import balanced_states
 from diffthrust.cycles._element import Nonlinearity, NotSimulated
-from diffthrust.cycles._oscillation import Course, CycleSeries
+from diffthrust.cycles._oscillation import CycleSeries, LoopCourse
 from diffthrust.cycles._run_model import course_of, simulated_states
 from diffthrust.describing._periodic.period import Cycle, Lane
 from diffthrust.describing._periodic.respond import Reason, respond, some
@@ -169,7 +169,7 @@ class ModelElement(Nonlinearity):
 
     def courses(
         self, transfer: Transfer, cycle: CycleSeries, factors: tuple[float, ...], periods: int
-    ) -> list[Course]:
+    ) -> list[LoopCourse]:
         """Simulate the loop from starts on a cycle whose states are known.
 
         Raises:
@@ -180,7 +180,9 @@ class ModelElement(Nonlinearity):
             raise NotSimulated("the balance of harmonics did not converge")
         return simulated_states(transfer, self, cycle, cycle.states, factors, periods)
 
-    def course(self, transfer: Transfer, output: float, period: float, duration: float) -> Course:
+    def course(
+        self, transfer: Transfer, output: float, period: float, duration: float
+    ) -> LoopCourse:
         """Simulate the loop from rest: see `course_of`."""
         return course_of(transfer, self, output, period, duration)
 

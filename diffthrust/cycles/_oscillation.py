@@ -82,7 +82,7 @@ class CycleSeries:
 
 
 @dataclass(frozen=True)
-class Course:
+class LoopCourse:
     """A simulated course of the element's input.
 
     Args:

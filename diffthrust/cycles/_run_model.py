@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 from diffthrust._support.errors import InputError
 from diffthrust._support.transfer import Transfer
 from diffthrust.cycles._balance_model import Equations
-from diffthrust.cycles._oscillation import Course, CycleSeries
+from diffthrust.cycles._oscillation import CycleSeries, LoopCourse
 from diffthrust.cycles._run_static import BEYOND, STEPS_A_PERIOD, states_on
 from diffthrust.models._base.signals import Relaxing
 from diffthrust.simulation._integrate import integrate
@@ -28,7 +28,7 @@ def simulated_states(
     states: np.ndarray,
     factors: tuple[float, ...],
     periods: int,
-) -> list[Course]:
+) -> list[LoopCourse]:
     """Simulate from starts on a cycle, made larger or smaller.
 
     A dead time of the linear part is replaced by an all-pass of sixth order.
@@ -60,7 +60,7 @@ def simulated_states(
 
 def course_of(
     transfer: Transfer, element: Equations, output: float, period: float, duration: float
-) -> Course:
+) -> LoopCourse:
     """Simulate a loop from a model's states at zero and a constant output of the linear part.
 
     Args:
@@ -82,7 +82,7 @@ def course_of(
 
 def _courses(
     plain: Transfer, element: Equations, starts: np.ndarray, step: float, count: int, limit: float
-) -> list[Course]:
+) -> list[LoopCourse]:
     """From states of the linear part and the model, ``(starts, states)``, up to a limit."""
     matrices = zip("abcd", plain.state_space(), strict=True)
     linear = {name: jnp.asarray(value) for name, value in matrices}
@@ -91,10 +91,10 @@ def _courses(
     return [_cut(time, *row, limit) for row in zip(np.asarray(e), np.asarray(y), strict=True)]
 
 
-def _cut(time: np.ndarray, e: np.ndarray, y: np.ndarray, limit: float) -> Course:
+def _cut(time: np.ndarray, e: np.ndarray, y: np.ndarray, limit: float) -> LoopCourse:
     gone = np.flatnonzero(~(np.abs(e) <= limit))
     end = int(gone[0]) if gone.size else e.size
-    return Course(time[:end], e[:end], y[:end], bool(gone.size))
+    return LoopCourse(time[:end], e[:end], y[:end], bool(gone.size))
 
 
 def _passes_at_once(element: Equations) -> bool:

@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from diffthrust._support.transfer import Transfer
-from diffthrust.cycles._oscillation import Course, CycleSeries
+from diffthrust.cycles._oscillation import CycleSeries, LoopCourse
 
 STEPS_A_PERIOD = 256
 """Steps per period."""
@@ -33,7 +33,7 @@ class StepElement(Protocol):
 
 def simulated(
     transfer: Transfer, element: StepElement, cycle: CycleSeries, factor: float, periods: float
-) -> Course:
+) -> LoopCourse:
     """Simulate from a start on a cycle, made larger or smaller.
 
     Args:
@@ -72,7 +72,7 @@ def _march(
     pending: deque[tuple[float, float]],
     limit: float,
     count: int,
-) -> Course:
+) -> LoopCourse:
     grown, early, late = transfer.stepper(step)
     _, _, c, _ = transfer.state_space()
     ahead, by_first, by_last = c @ grown, float(c @ early), float(c @ late)
@@ -100,8 +100,8 @@ def _march(
         x = grown @ x + early * first + late * last
         e[k + 1] = now = -float(c @ x)
         if abs(now) > limit:
-            return Course(step * np.arange(k + 2), e[: k + 2], y[: k + 2], True)
-    return Course(step * np.arange(count + 1), e, y, False)
+            return LoopCourse(step * np.arange(k + 2), e[: k + 2], y[: k + 2], True)
+    return LoopCourse(step * np.arange(count + 1), e, y, False)
 
 
 def states_on(transfer: Transfer, cycle: CycleSeries) -> np.ndarray:

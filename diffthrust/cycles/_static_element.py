@@ -15,7 +15,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.transfer import Transfer
 from diffthrust.cycles._balance_static import balanced
 from diffthrust.cycles._element import Nonlinearity, NotSimulated, positive
-from diffthrust.cycles._oscillation import Course, CycleSeries
+from diffthrust.cycles._oscillation import CycleSeries, LoopCourse
 from diffthrust.cycles._run_static import simulated
 
 _GAUSS = np.polynomial.legendre.leggauss(64)
@@ -81,7 +81,7 @@ class Static(Nonlinearity):
 
     def courses(
         self, transfer: Transfer, cycle: CycleSeries, factors: tuple[float, ...], periods: int
-    ) -> list[Course]:
+    ) -> list[LoopCourse]:
         """Simulate the loop from starts on a cycle."""
         if transfer.direct:
             raise NotSimulated("the linear part passes a step at once to an element that does")

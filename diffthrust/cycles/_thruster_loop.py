@@ -13,7 +13,7 @@ from diffthrust._support.errors import InputError
 from diffthrust.cycles._element import positive
 from diffthrust.cycles._find import limit_cycles
 from diffthrust.cycles._model_element import ModelElement, checked_model
-from diffthrust.cycles._oscillation import Course
+from diffthrust.cycles._oscillation import LoopCourse
 from diffthrust.cycles._propelled import PropelledAxis
 from diffthrust.cycles._result import LimitCycle, LimitCycles
 from diffthrust.models._base.model import Model
@@ -136,7 +136,7 @@ class ThrusterLoop:
             f"{100 * away:+.0f} %, the consistent one {100 * also:+.1f} %.",
         ]
 
-    def course(self, displacement: float = 0.02, duration: float = 60.0) -> Course:
+    def course(self, displacement: float = 0.02, duration: float = 60.0) -> LoopCourse:
         """Simulate the loop from rest beside its set point.
 
         Args:
@@ -158,7 +158,7 @@ class ThrusterLoop:
         if self.drag:  # the element's output is the velocity
             rise = np.gradient(thrust, run.time)
             thrust = self.mass * rise + self.drag * thrust * np.abs(thrust)
-        return Course(run.time, k * run.input, thrust, run.fled)
+        return LoopCourse(run.time, k * run.input, thrust, run.fled)
 
     def plot(self, displacement: float = 0.02, duration: float = 60.0) -> Figure:
         """Command and thrust from rest beside the set point (the paper's figure 14)."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from diffthrust._support.transfer import Transfer
 from diffthrust.cycles._element import Nonlinearity, NotSimulated
-from diffthrust.cycles._oscillation import Course, CycleSeries, Oscillation, envelope, measured
+from diffthrust.cycles._oscillation import CycleSeries, LoopCourse, Oscillation, envelope, measured
 
 _LENGTHS = (16, 32, 64, 128, 256)
 _FACTORS = (1.0, 0.9, 1.1)
@@ -52,7 +52,7 @@ def verified(
     return _judged(runs, cycle.oscillation, periods)
 
 
-def _judged(runs: list[Course], cycle: Oscillation, periods: int) -> Verification:
+def _judged(runs: list[LoopCourse], cycle: Oscillation, periods: int) -> Verification:
     on, *sides = runs
     ends = [_end(run, cycle) for run in sides]
     back = [abs(end - 1.0) < _BACK for end in ends]
@@ -74,14 +74,14 @@ def _judged(runs: list[Course], cycle: Oscillation, periods: int) -> Verificatio
     return Verification(seen, lasts, words)
 
 
-def _end(run: Course, cycle: Oscillation) -> float:
+def _end(run: LoopCourse, cycle: Oscillation) -> float:
     """Height of the last two turns over that of the cycle; inf where it fled."""
     if run.fled:
         return math.inf
     return float(envelope(run.time, run.input, cycle.period)[-2:].mean()) / cycle.peak
 
 
-def _fate(run: Course, end: float, cycle: Oscillation, periods: int) -> str:
+def _fate(run: LoopCourse, end: float, cycle: Oscillation, periods: int) -> str:
     if run.fled:
         return "grows a thousandfold"
     if end < 0.1:

@@ -29,7 +29,8 @@ def describing_table(result: DescribingValues) -> RenderableType:
         f"From {result.input} to {result.output}{about}, by {how}: {size} points, {count} of them "
         f"settled.",
         "Break frequency: that of the first-order lag of the same phase, "
-        f"at {w[middle]:.3g} rad/s. Bandwidth: where the gain has fallen to 1/sqrt(2) of the static gain.",
+        f"at {w[middle]:.3g} rad/s. "
+        "Bandwidth: where the gain has fallen to 1/sqrt(2) of the static gain.",
     ]
     table = plain_table(
         f"Amplitude [{escape(result.input_unit)}]",
