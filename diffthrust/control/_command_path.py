@@ -15,9 +15,9 @@ from jaxtyping import Array
 
 from diffthrust._support.errors import InputError
 from diffthrust.effects import CommandDelay, CommandRateLimit
-from diffthrust.models._base.effect import Effect
+from diffthrust.models._base.effect import Effect, Ports
 from diffthrust.models._base.model import Model
-from diffthrust.models._base.signals import Ports, Signals
+from diffthrust.models._base.signals import Signals
 
 
 def delayed_sample(line: Array, value: Array, first: Array, samples: Array) -> tuple[Array, Array]:

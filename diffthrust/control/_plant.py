@@ -10,8 +10,9 @@ from jaxtyping import Array
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
+from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
-from diffthrust.models._base.signals import Ports, Signals, expect
+from diffthrust.models._base.signals import Signals, expect
 from diffthrust.simulation._trajectory import equations_of, starting_point
 
 

@@ -22,8 +22,9 @@ from diffthrust.describing._periodic.period import Cycle, Lane
 from diffthrust.describing._periodic.respond import Reason, respond, some
 from diffthrust.describing._periodic.solvers import HarmonicBalance, Shooting
 from diffthrust.effects import CommandDelay
+from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
-from diffthrust.models._base.signals import Ports, Relaxing, Signals
+from diffthrust.models._base.signals import Relaxing, Signals
 from diffthrust.simulation._bare import bare
 from diffthrust.simulation._trajectory import equations_of
 

@@ -4,14 +4,13 @@ All act on the recorded samples of the command, before any interpolation between
 """
 
 import math
-from typing import Any
 
 import jax.numpy as jnp
 
 from diffthrust.effects._recorded import delayed, rate_limited
 from diffthrust.models._base.effect import Effect, registered
 from diffthrust.models._base.parameter import parameter, relative_to
-from diffthrust.models._base.signals import Signals
+from diffthrust.models._base.signals import Signal, Signals
 
 
 @registered
@@ -34,7 +33,7 @@ class CommandDeadband(Effect):
     )
     restored: float = parameter(0.0, bounds=(0, 1), fixed=True)
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The command that the motor sees."""
         beyond = jnp.abs(value) - self.width
         edge = jnp.clip(beyond / (0.1 * self.width + 1e-12), 0.0, 1.0)
@@ -61,7 +60,7 @@ class CommandSaturation(Effect):
         probes=relative_to("command", 0.5, 0.8),
     )
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The command that the amplifier can give."""
         return jnp.clip(value, -self.limit, self.limit)
 
@@ -87,7 +86,7 @@ class CommandRateLimit(Effect):
         probes=relative_to("command", 1.0, 4.0, 12.0),
     )
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The ramped command."""
         return rate_limited(s.time, value, self.rate)
 
@@ -108,7 +107,7 @@ class CommandDelay(Effect):
         0.05, "s", bounds=(0, None), null=0.0, size=0.1, probes=(0.02, 0.08, 0.25)
     )
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The command as it was."""
         return delayed(s.time, value, self.delay)
 
@@ -127,6 +126,6 @@ class CommandOffset(Effect):
         0.1, "V", null=0.0, size=0.2, probes=relative_to("command", -0.1, 0.1)
     )
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The command with its zero moved."""
         return value + self.offset

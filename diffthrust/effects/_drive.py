@@ -1,7 +1,6 @@
 """Effects in the propulsion and steering of a vessel."""
 
 import math
-from typing import Any
 
 import jax.numpy as jnp
 
@@ -9,7 +8,7 @@ from diffthrust.effects._recorded import rate_limited
 from diffthrust.effects._shaft import ActuatorLag
 from diffthrust.models._base.effect import Effect, registered
 from diffthrust.models._base.parameter import parameter, relative_to
-from diffthrust.models._base.signals import Signals
+from diffthrust.models._base.signals import Signal, Signals
 
 
 @registered
@@ -67,7 +66,7 @@ class RudderRateLimit(Effect):
         probes=relative_to("rudder_angle", 0.1, 0.5, 2.0),
     )
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The angle that the servo reaches at each sample."""
         return rate_limited(s.time, value, self.rate)
 
@@ -87,7 +86,7 @@ class RudderOffset(Effect):
         0.05, "rad", bounds=(-0.8, 0.8), null=0.0, size=0.1, probes=(-0.1, 0.1)
     )
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The angle at which the rudder stands."""
         return value + self.offset
 
@@ -108,7 +107,7 @@ class RudderInflow(Effect):
         0.3, "s/m", null=0.0, size=1.0, probes=relative_to("surge", -0.3, 0.3, 1.0, power=-1)
     )
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The side force with the inflow of the vessel's own speed."""
         return value * (1.0 + self.gain * s.surge_through_water)
 
@@ -135,7 +134,7 @@ class PropellerInflow(Effect):
         probes=relative_to("surge", 0.1, 0.5, power=-1),
     )
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The thrust at the vessel's speed."""
         return value - self.loss * jnp.abs(value) * s.surge_through_water
 
@@ -153,7 +152,7 @@ class PropellerWalk(Effect):
     port = "steering"
     fraction: float = parameter(0.05, bounds=(-1, 1), null=0.0, size=0.1, probes=(-0.1, 0.1))
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The side force with that of the propeller's rotation."""
         return value + self.fraction * s.propulsion
 
@@ -170,7 +169,7 @@ class ReversePropellerAsymmetry(Effect):
     port = "propulsion"
     change: float = parameter(-0.2, bounds=(-1, None), null=0.0, size=0.3, probes=(-0.3, 0.3))
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The thrust with its reverse direction changed."""
         return value * (1.0 + jnp.where(value < 0, self.change, 0.0))
 
@@ -188,7 +187,7 @@ class DifferentialGain(Effect):
     ports = ("left_force", "right_force")
     gain: float = parameter(0.05, bounds=(-1, 1), null=0.0, size=0.2, probes=(-0.2, 0.2))
 
-    def at(self, port: str, value: Any, s: Signals) -> Any:
+    def at(self, port: str, value: Signal, s: Signals) -> Signal:
         """The force that this thruster gives."""
         return value * (1.0 + self.gain if port == "left_force" else 1.0 - self.gain)
 
@@ -208,7 +207,7 @@ class SwappedThrusters(Effect):
     ports = ("left_force", "right_force")
     share: float = parameter(1.0, bounds=(0, 1), null=0.0, size=0.5, probes=(1.0,))
 
-    def at(self, port: str, value: Any, s: Signals) -> Any:
+    def at(self, port: str, value: Signal, s: Signals) -> Signal:
         """The force that this thruster gives."""
         other = s.right_force if port == "left_force" else s.left_force
         return value + self.share * (other - value)

@@ -1,13 +1,12 @@
 """Effects of the wind and of a current on a vessel."""
 
 import math
-from typing import Any
 
 import jax.numpy as jnp
 
 from diffthrust.models._base.effect import Effect, registered
 from diffthrust.models._base.parameter import parameter, relative_to
-from diffthrust.models._base.signals import Signals
+from diffthrust.models._base.signals import Signal, Signals
 
 
 @registered
@@ -36,7 +35,7 @@ class WaterCurrent(Effect):
         0.1, "m/s", null=0.0, size=0.3, probes=relative_to("surge", -0.2, 0.2)
     )
 
-    def at(self, port: str, value: Any, s: Signals) -> Any:
+    def at(self, port: str, value: Signal, s: Signals) -> Signal:
         """Speeds through the water, accelerations over ground."""
         cos, sin = jnp.cos(s.heading), jnp.sin(s.heading)
         ahead = self.to_north * cos + self.to_east * sin
@@ -93,7 +92,7 @@ class Wind(Effect):
     )
     speed: float = parameter(5.0, "m/s", bounds=(0, None), fixed=True)
 
-    def at(self, port: str, value: Any, s: Signals) -> Any:
+    def at(self, port: str, value: Signal, s: Signals) -> Signal:
         """The force or moment with that of the wind."""
         measured = "wind_speed" in s
         speed = s.wind_speed if measured else self.speed

@@ -1,12 +1,10 @@
 """Effects between the water and the hull."""
 
-from typing import Any
-
 import jax.numpy as jnp
 
 from diffthrust.models._base.effect import Effect, registered
 from diffthrust.models._base.parameter import parameter, relative_to
-from diffthrust.models._base.signals import Signals
+from diffthrust.models._base.signals import Signal, Signals
 
 
 @registered
@@ -29,7 +27,7 @@ class QuadraticSurgeDrag(Effect):
         probes=relative_to("surge", 0.5, 5.0, power=-1),
     )
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The force less the quadratic drag."""
         u = s.surge_through_water
         return value - self.drag * u * jnp.abs(u)
@@ -55,7 +53,7 @@ class QuadraticSwayDrag(Effect):
         probes=relative_to("sway", 0.5, 5.0, power=-1),
     )
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The force less the quadratic drag."""
         v = s.sway_through_water
         return value - self.drag * v * jnp.abs(v)
@@ -81,7 +79,7 @@ class QuadraticYawDrag(Effect):
         probes=relative_to("yaw_rate", 0.1, 1.0, power=-1),
     )
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The moment less the quadratic drag."""
         return value - self.drag * s.yaw_rate * jnp.abs(s.yaw_rate)
 
@@ -109,7 +107,7 @@ class SwayYawCoupling(Effect):
     mass: float = parameter(0.1, "kg m", null=0.0, size=0.5, probes=(-0.3, 0.3))
     damping: float = parameter(0.1, "N s", null=0.0, size=0.5, probes=(-0.5, 0.5))
 
-    def at(self, port: str, value: Any, s: Signals) -> Any:
+    def at(self, port: str, value: Signal, s: Signals) -> Signal:
         """Forces with the off-diagonal terms, then accelerations by the coupled masses."""
         u, v, r = s.surge_through_water, s.sway_through_water, s.yaw_rate
         if port == "surge_force":

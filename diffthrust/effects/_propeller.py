@@ -1,13 +1,12 @@
 """Effects between the speed of the propeller and its thrust."""
 
 from collections.abc import Mapping
-from typing import Any
 
 import jax.numpy as jnp
 
 from diffthrust.models._base.effect import Effect, registered
 from diffthrust.models._base.parameter import parameter, relative_to
-from diffthrust.models._base.signals import Signals
+from diffthrust.models._base.signals import Rate, Signal, Signals
 
 
 @registered
@@ -23,7 +22,7 @@ class ReverseThrustAsymmetry(Effect):
     port = "propeller"
     change: float = parameter(-0.1, bounds=(-1, None), null=0.0, size=0.3, probes=(-0.3, 0.3))
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The thrust with the reverse direction changed."""
         return value * (1.0 + jnp.where(s.speed < 0, self.change, 0.0))
 
@@ -48,7 +47,7 @@ class InflowThrustLoss(Effect):
         probes=relative_to("propeller", 0.002, 0.02),
     )
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The thrust in moving water."""
         return value - self.loss * jnp.abs(s.speed) * s.inflow
 
@@ -85,16 +84,16 @@ class AxialFlow(Effect):
     linear_drag: float = parameter(1.0, "N s/m", bounds=(0, None), fixed=True)
     quadratic_drag: float = parameter(10.0, "N s^2/m^2", bounds=(0, None), fixed=True)
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The thrust that the moving water leaves."""
         return value - self.loss * jnp.abs(s.speed) * s.flow
 
-    def rates(self, value: Any, s: Signals) -> Mapping[str, Any]:
+    def rates(self, value: Signal, s: Signals) -> Mapping[str, Rate]:
         """The momentum of the water in the duct."""
         drag = (self.linear_drag + self.quadratic_drag * jnp.abs(s.flow)) * s.flow
         return {"flow": (self(value, s) - drag) / self.mass}
 
-    def initial(self, value: Any, s: Signals) -> Mapping[str, Any]:
+    def initial(self, value: Signal, s: Signals) -> Mapping[str, Signal | float]:
         """Settled at the speed with which the log begins."""
         linear = self.linear_drag + self.loss * jnp.abs(s.speed) + 1e-9
         root = jnp.sqrt(linear**2 + 4.0 * self.quadratic_drag * jnp.abs(value))
@@ -117,7 +116,7 @@ class Cavitation(Effect):
         40.0, "rad/s", bounds=(0, None), transform="log", probes=relative_to("speed", 0.4, 0.7)
     )
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The thrust without what cavitation takes."""
         onset = self.onset**2
         full = onset / jnp.maximum(s.speed**2, onset + 1e-12)
@@ -142,7 +141,7 @@ class ThrustDegradation(Effect):
     )
     transition: float = parameter(1.0, "s", bounds=(0, None), fixed=True)
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The thrust with what is lost by now."""
         lost = jnp.clip(0.5 + (s.time - self.instant) / self.transition, 0.0, 1.0)
         return value * (1.0 - self.fraction * lost)

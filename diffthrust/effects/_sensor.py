@@ -1,11 +1,9 @@
 """Effects between what the thruster does and what its sensors report, on the whole series."""
 
-from typing import Any
-
 from diffthrust.effects._recorded import delayed, lagged
 from diffthrust.models._base.effect import Effect, registered
 from diffthrust.models._base.parameter import parameter, relative_to
-from diffthrust.models._base.signals import Signals
+from diffthrust.models._base.signals import Signal, Signals
 
 
 @registered
@@ -21,7 +19,7 @@ class SpeedSensorScale(Effect):
     port = "speed"
     change: float = parameter(0.05, bounds=(-1, None), null=0.0, size=0.2, probes=(-0.1, 0.1))
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The speed as reported."""
         return value * (1.0 + self.change)
 
@@ -40,7 +38,7 @@ class SpeedSensorOffset(Effect):
         1.0, "rad/s", null=0.0, size=2.0, probes=relative_to("speed", -0.05, 0.05)
     )
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The speed as reported."""
         return value + self.offset
 
@@ -59,7 +57,7 @@ class ThrustSensorScale(Effect):
     port = "thrust"
     change: float = parameter(0.05, bounds=(-1, None), null=0.0, size=0.2, probes=(-0.1, 0.1))
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The thrust as reported."""
         return value * (1.0 + self.change)
 
@@ -78,7 +76,7 @@ class ThrustSensorOffset(Effect):
         1.0, "N", null=0.0, size=2.0, probes=relative_to("thrust", -0.05, 0.05)
     )
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The thrust as reported."""
         return value + self.offset
 
@@ -99,7 +97,7 @@ class ThrustSensorLag(Effect):
         0.1, "s", bounds=(0, None), null=0.0, size=0.1, probes=(0.03, 0.1, 0.3)
     )
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The thrust as reported."""
         return lagged(s.time, value, self.time_constant)
 
@@ -119,6 +117,6 @@ class ThrustSensorDelay(Effect):
         0.05, "s", bounds=(0, None), null=0.0, size=0.1, probes=(0.02, 0.08, 0.25)
     )
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The thrust as reported."""
         return delayed(s.time, value, self.delay)

@@ -1,14 +1,13 @@
 """Effects between the motor's torque and the shaft."""
 
 from collections.abc import Mapping
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 
 from diffthrust.models._base.effect import Effect, registered
 from diffthrust.models._base.parameter import parameter, relative_to
-from diffthrust.models._base.signals import Relaxing, Signals
+from diffthrust.models._base.signals import Rate, Relaxing, Signal, Signals
 
 
 @registered
@@ -28,17 +27,17 @@ class ActuatorLag(Effect):
         0.05, "s", bounds=(0, None), null=0.0, size=0.1, probes=(0.03, 0.1, 0.3)
     )
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The lagged drive; at the null exactly the drive, with the response's derivative."""
         null = jax.lax.stop_gradient(value) + (s.response - jax.lax.stop_gradient(s.response))
         return jnp.where(self.time_constant > 0, s.response, null)
 
-    def rates(self, value: Any, s: Signals) -> Mapping[str, Any]:
+    def rates(self, value: Signal, s: Signals) -> Mapping[str, Rate]:
         """First-order lag; a nanosecond keeps value and derivative finite at the null."""
         decay = 1.0 / (self.time_constant + 1e-9)
         return {"response": Relaxing(decay * (value - s.response), decay)}
 
-    def initial(self, value: Any, s: Signals) -> Mapping[str, Any]:
+    def initial(self, value: Signal, s: Signals) -> Mapping[str, Signal | float]:
         """Settled at the drive with which the log begins."""
         return {"response": value}
 
@@ -56,7 +55,7 @@ class ReverseDriveAsymmetry(Effect):
     port = "drive"
     change: float = parameter(-0.1, bounds=(-1, None), null=0.0, size=0.3, probes=(-0.3, 0.3))
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The drive with the reverse direction changed."""
         return value * (1.0 + jnp.where(value < 0, self.change, 0.0))
 
@@ -78,7 +77,7 @@ class SupplyVoltageSag(Effect):
     share: float = parameter(0.5, bounds=(0, 1), null=0.0, size=0.5, probes=(0.3, 0.9))
     nominal: float = parameter(24.0, "V", bounds=(0, None), fixed=True)
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The drive at the present supply."""
         return value * (1.0 + self.share * (s.supply_voltage / self.nominal - 1.0))
 
@@ -96,7 +95,7 @@ class ReverseLoadAsymmetry(Effect):
     port = "load"
     change: float = parameter(-0.1, bounds=(-1, None), null=0.0, size=0.3, probes=(-0.3, 0.3))
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The load with the reverse direction changed."""
         return value * (1.0 + jnp.where(s.speed < 0, self.change, 0.0))
 
@@ -121,7 +120,7 @@ class InflowLoadRelief(Effect):
         probes=relative_to("inflow", 0.1, 0.4, power=-1),
     )
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The load in moving water."""
         return value - self.relief * jnp.abs(s.speed) * s.inflow
 
@@ -140,7 +139,7 @@ class LinearDamping(Effect):
         0.3, "1/s", bounds=(0, None), null=0.0, size=0.5, probes=(0.1, 0.5, 2.0)
     )
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The acceleration under damping."""
         return value - self.rate * s.speed
 
@@ -163,7 +162,7 @@ class CoulombFriction(Effect):
     )
     settling: float = parameter(0.03, "s", bounds=(0, None), fixed=True)
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The acceleration under friction."""
         slow = s.speed / self.settling
         return value - jnp.where(jnp.abs(slow) < self.level, slow, self.level * jnp.sign(slow))
@@ -194,7 +193,7 @@ class StaticFriction(Effect):
     settling: float = parameter(0.03, "s", bounds=(0, None), fixed=True)
     spread: float = parameter(0.3, bounds=(0, 2), fixed=True)
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The acceleration that is not borne."""
         near = s.speed / (self.level * self.settling + 1e-9)
         margin = (self.level - jnp.abs(value)) / (self.spread * self.level + 1e-9)

@@ -28,9 +28,10 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust.estimation._numbers import AnyArray, Batch
 from diffthrust.logs._log import Log
+from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Parameter
-from diffthrust.models._base.signals import Ports, Signals
+from diffthrust.models._base.signals import Signals
 from diffthrust.simulation._errors import wrapped
 from diffthrust.simulation._inputs import measured_outputs
 from diffthrust.simulation._linearise import slopes_at

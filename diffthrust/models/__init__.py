@@ -2,12 +2,12 @@
 
 from diffthrust.models._axis_vehicle import AxisVehicle as AxisVehicle
 from diffthrust.models._base.effect import Effect as Effect
+from diffthrust.models._base.effect import Ports as Ports
 from diffthrust.models._base.model import Model as Model
 from diffthrust.models._base.parameter import Normal as Normal
 from diffthrust.models._base.parameter import Parameter as Parameter
 from diffthrust.models._base.parameter import parameter as parameter
 from diffthrust.models._base.parameter import relative_to as relative_to
-from diffthrust.models._base.signals import Ports as Ports
 from diffthrust.models._base.signals import Relaxing as Relaxing
 from diffthrust.models._base.signals import Signals as Signals
 from diffthrust.models._dc_motor import DCMotorThruster as DCMotorThruster

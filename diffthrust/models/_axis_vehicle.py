@@ -1,13 +1,11 @@
 """A vehicle that moves along one axis."""
 
-from collections.abc import Mapping
-from typing import Any
-
 import jax.numpy as jnp
 
+from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import parameter
-from diffthrust.models._base.signals import Ports, Signals
+from diffthrust.models._base.signals import Equations, Signals
 
 
 class AxisVehicle(Model):
@@ -33,7 +31,7 @@ class AxisVehicle(Model):
     mass: float = parameter(340.0, "kg", bounds=(0, None))
     drag: float = parameter(67.0, "N s^2/m^2", bounds=(0, None))
 
-    def equations(self, s: Signals, port: Ports) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+    def equations(self, s: Signals, port: Ports) -> Equations:
         """Yoerger et al. 1990, section IV."""
         hull = port("hull", -self.drag * s.velocity * jnp.abs(s.velocity))
         force = port("force", s.thrust + hull)

@@ -1,13 +1,13 @@
 """The thruster with its direct-current motor."""
 
 from collections.abc import Mapping
-from typing import Any
 
 import jax.numpy as jnp
 
+from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import parameter
-from diffthrust.models._base.signals import Ports, Relaxing, Signals
+from diffthrust.models._base.signals import Equations, Relaxing, Signal, Signals
 
 
 class DCMotorThruster(Model):
@@ -53,7 +53,7 @@ class DCMotorThruster(Model):
     thrust_linear: float = parameter(0.0, "N s/rad", null=0.0, size=0.01, fixed=True)
     thrust_quadratic: float = parameter(1e-4, "N s^2/rad^2", bounds=(0, None))
 
-    def equations(self, s: Signals, port: Ports) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+    def equations(self, s: Signals, port: Ports) -> Equations:
         """Aras et al. 2013, equations of the motor and of the thruster."""
         swept = s.speed * jnp.abs(s.speed)
         thrust = port("propeller", self.thrust_linear * s.speed + self.thrust_quadratic * swept)
@@ -67,6 +67,6 @@ class DCMotorThruster(Model):
         }
         return rates, {"speed": s.speed, "thrust": thrust, "current": s.current}
 
-    def initial(self, s: Signals) -> Mapping[str, Any]:
+    def initial(self, s: Signals) -> Mapping[str, Signal | float]:
         """The current that the first command drives through the motor at rest."""
         return {"current": s.command / self.resistance}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import jax.numpy as jnp
@@ -10,8 +10,9 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust.models import Vessel
+from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
-from diffthrust.models._base.signals import Ports, Signals
+from diffthrust.models._base.signals import Equations, Signals
 
 
 class TabulatedVessel(Model):
@@ -76,7 +77,7 @@ class TabulatedVessel(Model):
         )
         super().__init__()
 
-    def equations(self, s: Signals, port: Ports) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+    def equations(self, s: Signals, port: Ports) -> Equations:
         """Those of `Vessel`, with the parameters at the present surge."""
         values = {name: _along(s.surge, self.speeds, column) for name, column in self.table}
         return self.vessel.model.bind(values).equations(s, port)

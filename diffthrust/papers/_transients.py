@@ -15,7 +15,7 @@ SURGE, SWAY, YAW = ("surge", "m/s"), ("sway", "m/s"), ("yaw_rate", "rad/s")
 AMIDSHIPS = 1e-3
 """Radians: a propeller this far from amidships counts as straight."""
 
-Course = tuple[np.ndarray, np.ndarray, np.ndarray]
+_Course = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Time, measured and fitted, ``(n,)`` each."""
 
 
@@ -30,8 +30,8 @@ class Transient:
     """
 
     time_constant: float
-    runs: tuple[Course, ...] = field(repr=False)
-    others: tuple[Course, ...] = field(repr=False)
+    runs: tuple[_Course, ...] = field(repr=False)
+    others: tuple[_Course, ...] = field(repr=False)
 
 
 def surge_transient(
@@ -57,7 +57,7 @@ def surge_transient(
 
     lag = float(np.exp(least_squares(residual, [0.0]).x[0]))
 
-    def shown(logs: Sequence[Log]) -> tuple[Course, ...]:
+    def shown(logs: Sequence[Log]) -> tuple[_Course, ...]:
         return tuple((t, u, course(t, u, e, lag)) for t, u, e in map(rising, logs))
 
     return Transient(lag, shown(runs), shown(others))

@@ -10,8 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from diffthrust.logs._log import Log
+from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
-from diffthrust.models._base.signals import Ports, Signals
+from diffthrust.models._base.signals import Signals
 from diffthrust.simulation._inputs import inputs_of
 from diffthrust.simulation._trajectory import equations_of
 

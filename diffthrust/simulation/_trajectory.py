@@ -10,8 +10,9 @@ from typing import Any, Protocol
 import jax.numpy as jnp
 
 from diffthrust._support.errors import InputError
+from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
-from diffthrust.models._base.signals import Ports, Signals, elementwise, expect
+from diffthrust.models._base.signals import Signals, elementwise, expect
 from diffthrust.simulation._integrate import integrate
 
 

@@ -13,7 +13,8 @@ import diffthrust as dft
 from diffthrust import InputError, Log, Model, simulate
 from diffthrust.effects import ActuatorLag, CommandDeadband, ReverseThrustAsymmetry
 from diffthrust.models import MODELS
-from diffthrust.models._base.signals import Ports, Relaxing, Signals
+from diffthrust.models._base.effect import Ports
+from diffthrust.models._base.signals import Relaxing, Signals
 
 JASON = thruster.JASON
 

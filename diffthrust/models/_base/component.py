@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import replace
 from typing import Any, ClassVar, Self
 
 import jax
+from jax.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
@@ -65,12 +66,16 @@ class Component:
         other._set(**attributes)
         return other
 
-    def _bound(self, values: Mapping[str, Any]) -> Self:
+    def _bound(self, values: Mapping[str, ArrayLike]) -> Self:
         """A copy whose parameters read as these (possibly traced) values."""
         return self._copy(**values)
 
+    def __repr__(self) -> str:
+        listed = ", ".join(f"{k}={getattr(self, k):.4g}" for k in self._parameters)
+        return f"{type(self).__name__}({listed})"
+
     @property
-    def structure(self) -> tuple[Any, ...]:
+    def structure(self) -> tuple[Hashable, ...]:
         """What fixes the compiled code: the class and its options, not its numbers."""
         return (type(self), *(getattr(self, name) for name in self.options))
 
@@ -139,6 +144,6 @@ def changed(old: Parameter, new: float | Parameter | Mapping[str, Any]) -> Param
         ) from None
 
 
-def _hint(name: str, options: Any) -> str:
+def _hint(name: str, options: Iterable[str]) -> str:
     near = nearest(name, options)
     return f" ({near})" if near else ""

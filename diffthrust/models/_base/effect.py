@@ -1,13 +1,13 @@
-"""Effects: small physical terms that plug into a port of a model."""
+"""Effects: small physical terms that plug into a port of a model, and the ports where they act."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, TypeVar
 
 from diffthrust._support.errors import InputError
 from diffthrust.models._base.component import Component
-from diffthrust.models._base.signals import Signals
+from diffthrust.models._base.signals import Rate, Signal, Signals, elementwise, expect
 
 
 class Effect(Component):
@@ -58,24 +58,24 @@ class Effect(Component):
                 f'Write {missing[0]} = "..." in the class.',
             )
 
-    def __call__(self, value: Any, s: Signals) -> Any:
+    def __call__(self, value: Signal, s: Signals) -> Signal:
         """The value that leaves the port when `value` arrives at it."""
         raise InputError(
             f"Effect '{self.name}' has no __call__.", "Define def __call__(self, value, s): ..."
         )
 
-    def at(self, port: str, value: Any, s: Signals) -> Any:
+    def at(self, port: str, value: Signal, s: Signals) -> Signal:
         """The value that leaves one of ``ports``: that of ``__call__`` where there is one."""
         return self(value, s)
 
-    def rates(self, value: Any, s: Signals) -> Mapping[str, Any]:
+    def rates(self, value: Signal, s: Signals) -> Mapping[str, Rate]:
         """Time derivatives of the effect's own states (a number or `Relaxing` for each)."""
         raise InputError(
             f"Effect '{self.name}' has states but no rates.",
             "Define def rates(self, value, s): return {state: derivative}.",
         )
 
-    def initial(self, value: Any, s: Signals) -> Mapping[str, Any]:
+    def initial(self, value: Signal, s: Signals) -> Mapping[str, Signal | float]:
         """States at the start of a log, from the value that arrives there; zero by default."""
         return {}
 
@@ -84,13 +84,6 @@ class Effect(Component):
         nulls = {k: p.null for k, p in self._parameters.items() if p.null is not None}
         described = {k: self._parameters[k].with_value(v) for k, v in nulls.items()}
         return self._copy(_parameters={**self._parameters, **described}, **nulls)
-
-    def __repr__(self) -> str:
-        return f"{type(self).__name__}({_listed(self)})"
-
-
-def _listed(component: Component) -> str:
-    return ", ".join(f"{k}={getattr(component, k):.4g}" for k in component._parameters)
 
 
 EFFECTS: dict[str, type[Effect]] = {}
@@ -108,3 +101,48 @@ def registered(cls: type[E]) -> type[E]:
     """
     EFFECTS[cls.name] = cls
     return cls
+
+
+class Ports:
+    """Passes a value through the effects that act at a port, in the order they were added.
+
+    One instance serves one evaluation of a model's equations; it collects the rates of the
+    effects' own states on the way. With ``starting=True`` those states are set to their initial
+    values instead, as the value arrives.
+    """
+
+    def __init__(self, effects: Sequence[Effect], signals: Signals, starting: bool = False) -> None:
+        self._effects = effects
+        self._signals = signals
+        self._starting = starting
+        self.rates: dict[str, Rate] = {}
+        self.initial: dict[str, Signal | float] = {}
+
+    def tell(self, **signals: Signal | float) -> None:
+        """Let the effects at the ports that follow read what the model has worked out."""
+        self._signals = self._signals.also(signals)
+
+    def __call__(self, port: str, value: Signal) -> Signal:
+        for effect in self._effects:
+            if port in effect.ports:
+                value = self._through(effect, port, value)
+        return value
+
+    def _through(self, effect: Effect, port: str, value: Signal) -> Signal:
+        where = type(effect).__name__
+        if not effect.states:
+            with elementwise(where):
+                return effect.at(port, value, self._signals)
+        own = {name: f"{effect.name}.{name}" for name in effect.states}
+        if self._starting:
+            start = effect.initial(value, self._signals)
+            self.initial.update({own[name]: start.get(name, 0.0) for name in own})
+            signals = self._signals.also({name: self.initial[own[name]] for name in own})
+        else:
+            signals = self._signals.also({name: self._signals[own[name]] for name in own})
+        with elementwise(where):
+            rates = effect.rates(value, signals)
+            leaving = effect.at(port, value, signals)
+        expect(f"{where}.rates", "rate of the state", own, rates)
+        self.rates.update({own[name]: rates[name] for name in own})
+        return leaving

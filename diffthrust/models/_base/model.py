@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from typing import Any, ClassVar, Self
+
+from jax.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
 from diffthrust.models._base.component import Component, changed
-from diffthrust.models._base.effect import Effect
+from diffthrust.models._base.effect import Effect, Ports
 from diffthrust.models._base.parameter import Parameter
 from diffthrust.models._base.registry import effect_named
-from diffthrust.models._base.signals import Ports, Signals
+from diffthrust.models._base.signals import Equations, Signal, Signals
 
 
 class Model(Component):
@@ -57,7 +59,7 @@ class Model(Component):
                 "Give the port another name.",
             )
 
-    def equations(self, s: Signals, port: Ports) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+    def equations(self, s: Signals, port: Ports) -> Equations:
         """The physics, written once: ``(rates, outputs)`` from the signals.
 
         It is evaluated with numbers inside the integration and with whole arrays for the outputs,
@@ -68,7 +70,7 @@ class Model(Component):
             "Define def equations(self, s, port): return {state: rate}, {output: value}.",
         )
 
-    def initial(self, s: Signals) -> Mapping[str, Any]:
+    def initial(self, s: Signals) -> Mapping[str, Signal | float]:
         """Initial states where neither a measurement nor the user gives them; zero by default."""
         return {}
 
@@ -133,7 +135,7 @@ class Model(Component):
         """The model with these parameters to be estimated."""
         return self.replace({name: {"fixed": False} for name in names})
 
-    def bind(self, values: Mapping[str, Any]) -> Self:
+    def bind(self, values: Mapping[str, ArrayLike]) -> Self:
         """The model reading (possibly traced) values by full name; unnamed ones stay."""
         own = {k: values[k] for k in self._parameters if k in values}
         effects = tuple(
@@ -147,9 +149,6 @@ class Model(Component):
             for effect in self.effects
         )
         return self._copy(effects=effects, **own)
-
-    def _bound(self, values: Mapping[str, Any]) -> Self:
-        return self._copy(**values)
 
     # -- effects -----------------------------------------------------------------------------------
 
@@ -201,7 +200,7 @@ class Model(Component):
         return self._copy(effects=kept)
 
     @property
-    def structure(self) -> tuple[Any, ...]:
+    def structure(self) -> tuple[Hashable, ...]:
         """What fixes the compiled code: classes and options of the model and its effects."""
         return (*super().structure, *(effect.structure for effect in self.effects))
 
@@ -216,9 +215,7 @@ class Model(Component):
         return {**self.states, **own}
 
     def __repr__(self) -> str:
-        listed = ", ".join(f"{k}={getattr(self, k):.4g}" for k in self._parameters)
-        parts = [f"{type(self).__name__}({listed})", *(repr(effect) for effect in self.effects)]
-        return " + ".join(parts)
+        return " + ".join([super().__repr__(), *(repr(effect) for effect in self.effects)])
 
     def __str__(self) -> str:
         return " + ".join([self.name, *(effect.name for effect in self.effects)])
