@@ -10,7 +10,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from diffthrust._support._running.pool import pooled
+from diffthrust._support._running.pool import on_processes
 from diffthrust._support._running.process import LineProcess, ProcessDied, ProcessNotStarted
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import write_whole
@@ -93,7 +93,7 @@ def run_all(tasks: Sequence[Task], jobs: int) -> Iterator[tuple[int, FitRun]]:
     """
     processes = [LineProcess(f"{__name__}:run_plain") for _ in range(jobs)]
     keys = [compile_key(task.file) for task in tasks]
-    with closing(pooled(tasks, keys, processes, _in_process)) as each:
+    with closing(on_processes(tasks, keys, processes, _in_process)) as each:
         yield from (outcome for outcome in each if outcome is not None)
 
 

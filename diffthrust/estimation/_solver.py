@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 
-from diffthrust._support._running.batching import lanes
+from diffthrust._support._running.batching import shared_runs
 from diffthrust._support.box import least_in_box
 from diffthrust.estimation._likelihood import Quadratic, evaluate
 from diffthrust.estimation._problem import Problem
@@ -180,7 +180,7 @@ def solve(
     """
     low, high = problem.limits() if limits is None else limits
     z, layout, numbers = np.clip(z, low, high), problem.layout, problem.numbers
-    side_by_side = lanes()
+    side_by_side = shared_runs()
     if side_by_side is None:
         bounds = (low, high, np.asarray(budget - 1), np.asarray(tolerance))
         value, quadratic, done, steps = _solve(layout, numbers, z, *bounds)

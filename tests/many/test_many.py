@@ -11,7 +11,7 @@ import pytest
 from places import ROOT
 
 import diffthrust as dft
-from diffthrust._support._running.batching import Lanes, _side_by_side
+from diffthrust._support._running.batching import SharedRuns, run_stacked  # private: runs alone
 from diffthrust.effects import ActuatorLag
 from diffthrust.estimation._likelihood import Quadratic
 from diffthrust.estimation._multistart import _distinct
@@ -106,13 +106,13 @@ def test_a_member_that_fails_costs_the_others_nothing(logs, fits):
 
 
 def test_logs_of_many_lengths_share_one_program(logs):
-    before = _side_by_side._cache_size()
+    before = run_stacked._cache_size()
     dft.many.fit(MODEL, logs[:8], starts=1, substeps=1, width=5)
-    once = _side_by_side._cache_size() - before
+    once = run_stacked._cache_size() - before
     others = [record(20 + i, 240 + 7 * i) for i in range(8)]
     others.append(record(40, 300))  # the longest, as before
     dft.many.fit(MODEL, others, starts=1, substeps=1, width=5)
-    assert _side_by_side._cache_size() - before == once
+    assert run_stacked._cache_size() - before == once
     assert once == 3  # the search, and two grids of the step's check
 
 
@@ -146,10 +146,10 @@ def test_maps_of_many_models_are_those_of_each(fits):
     ids=["emcee", "nuts"],
 )
 def test_posteriors_are_those_of_one_at_a_time(logs, fits, options):
-    shared = _side_by_side._cache_size()
+    shared = run_stacked._cache_size()
     found = dft.many.sample(fits[:6], logs[:6], width=32, **options)  # chains of several at once
     assert not found.failed
-    assert _side_by_side._cache_size() > shared
+    assert run_stacked._cache_size() > shared
     alone = dft.sample(fits[1], logs[1], **options)
     for name in ("alpha", "beta", "ct"):
         ours, theirs = found[1].posterior[name].values, alone.posterior[name].values
@@ -237,36 +237,36 @@ def _square(factor, x):
     return factor * x["value"] ** 2
 
 
-def _done(lanes, *works):
+def _done(shared, *works):
     """Do all of some work."""
-    for _ in lanes.drive(works):
+    for _ in shared.drive(works):
         pass
 
 
 def test_each_member_gets_its_own_row():
-    lanes, found = Lanes(3), {}
+    shared, found = SharedRuns(3), {}
 
     def work(i):
-        asked = [lanes.ask(_square, 2.0, {"value": np.float64(i + k)}) for k in range(4)]
+        asked = [shared.ask(_square, 2.0, {"value": np.float64(i + k)}) for k in range(4)]
         found[i] = [float(x) for x in asked]
 
-    _done(lanes, *(partial(work, i) for i in range(7)))
+    _done(shared, *(partial(work, i) for i in range(7)))
     assert found == {i: [2.0 * (i + k) ** 2 for k in range(4)] for i in range(7)}
 
 
 def test_nobody_waits_for_the_slowest():
-    lanes, ended, rounds = Lanes(2), [], []
+    shared, ended, rounds = SharedRuns(2), [], []
 
     def straggler():
         while len(ended) < 6 and len(rounds) < 2000:
-            rounds.append(lanes.ask(_square, 1.0, {"value": np.float64(1.0)}))
+            rounds.append(shared.ask(_square, 1.0, {"value": np.float64(1.0)}))
 
     def quick():
         for _ in range(3):
-            lanes.ask(_square, 1.0, {"value": np.float64(2.0)})
+            shared.ask(_square, 1.0, {"value": np.float64(2.0)})
         ended.append(True)
 
-    _done(lanes, straggler, *[quick] * 6)
+    _done(shared, straggler, *[quick] * 6)
     assert len(ended) == 6
     assert 0 < len(rounds) < 30
 
@@ -276,44 +276,44 @@ def _broken(_, x):
 
 
 def test_an_error_of_a_program_reaches_those_who_asked():
-    lanes, told, found = Lanes(2), [], []
+    shared, told, found = SharedRuns(2), [], []
 
     def work(program):
         try:
-            found.append(lanes.ask(program, 1.0, {"value": np.float64(3.0)}))
+            found.append(shared.ask(program, 1.0, {"value": np.float64(3.0)}))
         except ValueError as error:
             told.append(str(error))
 
-    _done(lanes, *(partial(work, p) for p in (_broken, _square, _broken, _broken)))
+    _done(shared, *(partial(work, p) for p in (_broken, _square, _broken, _broken)))
     assert told == ["no such thing"] * 3
     assert found == [9.0]
 
 
 def test_programs_of_several_kinds_are_under_way_together():
-    lanes, most = Lanes(4), []
+    shared, most = SharedRuns(4), []
 
     def work(factor):
         for _ in range(5):
-            lanes.ask(_square, factor, {"value": np.float64(2.0)})
-            most.append(len(lanes._under_way))
+            shared.ask(_square, factor, {"value": np.float64(2.0)})
+            most.append(len(shared._under_way))
 
-    _done(lanes, *(partial(work, float(i)) for i in range(3)))  # no run is ever full
+    _done(shared, *(partial(work, float(i)) for i in range(3)))  # no run is ever full
     assert max(most) > 0
 
 
 def test_work_that_is_given_up_gets_no_further_program():
-    lanes, told = Lanes(1), []
+    shared, told = SharedRuns(1), []
 
     def stubborn():
         try:
             while True:
-                lanes.ask(_square, 1.0, {"value": np.float64(2.0)})
+                shared.ask(_square, 1.0, {"value": np.float64(2.0)})
         finally:
             told.append("ended")
-            lanes.ask(_square, 1.0, {"value": np.float64(2.0)})
+            shared.ask(_square, 1.0, {"value": np.float64(2.0)})
             told.append("went on")
 
-    drive = lanes.drive([lambda: None, stubborn, lambda: None])
+    drive = shared.drive([lambda: None, stubborn, lambda: None])
     next(drive), next(drive)
     drive.close()
     assert told == ["ended"]
@@ -366,7 +366,7 @@ def test_a_map_that_fails_costs_the_others_nothing(fits, monkeypatch):
 
 SHARDED = """
 import jax, numpy as np, sys
-sys.path.insert(0, "tests")
+sys.path[:0] = ["tests", "tests/many"]
 import diffthrust._support._running.batching, diffthrust as dft
 from test_many import MODEL, record
 logs = [record(i) for i in range(8)]
@@ -374,12 +374,12 @@ assert len(jax.devices()) == 4
 one = dft.many.fit(MODEL, logs, starts=1, substeps=1, width=2)
 four = dft.many.fit(MODEL, logs, starts=1, substeps=1, width=2, devices=jax.devices())
 places = set()
-placed = diffthrust._support._running.batching._side_by_side
+placed = diffthrust._support._running.batching.run_stacked
 def watched(*given):
     found = placed(*given)
     places.update(d.id for leaf in jax.tree.leaves(found) for d in leaf.devices())
     return found
-diffthrust._support._running.batching._side_by_side = watched
+diffthrust._support._running.batching.run_stacked = watched
 last = dft.many.compare(MODEL, logs[:2], substeps=1, devices=jax.devices()[3:])
 assert places == {3}, places
 worst = max(

@@ -1,6 +1,6 @@
 """Compiled programs of several members, run side by side.
 
-A program that is asked for by several members at once, with numbers of equal shapes, is run for
+A program that is request for by several members at once, with numbers of equal shapes, is run for
 some of them together: their numbers are stacked, and every member gets its own row of the result.
 On a processor a few rows fill its vector units, and more only leave its cache; an accelerator takes
 hundreds. Whatever a member does in between (its checks, its next start) goes on by itself, so that
@@ -10,7 +10,7 @@ Members take turns in one thread, as greenlets: each goes on until it asks for a
 would pass Python's lock to and fro at every operation of NumPy, which takes longer than the work.
 Programs run in a few threads beside it, while other members have their turn.
 
-Outside `Lanes` a program is run at once, as it is.
+Outside `SharedRuns` a program is run at once, as it is.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ from greenlet import GreenletExit, getcurrent, greenlet
 
 from diffthrust._support.warned import silence
 
-_present: ContextVar[Lanes | None] = ContextVar("lanes", default=None)
+_present: ContextVar[SharedRuns | None] = ContextVar("shared_runs", default=None)
 _ladder: ContextVar[Sequence[int]] = ContextVar("ladder", default=())
 
 
-def lanes() -> Lanes | None:
-    """The lanes that this member's programs run in, if any."""
+def shared_runs() -> SharedRuns | None:
+    """What runs this member's programs beside those of others, if it has company."""
     return _present.get()
 
 
@@ -56,7 +56,7 @@ def padded_length(samples: int) -> int:
     return int(lengths[at]) if at < len(lengths) else samples
 
 
-def run(program: Callable[..., Any], static: Hashable, numbers: Any, rows: int = 1) -> Any:
+def run_program(program: Callable[..., Any], static: Hashable, numbers: Any, rows: int = 1) -> Any:
     """``program(static, numbers)``, compiled; beside those of other members where there are any.
 
     Args:
@@ -65,21 +65,22 @@ def run(program: Callable[..., Any], static: Hashable, numbers: Any, rows: int =
         numbers: a pytree of arrays.
         rows: that the program works on side by side by itself already.
     """
-    present = lanes()
-    if present is None:
+    company = shared_runs()
+    if company is None:
         return program(static, numbers)
-    return present.ask(program, static, numbers, rows)
+    return company.ask(program, static, numbers, rows)
 
 
 @partial(jax.jit, static_argnums=(0, 1))
-def _side_by_side(program: Callable[..., Any], static: Hashable, rows: Any) -> Any:
+def run_stacked(program: Callable[..., Any], static: Hashable, rows: Any) -> Any:
+    """A program on rows of numbers, side by side."""
     return jax.vmap(partial(program, static))(rows)
 
 
-class _Kind(NamedTuple):
-    """What is equal among programs that are run together, and how many are."""
+class _Program(NamedTuple):
+    """A program that requests may share: its code, the shapes of its numbers, and its rows."""
 
-    program: Callable[..., Any]
+    function: Callable[..., Any]
     static: Hashable
     tree: Any
     shapes: tuple[Any, ...]
@@ -87,16 +88,16 @@ class _Kind(NamedTuple):
 
 
 @dataclass(eq=False)
-class _Asked:
+class _Request:
     """What one member waits for."""
 
     member: greenlet
     leaves: list[np.ndarray]
-    found: Any = None
+    row: Any = None
     error: BaseException | None = None
 
 
-class Lanes:
+class SharedRuns:
     """Runs the programs of the members whose work it drives.
 
     Args:
@@ -114,9 +115,9 @@ class Lanes:
         self._sharding = _by_rows(devices) if len(devices) else None
         self._pool = ThreadPoolExecutor(runs, thread_name_prefix="diffthrust")
         self._driver: greenlet = getcurrent()
-        self._waiting: dict[_Kind, list[_Asked]] = {}
-        self._under_way: dict[Future[list[Any]], list[_Asked]] = {}
-        self._ready: deque[_Asked] = deque()
+        self._waiting: dict[_Program, list[_Request]] = {}
+        self._under_way: dict[Future[list[Any]], list[_Request]] = {}
+        self._ready: deque[_Request] = deque()
         self._closed = False
 
     def drive(self, works: Iterable[Callable[[], Any]]) -> Generator[None]:
@@ -136,19 +137,19 @@ class Lanes:
                     member = greenlet(partial(self._within, work))
                     members.add(member)
                 elif self._waiting and len(self._under_way) < self._runs:  # rather than be idle
-                    self._begin(max(self._waiting, key=lambda kind: len(self._waiting[kind])))
+                    self._begin(max(self._waiting, key=lambda program: len(self._waiting[program])))
                     continue
                 elif self._under_way:
                     self._collect()
                     continue
                 else:
                     return
-                kind = member.switch()
+                program = member.switch()
                 if member.dead:
                     members.remove(member)
                     yield
-                elif len(self._waiting[kind]) >= kind.width:
-                    self._begin(kind)
+                elif len(self._waiting[program]) >= program.width:
+                    self._begin(program)
         finally:
             self._closed = True
             for member in members:
@@ -174,41 +175,41 @@ class Lanes:
         leaves = [np.asarray(leaf) for leaf in leaves]
         shapes = tuple((leaf.shape, leaf.dtype) for leaf in leaves)
         width = max(1, min(self._most, self._width // rows)) * self._devices
-        kind = _Kind(program, static, tree, shapes, width)
-        asked = _Asked(getcurrent(), leaves)
-        self._waiting.setdefault(kind, []).append(asked)
-        self._driver.switch(kind)
-        if asked.error is not None:
-            raise asked.error
-        return asked.found
+        shared = _Program(program, static, tree, shapes, width)
+        request = _Request(getcurrent(), leaves)
+        self._waiting.setdefault(shared, []).append(request)
+        self._driver.switch(shared)
+        if request.error is not None:
+            raise request.error
+        return request.row
 
-    def _begin(self, kind: _Kind) -> None:
+    def _begin(self, program: _Program) -> None:
         """Run what waits for a program, beside all else; what it gives is collected later."""
         if len(self._under_way) >= self._runs:
             self._collect()
-        group = self._waiting.pop(kind)
-        self._under_way[self._pool.submit(self._run, kind, group)] = group
+        group = self._waiting.pop(program)
+        self._under_way[self._pool.submit(self._run, program, group)] = group
 
-    def _run(self, kind: _Kind, group: list[_Asked]) -> list[Any]:
+    def _run(self, program: _Program, group: list[_Request]) -> list[Any]:
         """What a program gives to each of a group."""
-        spare = [group[0]] * (kind.width - len(group))  # one shape, one compilation
-        columns = zip(*(asked.leaves for asked in [*group, *spare]), strict=True)
-        rows = jax.tree.unflatten(kind.tree, [np.stack(column) for column in columns])
+        spare = [group[0]] * (program.width - len(group))  # one shape, one compilation
+        columns = zip(*(request.leaves for request in [*group, *spare]), strict=True)
+        rows = jax.tree.unflatten(program.tree, [np.stack(column) for column in columns])
         if self._sharding is not None:
             rows = jax.device_put(rows, self._sharding)
-        found = jax.tree.map(np.asarray, _side_by_side(kind.program, kind.static, rows))
-        return [jax.tree.map(lambda leaf, i=i: leaf[i], found) for i in range(len(group))]
+        results = jax.tree.map(np.asarray, run_stacked(program.function, program.static, rows))
+        return [jax.tree.map(lambda leaf, i=i: leaf[i], results) for i in range(len(group))]
 
     def _collect(self) -> None:
         """Wait for the first run to end, and hand every member its row."""
         for run in wait(self._under_way, return_when=FIRST_COMPLETED).done:
             group = self._under_way.pop(run)
             try:
-                for asked, row in zip(group, run.result(), strict=True):
-                    asked.found = row
+                for request, row in zip(group, run.result(), strict=True):
+                    request.row = row
             except Exception as error:  # it is raised in all of them
-                for asked in group:
-                    asked.error = error
+                for request in group:
+                    request.error = error
             self._ready.extend(group)
 
 

@@ -23,7 +23,7 @@ def processors() -> int:
     return len(usable(0)) if usable else os.cpu_count() or 1
 
 
-def pooled(
+def on_processes(
     tasks: Sequence[T],
     keys: Sequence[Hashable],
     processes: Sequence[LineProcess],
@@ -47,16 +47,16 @@ def pooled(
         BaseException: what ``work`` raised.
     """
     groups = Groups(keys)
-    done: queue.SimpleQueue[tuple[int, R] | BaseException] = queue.SimpleQueue()
+    outcomes: queue.SimpleQueue[tuple[int, R] | BaseException] = queue.SimpleQueue()
 
     def use(process: LineProcess) -> None:
         key = None
         try:
-            while (given := groups.next(key)) is not None:
-                key, i = given
-                done.put((i, work(process, tasks[i])))
+            while (taken := groups.next(key)) is not None:
+                key, i = taken
+                outcomes.put((i, work(process, tasks[i])))
         except BaseException as error:  # the thread that waits is to raise it
-            done.put(error)
+            outcomes.put(error)
         finally:
             process.close()
 
@@ -67,14 +67,14 @@ def pooled(
             thread.start()
         while left:
             try:
-                found = done.get(timeout=_TICK)
+                outcome = outcomes.get(timeout=_TICK)
             except queue.Empty:
                 yield None
                 continue
-            if isinstance(found, BaseException):
-                raise found
+            if isinstance(outcome, BaseException):
+                raise outcome
             left -= 1
-            yield found
+            yield outcome
     finally:
         groups.clear()
         for process in processes:

@@ -9,11 +9,11 @@ import queue
 import sys
 import threading
 
-IDLE = 120.0
+_IDLE = 120.0
 """Seconds without a question after which the process gives its memory back."""
 
 
-def main(name: str) -> None:
+def serve(name: str) -> None:
     """Answer until the pipe is closed, which it is as well when the owner is killed.
 
     A line before all answers says that it is ready. What a function or a user's script prints goes
@@ -41,11 +41,11 @@ def main(name: str) -> None:
     print("ready", file=answers, flush=True)
     while True:
         try:
-            question = questions.get(timeout=IDLE)
+            question = questions.get(timeout=_IDLE)
         except queue.Empty:
             os._exit(0)
         print(json.dumps(answer(json.loads(question))), file=answers, flush=True)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    serve(sys.argv[1])

@@ -14,7 +14,7 @@ from typing import Any
 
 import jax
 
-from diffthrust._support._running.batching import Lanes, padded_to
+from diffthrust._support._running.batching import SharedRuns, padded_to
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust._support.progress import Progress
@@ -61,9 +61,9 @@ def each(
     processor = on[0].platform == "cpu"
     runs = runs or (min(os.cpu_count() or 1, 4) + 1 if processor else 2)
     if width is None:
-        lanes = Lanes(WIDTH if processor else ACCELERATED, chosen, len(names), runs)
+        runner = SharedRuns(WIDTH if processor else ACCELERATED, chosen, len(names), runs)
     else:
-        lanes = Lanes(_checked_width(width), chosen, runs=runs)
+        runner = SharedRuns(_checked_width(width), chosen, runs=runs)
     started, outcomes = time.monotonic(), [_Outcome() for _ in names]
 
     def one(i: int) -> None:
@@ -76,7 +76,7 @@ def each(
             outcomes[i].error = error
         outcomes[i].seconds = time.monotonic() - begun
 
-    with closing(lanes.drive(partial(one, i) for i in range(len(names)))) as ended:
+    with closing(runner.drive(partial(one, i) for i in range(len(names)))) as ended:
         for done, _ in enumerate(ended, 1):
             if progress:
                 progress(f"{done} of {len(names)}", done / len(names))

@@ -10,7 +10,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from diffthrust._support._running.pool import pooled
+from diffthrust._support._running.pool import on_processes
 from diffthrust._support._running.process import LineProcess, ProcessDied
 from diffthrust._support.errors import InputError
 from diffthrust._support.progress import Progress
@@ -76,7 +76,7 @@ def divided(
             answered.unlink()
             return list(zip(part.results, part.errors, part.seconds, strict=True))
 
-        with closing(pooled(chunks, [0] * len(chunks), lines, ask)) as each:
+        with closing(on_processes(chunks, [0] * len(chunks), lines, ask)) as each:
             for one in each:
                 if one is None:
                     continue

@@ -8,7 +8,7 @@ from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from contextlib import closing, contextmanager
 from pathlib import Path
 
-from diffthrust._support._running.pool import pooled
+from diffthrust._support._running.pool import on_processes
 from diffthrust._support._running.process import LineProcess
 from diffthrust._support.errors import InputError
 from diffthrust.many._campaign.job import Job
@@ -52,7 +52,7 @@ def _on_processes(workers: int, jobs: Sequence[Job]) -> Generator[ResultRow | No
     """On processes of this machine: each stays with specs that share compiled code."""
     processes = [new_process() for _ in range(workers)]
     keys = [compile_key(Path(job.spec)) if workers > 1 else "" for job in jobs]
-    with closing(pooled(jobs, keys, processes, _helped)) as each:
+    with closing(on_processes(jobs, keys, processes, _helped)) as each:
         for outcome in each:
             yield None if outcome is None else outcome[1]
 

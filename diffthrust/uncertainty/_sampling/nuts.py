@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from diffthrust._support._running.batching import run
+from diffthrust._support._running.batching import run_program
 from diffthrust._support.errors import InputError
 from diffthrust._support.progress import Progress
 from diffthrust.uncertainty._sampling.density import DensityShape, log_density
@@ -209,13 +209,13 @@ def sample_target(
     starts = jax.random.normal(begin, (chains, dim))
     tell("warmup", 0.0)
     keys = jax.random.key_data(jax.random.split(adapt, chains))
-    state, step, mass = run(warm_up, (target, warmup), (data, starts, keys), rows=chains)
+    state, step, mass = run_program(warm_up, (target, warmup), (data, starts, keys), rows=chains)
     parts = []
     for block in range(-(-draws // _BLOCK)):
         tell("drawing", (warmup + block * _BLOCK) / (warmup + draws))
         keys = jax.random.split(jax.random.fold_in(on, block), (chains, _BLOCK))
         numbers = (data, state, step, mass, jax.random.key_data(keys))
-        state, block_draws = run(draw_block, target, numbers, rows=chains)
+        state, block_draws = run_program(draw_block, target, numbers, rows=chains)
         parts.append(jax.tree.map(np.asarray, block_draws))
     kept, log_prob, (diverging, rate, steps) = jax.tree.map(
         lambda *part: np.concatenate(part, axis=1)[:, :draws], *parts

@@ -13,7 +13,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from diffthrust._support._running.batching import lanes, run
+from diffthrust._support._running.batching import run_program, shared_runs
 from diffthrust._support.errors import InputError
 from diffthrust.estimation._laws import TAIL
 from diffthrust.estimation._problem import Problem
@@ -119,11 +119,11 @@ class Posterior:
         portions = np.split(filled, whole // together)
 
         def one(portion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            density, level = run(log_densities, self.shape, (self.data, portion), rows=together)
+            density, level = run_program(log_densities, self.shape, (self.data, portion), rows=together)
             return np.asarray(density), np.asarray(level)
 
         # in threads, unless other members fill the cores: these wait for programs in one thread
-        alone = lanes() is None and whole > together
+        alone = shared_runs() is None and whole > together
         parts = list(_POOL.map(one, portions) if alone else map(one, portions))
         density, level = (np.concatenate(part)[:count] for part in zip(*parts, strict=True))
         return density, level
