@@ -12,10 +12,9 @@ from diffthrust._support.transfer import transfer_of
 from diffthrust._support.validation import finite
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
-from diffthrust.plans._limits import limits_of
+from diffthrust.plans._checks import checked_limits, settling_time
 from diffthrust.plans._plan import Plan
-from diffthrust.plans._settling import settling_time
-from diffthrust.plans._thruster import checked, outputs_of
+from diffthrust.plans._thruster import checked_thruster, thruster_outputs
 
 _SLOWER, _FASTER = 3.0, 2.0
 """The band reaches below the slowest and above the fastest time constant by these factors."""
@@ -73,9 +72,11 @@ def black_box(
         )
     count = int(finite("black_box, periods", periods, lambda x: x >= 1, "1 or more"))
     thruster = isinstance(model, Model)
-    low, high = limits_of("black_box", limits)
+    low, high = checked_limits("black_box", limits)
     slow, fast = (
-        _of_thruster(checked("black_box", model), max(-low, high)) if thruster else _of_poles(model)
+        _of_thruster(checked_thruster("black_box", model), max(-low, high))
+        if thruster
+        else _of_poles(model)
     )
     begin, end = 1.0 / (_SLOWER * slow), _FASTER / fast  # [rad/s]
     longest = math.pi / end if signal == "multisine" else 2.8 / end
@@ -92,7 +93,7 @@ def black_box(
         source="Aras et al. 2013, section 5",
         runs={f"black_box_{signal}": run},
         settle=run.duration,  # nothing is held
-        measure=measure or (tuple(outputs_of(model)) if thruster else ("depth",)),
+        measure=measure or (tuple(thruster_outputs(model)) if thruster else ("depth",)),
         note="Leave out the first period: it holds the transient.",
         band=(begin / (2.0 * math.pi), end / (2.0 * math.pi)),
     )
@@ -100,7 +101,7 @@ def black_box(
 
 def _of_thruster(model: Model, largest: float) -> tuple[float, float]:
     """Slowest and fastest time constant, from steps to half of the largest command and to it."""
-    times = [settling_time(model, outputs_of(model), {"command": share * largest})
+    times = [settling_time(model, thruster_outputs(model), {"command": share * largest})
              for share in (0.5, 1.0)]  # fmt: skip
     return max(times) / _TO_A_HUNDREDTH, min(times) / _TO_A_HUNDREDTH
 

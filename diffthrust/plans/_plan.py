@@ -15,7 +15,7 @@ from diffthrust._support.files import made_folder, write_whole
 from diffthrust._support.names import listing
 from diffthrust.logs._log import Log
 from diffthrust.papers._steady import true_stretches
-from diffthrust.plans._excited import excited
+from diffthrust.plans._checks import excited
 
 _NEAR = 0.02
 """A level is met by a held stretch within this share of the range of the plan."""
@@ -82,8 +82,8 @@ class PlanCheck:
         table = Table("Run", "Planned", "Found", "")
         for finding in self.findings:
             table.add_row(finding.run, finding.what, finding.found, "ok" if finding.good else "!")
-        done = sum(finding.good for finding in self.findings)
-        return f"{rendered(table)}\n{done} of {len(self.findings)} as planned."
+        good = sum(finding.good for finding in self.findings)
+        return f"{rendered(table)}\n{good} of {len(self.findings)} as planned."
 
 
 @dataclass(frozen=True)
@@ -190,7 +190,7 @@ class Plan:
         units = next(iter(self.runs.values())).units
         spans = {n: max(np.ptp(np.concatenate([r.inputs[n] for r in self.runs.values()])), 1e-12)
                  for n in level.inputs}  # fmt: skip
-        found = []
+        stays = []
         for log in logs:
             held = np.all(
                 [np.abs(log.values(n, units.get(n, "")) - x) <= _NEAR * spans[n]
@@ -202,8 +202,8 @@ class Plan:
                 absent = tuple(n for n in self.measure if n not in log.measured
                                or not np.isfinite(log.measured[n][part]).any())  # fmt: skip
                 times = max(1, int(lasted / (level.stop - level.start) + 0.05))
-                found += times * [_Held(lasted / times, absent)]
-        return sorted(found, key=lambda held: -held.lasted)
+                stays += times * [_Held(lasted / times, absent)]
+        return sorted(stays, key=lambda held: -held.lasted)
 
     def _level(self, level: Level, held: _Held | None, logs: Sequence[Log]) -> Finding:
         units = next(iter(self.runs.values())).units

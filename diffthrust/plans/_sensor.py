@@ -9,7 +9,7 @@ from diffthrust._support.validation import finite
 from diffthrust.logs._log import Log
 from diffthrust.models import LinearSensor
 from diffthrust.papers._commands import staircase
-from diffthrust.plans._limits import limits_of
+from diffthrust.plans._checks import checked_limits
 from diffthrust.plans._plan import Plan
 
 
@@ -50,7 +50,7 @@ def depth_calibration(
         >>> sensor = dft.LinearSensor(slope=0.16, offset=1.6)
         >>> plan = dft.plans.depth_calibration((0, 3.6576), sensor=sensor, readable=(0.2, 4.9))
     """
-    low, high = limits_of("depth_calibration", limits, "depth")
+    low, high = checked_limits("depth_calibration", limits, "depth")
     finite("depth_calibration, limits", low, lambda x: x >= 0, "a least depth [m], zero or more")
     finite("depth_calibration, time_constant", time_constant, lambda x: x > 0,
            "seconds, above zero")  # fmt: skip

@@ -9,9 +9,8 @@ from diffthrust._support.validation import finite
 from diffthrust.control import Loop, Step
 from diffthrust.logs._log import Log
 from diffthrust.papers._commands import staircase
-from diffthrust.plans._limits import limits_of
+from diffthrust.plans._checks import MAX_REST, checked_limits, settled
 from diffthrust.plans._plan import Plan
-from diffthrust.plans._settling import LONGEST, settled
 
 _REACHED = 0.01
 """Share of the wanted speed that may be lacking."""
@@ -55,7 +54,7 @@ def speed_steps(
             f"speed_steps: expected a loop of a thruster's speed, found {loop!r}.",
             "Give a dft.control.Loop without a vehicle, such as dft.papers.aras.speed_loop().",
         )
-    low, high = limits_of("speed_steps", limits, "speed")
+    low, high = checked_limits("speed_steps", limits, "speed")
     finite("speed_steps, hold", hold, lambda x: x > 0, "seconds, above zero")
     count = int(finite("speed_steps, levels", levels, lambda x: x >= 1, "1 or more"))
     ends = [end for end in (max(high, 0.0), min(low, 0.0)) if end]
@@ -76,19 +75,19 @@ def speed_steps(
 def _rests(loop: Loop, speed: float) -> float:
     """When the loop has come to rest at a wanted speed [s]."""
     span = 1.0
-    while span <= LONGEST:
+    while span <= MAX_REST:
         run = loop.simulate(Step(speed), span)
-        found = settled(run.time, run["speed"])
-        if found < 0.5 * span:
+        rest = settled(run.time, run["speed"])
+        if rest < 0.5 * span:
             if abs(run["speed"][-1] - speed) > _REACHED * abs(speed):
                 raise InputError(
                     f"speed_steps: for {speed:.4g} rad/s the loop comes to rest at "
                     f"{run['speed'][-1]:.4g} rad/s.",
                     "Narrow the limits, or look at the controller's integral and its limit.",
                 )
-            return found
+            return rest
         span *= 2.0
     raise InputError(
-        f"speed_steps: the loop does not come to rest at {speed:.4g} rad/s within {LONGEST:g} s.",
+        f"speed_steps: the loop does not come to rest at {speed:.4g} rad/s within {MAX_REST:g} s.",
         "Look at the gains, or narrow the limits.",
     )

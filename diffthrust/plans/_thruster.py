@@ -15,9 +15,8 @@ from diffthrust.models import DCMotorThruster
 from diffthrust.models._base.model import Model
 from diffthrust.papers._commands import lowpass_noise, staircase
 from diffthrust.papers.aras import steady_map as aras_map
-from diffthrust.plans._limits import limits_of
+from diffthrust.plans._checks import checked_limits, settling_time
 from diffthrust.plans._plan import Plan
-from diffthrust.plans._settling import settling_time
 
 _OUTPUTS = ("speed", "thrust")
 _SOURCE = "Yoerger, Cooke & Slotine 1990, section III"
@@ -53,8 +52,8 @@ def static_test(
     Example:
         >>> dft.plans.static_test(dft.Thruster(), limits=(-5, 5)).save("plans")
     """
-    checked("static_test", model)
-    low, high = limits_of("static_test", limits)
+    checked_thruster("static_test", model)
+    low, high = checked_limits("static_test", limits)
     finite("static_test, hold", hold, lambda x: x > 0, "seconds, above zero")
     count = int(finite("static_test, levels", levels, lambda x: x >= 2, "2 or more"))
     ends = [end for end in (max(high, 0.0), min(low, 0.0)) if end != 0.0]
@@ -90,13 +89,13 @@ def dynamic_test(
     Example:
         >>> dft.plans.dynamic_test(dft.Thruster(), limits=(-5, 5)).save("plans")
     """
-    checked("dynamic_test", model)
-    low, high = limits_of("dynamic_test", limits)
+    checked_thruster("dynamic_test", model)
+    low, high = checked_limits("dynamic_test", limits)
     time, noise = lowpass_noise(duration, step, 0.5 * (high - low), cutoff=cutoff, seed=seed)
     return Plan(
         name="dynamic_test",
         source=_SOURCE,
-        runs={"dynamic_test": run_of(model, time, 0.5 * (low + high) + noise)},
+        runs={"dynamic_test": planned_run(model, time, 0.5 * (low + high) + noise)},
         settle=duration,  # nothing is held
         measure=_OUTPUTS,
         band=(min(5.0 / duration, 0.5 * cutoff), cutoff),
@@ -136,8 +135,8 @@ def steady_map(
         >>> motor = dft.papers.aras.thruster(load=dft.papers.aras.load_from(280.4))
         >>> dft.plans.steady_map(motor, limits=(-13, 13)).save("plans")
     """
-    checked("steady_map", model)
-    low, high = limits_of("steady_map", limits)
+    checked_thruster("steady_map", model)
+    low, high = checked_limits("steady_map", limits)
     finite("steady_map, hold", hold, lambda x: x > 0, "seconds, above zero")
     count = int(finite("steady_map, levels", levels, lambda x: x >= 2, "2 or more"))
     heights: list[float] = []
@@ -179,27 +178,27 @@ def _held(
     """A staircase of commands; the smallest settles last, and sets the time of each."""
     if settle is None:
         smallest = min(abs(x) for x in heights if x)
-        settle = settling_time(model, outputs_of(model), {"command": smallest})
+        settle = settling_time(model, thruster_outputs(model), {"command": smallest})
     return Plan(
         name=name,
         source=source,
-        runs={name: run_of(model, *staircase(heights, settle + hold, step))},
+        runs={name: planned_run(model, *staircase(heights, settle + hold, step))},
         settle=settle,
         measure=_OUTPUTS,
     )
 
 
-def outputs_of(model: Model) -> list[str]:
+def thruster_outputs(model: Model) -> list[str]:
     """Speed and thrust, as far as the model has them."""
     return [name for name in _OUTPUTS if name in model.outputs]
 
 
-def run_of(model: Model, time: np.ndarray, command: np.ndarray) -> Log:
+def planned_run(model: Model, time: np.ndarray, command: np.ndarray) -> Log:
     """A run of commands, as a log without measurements."""
     return Log(time, {"command": command}, units={"command": model.inputs["command"]})
 
 
-def checked(who: str, model: Any) -> Model:
+def checked_thruster(who: str, model: Any) -> Model:
     """A thruster, or an `InputError`."""
     if not isinstance(model, Model) or "command" not in model.inputs:
         raise InputError(

@@ -11,8 +11,8 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.validation import finite
 from diffthrust.logs._log import Log
 from diffthrust.models import Vessel
+from diffthrust.plans._checks import settling_time
 from diffthrust.plans._plan import Plan
-from diffthrust.plans._settling import settling_time
 
 _SPEEDS = ("surge", "sway", "yaw_rate")
 _UNITS = {"propeller_speed": "rev/s", "rudder_angle": "rad"}

@@ -1,0 +1,114 @@
+"""What a plan asks before it is made, and of what came back: limits, rest, and excitation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust.logs._log import Log
+from diffthrust.models._base.model import Model
+from diffthrust.simulation._simulate import simulate
+
+_LEFT = 0.01
+"""Share of the change that may be left."""
+_SAMPLES = 2000
+MAX_REST = 1e4
+"""Seconds beyond which a model counts as one that never settles."""
+_PARTS = 8
+"""Parts of the band, evenly spaced in the logarithm of frequency."""
+_ENOUGH = 0.1
+"""Share of the planned power in a part; a tenth is a third of the amplitude."""
+
+
+def checked_limits(who: str, limits: Any, what: str = "command") -> tuple[float, float]:
+    """Lowest and highest value, or an `InputError`."""
+    try:
+        low, high = (float(x) for x in limits)
+    except (TypeError, ValueError):
+        low, high = np.nan, np.nan
+    if not (np.isfinite(low) and np.isfinite(high) and low < high):
+        raise InputError(
+            f"{who}, limits: expected a lowest and a highest {what}, found {limits!r}.",
+            "Write limits=(0, 5), the lower one first.",
+        )
+    return low, high
+
+
+def settling_time(
+    model: Model, channels: Sequence[str], inputs: Mapping[str, float], first: float = 1.0
+) -> float:
+    """When the last of some outputs has come within a hundredth of its change, from rest [s].
+
+    Args:
+        model: at its present parameters.
+        channels: outputs to look at.
+        inputs: levels that they step to, in the model's units.
+        first: a guess [s], which is doubled until everything has settled.
+
+    Raises:
+        InputError: the model does not settle within 10 000 s.
+    """
+    span = 20.0 * first
+    while span <= MAX_REST:
+        time = np.linspace(0.0, span, _SAMPLES)
+        rows = {name: np.full(time.size, level) for name, level in inputs.items()}
+        units = {name: {**model.inputs, **model.optional_inputs}[name] for name in rows}
+        outputs = simulate(model, Log(time, rows, units=units))
+        times = [settled(time, outputs[name]) for name in channels]
+        if max(times) < 0.5 * span:
+            return max(times)
+        span *= 2.0
+    raise InputError(
+        f"{model}: {', '.join(channels)} do not come to rest within {MAX_REST:g} s after a step to "
+        f"{dict(inputs)}.",
+        "Look at the parameters, or give settle.",
+    )
+
+
+def settled(time: np.ndarray, values: np.ndarray) -> float:
+    """When values have come within a hundredth of their largest change of the last one [s]."""
+    change = np.abs(values - values[-1])
+    allowed = _LEFT * max(float(np.max(np.abs(values - values[0]))), 1e-12)
+    beyond = np.flatnonzero(change > allowed)
+    return float(time[beyond[-1] + 1]) if beyond.size and beyond[-1] + 1 < time.size else 0.0
+
+
+def excited(
+    log: Log, plan: Log, channel: str, unit: str, band: tuple[float, float]
+) -> tuple[float, float] | None:
+    """The widest part of a band in which a log's input has as good as the planned power.
+
+    Args:
+        log: recorded.
+        plan: the run as planned.
+        channel: the input.
+        unit: in which both are compared.
+        band: lowest and highest frequency [Hz].
+
+    Returns:
+        Lowest and highest frequency [Hz], or ``None`` where no part is excited.
+    """
+    edges = np.geomspace(*band, _PARTS + 1)
+    wanted, recorded = (_power(one, channel, unit, edges) for one in (plan, log))
+    good = [*(recorded >= _ENOUGH * wanted), False]
+    best, start = (0, 0), 0
+    for k, here in enumerate(good):
+        if not here:
+            best, start = max(best, (start, k), key=lambda part: part[1] - part[0]), k + 1
+    return (float(edges[best[0]]), float(edges[best[1]])) if best[1] > best[0] else None
+
+
+def _power(log: Log, channel: str, unit: str, edges: np.ndarray) -> np.ndarray:
+    """Mean square of a channel between frequencies; zero where the samples do not reach."""
+    values, steps = log.values(channel, unit), np.diff(log.time)
+    step = float(np.median(steps))
+    even = np.arange(log.time[0], log.time[-1] + 0.5 * step, step)
+    held = values[np.clip(np.searchsorted(log.time, even + 1e-9, side="right") - 1, 0, None)]
+    lines = np.abs(np.fft.rfft(held - held.mean())) ** 2 / held.size**2
+    total = np.concatenate([[0.0], np.cumsum(lines)])
+    frequency = np.fft.rfftfreq(held.size, step)
+    ends = np.searchsorted(frequency, edges * (1.0 + 1e-9))
+    return np.diff(total[ends])
