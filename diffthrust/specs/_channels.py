@@ -9,7 +9,8 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
 from diffthrust.logs._columns import Column
 from diffthrust.models._base.model import Model
-from diffthrust.specs._file import ChannelPart, SpecFile, place
+from diffthrust.specs._file import ChannelPart, SpecFile
+from diffthrust.specs._lines import line_of
 
 
 def roles_of(model: Model, file: SpecFile, text: str, path: Path) -> dict[str, str]:
@@ -30,7 +31,7 @@ def roles_of(model: Model, file: SpecFile, text: str, path: Path) -> dict[str, s
             known = [n for n in (*model.inputs, *model.optional_inputs, *needs, *model.outputs)]
             near = nearest(name, known)
             raise InputError(
-                f"{place(text, path, loc)}: the model '{model}' has no channel {name!r}"
+                f"{line_of(text, path, loc)}: the model '{model}' has no channel {name!r}"
                 f"{'; ' + near if near else ''}.",
                 "Name the column under [logs] time."
                 if name == "time"
@@ -44,7 +45,7 @@ def roles_of(model: Model, file: SpecFile, text: str, path: Path) -> dict[str, s
             roles[name] = part.role
             if name not in (inputs if part.role == "input" else model.outputs):
                 raise InputError(
-                    f"{place(text, path, (*loc, 'role'))}: the model '{model}' does not "
+                    f"{line_of(text, path, (*loc, 'role'))}: the model '{model}' does not "
                     f"{'read' if part.role == 'input' else 'put out'} the channel {name!r}.",
                     "Remove the role.",
                 )
@@ -59,7 +60,7 @@ def _suits(part: ChannelPart, role: str, text: str, path: Path, loc: tuple[str, 
             other = "measured channel" if role == "input" else "input"
             kind = "an input" if role == "input" else "a measured channel"
             raise InputError(
-                f"{place(text, path, (*loc, key))}: this channel is {kind}, and {key!r} says "
+                f"{line_of(text, path, (*loc, key))}: this channel is {kind}, and {key!r} says "
                 f"something of {'an' if other == 'input' else 'a'} {other}.",
                 f'Remove {key}, or give role = "{other.split()[0]}".',
             )
@@ -72,7 +73,7 @@ def _complete(model: Model, roles: Mapping[str, str], text: str, path: Path) -> 
     if missing and not prescribed:
         name = missing[0]
         raise InputError(
-            f"{place(text, path, ('channels',))}: the model '{model}' needs the input {name!r}; "
+            f"{line_of(text, path, ('channels',))}: the model '{model}' needs the input {name!r}; "
             f"given are {listing(given) if given else 'no inputs'}.",
             f"Add [channels.{name}] with its column.",
         )
@@ -80,13 +81,13 @@ def _complete(model: Model, roles: Mapping[str, str], text: str, path: Path) -> 
         for name in effect.needs:
             if name not in given:
                 raise InputError(
-                    f"{place(text, path, ('channels',))}: the effect '{effect.name}' needs the "
+                    f"{line_of(text, path, ('channels',))}: the effect '{effect.name}' needs the "
                     f"input {name!r}, which has no column.",
                     f"Add [channels.{name}], or leave the effect out.",
                 )
     if "measured" not in roles.values():
         raise InputError(
-            f"{place(text, path, ('channels',))}: nothing is measured; the model '{model}' puts "
+            f"{line_of(text, path, ('channels',))}: nothing is measured; the model '{model}' puts "
             f"out {listing(name for name in model.outputs if name not in given)}.",
             "Add the channel of one of these.",
         )

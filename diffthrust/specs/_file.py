@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
@@ -21,6 +21,7 @@ from pydantic import (
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
+from diffthrust.specs._lines import line_of
 
 NAME = "fit.toml"
 """The name of a spec file inside a folder."""
@@ -224,13 +225,14 @@ def parse_spec(text: str, file: Path | str) -> SpecFile:
         problems = error.errors()
     # a misspelt key is reported twice, as unknown and as missing: the first says more
     problems.sort(key=lambda problem: problem["type"] != "extra_forbidden")
-    raise _told(problems[0], text, file, len(problems) - 1)
+    raise _refusal(problems[0], text, file, len(problems) - 1)
 
 
 def _dotted(data: dict[str, Any]) -> None:
     """Read ``effect.parameter = ...``, which TOML nests, as one name."""
-    given = data.get("effects", [])
-    effects = [given] if isinstance(given, str) else given if isinstance(given, list) else []
+    effects = data.get("effects", [])
+    effects = [effects] if isinstance(effects, str) else effects
+    effects = effects if isinstance(effects, list) else []
     names = {str(word).rpartition(":")[2] for word in effects}
     for holder in (data, data.get("expected")):
         tables = holder.get("parameters") if isinstance(holder, dict) else None
@@ -244,11 +246,11 @@ def _dotted(data: dict[str, Any]) -> None:
                 tables.update({f"{name}.{key}": value for key, value in table.items()})
 
 
-def _told(problem: Mapping[str, Any], text: str, file: Path | str, more: int) -> InputError:
+def _refusal(problem: Mapping[str, Any], text: str, file: Path | str, more: int) -> InputError:
     loc = tuple(part for part in problem["loc"] if not str(part).startswith("function-"))
     if loc and loc[-1] in ("str", "bool", "int", "float"):  # a member of a union, not a key
         loc = loc[:-1]
-    where = place(text, file, loc)
+    where = line_of(text, file, loc)
     parent, key = loc[:-1], str(loc[-1]) if loc else ""
     also = f" ({more} more after this one.)" if more else ""
     table = f"[{'.'.join(map(str, parent))}]" if parent else "the top of the file"
@@ -268,8 +270,8 @@ def _told(problem: Mapping[str, Any], text: str, file: Path | str, more: int) ->
     said = problem["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
     said = said.replace("a valid ", "a ").replace("dictionary", "table")
     said = re.sub(r" or instance of \w+$", "", said)
-    found = problem["input"]
-    shown = repr(found) if len(repr(found)) < 80 else f"{repr(found)[:77]}..."
+    shown = repr(problem["input"])
+    shown = shown if len(shown) < 80 else f"{shown[:77]}..."
     return InputError(
         f"{where}: expected {said[:1].lower()}{said[1:]}, found {shown}.{also}",
         f"Correct {'.'.join(map(str, loc))}.",
@@ -287,27 +289,3 @@ def _keys(loc: Sequence[Any]) -> list[str]:
         while get_origin(here) in (Annotated, Union, UnionType):
             here = next(a for a in get_args(here) if a is not type(None))
     return list(here.model_fields) if hasattr(here, "model_fields") else []
-
-
-def place(text: str, file: Path | str, loc: Iterable[Any]) -> str:
-    """Where a key stands: file, line where it can be found, and the path of the key."""
-    path = tuple(str(part) for part in loc if not isinstance(part, int))
-    line, best, table = 0, 0, ()
-    for number, row in enumerate(text.splitlines(), 1):
-        if header := re.match(r"\s*\[+([^\[\]]+)\]+\s*(#.*)?$", row):
-            table = _split(header[1])
-            here = table
-        elif pair := re.match(r"\s*([\w\-.\"' ]+?)\s*=", row):
-            here = (*table, *_split(pair[1]))
-        else:
-            continue
-        joined, shared = ".".join(here), ".".join(path)
-        if (shared == joined or shared.startswith(f"{joined}.")) and len(here) > best:
-            line, best = number, len(here)
-    # a key that stands nowhere, because it is missing, is placed at its table
-    at = f", line {line}" if line else ""
-    return f"{file}{at}, {'.'.join(path)}" if path else f"{file}"
-
-
-def _split(dotted: str) -> tuple[str, ...]:
-    return tuple(a or b or c for a, b, c in re.findall(r'"([^"]*)"|\'([^\']*)\'|([^.\s]+)', dotted))

@@ -15,8 +15,8 @@ from diffthrust.models._base.model import Model
 from diffthrust.specs._file import NAME
 from diffthrust.specs._new_logs import example_table
 
-TRAIN, HOLDOUT = "example_train.csv", "example_unseen.csv"
-WORKFLOW = Path(".github", "workflows", "fits.yml")
+_TRAIN, _HOLDOUT = "example_train.csv", "example_unseen.csv"
+_WORKFLOW = Path(".github", "workflows", "fits.yml")
 _WORD = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
 _HELD = {"dc_motor_thruster": ("inertia",)}
 """Parameters that no log tells apart from the others: torques over inertia are all that shows."""
@@ -56,11 +56,11 @@ def new_fit(name: str, model: str = "thruster", directory: Path | str = "fits") 
             f"{folder}: expected a new name, found something there.",
             "Take another name; nothing is overwritten.",
         )
-    made = MODELS[model]()
+    example = MODELS[model]()
     texts = {
-        TRAIN: example_table(made, seed=1),
-        HOLDOUT: example_table(made, seed=2),
-        NAME: _spec(made, folder, directory),
+        _TRAIN: example_table(example, seed=1),
+        _HOLDOUT: example_table(example, seed=2),
+        NAME: _spec(example, folder, directory),
     }
     _write(folder, texts)
     return folder
@@ -104,7 +104,7 @@ def workflow_place(directory: Path | str) -> tuple[Path, str]:
             f"{directory}: expected a folder of a git repository, or of this one, found neither.",
             "Call it in the root of your repository.",
         )
-    path, name = root / WORKFLOW, fits.relative_to(root).as_posix()
+    path, name = root / _WORKFLOW, fits.relative_to(root).as_posix()
     if path.exists():
         raise InputError(
             f"{path}: expected no workflow of that name, found one; nothing is overwritten.",
@@ -135,8 +135,8 @@ def _spec(model: Model, folder: Path, directory: Path) -> str:
             model=model,
             folder=folder.as_posix(),
             directory=directory.as_posix(),
-            train=TRAIN,
-            holdout=HOLDOUT,
+            train=_TRAIN,
+            holdout=_HOLDOUT,
             held=_HELD.get(model.name, ()),
             hint=lambda unit: f' # or "{_UNITS[unit]}"' if unit in _UNITS else "",
         )

@@ -11,9 +11,9 @@ from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._simulate import simulate
 
-OTHER = 1.15
+_OTHER = 1.15
 """The made-up system has so many times the parameters at which the search begins."""
-NOISE = 0.02
+_NOISE = 0.02
 """Noise of a channel, as a share of its spread."""
 
 
@@ -49,11 +49,11 @@ def example_table(model: Model, seed: int) -> str:
         name: np.repeat(rng.uniform(*ends, -(-run.samples // run.hold)), run.hold)[: run.samples]
         for name, ends in run.ranges.items()
     }
-    other = {name: OTHER * p.value for name, p in model.parameters.items() if not p.fixed}
-    found = simulate(model.replace(other), Log(time, inputs, {}))
+    other = {name: _OTHER * p.value for name, p in model.parameters.items() if not p.fixed}
+    outputs = simulate(model.replace(other), Log(time, inputs, {}))
     noisy = {
-        name: values + NOISE * np.std(values) * rng.standard_normal(run.samples)
-        for name, values in found.items()
+        name: values + _NOISE * np.std(values) * rng.standard_normal(run.samples)
+        for name, values in outputs.items()
         if name in model.outputs
     }
     columns = {"time": time, **inputs, **noisy}

@@ -29,7 +29,7 @@ def effect_class(word: str, folder: Path) -> type[Effect]:
     return _class(word, folder, Effect, catalogue(), "effect")
 
 
-def made(cls: type[Model], options: Mapping[str, Any]) -> Model:
+def model_with(cls: type[Model], options: Mapping[str, Any]) -> Model:
     """The model with these options of its constructor.
 
     Raises:
@@ -51,14 +51,21 @@ def made(cls: type[Model], options: Mapping[str, Any]) -> Model:
     return cls(**options)
 
 
+def script_file(word: str, folder: Path) -> Path | None:
+    """The script that a word names as ``script.py:Class``; ``None`` of a name of the catalogue."""
+    script, colon, _ = word.rpartition(":")
+    return folder / script if colon and script.endswith(".py") else None
+
+
 def _class(word: str, folder: Path, base: type, known: Mapping[str, type], what: str) -> Any:
-    script, colon, name = word.rpartition(":")
-    if colon and script.endswith(".py"):
-        found = getattr(_script((folder / script).resolve()), name, None)
-        if isinstance(found, type) and issubclass(found, base):
-            return found
+    if script := script_file(word, folder):
+        name = word.rpartition(":")[2]
+        defined = getattr(_script(script.resolve()), name, None)
+        if isinstance(defined, type) and issubclass(defined, base):
+            return defined
         raise InputError(
-            f"expected the class {name!r} of a {base.__name__} in {script}, found none.",
+            f"expected the class {name!r} of a {base.__name__} in {word.rpartition(':')[0]}, "
+            "found none.",
             f"Define class {name}(dft.{base.__name__}) there.",
         )
     if word in known:

@@ -23,10 +23,10 @@ from diffthrust.specs._file import (
     ParameterPart,
     SpecFile,
     parse_spec,
-    place,
     read_spec_text,
 )
-from diffthrust.specs._scripts import effect_class, made, model_class
+from diffthrust.specs._lines import line_of
+from diffthrust.specs._scripts import effect_class, model_class, model_with
 
 if TYPE_CHECKING:
     from diffthrust.diagnosis._result import Diagnosis
@@ -101,7 +101,7 @@ class Spec:
         for key in others:
             if key in logs.model_fields_set:
                 raise InputError(
-                    f"{place(self.text, self.path, ('logs', key))}: {path.name} is "
+                    f"{line_of(self.text, self.path, ('logs', key))}: {path.name} is "
                     f"{'a log with stamps of its own' if robot else 'a table'}, for which {key!r} "
                     "says nothing.",
                     f"Remove {key}" + (", and choose a time base: base." if robot else "."),
@@ -111,7 +111,7 @@ class Spec:
             return read_log, {"time": clock}
         if logs.base is None:
             raise InputError(
-                f"{place(self.text, self.path, ('logs', 'base'))}: {path.name} has messages of "
+                f"{line_of(self.text, self.path, ('logs', 'base'))}: {path.name} has messages of "
                 "different rates, and no time base is chosen.",
                 'Write base = "messages" for all stamps, base = "speed" for those of that channel, '
                 "or base = 0.05 for a step.",
@@ -133,8 +133,8 @@ class Spec:
         for loc, column in where:
             if f"column {column!r}" in error.problem or f"channel '{loc[-1]}'" in error.problem:
                 key = "unit" if "expected a unit" in error.problem else "column"
-                told = place(self.text, self.path, (*loc, key))
-                return InputError(f"{error.problem} It is named in {told}.", error.mend)
+                line = line_of(self.text, self.path, (*loc, key))
+                return InputError(f"{error.problem} It is named in {line}.", error.mend)
         return error
 
     def fit(
@@ -180,8 +180,8 @@ class Spec:
         wanted = candidates and [effect_class(c, folder) if ":" in c else c for c in candidates]
         train, unseen = self.train_logs(), self.holdout_logs()
         candidates_of(self.model, (*train, *unseen), wanted)  # tell a wrong name before the fit
-        found = self.fit(progress, train=train, holdout=unseen)
-        return diagnose(found, train, holdout=unseen or None, candidates=wanted, progress=progress)
+        fit = self.fit(progress, train=train, holdout=unseen)
+        return diagnose(fit, train, holdout=unseen or None, candidates=wanted, progress=progress)
 
 
 def load_spec(path: Path | str) -> Spec:
@@ -210,7 +210,7 @@ def load_spec(path: Path | str) -> Spec:
     both = [a.name for a in train if a.resolve() in {b.resolve() for b in holdout}]
     if both:
         raise InputError(
-            f"{place(text, path, ('logs', 'holdout'))}: {listing(both)} is also a training log; "
+            f"{line_of(text, path, ('logs', 'holdout'))}: {listing(both)} is also a training log; "
             "an unseen log must not be one.",
             "Take it out of one of the two lists.",
         )
@@ -228,7 +228,7 @@ def load_spec(path: Path | str) -> Spec:
 
 def _at(text: str, path: Path, loc: Iterable[Any], error: InputError) -> InputError:
     """The same error with the place in the spec file before it."""
-    return InputError(f"{place(text, path, loc)}: {error.problem}", error.mend)
+    return InputError(f"{line_of(text, path, loc)}: {error.problem}", error.mend)
 
 
 def _model(file: SpecFile, text: str, path: Path) -> Model:
@@ -239,7 +239,7 @@ def _model(file: SpecFile, text: str, path: Path) -> Model:
         options = dict(file.options)
         if "drive" in cls.options and {"left_force", "right_force"} & set(file.channels):
             options.setdefault("drive", "twin")
-        model = made(cls, options)
+        model = model_with(cls, options)
         loc = ("effects",)
         for name in file.effects:
             model = model + effect_class(name, path.parent)()
@@ -267,7 +267,7 @@ def _fields(part: ParameterPart) -> dict[str, Any]:
 
 
 def _files(patterns: Iterable[str], key: str, text: str, path: Path) -> tuple[Path, ...]:
-    found: list[Path] = []
+    files: list[Path] = []
     for pattern in patterns:
         if has_magic(pattern):
             matches = sorted(glob(pattern, root_dir=path.parent, recursive=True))
@@ -277,9 +277,9 @@ def _files(patterns: Iterable[str], key: str, text: str, path: Path) -> tuple[Pa
         if not matches:
             near = nearest(pattern, (p.name for p in path.parent.iterdir() if p.is_file()))
             raise InputError(
-                f"{place(text, path, ('logs', key))}: expected the file {pattern!r} in "
+                f"{line_of(text, path, ('logs', key))}: expected the file {pattern!r} in "
                 f"{path.parent.resolve()}, found none{'; ' + near if near else ''}.",
                 "Correct the name; paths are relative to the spec file.",
             )
-        found += [path.parent / match for match in matches]
-    return tuple(dict.fromkeys(found))
+        files += [path.parent / match for match in matches]
+    return tuple(dict.fromkeys(files))

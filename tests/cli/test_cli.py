@@ -19,7 +19,7 @@ import diffthrust as dft
 from diffthrust._support._running import cache
 from diffthrust.cli import _app
 from diffthrust.cli._demo_logs import HIDDEN, hidden_folder
-from diffthrust.specs._spec import load_spec
+from diffthrust.specs import load_spec
 
 
 @pytest.fixture(autouse=True)

@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 import diffthrust as dft
 from diffthrust.cli import _app
 from diffthrust.many._campaign import campaign, store
-from diffthrust.specs._spec import load_spec
+from diffthrust.specs import load_spec
 
 
 @pytest.fixture

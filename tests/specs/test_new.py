@@ -12,8 +12,8 @@ import diffthrust as dft
 from diffthrust import InputError
 from diffthrust.cli import _app
 from diffthrust.models import MODELS
-from diffthrust.specs._new import new_fit, new_workflow
-from diffthrust.specs._spec import load_spec
+from diffthrust.specs import load_spec
+from diffthrust.specs._new import new_fit, new_workflow  # private: what the command does
 
 
 @pytest.fixture(autouse=True)

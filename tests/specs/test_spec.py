@@ -9,7 +9,7 @@ import pytest
 from places import FITS
 
 from diffthrust import InputError
-from diffthrust.specs._spec import Spec, load_spec
+from diffthrust.specs import Spec, load_spec
 
 GOOD = """\
 model = "thruster"

@@ -12,6 +12,7 @@ from typing import Any
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
+from diffthrust.specs._scripts import script_file
 from diffthrust.specs._spec import Spec
 
 OPTIONS: dict[str, tuple[str, ...]] = {
@@ -96,7 +97,7 @@ def fingerprint(spec: Spec, job: Job) -> str:
 
     here = spec.path.parent
     named = (spec.file.model, *spec.file.effects, *job.options.get("candidates", ()))
-    scripts = [here / name.rpartition(":")[0] for name in named if ":" in name]
+    scripts = [script for name in named if (script := script_file(name, here))]
     paths = [*spec.train, *spec.holdout, *(path for path in scripts if path.is_file())]
     causes = {
         "library": __version__,
