@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-FEW = 20
+_FEW = 20
 """Fewer pairs of values say nothing of a correlation."""
 
 
@@ -56,7 +56,7 @@ def lag_one(runs: Sequence[np.ndarray]) -> float:
         np.concatenate([np.zeros(0), *parts])
         for parts in ([rest[1:] for rest in seen], [rest[:-1] for rest in seen])
     )
-    if later.size <= FEW:
+    if later.size <= _FEW:
         return 0.0
     later -= later.mean()
     before -= before.mean()

@@ -91,13 +91,13 @@ def run_all(tasks: Sequence[Task], jobs: int) -> Iterator[tuple[int, FitRun]]:
         The place of a task and what became of it, as they finish. A fit whose process dies is one
         that could not be run.
     """
-    processes = [LineProcess(f"{__name__}:run_plain") for _ in range(jobs)]
+    processes = [LineProcess(f"{__name__}:run_task") for _ in range(jobs)]
     keys = [compile_key(task.file) for task in tasks]
     with closing(on_processes(tasks, keys, processes, _in_process)) as each:
         yield from (outcome for outcome in each if outcome is not None)
 
 
-def run_plain(question: list[Any]) -> dict[str, Any]:
+def run_task(question: list[Any]) -> dict[str, Any]:
     """Run a fit where this is called; `Task` and `FitRun` as plain data."""
     fit, file, update = question
     run = run_again(fit, Path(file), update)
