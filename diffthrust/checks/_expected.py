@@ -90,8 +90,8 @@ class FoundNumber(NamedTuple):
 def compared(name: str, expected: ExpectedPart, fit: Fit) -> Iterator[CheckRow]:
     """A row for each quantity that the block holds, in the order of reading."""
     if expected.status is not None:
-        found = fit.status.value
-        yield CheckRow(name, "status", expected.status, found, None, found == expected.status)
+        status = fit.status.value
+        yield CheckRow(name, "status", expected.status, status, None, status == expected.status)
     numbers = {f"parameters.{key}": number for key, number in expected.parameters.items()}
     for key in _ERRORS:
         if (number := getattr(expected, key)) is not None:

@@ -74,7 +74,7 @@ def _progress() -> Iterator[Progress | None]:
     columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("reading", total=1.0)
-        yield lambda message, done: bar.update(task, description=message, completed=done)
+        yield lambda message, share: bar.update(task, description=message, completed=share)
 
 
 SpecPath = Annotated[

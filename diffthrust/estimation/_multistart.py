@@ -63,7 +63,7 @@ class Search:
     def followed(self, problem: Problem) -> Search:
         """The search carried on to a related problem from its best few optima."""
         carried = [(solve(problem, solved.z), n) for solved, n in self.optima[:_CARRIED]]
-        return Search(_distinct(carried), self.begun)
+        return Search(distinct(carried), self.begun)
 
     def rivals(self, problem: Problem) -> tuple[str, ...]:
         """Parameters in which an equally good optimum differs from the best by over an error."""
@@ -141,11 +141,11 @@ def search(
             break
     if not ended:  # not one start could be simulated
         ended.append(solve(problem, problem.start(), budget=1))
-    optima = _distinct([(solved, 1) for solved in ended])
+    optima = distinct([(solved, 1) for solved in ended])
     return Search(_mirrored(problem, optima), total)
 
 
-def _distinct(ended: list[tuple[Solved, int]]) -> tuple[tuple[Solved, int], ...]:
+def distinct(ended: list[tuple[Solved, int]]) -> tuple[tuple[Solved, int], ...]:
     """Optima that differ in likelihood or by over an error in a coordinate, the best first.
 
     Among equals stands first one that met the stopping rule rather than one stuck beside a kink.
@@ -184,7 +184,7 @@ def _mirrored(
         trial = solve(problem, turned)
         if _cost(trial) < _cost(best) - _SAME:
             best = trial
-    return _distinct([(best, count), *optima[1:]])
+    return distinct([(best, count), *optima[1:]])
 
 
 def _rank(solved: Solved) -> float:

@@ -67,19 +67,19 @@ def _suits(part: ChannelPart, role: str, text: str, path: Path, loc: tuple[str, 
 
 
 def _complete(model: Model, roles: Mapping[str, str], text: str, path: Path) -> None:
-    given = [name for name, role in roles.items() if role == "input"]
-    prescribed = [name for name in given if name in model.states]
-    missing = [name for name in model.inputs if name not in given]
+    driving = [name for name, role in roles.items() if role == "input"]
+    prescribed = [name for name in driving if name in model.states]
+    missing = [name for name in model.inputs if name not in driving]
     if missing and not prescribed:
         name = missing[0]
         raise InputError(
             f"{line_of(text, path, ('channels',))}: the model '{model}' needs the input {name!r}; "
-            f"given are {listing(given) if given else 'no inputs'}.",
+            f"given are {listing(driving) if driving else 'no inputs'}.",
             f"Add [channels.{name}] with its column.",
         )
     for effect in model.effects:
         for name in effect.needs:
-            if name not in given:
+            if name not in driving:
                 raise InputError(
                     f"{line_of(text, path, ('channels',))}: the effect '{effect.name}' needs the "
                     f"input {name!r}, which has no column.",
@@ -88,7 +88,7 @@ def _complete(model: Model, roles: Mapping[str, str], text: str, path: Path) -> 
     if "measured" not in roles.values():
         raise InputError(
             f"{line_of(text, path, ('channels',))}: nothing is measured; the model '{model}' puts "
-            f"out {listing(name for name in model.outputs if name not in given)}.",
+            f"out {listing(name for name in model.outputs if name not in driving)}.",
             "Add the channel of one of these.",
         )
 

@@ -11,7 +11,7 @@ from concurrent.futures import CancelledError
 
 import pytest
 
-from diffthrust._support._running.process import (
+from diffthrust._support._running.process import (  # private: used by many and checks
     LineProcess,
     ProcessDied,
     ProcessLate,

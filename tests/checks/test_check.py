@@ -16,7 +16,7 @@ from diffthrust.checks._check import tasks_in  # private: which fits are found
 from diffthrust.checks._expected import with_expected  # private: the text alone
 from diffthrust.checks._run import run_again  # private: one fit, in another order
 from diffthrust.specs import load_spec
-from diffthrust.specs._file import ExpectedNumber
+from diffthrust.specs._file import ExpectedNumber  # private: what a block holds
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from diffthrust._support.tables import rendered
+from diffthrust._support.tables import rendered  # private: a table as text
 from diffthrust.checks import Checked
 from diffthrust.checks._expected import CheckRow  # private: outcomes made by hand
 from diffthrust.checks._result import FitRun  # private: outcomes made by hand

@@ -12,7 +12,7 @@ from made_fits import made_fits
 from typer.testing import CliRunner
 
 from diffthrust.checks import Checked, check
-from diffthrust.cli import _app
+from diffthrust.cli import _app  # private: the app that the command runs
 from diffthrust.specs import load_spec
 
 COUNT = 200

@@ -16,9 +16,9 @@ from typer.testing import CliRunner
 
 import diffthrust
 import diffthrust as dft
-from diffthrust._support._running import cache
-from diffthrust.cli import _app
-from diffthrust.cli._demo_logs import HIDDEN, hidden_folder
+from diffthrust._support._running import cache  # private: its folder is looked at
+from diffthrust.cli import _app  # private: the app that the command runs
+from diffthrust.cli._demo_logs import HIDDEN, hidden_folder  # private: what is hidden
 from diffthrust.specs import load_spec
 
 
@@ -151,7 +151,7 @@ def test_a_defect_is_told_as_one(sensor, monkeypatch):
 
 
 def test_numbers_that_json_does_not_have():
-    from diffthrust._support.files import plain
+    from diffthrust._support.files import plain  # private: of no folder's face
 
     assert plain({"a": [float("nan"), float("inf"), 1]}) == {"a": [None, None, 1]}
 

@@ -13,8 +13,8 @@ from reference.records import Column, Record, write_csv
 from typer.testing import CliRunner
 
 import diffthrust as dft
-from diffthrust.cli import _app
-from diffthrust.diagnosis._result import Diagnosis
+from diffthrust import Diagnosis
+from diffthrust.cli import _app  # private: the app that the command runs
 from diffthrust.effects import CommandDeadband
 
 SPEC = """model = "thruster"

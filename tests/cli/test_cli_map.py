@@ -9,9 +9,9 @@ import pytest
 from places import FITS
 from typer.testing import CliRunner
 
-from diffthrust._support.errors import InputError
-from diffthrust.cli import _app
-from diffthrust.cli._map import grid_points
+from diffthrust import InputError
+from diffthrust.cli import _app  # private: the app that the command runs
+from diffthrust.cli._map import grid_points  # private: words of an option alone
 
 JASON = FITS / "jason_thruster"
 

@@ -10,7 +10,7 @@ import pytest
 from places import FITS
 from typer.testing import CliRunner
 
-from diffthrust.cli import _app
+from diffthrust.cli import _app  # private: the app that the command runs
 
 SHORT = ("--draws", 200, "--warmup", 60)
 

@@ -15,8 +15,8 @@ from campaign_specs import SENSOR, InPlace, sensor_log, sensor_spec
 from typer.testing import CliRunner
 
 import diffthrust as dft
-from diffthrust.cli import _app
-from diffthrust.many._campaign import campaign, store
+from diffthrust.cli import _app  # private: the app that the command runs
+from diffthrust.many._campaign import campaign, store  # private: patched, for a full disk
 from diffthrust.specs import load_spec
 
 

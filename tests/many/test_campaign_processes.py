@@ -9,7 +9,10 @@ import pytest
 from campaign_specs import SENSOR, sensor_spec
 
 import diffthrust as dft
-from diffthrust._support._running.process import LineProcess, ProcessDied
+from diffthrust._support._running.process import (  # private: one that is dead
+    LineProcess,
+    ProcessDied,
+)
 from diffthrust.many._campaign.job import Job  # private: one task by itself
 from diffthrust.many._campaign.task import helped, own_process  # private: its process
 

@@ -11,7 +11,11 @@ from short_logs import MODEL, made_log
 
 import diffthrust as dft
 from diffthrust import InputError
-from diffthrust.many._fleet.statistics import between, holm, weighted_mean
+from diffthrust.many._fleet.statistics import (  # private: numbers by hand
+    between,
+    holm,
+    weighted_mean,
+)
 
 VEHICLES = [f"auv{i}" for i in range(8)]
 

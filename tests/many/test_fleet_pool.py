@@ -14,8 +14,12 @@ from short_logs import MODEL, made_log
 
 import diffthrust as dft
 from diffthrust import InputError
-from diffthrust.many._fleet.evidence import Ruler, VehicleEvidence, gathered
-from diffthrust.many._fleet.hierarchy import Hierarchy, arranged
+from diffthrust.many._fleet.evidence import (  # private: the density alone
+    Ruler,
+    VehicleEvidence,
+    gathered,
+)
+from diffthrust.many._fleet.hierarchy import Hierarchy, arranged  # private: the density alone
 
 # Rubin 1981: effects of coaching in eight schools
 EFFECT = np.array([28.0, 8.0, -3.0, 7.0, -1.0, 1.0, 18.0, 12.0])

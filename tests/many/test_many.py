@@ -13,12 +13,12 @@ from places import ROOT
 import diffthrust as dft
 from diffthrust._support._running.batching import SharedRuns, run_stacked  # private: runs alone
 from diffthrust.effects import ActuatorLag
-from diffthrust.estimation._likelihood import Quadratic
-from diffthrust.estimation._multistart import _distinct
-from diffthrust.estimation._solver import Solved
-from diffthrust.many._batch import calls, maps
-from diffthrust.many._batch.lengths import ladder
-from diffthrust.many._batch.result import named_members
+from diffthrust.estimation._likelihood import Quadratic  # private: an optimum by hand
+from diffthrust.estimation._multistart import distinct  # private: optima by hand
+from diffthrust.estimation._solver import Solved  # private: an optimum by hand
+from diffthrust.many._batch import calls, maps  # private: patched, to fail
+from diffthrust.many._batch.lengths import ladder  # private: the cheapest lengths
+from diffthrust.many._batch.result import named_members  # private: names alone
 
 TRUTH = {"alpha": 0.03, "beta": 40.0, "ct": 0.02}
 MODEL = dft.Thruster(alpha=0.025, beta=35.0, ct=0.015)
@@ -71,7 +71,7 @@ def test_rounding_does_not_choose_among_equal_optima():
         return Solved(np.array([z]), q, True, 5)
 
     for rounding in (-1e-12, 1e-12):
-        found = _distinct([(solved(0.0, 5.0), 1), (solved(1e-5, 5.0 + rounding), 1)])
+        found = distinct([(solved(0.0, 5.0), 1), (solved(1e-5, 5.0 + rounding), 1)])
         assert [(one.z[0], count) for one, count in found] == [(0.0, 2)]
 
 

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 import diffthrust as dft
 from diffthrust import InputError
-from diffthrust.cli import _app
+from diffthrust.cli import _app  # private: the app that the command runs
 from diffthrust.models import MODELS
 from diffthrust.specs import load_spec
 from diffthrust.specs._new import new_fit, new_workflow  # private: what the command does

@@ -3,6 +3,10 @@
 JAX and a fork do not agree, so that it is a fresh interpreter. It is started with the environment
 that it needs, which the start methods of ``multiprocessing`` do not allow: the number of threads is
 read when NumPy and XLA are imported. Nothing is imported from the caller's script.
+
+Pools that can be had do less: loky 3.7 lets all tasks fail beside one whose worker dies, has no
+time limit, and leaves its workers running when their owner is killed; pebble 5.2 runs the caller's
+script in each worker, cannot set its environment, and leaves workers that are busy running.
 """
 
 from __future__ import annotations

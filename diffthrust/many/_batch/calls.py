@@ -209,23 +209,23 @@ def _records(logs: Any) -> list[Any]:
     return list(logs)
 
 
-def _for_each(given: Any, kinds: Any, what: str, members: int) -> Sequence[Any] | Many:
+def _for_each(one_or_all: Any, kinds: Any, what: str, members: int) -> Sequence[Any] | Many:
     """What was given, one of each; of `Many`, a member that failed raises its own error."""
-    if isinstance(given, kinds):
-        return [given] * members
-    if not isinstance(given, Sequence | Many) or isinstance(given, str):
+    if isinstance(one_or_all, kinds):
+        return [one_or_all] * members
+    if not isinstance(one_or_all, Sequence | Many) or isinstance(one_or_all, str):
         raise InputError(
-            f"{what}: expected a list with one of each, found {type(given).__name__}.",
+            f"{what}: expected a list with one of each, found {type(one_or_all).__name__}.",
             "Give a list as long as that of the logs.",
         )
-    if len(given) != members:
+    if len(one_or_all) != members:
         raise InputError(
-            f"{what}: expected one for each of {members} members, found {len(given)}.",
+            f"{what}: expected one for each of {members} members, found {len(one_or_all)}.",
             "Give lists of equal length.",
         )
-    return given
+    return one_or_all
 
 
 def _names(names: Sequence[str] | None, members: Sequence[Sequence[Log]]) -> tuple[str, ...]:
-    own = [group[0].name if group else "empty" for group in members]
-    return named_members(names, own)
+    first = [group[0].name if group else "empty" for group in members]
+    return named_members(names, first)

@@ -116,14 +116,14 @@ def _forget(error: Exception) -> None:
 
 
 def _checked(devices: Any) -> tuple[Any, ...]:
-    given = tuple(devices) if isinstance(devices, Sequence) else ()
-    fine = given and all(isinstance(device, jax.Device) for device in given)
-    if not fine or len(set(given)) < len(given):
+    listed = tuple(devices) if isinstance(devices, Sequence) else ()
+    fine = listed and all(isinstance(device, jax.Device) for device in listed)
+    if not fine or len(set(listed)) < len(listed):
         raise InputError(
             f"devices: expected a list of JAX's devices, each once, found {devices!r}.",
             "Give jax.devices() or a part of it.",
         )
-    return given
+    return listed
 
 
 def _checked_width(width: Any) -> int:

@@ -83,7 +83,7 @@ def describing_function(
         for g in groups.values()
         for at in range(0, len(g), _MAPS_AT_A_TIME)
     ]
-    done = count - len(asked)
+    finished = count - len(asked)
     while chunks:
         chunk, since = chunks.pop(0), time.monotonic()
         try:
@@ -95,9 +95,9 @@ def describing_function(
             drawn, errors[chunk[0]] = [None], error
         for i, one in zip(chunk, drawn, strict=True):
             results[i], seconds[i] = one, time.monotonic() - since
-        done += len(chunk)
+        finished += len(chunk)
         if progress:
-            progress(f"maps {done} of {count}", done / count)
+            progress(f"maps {finished} of {count}", finished / count)
     return Many(
         names=named,
         results=tuple(results),

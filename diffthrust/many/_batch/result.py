@@ -60,8 +60,8 @@ class Many:
                 )
             which = self.names.index(which)
         if isinstance(which, slice):
-            own = ("names", "results", "errors", "seconds")
-            return replace(self, **{name: getattr(self, name)[which] for name in own})
+            lists = ("names", "results", "errors", "seconds")
+            return replace(self, **{name: getattr(self, name)[which] for name in lists})
         error = self.errors[which]
         if error is not None:
             raise error
@@ -102,21 +102,21 @@ def named_members(names: Iterable[Any] | None, otherwise: Iterable[Any]) -> tupl
     Raises:
         InputError: names that are not as many as members.
     """
-    given = [str(name) for name in otherwise]
+    chosen = [str(name) for name in otherwise]
     if names is not None:
         wanted = [str(name) for name in names]
-        if len(wanted) != len(given):
+        if len(wanted) != len(chosen):
             raise InputError(
-                f"names: expected one for each of {len(given)} members, found {len(wanted)}.",
+                f"names: expected one for each of {len(chosen)} members, found {len(wanted)}.",
                 "Give lists of equal length.",
             )
-        given = wanted
-    taken, seen = set(given), Counter[str]()
+        chosen = wanted
+    taken, seen = set(chosen), Counter[str]()
     out = []
-    for name in given:
-        own, seen[name] = name, seen[name] + 1
-        while seen[name] > 1 and (own := f"{name} ({seen[name]})") in taken:
+    for name in chosen:
+        unique, seen[name] = name, seen[name] + 1
+        while seen[name] > 1 and (unique := f"{name} ({seen[name]})") in taken:
             seen[name] += 1
-        taken.add(own)
-        out.append(own)
+        taken.add(unique)
+        out.append(unique)
     return tuple(out)

@@ -99,8 +99,8 @@ def _fits(
     elif isinstance(source, Mapping):
         pairs = [
             (str(name), fit)
-            for name, own in source.items()
-            for fit in (own if isinstance(own, list | tuple) else [own])
+            for name, of_vehicle in source.items()
+            for fit in (of_vehicle if isinstance(of_vehicle, list | tuple) else [of_vehicle])
         ]
         names, fits = [name for name, _ in pairs], [fit for _, fit in pairs]
         vehicles = names
@@ -179,8 +179,8 @@ def _of_table(frame: Any, vehicle: Labels, time: Labels) -> tuple[list[Entry], l
     names = list(named_members(None, [row.get("name", f"row {i}") for i, row in enumerate(rows)]))
     vehicles = _column(frame, "vehicle", vehicle, names) or [n.split("/")[0] for n in names]
     times = _column(frame, "time", time, names) or [None] * len(names)
-    made = []
-    for name, own, when, row in zip(names, vehicles, times, rows, strict=True):
+    entries = []
+    for name, whose, when, row in zip(names, vehicles, times, rows, strict=True):
         effects = tuple(part.strip() for part in _text(row.get("effects")).split(",") if part)
         columns = {key: row[key] for key in ("fit_status", "train_nrmse", "holdout_nrmse")
                 if key in row}  # fmt: skip
@@ -190,8 +190,8 @@ def _of_table(frame: Any, vehicle: Labels, time: Labels) -> tuple[list[Entry], l
             if row[c] is not None and math.isfinite(row[c])
         }
         model = _text(row.get("model"))
-        made.append(Entry(name, str(own), when, model, effects, columns, estimates))
-    return made, notes
+        entries.append(Entry(name, str(whose), when, model, effects, columns, estimates))
+    return entries, notes
 
 
 def _text(value: Any) -> str:
@@ -202,10 +202,10 @@ def _error(value: Any) -> float | None:
     return float(value) if value is not None and math.isfinite(value) and value > 0 else None
 
 
-def _column(frame: Any, what: str, given: Labels, names: Sequence[str]) -> list[Any]:
+def _column(frame: Any, what: str, labels: Labels, names: Sequence[str]) -> list[Any]:
     """What was given for each row, or else the column of that name, or else nothing."""
-    if given is not None:
-        return _labels(given, names, what)
+    if labels is not None:
+        return _labels(labels, names, what)
     if what not in frame:
         return []
     if frame[what].isna().any():
@@ -214,15 +214,15 @@ def _column(frame: Any, what: str, given: Labels, names: Sequence[str]) -> list[
     return list(frame[what])
 
 
-def _labels(given: Labels, names: Sequence[str], what: str) -> list[Any]:
-    if callable(given):
-        return [given(name) for name in names]
-    if isinstance(given, Mapping):
-        absent = [name for name in names if name not in given]
+def _labels(labels: Labels, names: Sequence[str], what: str) -> list[Any]:
+    if callable(labels):
+        return [labels(name) for name in names]
+    if isinstance(labels, Mapping):
+        absent = [name for name in names if name not in labels]
         if absent:
             raise InputError(f"{what}: nothing is given for '{absent[0]}'.", f"Add its {what}.")
-        return [given[name] for name in names]
-    listed = [given] if isinstance(given, str) or given is None else list(given)
+        return [labels[name] for name in names]
+    listed = [labels] if isinstance(labels, str) or labels is None else list(labels)
     if len(listed) != len(names):
         raise InputError(
             f"{what}: expected one for each of {len(names)} fits, found {len(listed)}.",

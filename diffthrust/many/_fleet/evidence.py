@@ -207,9 +207,9 @@ def _together(parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarra
     values = np.linalg.pinv(information, hermitian=True) @ pull
     grown = np.ones(values.size)
     for i in range(values.size):
-        own = [(value[i], _marginal_error(weight, i)) for value, weight in parts if weight[i, i]]
-        if own:
-            grown[i] = dispersed(weighted_mean(*np.array(own).T))
+        known = [(value[i], _marginal_error(weight, i)) for value, weight in parts if weight[i, i]]
+        if known:
+            grown[i] = dispersed(weighted_mean(*np.array(known).T))
     return values, information / np.outer(grown, grown)
 
 

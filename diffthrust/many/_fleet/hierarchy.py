@@ -102,8 +102,8 @@ class Hierarchy(NamedTuple):
         prior = jnp.sum(log_spread - 0.5 * (_TAIL + 1) * jnp.log1p(spread**2 / _TAIL))
         if not self.correlated:
             return mean, jnp.diag(spread), prior
-        root, own = _correlation(p, v[2 * p : self.law])
-        return mean, spread[:, None] * root, prior + own
+        root, weight = _correlation(p, v[2 * p : self.law])
+        return mean, spread[:, None] * root, prior + weight
 
 
 def _correlation(p: int, y: Any) -> tuple[Any, Any]:
@@ -149,14 +149,14 @@ def _exact(kind: ExactKind, group: Any, theta: Any, others: Any) -> Any:
     """Log of likelihood over parabola for each vehicle of a kind, ``(vehicles,)``."""
     dim = kind.pooled + kind.rest
 
-    def one(given: Any) -> Any:
-        own, eta = given
-        z = theta[own["row"]][own["which"]]
-        away = z - own["top"]
-        rest = own["rest_top"] + own["rest_slope"] @ away + own["rest_root"] @ eta
-        x = jnp.zeros(dim).at[own["pooled"]].set(own["shift"] + own["scale"] * z)
-        exact = likelihood(kind.shape, dim, own["numbers"], x.at[own["rest"]].set(rest))
-        return exact + 0.5 * away @ own["information"] @ away
+    def one(vehicle: Any) -> Any:
+        numbers, eta = vehicle
+        z = theta[numbers["row"]][numbers["which"]]
+        away = z - numbers["top"]
+        rest = numbers["rest_top"] + numbers["rest_slope"] @ away + numbers["rest_root"] @ eta
+        x = jnp.zeros(dim).at[numbers["pooled"]].set(numbers["shift"] + numbers["scale"] * z)
+        exact = likelihood(kind.shape, dim, numbers["numbers"], x.at[numbers["rest"]].set(rest))
+        return exact + 0.5 * away @ numbers["information"] @ away
 
     if kind.vehicles == 1:  # a loop of one turn would keep the compiler from fusing
         return one(jax.tree.map(lambda a: a[0], (group, others)))[None]
@@ -193,7 +193,7 @@ def _numbers(row: int, one: VehicleEvidence, e: Exact) -> dict[str, Any]:
     inverse = np.linalg.inv(e.covariance[:q, :q])
     slope = e.covariance[q:, :q] @ inverse
     left = e.covariance[q:, q:] - slope @ e.covariance[:q, q:]
-    own = {
+    numbers = {
         "row": np.asarray(row),
         "which": np.flatnonzero(one.known),
         "top": e.top[:q],
@@ -207,4 +207,4 @@ def _numbers(row: int, one: VehicleEvidence, e: Exact) -> dict[str, Any]:
         "rest_root": np.linalg.cholesky(left) if e.rest.size else left,
         "numbers": e.numbers,
     }
-    return jax.tree.map(jnp.asarray, own)
+    return jax.tree.map(jnp.asarray, numbers)

@@ -119,7 +119,9 @@ class Posterior:
         portions = np.split(filled, whole // together)
 
         def one(portion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            density, level = run_program(log_densities, self.shape, (self.data, portion), rows=together)
+            density, level = run_program(
+                log_densities, self.shape, (self.data, portion), rows=together
+            )
             return np.asarray(density), np.asarray(level)
 
         # in threads, unless other members fill the cores: these wait for programs in one thread
