@@ -10,8 +10,12 @@ import pytest
 import diffthrust as dft
 from diffthrust import InputError, Log, simulate
 from diffthrust.effects import ActuatorLag, CommandDeadband
-from diffthrust.simulation._fixed_step import starting_states
-from diffthrust.simulation._inputs import bridged, inputs_of, measured_start
+from diffthrust.simulation._fixed_step import starting_states  # private: likewise
+from diffthrust.simulation._inputs import (  # private: before a run
+    bridged,
+    inputs_of,
+    measured_start,
+)
 
 # The unit of time.
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import diffthrust as dft
-from diffthrust._support.tables import number, rendered, with_error
-from diffthrust.cli._tables import catalogue_table
+from diffthrust._support.tables import number, rendered, with_error  # private: all tables' looks
+from diffthrust.cli._tables import catalogue_table  # private: printed by a command
 from diffthrust.effects import EFFECTS
-from diffthrust.estimation._tables import fit_table
+from diffthrust.estimation._tables import fit_table  # private: part of fit.report()
 from diffthrust.models import MODELS
 
 

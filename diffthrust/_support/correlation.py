@@ -40,8 +40,8 @@ def autocorrelation(runs: Sequence[np.ndarray], lags: int) -> np.ndarray:
         runs: values of each run, ``(n,)``.
         lags: the longest lag.
     """
-    found = covariance(runs, runs, lags)[lags:]
-    return found / found[0] if found[0] > 0 else np.where(np.arange(lags + 1) == 0, 1.0, 0.0)
+    late = covariance(runs, runs, lags)[lags:]
+    return late / late[0] if late[0] > 0 else np.where(np.arange(lags + 1) == 0, 1.0, 0.0)
 
 
 def lag_one(runs: Sequence[np.ndarray]) -> float:
@@ -61,8 +61,8 @@ def lag_one(runs: Sequence[np.ndarray]) -> float:
     later -= later.mean()
     before -= before.mean()
     power = (later @ later) * (before @ before)
-    found = float(later @ before / np.sqrt(power)) if power > 0 else 0.0
-    return found if found > 3 / np.sqrt(later.size) else 0.0
+    correlation = float(later @ before / np.sqrt(power)) if power > 0 else 0.0
+    return correlation if correlation > 3 / np.sqrt(later.size) else 0.0
 
 
 def covariance(first: Sequence[np.ndarray], second: Sequence[np.ndarray], lags: int) -> np.ndarray:

@@ -41,12 +41,12 @@ def ending(path: Path, *kinds: str) -> str:
         InputError: another ending; what is written would not be what the name says, and it might be
             the name of a log or a spec.
     """
-    found = path.suffix.lower()
-    if found not in kinds:
+    suffix = path.suffix.lower()
+    if suffix not in kinds:
         raise InputError(
             f"{path}: expected a file ending in {' or '.join(kinds)}.", "Change the ending."
         )
-    return found
+    return suffix
 
 
 def write_page(path: Path, text: str) -> None:

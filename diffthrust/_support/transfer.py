@@ -50,11 +50,11 @@ class Transfer:
         """Frequencies [rad/s] at which something happens: poles, zeros, |G| = 1 if only powers."""
         places = np.abs(np.concatenate([self.poles, np.roots(self.num)]))
         largest = float(places.max(initial=0.0))
-        found = places[places > 1e-9 * largest]
-        if not found.size:  # K / s^n
+        turning = places[places > 1e-9 * largest]
+        if not turning.size:  # K / s^n
             gain = abs(float(self.num[-1]))
-            found = np.array([gain ** (1.0 / self.order) if self.order and gain else 1.0])
-        return np.sort(found)
+            turning = np.array([gain ** (1.0 / self.order) if self.order and gain else 1.0])
+        return np.sort(turning)
 
     @property
     def direct(self) -> float:
@@ -185,36 +185,36 @@ def transfer_of(linear: Any) -> Transfer:
     return Transfer(num / den[0], den / den[0], wait)
 
 
-def _coefficients(given: Any, what: str) -> np.ndarray:
-    while isinstance(given, list | tuple | np.ndarray) and np.ndim(given) != 1:
-        if np.ndim(given) == 0 and not isinstance(given, np.ndarray):
+def _coefficients(value: Any, what: str) -> np.ndarray:
+    while isinstance(value, list | tuple | np.ndarray) and np.ndim(value) != 1:
+        if np.ndim(value) == 0 and not isinstance(value, np.ndarray):
             break
-        if np.ndim(given) == 0:
-            given = np.reshape(given, 1)
+        if np.ndim(value) == 0:
+            value = np.reshape(value, 1)
             continue
-        if len(given) != 1:  # python-control nests them by output and input
+        if len(value) != 1:  # python-control nests them by output and input
             raise InputError(
-                f"The linear part has {len(given)} inputs or outputs; a limit cycle is sought in a "
+                f"The linear part has {len(value)} inputs or outputs; a limit cycle is sought in a "
                 "loop with one.",
                 "Pick one element of the transfer matrix.",
             )
-        given = given[0]
+        value = value[0]
     try:
-        found = np.atleast_1d(np.asarray(given, float))
+        row = np.atleast_1d(np.asarray(value, float))
     except (TypeError, ValueError):
-        found = np.array([math.nan])
-    if found.ndim != 1 or not found.size or not np.isfinite(found).all():
+        row = np.array([math.nan])
+    if row.ndim != 1 or not row.size or not np.isfinite(row).all():
         raise InputError(
             f"The {what} of the linear part: expected finite real coefficients, highest power "
-            f"first; found {given!r}.",
+            f"first; found {value!r}.",
             "Write a list such as [1.0, 2.0, 1.0] for s^2 + 2 s + 1.",
         )
-    found = found[int(np.argmax(found != 0)) :] if found.any() else found[:0]
-    if not found.size:
+    row = row[int(np.argmax(row != 0)) :] if row.any() else row[:0]
+    if not row.size:
         raise InputError(
             f"The {what} of the linear part is zero.", "Give at least one coefficient that is not."
         )
-    return found
+    return row
 
 
 def _from_states(a: Any, b: Any, c: Any, d: Any) -> tuple[Any, Any]:

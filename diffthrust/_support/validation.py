@@ -19,12 +19,12 @@ def finite(where: str, value: Any, right: Callable[[float], bool], expected: str
         InputError: it does not.
     """
     try:
-        found = math.nan if isinstance(value, bool | str) else float(value)
+        number = math.nan if isinstance(value, bool | str) else float(value)
     except (TypeError, ValueError):
-        found = math.nan
-    if not math.isfinite(found) or not right(found):
+        number = math.nan
+    if not math.isfinite(number) or not right(number):
         raise InputError(f"{where}: expected {expected}, found {value!r}.", "Correct it.")
-    return found
+    return number
 
 
 def numeric_vector(values: Any, where: str) -> np.ndarray:

@@ -23,7 +23,7 @@ from diffthrust._support.names import nearest
 from diffthrust.datasets._record import DataFile, DataSet
 
 FOLDER = "DIFFTHRUST_DATA"
-SUMS = "sha256.json"
+_SUMS = "sha256.json"
 
 
 def located(about: DataSet, names: Iterable[str] | None = None) -> dict[str, Path]:
@@ -50,17 +50,17 @@ def located(about: DataSet, names: Iterable[str] | None = None) -> dict[str, Pat
             f"data set {about.name!r}: {about.local_only}.",
             f"Set {FOLDER} to the folder that holds {about.name}/{chosen[0]}.",
         )
-    folder = cache_folder() / about.name
+    folder = _cache_folder() / about.name
     return {name: _cached(about, files[name], folder) for name in chosen}
 
 
 def place(about: DataSet) -> Path:
     """The folder where the files of a data set lie, or will lie."""
     root = os.environ.get(FOLDER)
-    return (Path(root).expanduser() if root else cache_folder()) / about.name
+    return (Path(root).expanduser() if root else _cache_folder()) / about.name
 
 
-def cache_folder() -> Path:
+def _cache_folder() -> Path:
     """The folder of downloaded data sets, in the user's cache or in that of DIFFTHRUST_CACHE."""
     named = os.environ.get("DIFFTHRUST_CACHE", "").strip()
     if named and named.lower() != "off":
@@ -94,13 +94,13 @@ def _cached(about: DataSet, file: DataFile, folder: Path) -> Path:
     recorded = _sums(folder)
     expected = file.sha256 or recorded.get(file.name)
     if path.is_file():
-        found = _sha256(path)
-        if found == expected:
+        digest = _sha256(path)
+        if digest == expected:
             return path
         if expected is not None:
             raise InputError(
                 f"data set {about.name!r}: {path} has changed since it was downloaded: expected "
-                f"the sha256 {expected}, found {found}.",
+                f"the sha256 {expected}, found {digest}.",
                 "Delete the file, and it is downloaded again.",
             )
     return _download(about, file, path, expected, recorded)
@@ -137,19 +137,19 @@ def _download(
                 f"Connect to the network, or set {FOLDER} to a folder that holds "
                 f"{about.name}/{file.name}.",
             ) from None
-        found = _sha256(part)
-        if expected is not None and found != expected:
+        digest = _sha256(part)
+        if expected is not None and digest != expected:
             raise InputError(
                 f"data set {about.name!r}: {address} is not the file that it was: expected the "
-                f"sha256 {expected}, found {found}.",
+                f"sha256 {expected}, found {digest}.",
                 f"Do not trust it before you know why it changed; if it is meant to be another, "
-                f"remove its line from {folder / SUMS}."
+                f"remove its line from {folder / _SUMS}."
                 if file.sha256 is None
                 else "Do not trust it before you know why it changed.",
             )
         if file.sha256 is None and file.name not in recorded:
             # read again: another process may have recorded others in the meantime
-            write_json(folder / SUMS, {**_sums(folder), file.name: found})
+            write_json(folder / _SUMS, {**_sums(folder), file.name: digest})
         part.chmod(0o644)
         os.replace(part, path)
     finally:
@@ -159,7 +159,7 @@ def _download(
 
 def _sums(folder: Path) -> dict[str, str]:
     """The sums that were recorded at the first download of each file."""
-    path = folder / SUMS
+    path = folder / _SUMS
     try:
         sums = json.loads(path.read_bytes())
     except FileNotFoundError:

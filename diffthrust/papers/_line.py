@@ -75,10 +75,12 @@ def fit_line(x: Any, y: Any, what: str, *, through_origin: bool = False) -> Fitt
             f"{np.unique(x).size}.",
             "Give records at more levels.",
         )
-    found, *_ = np.linalg.lstsq(matrix, y, rcond=None)
+    coefficients, *_ = np.linalg.lstsq(matrix, y, rcond=None)
     left = x.size - matrix.shape[1]
-    variance = float(np.sum((y - matrix @ found) ** 2)) / left if left else np.nan
+    variance = float(np.sum((y - matrix @ coefficients) ** 2)) / left if left else np.nan
     errors = np.sqrt(variance * np.diag(np.linalg.inv(matrix.T @ matrix)))
     if through_origin:
-        return FittedLine(float(found[0]), 0.0, float(errors[0]), 0.0, x, y)
-    return FittedLine(float(found[0]), float(found[1]), float(errors[0]), float(errors[1]), x, y)
+        return FittedLine(float(coefficients[0]), 0.0, float(errors[0]), 0.0, x, y)
+    return FittedLine(
+        float(coefficients[0]), float(coefficients[1]), float(errors[0]), float(errors[1]), x, y
+    )

@@ -77,7 +77,7 @@ def manoeuvres(
     )
     fastest = max(float(np.max(np.abs(u))) for u in surge)
     ahead = straight * max(float(np.max(np.abs(r))) for r in yaw)
-    found: dict[str, list[Log]] = {"steady": [], "accelerating": [], "turning": []}
+    by_kind: dict[str, list[Log]] = {"steady": [], "accelerating": [], "turning": []}
     for log, u, r in zip(logs, surge, yaw, strict=True):
         line = np.abs(r) <= ahead
         change = least * without_noise(log.time, np.gradient(u, log.time), least)
@@ -88,9 +88,9 @@ def manoeuvres(
             "turning": ~line,
         }
         for kind, where in kinds.items():
-            found[kind] += [
+            by_kind[kind] += [
                 cut_out(log, log.time[first], log.time[last])
                 for first, last in true_stretches(where)
                 if log.time[last] - log.time[first] >= least
             ]
-    return Manoeuvres(**{kind: tuple(portions) for kind, portions in found.items()})
+    return Manoeuvres(**{kind: tuple(portions) for kind, portions in by_kind.items()})

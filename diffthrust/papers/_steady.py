@@ -103,20 +103,20 @@ def steady_portions(
         name: tolerance * max(1e-300, float(np.ptp(np.concatenate([g.inputs[name] for g in logs]))))
         for name in names
     }
-    found = []
+    portions = []
     for log in logs:
         edges = _edges([log.inputs[name] for name in names], [allowed[name] for name in names])
         for begin, end in pairwise(edges):
             first = int(np.searchsorted(log.time, log.time[begin] + settle - 1e-9))
             if end - first >= 2 and log.time[end - 1] - log.time[first] >= least - 1e-9:
-                found.append(Steady(log, first, end))
-    if not found:
+                portions.append(Steady(log, first, end))
+    if not portions:
         raise InputError(
             f"steady_portions: no stretch over which {listing(names)} were held for "
             f"{settle + least:g} s.",
             "Hold each level longer, or lower settle.",
         )
-    return found
+    return portions
 
 
 def _edges(series: list[np.ndarray], allowed: list[float]) -> list[int]:
@@ -139,10 +139,10 @@ def records(what: str, logs: Any) -> tuple[Log, ...]:
     Raises:
         InputError: something else than records, or none.
     """
-    found = listed(logs)
-    if not found:
+    several = listed(logs)
+    if not several:
         raise InputError(f"{what}: no record was given.", "Give one log or a list of them.")
-    return found
+    return several
 
 
 def true_stretches(good: np.ndarray) -> list[tuple[int, int]]:

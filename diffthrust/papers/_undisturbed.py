@@ -50,7 +50,7 @@ def undisturbed(
     Example:
         >>> dft.compare(vessel, dft.papers.undisturbed(logs)).errors
     """
-    found = []
+    portions = []
     for held in steady_portions(
         logs, settle=0.0, least=least, inputs=("propeller_speed", "rudder_angle")
     ):
@@ -68,17 +68,17 @@ def undisturbed(
             good = np.abs(bend - middle) <= curvature * abs(middle)
             if arc.any() and good[np.argmax(arc)]:
                 good |= ~arc
-        found += [
+        portions += [
             cut_out(log, log.time[first], log.time[last])
             for first, last in true_stretches(good)
             if log.time[last] - log.time[first] >= least
         ]
-    if not found:
+    if not portions:
         raise InputError(
             f"undisturbed: no portion of {least:g} s runs straight or on one arc.",
             "Allow more (yaw_rate, curvature), or records of a calmer day.",
         )
-    return found
+    return portions
 
 
 def cut_out(log: Log, start: float, stop: float) -> Log:

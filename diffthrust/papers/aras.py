@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
 SUPPLY = 13.0
 """Voltage of the open-loop record [V]."""
-WATER = 1024.0
-"""Density of the water [kg/m^3]."""
 
 
 def plant() -> Transfer:

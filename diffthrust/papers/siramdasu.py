@@ -220,9 +220,9 @@ def sensitivity(
         picked = [log for log, n in zip(straight, levels, strict=True)
                   if np.any(np.abs(n - np.array(speeds)) < 1e-2)]  # fmt: skip
         vessel = sequential(picked, circles, lever_arm=lever_arm, settle=settle).vessel
-        found = simulate(vessel, record)
+        outputs = simulate(vessel, record)
         vessels.append(vessel)
-        paths.append(np.stack([found["north"], found["east"]]))
+        paths.append(np.stack([outputs["north"], outputs["east"]]))
     apart = max(float(np.max(np.hypot(*(a - b)))) for a, b in combinations(paths, 2))
     return Sensitivity(tuple(chosen), tuple(vessels), tuple(paths), apart)
 

@@ -122,12 +122,12 @@ def static_test(
         >>> print(static.ct, static.ratio)
     """
     _check_direction(direction)
-    found = steady_portions(logs, settle=settle, least=least, inputs=["command"])
-    used = [part for part in found if _in_direction(part.mean(*_COMMAND), direction)]
+    portions = steady_portions(logs, settle=settle, least=least, inputs=["command"])
+    used = [part for part in portions if _in_direction(part.mean(*_COMMAND), direction)]
     if not used:
         raise InputError(
             f"static_test: no steady portion with a command {direction}; "
-            f"{len(found)} portions were found.",
+            f"{len(portions)} portions were found.",
             "Give direction='reverse' or 'both', or records with such commands.",
         )
     command = np.array([part.mean(*_COMMAND) for part in used])
@@ -264,7 +264,7 @@ def _least_squares(matrix: np.ndarray, target: np.ndarray) -> tuple[list[float],
             "dynamic_test: speed and command do not move enough to tell the coefficients apart.",
             "Give a record that moves, in the direction that is asked for.",
         )
-    found, *_ = np.linalg.lstsq(matrix, target, rcond=None)
-    variance = np.sum((target - matrix @ found) ** 2) / (len(target) - matrix.shape[1])
+    coefficients, *_ = np.linalg.lstsq(matrix, target, rcond=None)
+    variance = np.sum((target - matrix @ coefficients) ** 2) / (len(target) - matrix.shape[1])
     errors = np.sqrt(variance * np.diag(np.linalg.inv(matrix.T @ matrix)))
-    return [float(x) for x in found], [float(x) for x in errors]
+    return [float(x) for x in coefficients], [float(x) for x in errors]

@@ -11,9 +11,9 @@ import pytest
 from typer.testing import CliRunner
 
 from diffthrust import InputError, datasets
-from diffthrust.cli._app import app
-from diffthrust.datasets import _blueboat as blueboat_module
-from diffthrust.datasets import _catalogue, _fetch
+from diffthrust.cli._app import app  # private: the commands, without a process
+from diffthrust.datasets import _blueboat as blueboat_module  # private: its record is exchanged
+from diffthrust.datasets import _catalogue, _fetch  # private: fetching from elsewhere
 from tests.shared_data import data_folder
 
 CONTENT = b"t,u\n0,1\n1,2\n"

@@ -8,10 +8,10 @@ from marks import slow_but
 from reference import inputs, noise, thruster
 
 import diffthrust as dft
-from diffthrust.logs._units import convert
-from diffthrust.models._base.parameter import Relative
-from diffthrust.simulation._inputs import hold_of
-from diffthrust.simulation._trajectory import Grid, trajectory
+from diffthrust.logs._units import convert  # private: units of many parameters
+from diffthrust.models._base.parameter import Relative  # private: what relative_to makes
+from diffthrust.simulation._inputs import hold_of  # private: as for Grid
+from diffthrust.simulation._trajectory import Grid, trajectory  # private: another grid
 
 PLACES = {**dft.Thruster.inputs, **dft.Thruster.ports, **dft.Thruster.outputs}
 CATALOGUE = {n: e for n, e in dft.effects.EFFECTS.items() if all(p in PLACES for p in e.ports)}

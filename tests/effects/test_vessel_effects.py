@@ -8,9 +8,14 @@ from marks import slow_but
 from reference import inputs, noise, vessel
 
 import diffthrust as dft
-from diffthrust.effects import EFFECTS, _drive, _environment, _hull
-from diffthrust.models._base.parameter import Relative
-from diffthrust.simulation._trajectory import Grid, trajectory
+from diffthrust.effects import (  # private: the catalogue file by file
+    EFFECTS,
+    _drive,
+    _environment,
+    _hull,
+)
+from diffthrust.models._base.parameter import Relative  # private: what relative_to makes
+from diffthrust.simulation._trajectory import Grid, trajectory  # private: another grid
 
 CATALOGUE = {
     "quadratic_surge_drag",

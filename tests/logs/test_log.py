@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import diffthrust as dft
-from diffthrust._support.errors import InputError
-from diffthrust.logs._log import Log
+from diffthrust import InputError, Log
 
 NAN = float("nan")
 

@@ -10,9 +10,8 @@ import pytest
 import scipy.sparse
 from scipy.io import savemat
 
-from diffthrust import Column, read_log
-from diffthrust._support.errors import InputError
-from diffthrust.logs._tables import csv
+from diffthrust import Column, InputError, read_log
+from diffthrust.logs._tables import csv  # private: both readers of text, whatever the size
 from tests.shared_data import data_folder
 
 NAN = float("nan")

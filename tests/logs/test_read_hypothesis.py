@@ -13,10 +13,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.io import savemat
 
-from diffthrust import Column, read_log
-from diffthrust._support.errors import InputError
-from diffthrust.logs._log import Log
-from diffthrust.logs._tables import csv
+from diffthrust import Column, InputError, Log, read_log
+from diffthrust.logs._tables import csv  # private: both readers of text, whatever the size
 
 common = settings(
     max_examples=150,

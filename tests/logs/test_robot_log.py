@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from diffthrust import Column, InputError, Log, Thruster, read_log, read_robot_log, simulate
-from diffthrust.logs._robots.resample import resample
-from diffthrust.logs._robots.series import Series, series_of
-from diffthrust.specs._spec import load_spec
+from diffthrust.logs._robots.resample import resample  # private: series without a file
+from diffthrust.logs._robots.series import Series, series_of  # private: likewise
+from diffthrust.specs import load_spec
 from tests.robot_files import (
     attitude,
     number,

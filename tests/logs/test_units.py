@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from diffthrust._support.errors import InputError
-from diffthrust._support.names import listing, nearest
-from diffthrust.logs._channels import CHANNELS
-from diffthrust.logs._units import convert, convert_scale, si_unit
+from diffthrust import InputError
+from diffthrust._support.names import listing, nearest  # private: the words of many messages
+from diffthrust.logs._channels import CHANNELS  # private: every channel's unit is known
+from diffthrust.logs._units import convert, convert_scale, si_unit  # private: units alone
 
 # Written by hand, independently of pint.
 FACTORS = [

@@ -15,8 +15,8 @@ import diffthrust as dft
 from diffthrust import InputError, Log, simulate
 from diffthrust.effects import ActuatorLag, CommandDeadband, ReverseThrustAsymmetry
 from diffthrust.models import MODELS
-from diffthrust.simulation._inputs import hold_of, inputs_of
-from diffthrust.simulation._trajectory import Grid, trajectory
+from diffthrust.simulation._inputs import hold_of, inputs_of  # private: as for Grid
+from diffthrust.simulation._trajectory import Grid, trajectory  # private: another grid
 
 
 class ViscousFriction(dft.Effect):

@@ -90,16 +90,16 @@ def read_ardupilot(
     for target in targets:
         _check_alone(path.name, target)
     origin = min(target.ticks[0] for target in targets)
-    found = {
+    series = {
         t.column: series_of(path.name, t.column, t.ticks, t.values, origin, missing)
         for t in targets
     }
     if damages := recording.damages:
-        first = found[wanted[0]]
+        first = series[wanted[0]]
         places = f"{len(damages)} place{'s' if len(damages) > 1 else ''}"
         note = f"the file is damaged in {places} ({damages[0]})"
-        found[wanted[0]] = replace(first, notes=(*first.notes, note))
-    return found
+        series[wanted[0]] = replace(first, notes=(*first.notes, note))
+    return series
 
 
 def _target(file: str, column: str) -> _Target:
@@ -157,10 +157,10 @@ def _check_alone(file: str, target: _Target) -> None:
         )
     sources = sorted({source for source, _ in target.seen})
     if len(sources) > 1:
-        told = listing("/".join(map(str, source)) for source in sources)
+        senders = listing("/".join(map(str, source)) for source in sources)
         name = "/".join(map(str, sources[0]))
         raise InputError(
-            f"{place}: {target.name!r} is sent by several (system/component): {told}.",
+            f"{place}: {target.name!r} is sent by several (system/component): {senders}.",
             f"name one, such as {f'{name}/{target.name}.{field_name}'!r}.",
         )
     instances = sorted({instance for _, instance in target.seen})

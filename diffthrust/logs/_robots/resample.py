@@ -16,7 +16,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
 from diffthrust.logs._robots.series import Series
 
-MESSAGES = "messages"
+_MESSAGES = "messages"
 
 _SAME = 1e-9  # two stamps no further apart are one [s]
 _MOST = 10_000_000  # samples; a step in the wrong unit asks for more
@@ -61,7 +61,7 @@ def resample(
         InputError: the base is no channel and no step, is too fast for a channel, or the channels
             have no time in common.
     """
-    every = base == MESSAGES
+    every = base == _MESSAGES
     step, stamps = _every_stamp(series, held) if every else _base(file, series, base)
     for name, one in series.items():
         if not held[name]:
@@ -79,19 +79,19 @@ def resample(
             late = "" if every or name == base else late
             after = time[-1] - one.time[-1]
             end = f"; held for {after:.3g} s after its last message" if after > step else ""
-            done = f"held between messages{late}{end}"
+            how = f"held between messages{late}{end}"
         elif every and name not in inputs:
             out[name], _ = _linear(one, time, -1.0)
-            done = f"{int(np.isfinite(out[name]).sum())} samples, each at its own stamp"
+            how = f"{int(np.isfinite(out[name]).sum())} samples, each at its own stamp"
         else:
             limit = 3 * one.period if gap is None else gap
             out[name], between = _linear(one, time, limit)
             missing = int(np.isnan(out[name]).sum())
-            done = f"{between / time.size:.0%} of the samples are interpolated"
-            done += f", {missing} are missing (gaps above {limit:.3g} s)" if missing else ""
+            how = f"{between / time.size:.0%} of the samples are interpolated"
+            how += f", {missing} are missing (gaps above {limit:.3g} s)" if missing else ""
             if one.period < 0.75 * step:
-                done += "; it is faster than the base, and what is above half the base's rate folds"
-        notes.append("; ".join([head, done, *one.notes]) + ".")
+                how += "; it is faster than the base, and what is above half the base's rate folds"
+        notes.append("; ".join([head, how, *one.notes]) + ".")
     return Resampled(time, out, notes)
 
 
@@ -179,7 +179,7 @@ def _span(
     else:
         keep = (stamps >= first - _SAME) & (stamps <= last + _SAME)
         time = stamps[keep]
-        whose = "all messages" if base == MESSAGES else repr(base)
+        whose = "all messages" if base == _MESSAGES else repr(base)
         rate = f"{1 / step:.4g} Hz, " if step > 0 else ""
         note = f"time base: the stamps of {whose}, {rate}{time.size} samples"
         cut = stamps.size - time.size

@@ -97,13 +97,13 @@ def read_bag(
             "leave stamps at 'recorder'.",
         )
     origin = min((stamps[0] for stamps in ticks.values() if stamps), default=0)
-    found = {c: series_of(path.name, c, ticks[c], values[c], origin, missing) for c in wanted}
+    series = {c: series_of(path.name, c, ticks[c], values[c], origin, missing) for c in wanted}
     for topic, columns in targets.items() if header else ():
         if not stamped[topic]:
             note = "no header, so the recorder's stamps are taken"
             for column, _ in columns:
-                found[column] = replace(found[column], notes=(*found[column].notes, note))
-    return found
+                series[column] = replace(series[column], notes=(*series[column].notes, note))
+    return series
 
 
 def _steps(file: str, column: str, field: str) -> Steps:
@@ -111,16 +111,16 @@ def _steps(file: str, column: str, field: str) -> Steps:
     steps: list[str | int] = []
     position = 0
     while position < len(field):
-        found = _STEP.match(field, position)
-        if not found:
+        match = _STEP.match(field, position)
+        if not match:
             raise InputError(
                 f"{column_place(file, column)}: expected names, dots and [numbers] in the field, "
                 f"found {field[position]!r}.",
                 "write it as 'twist.twist.linear.x' or 'data[0]'.",
             )
-        if not found[3]:
-            steps.append(found[1] or int(found[2]))
-        position = found.end()
+        if not match[3]:
+            steps.append(match[1] or int(match[2]))
+        position = match.end()
     return tuple(steps)
 
 

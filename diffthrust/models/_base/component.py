@@ -32,14 +32,14 @@ class Component:
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
-        own = {k: v for k, v in vars(cls).items() if isinstance(v, Parameter)}
-        cls.declared = {**cls.declared, **own}
+        described = {k: v for k, v in vars(cls).items() if isinstance(v, Parameter)}
+        cls.declared = {**cls.declared, **described}
         jax.tree_util.register_pytree_node(cls, _flatten, cls._unflatten)
 
-    def __init__(self, **given: float | Parameter) -> None:
+    def __init__(self, **values: float | Parameter) -> None:
         self._set(_parameters={})
         parameters = dict(self.declared)
-        for name, value in given.items():
+        for name, value in values.items():
             if name not in parameters:
                 raise InputError(
                     f"{type(self).__name__} has no parameter '{name}'"

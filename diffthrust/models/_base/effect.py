@@ -133,16 +133,16 @@ class Ports:
         if not effect.states:
             with elementwise(where):
                 return effect.at(port, value, self._signals)
-        own = {name: f"{effect.name}.{name}" for name in effect.states}
+        full = {name: f"{effect.name}.{name}" for name in effect.states}
         if self._starting:
             start = effect.initial(value, self._signals)
-            self.initial.update({own[name]: start.get(name, 0.0) for name in own})
-            signals = self._signals.also({name: self.initial[own[name]] for name in own})
+            self.initial.update({full[name]: start.get(name, 0.0) for name in full})
+            signals = self._signals.also({name: self.initial[full[name]] for name in full})
         else:
-            signals = self._signals.also({name: self._signals[own[name]] for name in own})
+            signals = self._signals.also({name: self._signals[full[name]] for name in full})
         with elementwise(where):
             rates = effect.rates(value, signals)
             leaving = effect.at(port, value, signals)
-        expect(f"{where}.rates", "rate of the state", own, rates)
-        self.rates.update({own[name]: rates[name] for name in own})
+        expect(f"{where}.rates", "rate of the state", full, rates)
+        self.rates.update({full[name]: rates[name] for name in full})
         return leaving

@@ -116,7 +116,7 @@ class Model(Component):
                 )
             named[name] = changed(named[name], new)
             named[name].check(name)
-        own = {k: named[k] for k in self._parameters}
+        base = {k: named[k] for k in self._parameters}
         effects = []
         for effect in self.effects:
             theirs = {k: named[f"{effect.name}.{k}"] for k in effect._parameters}
@@ -124,7 +124,7 @@ class Model(Component):
                 effect._copy(_parameters=theirs, **{k: p.value for k, p in theirs.items()})
             )
         return self._copy(
-            _parameters=own, effects=tuple(effects), **{k: p.value for k, p in own.items()}
+            _parameters=base, effects=tuple(effects), **{k: p.value for k, p in base.items()}
         )
 
     def fix(self, *names: str) -> Self:
@@ -137,7 +137,7 @@ class Model(Component):
 
     def bind(self, values: Mapping[str, ArrayLike]) -> Self:
         """The model reading (possibly traced) values by full name; unnamed ones stay."""
-        own = {k: values[k] for k in self._parameters if k in values}
+        base = {k: values[k] for k in self._parameters if k in values}
         effects = tuple(
             effect._bound(
                 {
@@ -148,7 +148,7 @@ class Model(Component):
             )
             for effect in self.effects
         )
-        return self._copy(effects=effects, **own)
+        return self._copy(effects=effects, **base)
 
     # -- effects -----------------------------------------------------------------------------------
 
@@ -207,12 +207,12 @@ class Model(Component):
     @property
     def all_states(self) -> dict[str, str]:
         """The model's states and those of its effects (``effect.state``), with their units."""
-        own = {
+        effect_states = {
             f"{effect.name}.{name}": unit
             for effect in self.effects
             for name, unit in effect.states.items()
         }
-        return {**self.states, **own}
+        return {**self.states, **effect_states}
 
     def __repr__(self) -> str:
         return " + ".join([super().__repr__(), *(repr(effect) for effect in self.effects)])

@@ -11,7 +11,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
 from diffthrust.models._base.effect import EFFECTS, Effect
 
-GROUP = "diffthrust.effects"
+_GROUP = "diffthrust.effects"
 """Packages offer effects of their own by entry points of this group, each naming a class.
 
 It is also the name of the folder whose import registers the library's own."""
@@ -24,18 +24,18 @@ def catalogue() -> Mapping[str, type[Effect]]:
     Raises:
         InputError: an entry point that is not an effect, or one with a name that is taken.
     """
-    import_module(GROUP)
+    import_module(_GROUP)
     known = dict(sorted(EFFECTS.items(), key=lambda e: (e[1].__module__, e[1].__qualname__)))
-    for point in entry_points(group=GROUP):
+    for point in entry_points(group=_GROUP):
         cls = point.load()
         if not (isinstance(cls, type) and issubclass(cls, Effect)):
             raise InputError(
-                f"The entry point '{point.name}' of {GROUP} gives {cls!r}, which is no effect.",
+                f"The entry point '{point.name}' of {_GROUP} gives {cls!r}, which is no effect.",
                 "Let it name a class derived from diffthrust.Effect.",
             )
         if cls.name in known:
             raise InputError(
-                f"The entry point '{point.name}' of {GROUP} gives an effect '{cls.name}', a name "
+                f"The entry point '{point.name}' of {_GROUP} gives an effect '{cls.name}', a name "
                 "that is taken.",
                 "Rename the effect, or remove the package.",
             )
