@@ -5,13 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from io import StringIO
-from typing import TYPE_CHECKING
 
 from rich.console import Console, RenderableType
 from rich.table import Table
-
-if TYPE_CHECKING:
-    pass
 
 
 def rendered(thing: RenderableType, width: int = 100) -> str:
@@ -55,6 +51,7 @@ def with_error(value: float, error: float | None) -> tuple[str, str]:
 
 
 def plain_table(*headings: str, numbers: Iterable[int] = ()) -> Table:
+    """A table without lines; the columns at ``numbers`` stand to the right."""
     table = Table(box=None, padding=(0, 1), pad_edge=False, header_style="dim")
     for i, heading in enumerate(headings):
         justify = "right" if i in tuple(numbers) else "left"

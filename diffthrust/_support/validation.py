@@ -8,6 +8,7 @@ from contextlib import suppress
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
 
@@ -27,7 +28,7 @@ def finite(where: str, value: Any, right: Callable[[float], bool], expected: str
     return number
 
 
-def numeric_vector(values: Any, where: str) -> np.ndarray:
+def numeric_vector(values: ArrayLike, where: str) -> np.ndarray:
     """Copy numbers into a float64 vector.
 
     Args:

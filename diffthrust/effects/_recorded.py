@@ -4,13 +4,13 @@ All work on any increasing time stamps; a stamp that repeats (a log padded at it
 nothing.
 """
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 
+from diffthrust.models._base.signals import Signal
 
-def delayed(time: Any, series: Any, delay: Any) -> Any:
+
+def delayed(time: Signal, series: Signal, delay: Signal | float) -> Signal:
     """A series ``delay`` seconds later, ``(T,)``: linear between samples, the first value before.
 
     The derivative at zero delay is the one towards positive delays. Of a series that is held from
@@ -25,12 +25,12 @@ def delayed(time: Any, series: Any, delay: Any) -> Any:
     return jnp.where(at > time[0], between, series[0])
 
 
-def rate_limited(time: Any, series: Any, rate: Any) -> Any:
+def rate_limited(time: Signal, series: Signal, rate: Signal | float) -> Signal:
     """A series followed at no more than ``rate`` per second, ``(T,)``; all of it where infinite."""
     gap = jnp.diff(time)
     most = jnp.where(gap > 0, rate * jnp.where(gap > 0, gap, 1.0), 0.0)
 
-    def follow(last: Any, x: Any) -> tuple[Any, Any]:
+    def follow(last: Signal, x: tuple[Signal, Signal]) -> tuple[Signal, Signal]:
         wanted, reach = x
         reached = jnp.clip(wanted, last - reach, last + reach)
         return reached, reached
@@ -39,7 +39,7 @@ def rate_limited(time: Any, series: Any, rate: Any) -> Any:
     return jnp.concatenate([series[:1], after])
 
 
-def lagged(time: Any, series: Any, time_constant: Any) -> Any:
+def lagged(time: Signal, series: Signal, time_constant: Signal | float) -> Signal:
     """The first-order lag of a series that is linear between samples, ``(T,)``, settled at first.
 
     Exact for any ratio of step and time constant; at zero exactly the series, its derivative there
@@ -52,7 +52,7 @@ def lagged(time: Any, series: Any, time_constant: Any) -> Any:
     mean = time_constant / gap * -jnp.expm1(-ratio)
     pushed = (mean - kept) * series[:-1] + (1.0 - mean) * series[1:]
 
-    def follow(last: Any, x: Any) -> tuple[Any, Any]:
+    def follow(last: Signal, x: tuple[Signal, Signal]) -> tuple[Signal, Signal]:
         share, push = x
         value = share * last + push
         return value, value

@@ -4,7 +4,6 @@ import math
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -39,7 +38,7 @@ class Column:
     scale: float = 1.0
 
 
-def is_finite(value: Any) -> bool:
+def is_finite(value: object) -> bool:
     """Whether a value is a finite number."""
     return isinstance(value, (int, float, np.number)) and math.isfinite(value)
 

@@ -5,6 +5,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import nearest
@@ -125,7 +126,7 @@ def _dimension(unit: Any) -> str:
     return text
 
 
-def convert(values: Any, unit_from: str, unit_to: str, *, where: str) -> np.ndarray:
+def convert(values: ArrayLike, unit_from: str, unit_to: str, *, where: str) -> np.ndarray:
     """Convert numbers from one unit to another.
 
     Args:

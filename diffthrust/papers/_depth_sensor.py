@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.tables import number
@@ -136,8 +137,8 @@ class Calibration:
 
 
 def calibrate(
-    depth: Any,
-    readings: Mapping[str, Any],
+    depth: ArrayLike,
+    readings: Mapping[str, ArrayLike],
     *,
     datasheet: Datasheet | None = None,
     level: float = 0.01,

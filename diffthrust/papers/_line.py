@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
 from diffthrust.uncertainty._prediction.physical import Quantity
@@ -46,7 +47,7 @@ class FittedLine:
         return float(np.sqrt(np.mean((self.y - self(self.x)) ** 2))) / spread
 
 
-def numbers(what: str, values: Any) -> np.ndarray:
+def numbers(what: str, values: ArrayLike) -> np.ndarray:
     """Values as floats; ``what`` names them where they are none."""
     try:
         return np.asarray(values, float)
@@ -54,7 +55,7 @@ def numbers(what: str, values: Any) -> np.ndarray:
         raise InputError(f"{what}: expected numbers ({error}).", "Correct them.") from None
 
 
-def fit_line(x: Any, y: Any, what: str, *, through_origin: bool = False) -> FittedLine:
+def fit_line(x: ArrayLike, y: ArrayLike, what: str, *, through_origin: bool = False) -> FittedLine:
     """The line of least squares through points.
 
     Args:

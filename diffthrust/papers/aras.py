@@ -7,9 +7,10 @@ identification (ARX, ARMAX of orders 2, 2, 2, 1, state space of order 2) is `dif
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.transfer import Transfer, transfer_of
@@ -114,7 +115,7 @@ class SteadyMap:
         return steady_map_figure(self.thrust, self.printed, self.own)
 
 
-def steady_map(motor: DCMotorThruster, thrust: Any) -> SteadyMap:
+def steady_map(motor: DCMotorThruster, thrust: ArrayLike) -> SteadyMap:
     """The voltage that a steady thrust takes: by equation 7 of the paper, and of the model.
 
     The paper sets the motor's torque in proportion to the thrust (equation 4, T = Km I): its Km is

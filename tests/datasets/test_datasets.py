@@ -157,7 +157,7 @@ def test_the_repository_s_files_are_read_as_well_as_rounded_copies(monkeypatch):
     rows = ["1444243.083,0.1,0.2,0.3,1,2", "1444343.083,,,,1,2"]
     local = HEADER + "".join(f"{row}\n" for row in rows)
     upstream = "," + HEADER + "".join(f"{i},{row}\n" for i, row in enumerate(rows))
-    commit = blueboat_module._COMMIT
+    commit = blueboat_module.BLUEBOAT.files[0].commit
     for text in (local, upstream):
         with served({f"{commit}/sorted_data/fixed_00000228.csv": text.encode()}) as (address, _):
             about = replace(blueboat_module.BLUEBOAT, address=address)
