@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import parameter
-from diffthrust.models._base.signals import Equations, Signals
+from diffthrust.models._base.signals import RatesAndOutputs, Signals
 
 
 class AxisVehicle(Model):
@@ -31,7 +31,7 @@ class AxisVehicle(Model):
     mass: float = parameter(340.0, "kg", bounds=(0, None))
     drag: float = parameter(67.0, "N s^2/m^2", bounds=(0, None))
 
-    def equations(self, s: Signals, port: Ports) -> Equations:
+    def equations(self, s: Signals, port: Ports) -> RatesAndOutputs:
         """Yoerger et al. 1990, section IV."""
         hull = port("hull", -self.drag * s.velocity * jnp.abs(s.velocity))
         force = port("force", s.thrust + hull)

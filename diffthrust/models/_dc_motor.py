@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import parameter
-from diffthrust.models._base.signals import Equations, Relaxing, Signal, Signals
+from diffthrust.models._base.signals import RatesAndOutputs, Relaxing, Signal, Signals
 
 
 class DCMotorThruster(Model):
@@ -53,7 +53,7 @@ class DCMotorThruster(Model):
     thrust_linear: float = parameter(0.0, "N s/rad", null=0.0, size=0.01, fixed=True)
     thrust_quadratic: float = parameter(1e-4, "N s^2/rad^2", bounds=(0, None))
 
-    def equations(self, s: Signals, port: Ports) -> Equations:
+    def equations(self, s: Signals, port: Ports) -> RatesAndOutputs:
         """Aras et al. 2013, equations of the motor and of the thruster."""
         swept = s.speed * jnp.abs(s.speed)
         thrust = port("propeller", self.thrust_linear * s.speed + self.thrust_quadratic * swept)

@@ -3,7 +3,7 @@
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import parameter
-from diffthrust.models._base.signals import Equations, Signals
+from diffthrust.models._base.signals import RatesAndOutputs, Signals
 
 
 class LinearSensor(Model):
@@ -24,6 +24,6 @@ class LinearSensor(Model):
     slope: float = parameter(0.1901, "V/m", size=0.1)
     offset: float = parameter(-0.0973, "V", size=1.0)
 
-    def equations(self, s: Signals, port: Ports) -> Equations:
+    def equations(self, s: Signals, port: Ports) -> RatesAndOutputs:
         """Aras et al. 2013, calibration of the depth sensor."""
         return {}, {"reading": port("line", self.slope * s.depth + self.offset)}

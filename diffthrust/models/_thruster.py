@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import parameter
-from diffthrust.models._base.signals import Equations, Signals
+from diffthrust.models._base.signals import RatesAndOutputs, Signals
 
 
 class Thruster(Model):
@@ -44,7 +44,7 @@ class Thruster(Model):
     beta: float = parameter(42.0, "rad/(V s^2)", bounds=(0, None), doc="drive by the command")
     ct: float = parameter(0.019, "N s^2/rad^2", bounds=(0, None), doc="thrust")
 
-    def equations(self, s: Signals, port: Ports) -> Equations:
+    def equations(self, s: Signals, port: Ports) -> RatesAndOutputs:
         """Yoerger et al. 1990, section II C."""
         swept = s.speed * jnp.abs(s.speed)
         thrust = port("propeller", self.ct * swept)

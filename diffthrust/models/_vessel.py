@@ -10,7 +10,7 @@ from diffthrust._support.errors import InputError
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Parameter, parameter
-from diffthrust.models._base.signals import Equations, Signals
+from diffthrust.models._base.signals import RatesAndOutputs, Signals
 
 _INPUTS = {
     "propeller": {"propeller_speed": "rev/s", "rudder_angle": "rad"},
@@ -128,7 +128,7 @@ class Vessel(Model):
         thrust = port("propulsion", s.left_force + s.right_force)
         return thrust, 0.0 * thrust, self.lever_arm * (s.left_force - s.right_force)
 
-    def equations(self, s: Signals, port: Ports) -> Equations:
+    def equations(self, s: Signals, port: Ports) -> RatesAndOutputs:
         """Siramdasu & Fahimi 2013, equations (1) to (5), (15) and (16)."""
         u = port("surge_through_water", s.surge)
         v = port("sway_through_water", s.sway)

@@ -12,7 +12,7 @@ from diffthrust._support.errors import InputError
 from diffthrust.models import Vessel
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
-from diffthrust.models._base.signals import Equations, Signals
+from diffthrust.models._base.signals import RatesAndOutputs, Signals
 
 
 class TabulatedVessel(Model):
@@ -77,7 +77,7 @@ class TabulatedVessel(Model):
         )
         super().__init__()
 
-    def equations(self, s: Signals, port: Ports) -> Equations:
+    def equations(self, s: Signals, port: Ports) -> RatesAndOutputs:
         """Those of `Vessel`, with the parameters at the present surge."""
         values = {name: _along(s.surge, self.speeds, column) for name, column in self.table}
         return self.vessel.model.bind(values).equations(s, port)

@@ -13,7 +13,7 @@ from diffthrust.models._base.component import Component, changed
 from diffthrust.models._base.effect import Effect, Ports
 from diffthrust.models._base.parameter import Parameter
 from diffthrust.models._base.registry import effect_named
-from diffthrust.models._base.signals import Equations, Signal, Signals
+from diffthrust.models._base.signals import RatesAndOutputs, Signal, Signals
 
 
 class Model(Component):
@@ -59,7 +59,7 @@ class Model(Component):
                 "Give the port another name.",
             )
 
-    def equations(self, s: Signals, port: Ports) -> Equations:
+    def equations(self, s: Signals, port: Ports) -> RatesAndOutputs:
         """The physics, written once: ``(rates, outputs)`` from the signals.
 
         It is evaluated with numbers inside the integration and with whole arrays for the outputs,

@@ -36,7 +36,7 @@ class Relaxing(NamedTuple):
 
 
 Rate: TypeAlias = Signal | Relaxing
-Equations: TypeAlias = tuple[Mapping[str, Rate], Mapping[str, Signal]]
+RatesAndOutputs: TypeAlias = tuple[Mapping[str, Rate], Mapping[str, Signal]]
 """What the equations of a model give: the rates of its states, and its outputs."""
 
 
