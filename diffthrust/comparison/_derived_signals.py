@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping
 import numpy as np
 
 from diffthrust.models._base.model import Model
+from diffthrust.simulation._errors import wrapped
 from diffthrust.simulation._runs import Run
 
 _JUMP = 0.1
@@ -24,7 +25,7 @@ def signals_of(model: Model, run: Run) -> dict[str, np.ndarray]:
         if unit == "m" or (name in model.angles and name not in run.channels):
             signals.pop(name, None)
         elif name in model.angles and name in signals:
-            signals[name] = np.angle(np.exp(1j * signals[name]))
+            signals[name] = wrapped(signals[name])
     return signals
 
 

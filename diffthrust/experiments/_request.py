@@ -14,9 +14,9 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
 from diffthrust.estimation._arguments import by_input, listed
 from diffthrust.estimation._result import Fit
+from diffthrust.experiments._confront import Conditions
 from diffthrust.experiments._designs import Design, Field, sequence
 from diffthrust.experiments._rivals import Rival, models_of, names_of, rival_of
-from diffthrust.experiments._separation import Conditions
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._step_size import choose_substeps

@@ -16,156 +16,21 @@ integrate, without a jump at the full turn: all begin alike, and the jump would 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from diffthrust.experiments._confront import CHUNK, Conditions, InputSeries, against, outputs_of
 from diffthrust.experiments._rivals import Rival
-from diffthrust.simulation._trajectory import Grid, Key, trajectory
 
-_Inputs = Mapping[str, Float[np.ndarray, "designs time"]]
-_CHUNK = 16
-"""Designs are simulated so many at a time, whatever their number: one compilation serves all."""
 _SCREEN, _THOROUGH = 12, 30
 """Most steps of an imitation, in the search for designs and to verify one."""
 _SETTLED = 1e-3
 """The imitation is done where a step gains less than this, relative and in the criterion."""
 _SCATTER = 0.5
 """Spread of further starts in a parameter's coordinate, where no less is known of it."""
-
-
-@dataclass(frozen=True)
-class Conditions:
-    """What all designs have in common.
-
-    Args:
-        time: sample instants [s], ``(T,)``.
-        noise: standard deviation of each measured channel.
-        unsigned: channels whose sensor reports the absolute value.
-        substeps: integrator steps per sample.
-        correlation: of the noise from one sample to the next.
-    """
-
-    time: np.ndarray
-    noise: Mapping[str, float]
-    unsigned: frozenset[str]
-    substeps: int
-    correlation: float
-
-
-class _Layout(NamedTuple):
-    """The static part, which fixes the compiled code."""
-
-    key: Key
-    grid: Grid
-    free: tuple[str, ...]
-    transforms: tuple[str, ...]
-    channels: tuple[str, ...]
-    unsigned: frozenset[str]
-
-
-class Confronted(NamedTuple):
-    """A model held against targets: outputs, criterion, slope and Gram matrix for each design.
-
-    Args:
-        outputs: of the model.
-        cost: sum of squared whitened differences; infinite where a simulation failed.
-        slope: J' r.
-        gram: J' J.
-    """
-
-    outputs: Float[np.ndarray, "designs channels time"]
-    cost: Float[np.ndarray, " designs"]
-    slope: Float[np.ndarray, "designs free"]
-    gram: Float[np.ndarray, "designs free free"]
-
-
-def against(
-    rival: Rival,
-    conditions: Conditions,
-    inputs: _Inputs,
-    z: Float[np.ndarray, "designs free"],
-    target: Float[np.ndarray, "designs channels time"],
-) -> Confronted:
-    """Simulate a rival under every design, and compare it to targets.
-
-    Args:
-        rival: the model.
-        conditions: time stamps and noise.
-        inputs: all input series by name.
-        z: coordinates of the free parameters for each design.
-        target: outputs to be imitated.
-    """
-    named = rival.model.parameters
-    hold = tuple((name, "zero") for name in sorted(inputs))
-    layout = _Layout(
-        Key(rival.model.bind({})),
-        Grid(hold, conditions.substeps),
-        rival.free,
-        tuple(named[n].transform for n in rival.free),
-        tuple(conditions.noise),
-        conditions.unsigned,
-    )
-    arrays = {
-        "values": {n: np.asarray(p.value, float) for n, p in named.items()},
-        "scales": np.array([named[n].scale for n in rival.free]),
-        "time": conditions.time,
-        "sigma": np.array(list(conditions.noise.values())),
-        "correlation": np.asarray(conditions.correlation, float),
-    }
-    count, passes = z.shape[0], []
-    for begin in range(0, count, _CHUNK):
-        rows = np.minimum(np.arange(begin, begin + _CHUNK), count - 1)
-        series = {name: values[rows] for name, values in inputs.items()}
-        chunk = _chunk(layout, arrays, series, z[rows], target[rows])
-        passes.append([np.array(part)[: count - begin] for part in chunk])
-    outputs, cost, slope, gram = (np.concatenate(parts) for parts in zip(*passes, strict=True))
-    fine = np.isfinite(cost) & np.isfinite(gram).all(axis=(1, 2)) & np.isfinite(slope).all(axis=1)
-    return Confronted(outputs, np.where(fine, cost, np.inf), slope, gram)
-
-
-@partial(jax.jit, static_argnums=0)
-def _chunk(layout: _Layout, arrays: Any, inputs: Any, z: Any, target: Any) -> tuple[Any, ...]:
-    def one(design: Any) -> tuple[Any, ...]:
-        series, point, goal = design
-        steps = jnp.eye(point.shape[0])
-
-        def fn(p: Any) -> Any:
-            return _outputs(layout, arrays, series, p)
-
-        if layout.free:
-            y, slopes = jax.vmap(lambda v: jax.jvp(fn, (point,), (v,)), out_axes=(None, 0))(steps)
-        else:
-            y = fn(point)
-            slopes = jnp.zeros((0, *y.shape))
-        rest = _white(arrays, goal - y).reshape(-1)
-        rows = jax.vmap(partial(_white, arrays))(slopes).reshape(len(layout.free), rest.size)
-        return y, rest @ rest, rows @ rest, rows @ rows.T
-
-    return jax.lax.map(one, (inputs, z, target))
-
-
-def _outputs(layout: _Layout, arrays: Any, inputs: Any, z: Any) -> Any:
-    values = dict(arrays["values"])
-    for i, (name, transform) in enumerate(zip(layout.free, layout.transforms, strict=True)):
-        values[name] = jnp.exp(z[i]) if transform == "log" else z[i] * arrays["scales"][i]
-    model = layout.key.model.bind(values)
-    modelled, _ = trajectory(model, layout.grid, arrays["time"], inputs, {}, {})
-    rows = [jnp.abs(modelled[n]) if n in layout.unsigned else modelled[n] for n in layout.channels]
-    return jnp.stack(rows)
-
-
-def _white(arrays: Any, series: Any) -> Any:
-    """What is left of ``(C, T)`` when the noise, of first order, is made white and of unit size."""
-    phi = arrays["correlation"]
-    later = (series[:, 1:] - phi * series[:, :-1]) / jnp.sqrt(1.0 - phi**2)
-    return jnp.concatenate([series[:, :1], later], axis=1) / arrays["sigma"][:, None]
 
 
 class Imitation(NamedTuple):
@@ -183,7 +48,7 @@ class Imitation(NamedTuple):
 def imitated(
     rival: Rival,
     conditions: Conditions,
-    inputs: _Inputs,
+    inputs: InputSeries,
     truth: Float[np.ndarray, "designs channels time"],
     starts: Float[np.ndarray, "designs free"] | None = None,
     steps: int = _SCREEN,
@@ -194,7 +59,7 @@ def imitated(
         rival: the imitator.
         conditions: time stamps and noise.
         inputs: all input series by name.
-        truth: the outputs.
+        truth: the outputs to be imitated.
         starts: coordinates to begin from; by default the rival's own.
         steps: at most so many.
     """
@@ -263,17 +128,8 @@ def _extends(larger: Rival, smaller: Rival) -> bool:
     return inside and type(one) is type(other)
 
 
-def outputs_of(
-    rival: Rival, conditions: Conditions, inputs: _Inputs
-) -> Float[np.ndarray, "designs channels time"]:
-    """What a rival predicts as it is."""
-    count = next(iter(inputs.values())).shape[0]
-    blank = np.zeros((count, len(conditions.noise), conditions.time.size))
-    return against(rival, conditions, inputs, np.tile(rival.start, (count, 1)), blank).outputs
-
-
 def separations(
-    rivals: Sequence[Rival], conditions: Conditions, inputs: _Inputs
+    rivals: Sequence[Rival], conditions: Conditions, inputs: InputSeries
 ) -> dict[tuple[int, int], Float[np.ndarray, " designs"]]:
     """Separation of every pair (truth, imitator) under each design."""
     pairs = pairs_of(rivals)
@@ -284,7 +140,7 @@ def separations(
 def imitated_from_afar(
     rival: Rival,
     conditions: Conditions,
-    inputs: _Inputs,
+    inputs: InputSeries,
     truth: Float[np.ndarray, "1 channels time"],
     seed: int,
 ) -> Imitation:
@@ -294,12 +150,12 @@ def imitated_from_afar(
     """
     low, high = rival.limits
     spread = np.linalg.inv(rival.precision + np.eye(low.size) / _SCATTER**2)
-    draws = np.random.default_rng(seed).standard_normal((_CHUNK, low.size))
+    draws = np.random.default_rng(seed).standard_normal((CHUNK, low.size))
     draws[0] = 0.0
     starts = np.clip(rival.start + draws @ np.linalg.cholesky(spread).T, low, high)
-    series = {name: np.repeat(values, _CHUNK, axis=0) for name, values in inputs.items()}
+    series = {name: np.repeat(values, CHUNK, axis=0) for name, values in inputs.items()}
     imitations = imitated(
-        rival, conditions, series, np.repeat(truth, _CHUNK, axis=0), starts, _THOROUGH
+        rival, conditions, series, np.repeat(truth, CHUNK, axis=0), starts, _THOROUGH
     )
     best = int(np.argmin(np.nan_to_num(imitations.separation, nan=np.inf)))
     return Imitation(imitations.separation[best : best + 1], imitations.outputs[best : best + 1])

@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from diffthrust.estimation._result import Fit
+from diffthrust.experiments._confront import outputs_of
 from diffthrust.experiments._designs import Design, design_key, grid
 from diffthrust.experiments._request import Request, requested
 from diffthrust.experiments._result import Experiment, Trial
 from diffthrust.experiments._separation import (
     Imitation,
     imitated_from_afar,
-    outputs_of,
     pairs_of,
     separations,
 )
