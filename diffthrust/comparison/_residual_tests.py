@@ -171,14 +171,14 @@ def residual_tests(
     if pooled.size < 10 or not np.all(np.isfinite(pooled)) or not np.ptp(pooled) > 0:
         return None
     longest = max(rest.size for rest in residuals)
-    own = autocorrelation(residuals, longest // 2)
-    inflation = integral(own)
+    ours = autocorrelation(residuals, longest // 2)
+    inflation = integral(ours)
     effective = pooled.size / inflation
-    lags = max(1, min(20, own.size - 1, pooled.size // 5))
+    lags = max(1, min(20, ours.size - 1, pooled.size // 5))
     reach = int(np.clip(math.ceil(3 * inflation), 10, max(10, longest // 4)))
     common = [name for name in signals[0] if all(name in s for s in signals)]
     crossed = {
-        name: cross_correlation(name, residuals, [s[name] for s in signals], reach, step, own)
+        name: cross_correlation(name, residuals, [s[name] for s in signals], reach, step, ours)
         for name in common
         if np.ptp(np.concatenate([s[name] for s in signals])) > 0
     }
@@ -194,12 +194,12 @@ def residual_tests(
         samples=pooled.size,
         mean=float(pooled.mean()),
         mean_error=float(pooled.std() / math.sqrt(effective)),
-        lag_one=float(own[1]),
+        lag_one=float(ours[1]),
         correlation_time=inflation * step,
         effective_samples=effective,
-        whiteness=ljung_box(own[1 : lags + 1], pooled.size),
+        whiteness=ljung_box(ours[1 : lags + 1], pooled.size),
         step=step,
-        autocorrelation=own,
+        autocorrelation=ours,
         signals=several,
     )
 
@@ -210,7 +210,7 @@ def cross_correlation(
     signals: Sequence[np.ndarray],
     lags: int,
     step: float,
-    own: np.ndarray | None = None,
+    ours: np.ndarray | None = None,
 ) -> CrossCorrelation:
     """Correlation of residuals with a signal over lags, with the band of Bartlett 1955.
 
@@ -223,12 +223,12 @@ def cross_correlation(
         signals: of each run, ``(n,)``.
         lags: the longest lag, in samples.
         step: time between samples [s].
-        own: autocorrelation of the residuals, where it is known already.
+        ours: autocorrelation of the residuals, where it is known already.
     """
     longest = max(rest.size for rest in residuals)
-    own = autocorrelation(residuals, longest // 2) if own is None else own
-    theirs = autocorrelation(signals, own.size - 1)
-    inflation = max(1.0, float(2 * np.sum(own * theirs) - 1))
+    ours = autocorrelation(residuals, longest // 2) if ours is None else ours
+    theirs = autocorrelation(signals, ours.size - 1)
+    inflation = max(1.0, float(2 * np.sum(ours * theirs) - 1))
     samples = sum(int(np.isfinite(rest).sum()) for rest in residuals)
     error = math.sqrt(inflation / samples)
     norm = math.sqrt(covariance(residuals, residuals, 0)[0] * covariance(signals, signals, 0)[0])

@@ -131,24 +131,24 @@ def _inputs(
         for model in models
         for name in [*model.inputs, *model.optional_inputs, *model.states, *_needs(model)]
     )
-    for what, given in (("limits", limits), ("held", held)):
-        _known(what, given, known, "no rival reads this input")
+    for what, named in (("limits", limits), ("held", held)):
+        _known(what, named, known, "no rival reads this input")
     both = [name for name in limits if name in held]
     if both:
         raise InputError(
             f"The input {listing(both)} has limits and is held.", "Give one or the other."
         )
-    given = {**limits, **held}
+    named = {**limits, **held}
     needed = _unique(
         name
         for model in models
-        for name in [*(() if any(s in given for s in model.states) else model.inputs),
+        for name in [*(() if any(s in named for s in model.states) else model.inputs),
                      *_needs(model)]
     )  # fmt: skip
     moving = {name for model in models for name in model.inputs}
     recorded = {name for log in logs for name in log.inputs}
     for name in [*needed, *(n for n in known if n in recorded and n not in needed)]:
-        if name in given or name not in recorded:
+        if name in named or name not in recorded:
             continue
         unit = _units(models, ())[name]
         series = np.concatenate([lg.values(name, unit) for lg in logs if name in lg.inputs])

@@ -54,9 +54,9 @@ def models_of(rivals: Any) -> tuple[Model, ...]:
         InputError: fewer than two, or something else.
     """
     if not isinstance(rivals, Sequence) or len(rivals) < 2:
-        found = f"{len(rivals)}" if isinstance(rivals, Sequence) else repr(rivals)
+        count = f"{len(rivals)}" if isinstance(rivals, Sequence) else repr(rivals)
         raise InputError(
-            f"rivals: expected two models or fits at least, found {found}.",
+            f"rivals: expected two models or fits at least, found {count}.",
             "Give a list such as [lag, delay].",
         )
     for rival in rivals:
