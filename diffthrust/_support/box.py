@@ -1,6 +1,5 @@
 """Quadratic functions within a box; traceable."""
 
-# ruff: noqa: F722  (shapes of arrays)
 from __future__ import annotations
 
 from typing import Any

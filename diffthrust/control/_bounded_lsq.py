@@ -1,6 +1,5 @@
 """Linear least squares between limits: what each Gauss-Newton step of an MPC solves."""
 
-# ruff: noqa: F722  (shapes of arrays)
 from __future__ import annotations
 
 import jax.numpy as jnp

@@ -1,6 +1,5 @@
 """Harmonic balance of a whole loop around a model: its states take part in the unknowns."""
 
-# ruff: noqa: F722  (shapes of arrays)
 from __future__ import annotations
 
 import math
@@ -21,7 +20,7 @@ from diffthrust.simulation._integrate import plain_rate
 _ITERATIONS = 20
 
 
-class Equations(Protocol):
+class ElementEquations(Protocol):
     """A system from an input to an output; equal and of one hash where the compiled code is."""
 
     @property
@@ -41,7 +40,7 @@ class Equations(Protocol):
 
 def balanced_states(
     transfer: Transfer,
-    element: Equations,
+    element: ElementEquations,
     answer: np.ndarray,
     amplitude: float,
     frequency: float,
@@ -92,7 +91,7 @@ def balanced_states(
 
 @partial(jax.jit, static_argnums=(0, 1))
 def _missed(
-    element: Equations,
+    element: ElementEquations,
     harmonics: int,
     values: Mapping[str, Array],
     num: Float[Array, " n"],

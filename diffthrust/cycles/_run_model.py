@@ -1,6 +1,5 @@
 """Full simulation of a loop around a model: the states of both, by the library's integrator."""
 
-# ruff: noqa: F722  (shapes of arrays)
 from __future__ import annotations
 
 import math
@@ -14,7 +13,7 @@ from jaxtyping import Array, Float
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.transfer import Transfer
-from diffthrust.cycles._balance_model import Equations
+from diffthrust.cycles._balance_model import ElementEquations
 from diffthrust.cycles._oscillation import CycleSeries, LoopCourse
 from diffthrust.cycles._run_static import BEYOND, STEPS_A_PERIOD, states_on
 from diffthrust.models._base.signals import Relaxing
@@ -23,7 +22,7 @@ from diffthrust.simulation._integrate import integrate
 
 def simulated_states(
     transfer: Transfer,
-    element: Equations,
+    element: ElementEquations,
     cycle: CycleSeries,
     states: np.ndarray,
     factors: tuple[float, ...],
@@ -59,7 +58,7 @@ def simulated_states(
 
 
 def course_of(
-    transfer: Transfer, element: Equations, output: float, period: float, duration: float
+    transfer: Transfer, element: ElementEquations, output: float, period: float, duration: float
 ) -> LoopCourse:
     """Simulate a loop from a model's states at zero and a constant output of the linear part.
 
@@ -81,7 +80,12 @@ def course_of(
 
 
 def _courses(
-    plain: Transfer, element: Equations, starts: np.ndarray, step: float, count: int, limit: float
+    plain: Transfer,
+    element: ElementEquations,
+    starts: np.ndarray,
+    step: float,
+    count: int,
+    limit: float,
 ) -> list[LoopCourse]:
     """From states of the linear part and the model, ``(starts, states)``, up to a limit."""
     matrices = zip("abcd", plain.state_space(), strict=True)
@@ -97,7 +101,7 @@ def _cut(time: np.ndarray, e: np.ndarray, y: np.ndarray, limit: float) -> LoopCo
     return LoopCourse(time[:end], e[:end], y[:end], bool(gone.size))
 
 
-def _passes_at_once(element: Equations) -> bool:
+def _passes_at_once(element: ElementEquations) -> bool:
     """Whether a step at the model's input shows at once at its output."""
     states = {name: jnp.asarray(0.7 + 0.1 * i) for i, name in enumerate(element.states)}
 
@@ -109,7 +113,7 @@ def _passes_at_once(element: Equations) -> bool:
 
 @partial(jax.jit, static_argnums=(0, 1))
 def _marched(
-    element: Equations,
+    element: ElementEquations,
     count: int,
     values: Mapping[str, Array],
     linear: Mapping[str, Array],

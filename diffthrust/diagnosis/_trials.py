@@ -6,7 +6,6 @@ that hundreds of trials share one compilation. Nothing here changes once it is m
 has come to, and under which limit of errors, it carries itself.
 """
 
-# ruff: noqa: F722  (shapes of arrays)
 from __future__ import annotations
 
 import os

@@ -8,7 +8,8 @@ import math
 import jax.numpy as jnp
 
 from diffthrust.effects._recorded import delayed, rate_limited
-from diffthrust.models._base.effect import Effect, registered
+from diffthrust.models._base.component import registered
+from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.parameter import parameter, relative_to
 from diffthrust.models._base.signals import Signal, Signals
 

@@ -6,7 +6,8 @@ import jax.numpy as jnp
 
 from diffthrust.effects._recorded import rate_limited
 from diffthrust.effects._shaft import ActuatorLag
-from diffthrust.models._base.effect import Effect, registered
+from diffthrust.models._base.component import registered
+from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.parameter import parameter, relative_to
 from diffthrust.models._base.signals import Signal, Signals
 

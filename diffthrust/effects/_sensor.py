@@ -1,7 +1,8 @@
 """Effects between what the thruster does and what its sensors report, on the whole series."""
 
 from diffthrust.effects._recorded import delayed, lagged
-from diffthrust.models._base.effect import Effect, registered
+from diffthrust.models._base.component import registered
+from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.parameter import parameter, relative_to
 from diffthrust.models._base.signals import Signal, Signals
 

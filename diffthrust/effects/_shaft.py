@@ -5,7 +5,8 @@ from collections.abc import Mapping
 import jax
 import jax.numpy as jnp
 
-from diffthrust.models._base.effect import Effect, registered
+from diffthrust.models._base.component import registered
+from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.parameter import parameter, relative_to
 from diffthrust.models._base.signals import Rate, Relaxing, Signal, Signals
 

@@ -14,7 +14,6 @@ the Student-t law, as a sum of squares with a forward-mode derivative. In the co
 step to the next it is a linear regression, which a fit finds from anywhere.
 """
 
-# ruff: noqa: F722  (shapes of arrays)
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence

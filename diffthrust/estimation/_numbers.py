@@ -1,6 +1,5 @@
 """The numbers of an estimation problem: what its compiled code is given beside the coordinates."""
 
-# ruff: noqa: F722  (shapes of arrays)
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence

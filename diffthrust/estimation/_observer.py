@@ -13,7 +13,6 @@ logs ask: without random forces the gains vanish, and the simulation error is le
 are not states (a thrust) are read from the corrected states and have a colour only.
 """
 
-# ruff: noqa: F722  (shapes of arrays)
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence

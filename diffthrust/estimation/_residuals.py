@@ -4,7 +4,6 @@ A likelihood of either kind has a law of errors and a noise, each an object of i
 static and hashable, and fix the compiled code of a problem.
 """
 
-# ruff: noqa: F722  (shapes of arrays)
 from __future__ import annotations
 
 from abc import ABC, abstractmethod

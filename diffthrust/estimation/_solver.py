@@ -131,7 +131,9 @@ class Solved(NamedTuple):
 
 
 @partial(jax.jit, static_argnums=0)
-def _solve(layout: Any, numbers: Any, z: Any, low: Any, high: Any, budget: Any, atol: Any) -> Any:
+def solved_by_passes(
+    layout: Any, numbers: Any, z: Any, low: Any, high: Any, budget: Any, atol: Any
+) -> Any:
     solver = BoundedLevenbergMarquardt(rtol=0.0, atol=atol, lower=low, upper=high)
     solution = optx.minimise(
         _objective(layout), solver, z, (numbers, budget), has_aux=True, max_steps=MOST_STEPS,
@@ -141,7 +143,7 @@ def _solve(layout: Any, numbers: Any, z: Any, low: Any, high: Any, budget: Any, 
 
 
 def _further(layout: Any, given: Any) -> Any:
-    """Some steps of `_solve` from where the last ones ended: the same iteration, in parts."""
+    """Some steps of `solved_by_passes` from where the last ones ended: the same iteration, in parts."""
     numbers, y, state, low, high, budget, atol = given
     solver = BoundedLevenbergMarquardt(rtol=0.0, atol=atol, lower=low, upper=high)
     objective = _objective(layout)
@@ -183,7 +185,7 @@ def solve(
     side_by_side = shared_runs()
     if side_by_side is None:
         bounds = (low, high, np.asarray(budget - 1), np.asarray(tolerance))
-        value, quadratic, done, steps = _solve(layout, numbers, z, *bounds)
+        value, quadratic, done, steps = solved_by_passes(layout, numbers, z, *bounds)
         quadratic = Quadratic(*(np.asarray(part) for part in quadratic))
         return Solved(np.asarray(value), quadratic, bool(done), int(steps))
     state = _begin(layout, z)

@@ -1,7 +1,5 @@
 """A rival model simulated under designs, and held against what it is to imitate."""
 
-# ruff: noqa: F722  (shapes of arrays)
-
 from __future__ import annotations
 
 from collections.abc import Mapping

@@ -12,8 +12,6 @@ by simulation, the figure is that of an imitation that exists. Angles are those 
 integrate, without a jump at the full turn: all begin alike, and the jump would make false minima.
 """
 
-# ruff: noqa: F722  (shapes of arrays)
-
 from __future__ import annotations
 
 from collections.abc import Sequence

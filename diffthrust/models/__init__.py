@@ -1,8 +1,11 @@
-"""One system per file; `MODELS` finds them by the names that spec files use."""
+"""One system per file; `MODELS` finds them by the names that spec files use.
 
-from diffthrust.models._axis_vehicle import AxisVehicle as AxisVehicle
+A new model is one class with `registered` in a file of its own, and its line here.
+"""
+
 from diffthrust.models._base.effect import Effect as Effect
 from diffthrust.models._base.effect import Ports as Ports
+from diffthrust.models._base.model import MODELS as MODELS
 from diffthrust.models._base.model import Model as Model
 from diffthrust.models._base.parameter import Normal as Normal
 from diffthrust.models._base.parameter import Parameter as Parameter
@@ -10,11 +13,11 @@ from diffthrust.models._base.parameter import parameter as parameter
 from diffthrust.models._base.parameter import relative_to as relative_to
 from diffthrust.models._base.signals import Relaxing as Relaxing
 from diffthrust.models._base.signals import Signals as Signals
-from diffthrust.models._dc_motor import DCMotorThruster as DCMotorThruster
-from diffthrust.models._linear_sensor import LinearSensor as LinearSensor
+
+# in the order in which they are listed to people
+# isort: off
 from diffthrust.models._thruster import Thruster as Thruster
 from diffthrust.models._vessel import Vessel as Vessel
-
-MODELS: dict[str, type[Model]] = {
-    model.name: model for model in (Thruster, Vessel, DCMotorThruster, AxisVehicle, LinearSensor)
-}
+from diffthrust.models._dc_motor import DCMotorThruster as DCMotorThruster
+from diffthrust.models._axis_vehicle import AxisVehicle as AxisVehicle
+from diffthrust.models._linear_sensor import LinearSensor as LinearSensor

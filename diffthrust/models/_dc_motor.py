@@ -4,12 +4,14 @@ from collections.abc import Mapping
 
 import jax.numpy as jnp
 
+from diffthrust.models._base.component import registered
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import parameter
 from diffthrust.models._base.signals import RatesAndOutputs, Relaxing, Signal, Signals
 
 
+@registered
 class DCMotorThruster(Model):
     """A propeller driven by a DC motor, from the terminal voltage to the thrust.
 

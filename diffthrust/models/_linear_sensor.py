@@ -1,11 +1,13 @@
 """A sensor that reads along a straight line."""
 
+from diffthrust.models._base.component import registered
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import parameter
 from diffthrust.models._base.signals import RatesAndOutputs, Signals
 
 
+@registered
 class LinearSensor(Model):
     """A depth sensor with a straight calibration line: reading = slope * depth + offset.
 

@@ -2,12 +2,14 @@
 
 import jax.numpy as jnp
 
+from diffthrust.models._base.component import registered
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import parameter
 from diffthrust.models._base.signals import RatesAndOutputs, Signals
 
 
+@registered
 class Thruster(Model):
     """A propeller in a duct, driven by a torque that follows the command.
 

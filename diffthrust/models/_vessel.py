@@ -7,6 +7,7 @@ from typing import Any, Literal
 import jax.numpy as jnp
 
 from diffthrust._support.errors import InputError
+from diffthrust.models._base.component import registered
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Parameter, parameter
@@ -34,6 +35,7 @@ _HINGED = ("revolutions", "rudder", "steering")
 """Ports that a vessel with two fixed thrusters does not have."""
 
 
+@registered
 class Vessel(Model):
     """Surge, sway and yaw of a small surface vessel, in the ratios to the propulsion constant A.
 

@@ -75,15 +75,11 @@ class PlanCheck:
 
     def report(self) -> str:
         """The findings as a table, as text."""
-        from rich.table import Table
+        from diffthrust.plans._tables import findings_table
 
-        from diffthrust._support.tables import rendered
-
-        table = Table("Run", "Planned", "Found", "")
-        for finding in self.findings:
-            table.add_row(finding.run, finding.what, finding.found, "ok" if finding.good else "!")
+        rows = [(f.run, f.what, f.found, "ok" if f.good else "!") for f in self.findings]
         good = sum(finding.good for finding in self.findings)
-        return f"{rendered(table)}\n{good} of {len(self.findings)} as planned."
+        return f"{findings_table(rows)}\n{good} of {len(self.findings)} as planned."
 
 
 @dataclass(frozen=True)

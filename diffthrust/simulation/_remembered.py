@@ -10,9 +10,9 @@ import numpy as np
 
 from diffthrust.logs._log import Log
 
-Series = dict[str, np.ndarray]
+States = dict[str, np.ndarray]
 
-_simulations: ContextVar[dict[Hashable, tuple[Log, Series]] | None] = ContextVar(
+_simulations: ContextVar[dict[Hashable, tuple[Log, States]] | None] = ContextVar(
     "simulations", default=None
 )
 
@@ -28,7 +28,7 @@ def simulated_once() -> Iterator[None]:
         _simulations.reset(token)
 
 
-def remembered(asked: Hashable, log: Log, simulate: Callable[[], Series]) -> Series:
+def remembered(asked: Hashable, log: Log, simulate: Callable[[], States]) -> States:
     """What ``simulate()`` gives, or gave when the same was asked of the log before."""
     known = _simulations.get()
     if known is None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import diffthrust as dft
-from diffthrust._support.figures import thinned
+from diffthrust._support.figures import thinned  # private: what a figure leaves out
 
 
 def log(name: str, n: int = 200, thrust: bool = True) -> dft.Log:

@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from diffthrust._support.correlation import autocorrelation, covariance, ljung_box
+from diffthrust._support.correlation import (  # private: against closed forms
+    autocorrelation,
+    covariance,
+    ljung_box,
+)
 from diffthrust.comparison._residual_tests import (  # private: the tests on made residuals alone
     cross_correlation,
     residual_tests,

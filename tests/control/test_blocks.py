@@ -12,7 +12,7 @@ import diffthrust as dft
 from diffthrust import InputError, control
 from diffthrust.control import Loop, Sinusoid, Step, Trajectory
 from diffthrust.control._loop_scan import loop_signals  # private: to be differentiated
-from diffthrust.models._base.signals import Signals
+from diffthrust.models import Signals
 
 THRUSTER = dft.Thruster(alpha=0.037, beta=42.0, ct=0.022)
 VEHICLE = dft.AxisVehicle()

@@ -19,7 +19,7 @@ from diffthrust.diagnosis._screen import (  # private: the screen alone
 )
 from diffthrust.diagnosis._trials import Trials  # private: the screen alone
 from diffthrust.estimation._observer import WIDE  # private: its constant
-from diffthrust.estimation._solver import _solve  # private: how often it was compiled
+from diffthrust.estimation._solver import solved_by_passes  # private: how often it was compiled
 
 TIME = np.arange(500) * 0.05
 
@@ -132,13 +132,15 @@ def test_a_limit_that_cuts_only_the_highest_commands_is_found():
 
 def test_all_trials_share_one_compilation(trials):
     made, base = trials
-    before = _solve._cache_size()
+    before = solved_by_passes._cache_size()
     screened(made, list(made.candidates), base, levels_of(made, base))
     made.settled(("coulomb_friction",), base.values, base.begin, base.limit)
-    assert _solve._cache_size() == before
+    assert solved_by_passes._cache_size() == before
     fresh = Trials(made.model, list(made.candidates.values()), made.logs[:1], [])
     fresh.base()
-    assert _solve._cache_size() == before + 1  # from the first guess to the last limit of errors
+    assert (
+        solved_by_passes._cache_size() == before + 1
+    )  # from the first guess to the last limit of errors
 
 
 @pytest.mark.slow

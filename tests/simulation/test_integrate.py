@@ -11,10 +11,9 @@ from reference.thruster import exact_spin
 from scipy.integrate import solve_ivp
 
 import diffthrust as dft
-from diffthrust import simulate
+from diffthrust import Log, simulate
 from diffthrust.effects import ActuatorLag
-from diffthrust.logs._log import Log
-from diffthrust.models._base.signals import Relaxing
+from diffthrust.models import Relaxing
 from diffthrust.simulation._integrate import (  # private: the integrator alone
     exponential_weights,
     integrate,

@@ -12,9 +12,7 @@ from reference import axis, dc_motor, inputs, thruster, vessel
 import diffthrust as dft
 from diffthrust import InputError, Log, Model, simulate
 from diffthrust.effects import ActuatorLag, CommandDeadband, ReverseThrustAsymmetry
-from diffthrust.models import MODELS
-from diffthrust.models._base.effect import Ports
-from diffthrust.models._base.signals import Relaxing, Signals
+from diffthrust.models import MODELS, Ports, Relaxing, Signals
 
 JASON = thruster.JASON
 

@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 import diffthrust as dft
-from diffthrust._support.errors import InputError
+from diffthrust import InputError
 from diffthrust.uncertainty import plot_corner, plot_trace
 from diffthrust.uncertainty._prediction.tables import interval_text  # private: digits alone
 

@@ -11,7 +11,7 @@ from scipy import stats
 from test_quantities import log
 
 import diffthrust as dft
-from diffthrust._support.errors import InputError
+from diffthrust import InputError
 from diffthrust.estimation._laws import Gaussian, StudentT  # private: the laws
 from diffthrust.uncertainty import predict
 from diffthrust.uncertainty._prediction.band import mixed_quantile  # private: the mixture alone

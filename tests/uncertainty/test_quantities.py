@@ -12,7 +12,7 @@ import pytest
 from made_posterior import made_posterior
 
 import diffthrust as dft
-from diffthrust._support.errors import InputError
+from diffthrust import InputError
 from diffthrust.uncertainty import quantities
 from diffthrust.uncertainty._prediction.draws import draws_of  # private: the draws themselves
 from diffthrust.uncertainty._prediction.responses import step_responses  # private: its cache

@@ -14,7 +14,10 @@ from diffthrust.uncertainty import convergence, sample
 from diffthrust.uncertainty._sampling import nuts  # private: its caches
 from diffthrust.uncertainty._sampling.arviz import arviz  # private: without its warning
 from diffthrust.uncertainty._sampling.convergence import Mixing  # private: the words of a status
-from diffthrust.uncertainty._sampling.moves import independent_proposals, learned  # private
+from diffthrust.uncertainty._sampling.moves import (  # private: proposals by themselves
+    independent_proposals,
+    learned,
+)
 from diffthrust.uncertainty._sampling.posterior import Posterior  # private: made to fail
 
 matplotlib.use("Agg")

@@ -10,7 +10,6 @@ Source: Cameron & Griffin 1989 (alternating frequency-time); Krack & Gross 2019,
 for Nonlinear Vibration Problems, chapter 2.
 """
 
-# ruff: noqa: F722  (shapes of arrays)
 from __future__ import annotations
 
 from functools import partial

@@ -12,7 +12,6 @@ rate limit that acts all the time hardly forgets at all: then the value is sough
 series repeats (`repeating_start`).
 """
 
-# ruff: noqa: F722  (shapes of arrays)
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping

@@ -6,7 +6,6 @@ start is sought instead: from one below the right one the series rises from peri
 one above it falls, for effects with memory keep the order of two series.
 """
 
-# ruff: noqa: F722  (shapes of arrays)
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -9,7 +9,6 @@ Source: Nayfeh & Balachandran 1995, Applied Nonlinear Dynamics, section 6.1 (sho
 (stability by the multipliers of the period map).
 """
 
-# ruff: noqa: F722  (shapes of arrays)
 from __future__ import annotations
 
 from collections.abc import Mapping

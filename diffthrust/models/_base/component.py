@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import replace
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, TypeVar
 
 import jax
 from jax.typing import ArrayLike
@@ -24,6 +24,8 @@ class Component:
     """
 
     name: ClassVar[str] = ""
+    library: ClassVar[dict[str, Any]]
+    """The classes of this kind that are known by name; see `registered`."""
     declared: ClassVar[dict[str, Parameter]] = {}
     options: ClassVar[tuple[str, ...]] = ()
     """Names of attributes that choose the form of the equations (set in ``__init__``)."""
@@ -86,6 +88,20 @@ class Component:
         if effects:
             thing._set(effects=effects)
         return thing
+
+
+C = TypeVar("C", bound=type[Component])
+
+
+def registered(cls: C) -> C:
+    """Make a model or an effect of the library known by its name to spec files and diagnoses.
+
+    Example:
+        >>> @registered
+        ... class Cavitation(Effect): ...
+    """
+    cls.library[cls.name] = cls
+    return cls
 
 
 class _Described:

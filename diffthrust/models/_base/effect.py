@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar
 
 from diffthrust._support.errors import InputError
 from diffthrust.models._base.component import Component
@@ -33,6 +33,7 @@ class Effect(Component):
         >>> model = dft.Thruster() + ViscousFriction()
     """
 
+    library: ClassVar[dict[str, type[Effect]]] = {}
     port: ClassVar[str] = ""
     needs: ClassVar[tuple[str, ...]] = ()
     states: ClassVar[Mapping[str, str]] = {}
@@ -86,21 +87,8 @@ class Effect(Component):
         return self._copy(_parameters={**self._parameters, **described}, **nulls)
 
 
-EFFECTS: dict[str, type[Effect]] = {}
+EFFECTS = Effect.library
 """The library's effects, by name."""
-
-E = TypeVar("E", bound=Effect)
-
-
-def registered(cls: type[E]) -> type[E]:
-    """Make an effect of the library known by its name to spec files and diagnoses.
-
-    Example:
-        >>> @registered
-        ... class Cavitation(Effect): ...
-    """
-    EFFECTS[cls.name] = cls
-    return cls
 
 
 class Ports:

@@ -37,6 +37,7 @@ class Model(Component):
         >>> model = model - "command_deadband"
     """
 
+    library: ClassVar[dict[str, type[Model]]] = {}
     inputs: ClassVar[Mapping[str, str]] = {}
     optional_inputs: ClassVar[Mapping[str, str]] = {}
     states: ClassVar[Mapping[str, str]] = {}
@@ -219,3 +220,7 @@ class Model(Component):
 
     def __str__(self) -> str:
         return " + ".join([self.name, *(effect.name for effect in self.effects)])
+
+
+MODELS = Model.library
+"""The library's models, by name."""

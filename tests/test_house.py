@@ -1,0 +1,105 @@
+"""The rules of the house that Import Linter's contracts do not tell: names, circles, the door."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+from collections import defaultdict
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+import grimp
+import pytest
+from places import ROOT, TESTS
+
+import diffthrust
+
+PACKAGE = ROOT / "diffthrust"
+FOLDERS = sorted(p.parent.name for p in PACKAGE.glob("[a-z]*/__init__.py"))
+MIRRORED = {
+    # `many` answers for many logs what these answer for one
+    "fit": {"estimation", "many"},
+    "compare": {"comparison", "many"},
+    "sample": {"uncertainty", "many"},
+    "Plan": {"control", "plans"},  # of a controller, and of a test
+    "describing_function": {"describing", "many"},
+    # a plan of a paper's test, and what is read off its record
+    "static_test": {"papers", "plans"},
+    "dynamic_test": {"papers", "plans"},
+    "steady_map": {"papers", "plans"},
+    "sequential": {"papers", "plans"},
+}
+"""Public verbs of two folders that mirror each other by design."""
+
+
+def sources() -> list[Path]:
+    return [path for path in sorted(PACKAGE.rglob("*.py")) if path.name != "__init__.py"]
+
+
+def test_at_most_thirty_names_stand_at_the_door_and_the_folders_are_namespaces():
+    public = set(diffthrust.__all__)
+    folders = set(FOLDERS) - {"cli"}
+    assert folders <= public
+    assert len(public - folders) <= 30
+
+
+@pytest.mark.parametrize("folder", ["", *FOLDERS])
+def test_every_name_of_a_stub_is_found_where_the_stub_says(folder):
+    module = importlib.import_module(f"diffthrust.{folder}".rstrip("."))
+    for name in getattr(module, "__all__", []):
+        assert getattr(module, name) is not None
+
+
+def test_no_file_imports_itself_by_way_of_others():
+    graph = grimp.build_graph("diffthrust", exclude_type_checking_imports=False)
+    modules = sorted(graph.modules)
+    assert len(modules) > 200
+    arrows = {name: graph.find_modules_directly_imported_by(name) for name in modules}
+    TopologicalSorter(arrows).prepare()  # raises CycleError, which names the circle
+
+
+def test_no_private_name_is_imported_from_another_file():
+    private = []
+    for path in [*sources(), *TESTS.rglob("*.py")]:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("diffthrust."):
+                folder = PACKAGE.parent / node.module.replace(".", "/")
+                private += [
+                    f"{path.name}: {node.module}.{alias.name}"
+                    for alias in node.names
+                    if alias.name.startswith("_") and not (folder / f"{alias.name}.py").exists()
+                ]
+    assert not private
+
+
+def test_no_two_files_define_one_name_for_two_things():
+    where = defaultdict(list)
+    for path in sources():
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            names = []
+            if isinstance(node, ast.ClassDef | ast.FunctionDef):
+                names = [node.name]
+            elif isinstance(node, ast.Assign):
+                names = [t.id for t in node.targets if isinstance(t, ast.Name)]
+            elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+                names = [node.target.id]
+            for name in names:
+                if not name.startswith("_"):
+                    where[name].append(path.relative_to(PACKAGE))
+    twice = {name: files for name, files in where.items() if len(files) > 1}
+    for name, folders in MIRRORED.items():
+        assert {path.parts[0] for path in twice.pop(name)} == folders
+    assert not twice
+
+
+def test_a_private_import_of_a_test_gives_its_reason():
+    bare = []
+    for path in sorted(TESTS.rglob("test_*.py")):
+        lines = path.read_text(encoding="utf-8").splitlines()
+        for node in ast.walk(ast.parse("\n".join(lines))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("diffthrust."):
+                private = any(part.startswith("_") for part in node.module.split("."))
+                told = any("private:" in line for line in lines[node.lineno - 1 : node.end_lineno])
+                if private and not told:
+                    bare.append(f"{path.relative_to(TESTS)}:{node.lineno}: {node.module}")
+    assert not bare
