@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import diffthrust as dft
-from diffthrust._support.words import an, apart, joined, spelt  # private: single words
+from diffthrust._support.words import an, apart, joined, spelt  # private: words alone
 from diffthrust.diagnosis._figures import (  # private: each figure alone
     missing_figure,
     ranking_figure,
