@@ -143,7 +143,7 @@ def solved_by_passes(
 
 
 def _further(layout: Any, given: Any) -> Any:
-    """Some steps of `solved_by_passes` from where the last ones ended: the same iteration, in parts."""
+    """Some steps from where the last ones ended: the iteration of `solved_by_passes`, in parts."""
     numbers, y, state, low, high, budget, atol = given
     solver = BoundedLevenbergMarquardt(rtol=0.0, atol=atol, lower=low, upper=high)
     objective = _objective(layout)
