@@ -10,14 +10,13 @@ from diffthrust._support.words import capitalised
 from diffthrust.diagnosis._skeleton import HOW, skeleton
 from diffthrust.diagnosis._tables import (
     check_rows,
+    closing_tables,
     headroom_rows,
     headroom_words,
     log_rows,
     meaning_rows,
     ranking_rows,
-    stage_parameter_rows,
     stage_rows,
-    untestable_rows,
 )
 from diffthrust.diagnosis._words import (
     caution_words,
@@ -79,8 +78,7 @@ def page(diag: Findings, *, title: str = "", spec: str = "") -> str:
         remaining=remaining_words(diag),
         how=HOW,
         skeleton=skeleton(diag.fit.model, left, diag.missing) if left else "",
-        parameters=stage_parameter_rows(diag),
-        untestable=untestable_rows(diag),
+        closing=list(closing_tables(diag)),
         checks=check_rows(diag),
         notes=caution_words(diag),
         figures=_figures(diag),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -90,9 +90,8 @@ def diagnosis_table(diag: Findings) -> RenderableType:
             HOW,
             skeleton(diag.fit.model, diag.remaining, diag.missing),
         )
-    parts += _section("Parameters", _rich(stage_parameter_rows(diag)))
-    if diag.untestable:
-        parts += _section("Not testable by these logs", _rich(untestable_rows(diag)))
+    for heading, rows in closing_tables(diag):
+        parts += _section(heading, _rich(rows))
     return Group(*parts, *(Text(f"Note: {note}") for note in caution_words(diag)))
 
 
@@ -240,6 +239,20 @@ def untestable_rows(diag: Findings) -> Rows:
     """Effects that the logs cannot test, and why."""
     rows = tuple((spelt(name), reason) for name, reason in diag.untestable.items())
     return Rows(("Effect", "Reason"), (rows,))
+
+
+CLOSING: tuple[tuple[str, Callable[[Findings], Rows]], ...] = (
+    ("Parameters", stage_parameter_rows),
+    ("Not testable by these logs", untestable_rows),
+)
+"""The tables at the end of the report and of the page; a new one is a function and its line."""
+
+
+def closing_tables(diag: Findings) -> Iterator[tuple[str, Rows]]:
+    """Those of them that have rows, with their headings."""
+    for heading, rows_of in CLOSING:
+        if rows := rows_of(diag):
+            yield heading, rows
 
 
 def check_rows(diag: Findings) -> Rows:
