@@ -98,7 +98,7 @@ class NoiseModel(ABC):
 
 @dataclass(frozen=True)
 class White(NoiseModel):
-    """NoiseModel that knows nothing of the sample before."""
+    """Noise that knows nothing of the sample before."""
 
     word: ClassVar[str] = "white"
     lasts: ClassVar[bool] = False
