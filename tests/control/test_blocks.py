@@ -286,3 +286,15 @@ def test_a_loop_is_differentiable_with_respect_to_anything_in_it():
                  - end({**values, name: values[name] - step}, start)) / (2 * step)  # fmt: skip
         assert float(found[name]) == pytest.approx(float(slope), rel=1e-4, abs=1e-9), name
     assert abs(float(from_start["position"])) > 1e-3
+
+
+def test_the_rate_of_a_ramp_is_its_slope_once_the_low_pass_has_settled():
+    smoothed, rates = jnp.zeros(()), []
+    for k in range(200):
+        begun = jnp.asarray(float(k > 0))
+        value = jnp.asarray(3.0 * 0.01 * k)
+        rate, smoothed = dft.control.rate_of(value, smoothed, begun, 0.05, jnp.asarray(0.01))
+        rates.append(float(rate))
+    assert rates[0] == 0.0
+    lag = 1 - (0.05 / 0.06) ** np.arange(200)  # of the backward difference, in closed form
+    np.testing.assert_allclose(rates, 3.0 * lag, atol=1e-12)

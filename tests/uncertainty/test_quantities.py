@@ -245,3 +245,16 @@ def test_wrong_input_is_told(fit):
         {n: (("chain", "draw"), [v[1]]) for n, v in extra.items() if n not in post.posterior}
     )
     refused("which has no value", SimpleNamespace(posterior=whole, attrs={}), sag, commands=[1.0])
+
+
+def test_a_derived_ratio_has_the_error_of_its_closed_form(fit):
+    ratio = dft.uncertainty.derived(
+        fit, lambda p: {"ratio": p["beta"] / p["alpha"]}, {"ratio": "1/(V s^2)"}
+    )["ratio"]
+    alpha, beta = (fit.parameters[name].value for name in ("alpha", "beta"))
+    slope = np.array(
+        [{"alpha": -beta / alpha**2, "beta": 1 / alpha, "ct": 0.0}[n] for n in fit.free]
+    )
+    assert ratio.value == pytest.approx(beta / alpha, rel=1e-12)
+    assert ratio.std_error == pytest.approx(math.sqrt(slope @ fit.covariance @ slope), rel=1e-9)
+    assert ratio.unit == "1/(V s^2)"
