@@ -3,7 +3,8 @@
     log -> simulate -> compare -> diagnose -> model + effect -> fit -> compare ...
 
 Names are loaded when they are touched. Importing the package switches JAX to double precision
-(``jax_enable_x64``): in single precision a fit cannot tell a stationary point from rounding.
+(``jax_enable_x64``), by a variable that processes started from here inherit: in single precision a
+fit cannot tell a stationary point from rounding.
 """
 
 import os as _os

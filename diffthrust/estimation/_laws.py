@@ -142,5 +142,5 @@ class StudentT(Law):
         return 0.5 + 0.375 * error / jnp.sqrt(u) * (1.0 - error**2 / (12.0 * u))
 
     def draws(self, rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
-        """ProblemNumbers of the law."""
+        """Numbers of the law."""
         return rng.standard_t(TAIL, shape)

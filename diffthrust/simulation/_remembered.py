@@ -35,4 +35,4 @@ def remembered(asked: Hashable, log: Log, simulate: Callable[[], States]) -> Sta
         return simulate()
     if asked not in known:
         known[asked] = log, simulate()  # as long as the log is kept, no other has its id
-    return dict(known[asked][1])
+    return {name: values.copy() for name, values in known[asked][1].items()}

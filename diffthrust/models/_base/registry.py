@@ -14,7 +14,9 @@ from diffthrust.models._base.effect import EFFECTS, Effect
 _GROUP = "diffthrust.effects"
 """Packages offer effects of their own by entry points of this group, each naming a class.
 
-It is also the name of the folder whose import registers the library's own."""
+It is also the name of the folder whose import registers the library's own: as text, for what is
+registered must not be known here, and a model must find it by name even where nobody has touched
+that folder yet."""
 
 
 @lru_cache(maxsize=1)
