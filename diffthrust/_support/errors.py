@@ -1,5 +1,29 @@
 """Errors that a person can act on: what was expected, what was found, and the mend."""
 
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Place:
+    """What of the user's an error is about.
+
+    Args:
+        text: how a message names it, such as ``run3.csv, line 212, column 'rpm'``.
+        column: the column of a log file that is to blame.
+        channel: the channel of a log that is to blame.
+        unit: it is the unit given for them, not the numbers.
+    """
+
+    text: str
+    column: str | None = None
+    channel: str | None = None
+    unit: bool = False
+
+    def __str__(self) -> str:
+        return self.text
+
 
 class InputError(ValueError):
     """Something given by the user cannot be used.
@@ -10,9 +34,17 @@ class InputError(ValueError):
     Args:
         problem: one or more sentences that say where, what was expected and what was found.
         mend: what the user can do about it, as an imperative sentence.
+        place: what it is about, for a caller who knows where that was written.
     """
 
-    def __init__(self, problem: str, mend: str = "") -> None:
+    def __init__(self, problem: str, mend: str = "", *, place: Place | None = None) -> None:
         self.problem = problem
         self.mend = mend
+        self.place = place
         super().__init__(f"{problem}\nMend: {mend}" if mend else problem)
+
+    @classmethod
+    def at(cls, place: Place | str, problem: str, mend: str = "") -> InputError:
+        """Make the error whose message begins with a place; a typed one goes along."""
+        typed = place if isinstance(place, Place) else None
+        return cls(f"{place}: {problem}", mend, place=typed)

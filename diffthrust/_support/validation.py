@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from diffthrust._support.errors import InputError
+from diffthrust._support.errors import InputError, Place
 
 
 def finite(where: str, value: Any, right: Callable[[float], bool], expected: str) -> float:
@@ -28,7 +28,7 @@ def finite(where: str, value: Any, right: Callable[[float], bool], expected: str
     return number
 
 
-def numeric_vector(values: ArrayLike, where: str) -> np.ndarray:
+def numeric_vector(values: ArrayLike, where: Place | str) -> np.ndarray:
     """Copy numbers into a float64 vector.
 
     Args:
@@ -50,8 +50,9 @@ def numeric_vector(values: ArrayLike, where: str) -> np.ndarray:
             array = np.array([np.nan if v is None else float(v) for v in array])
     if array.ndim != 1 or array.dtype.kind not in "biuf":
         found = f"an array of shape {array.shape} and type {array.dtype}"
-        raise InputError(
-            f"{where}: expected numbers in one dimension, found {found}.",
+        raise InputError.at(
+            where,
+            f"expected numbers in one dimension, found {found}.",
             "give a list or a one-dimensional array of real numbers.",
         )
     return np.array(array, dtype=np.float64)

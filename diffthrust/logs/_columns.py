@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from diffthrust._support.errors import InputError
+from diffthrust._support.errors import InputError, Place
 from diffthrust.logs._log import Log
-from diffthrust.logs._validate import Place, check_hold, checked_fields
+from diffthrust.logs._validate import PlaceOf, check_hold, checked_fields
 
 
 @dataclass(frozen=True)
@@ -59,9 +59,11 @@ def channel_columns(
     }
     both = set(inputs or {}) & set(measured or {})
     if both or "time" in columns:
-        raise InputError(
-            f"{file.name}: the channel {sorted(both)[0] if both else 'time'!r} is named twice, "
-            "expected once among time, inputs and measured.",
+        channel = sorted(both)[0] if both else "time"
+        raise InputError.at(
+            Place(file.name, channel=channel),
+            f"the channel {channel!r} is named twice, expected once among time, inputs and "
+            "measured.",
             "give it under one of them.",
         )
     if not columns:
@@ -79,15 +81,17 @@ def each_column(
     columns = {}
     for key, column in (channels or {}).items():
         column = Column(column) if isinstance(column, str) else column
-        place = f"{file.name}, channel {key!r}"
+        place = Place(f"{file.name}, channel {key!r}", channel=key)
         if not isinstance(column, Column) or not isinstance(column.column, str):
-            raise InputError(
-                f"{place}: expected the name of a column or a Column, found {column!r}.",
+            raise InputError.at(
+                place,
+                f"expected the name of a column or a Column, found {column!r}.",
                 f"write {what} = {{{key!r}: 'name of the column'}}.",
             )
         if not is_finite(column.scale) or column.scale == 0:
-            raise InputError(
-                f"{place}: expected a scale other than zero, found {column.scale!r}.",
+            raise InputError.at(
+                place,
+                f"expected a scale other than zero, found {column.scale!r}.",
                 "give the factor by which the numbers are to be multiplied.",
             )
         check_hold(column.hold, place)
@@ -105,7 +109,7 @@ def log_of_columns(
     name: str,
     interpolate_inputs: bool,
     notes: Iterable[str],
-    at: Place,
+    at: PlaceOf,
 ) -> Log:
     """The log of channels that were read from a file.
 

@@ -2,13 +2,13 @@
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from diffthrust._support.errors import InputError
+from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import listing, nearest
 from diffthrust.logs._units import convert, convert_scale
 from diffthrust.logs._validate import checked_fields, window
@@ -77,10 +77,6 @@ class Log:
         interpolate_inputs: bool = False,
         notes: Iterable[str] = (),
     ) -> None:
-        def at(channel: str, index: int | None) -> str:
-            place = "time" if channel == "time" else f"channel {channel!r}"
-            return f"log {name!r}, {place}" + ("" if index is None else f", sample {index}")
-
         checked = checked_fields(
             time=time,
             inputs=inputs or {},
@@ -92,7 +88,7 @@ class Log:
             name=str(name),
             interpolate_inputs=interpolate_inputs,
             notes=tuple(notes),
-            at=at,
+            at=partial(_place, name),
         )
         self._set(checked)
 
@@ -166,7 +162,7 @@ class Log:
         stored = self.units[channel]
         if not stored or not unit or stored == unit:
             return samples
-        return convert(samples, stored, unit, where=f"log {self.name!r}, channel {channel!r}")
+        return convert(samples, stored, unit, where=_place(self.name, channel))
 
     def noise_in(self, channel: str, unit: str) -> float | None:
         """Give the known standard deviation of a measured channel.
@@ -186,8 +182,7 @@ class Log:
         sigma, stored = self.noise.get(channel), self.units[channel]
         if sigma is None or not stored or not unit or stored == unit:
             return sigma
-        where = f"log {self.name!r}, channel {channel!r}"
-        return convert_scale(sigma, stored, unit, where=where)
+        return convert_scale(sigma, stored, unit, where=_place(self.name, channel))
 
     def slice(self, start: float | None = None, stop: float | None = None) -> "Log":
         """Cut a part out of the log; the time stamps stay as they are.
@@ -282,8 +277,16 @@ class Log:
     def _no_channel(self, channel: str) -> InputError:
         known = [*self.inputs, *self.measured]
         near = nearest(str(channel), known)
-        return InputError(
-            f"log {self.name!r}: expected a channel {channel!r}, found {listing(known)}"
-            f"{'; ' + near if near else ''}.",
+        return InputError.at(
+            Place(f"log {self.name!r}", channel=channel),
+            f"expected a channel {channel!r}, found {listing(known)}{'; ' + near if near else ''}.",
             f"map a column of the log to {channel!r}.",
         )
+
+
+def _place(log: str, channel: str, index: int | None = None) -> Place:
+    """Name a channel of a log, or its time, and the sample where one is to blame."""
+    sample = "" if index is None else f", sample {index}"
+    if channel == "time":
+        return Place(f"log {log!r}, time{sample}")
+    return Place(f"log {log!r}, channel {channel!r}{sample}", channel=channel)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from diffthrust._support.errors import InputError
+from diffthrust._support.errors import InputError, Place
 from diffthrust.logs._columns import (
     Column,
     channel_columns,
@@ -90,7 +90,7 @@ def read_log(
     if start is not None or stop is not None:
         stamps = table.cut(stamps, start, stop)
 
-    def at(channel: str, index: int | None) -> str:
+    def at(channel: str, index: int | None) -> Place:
         if channel == "time":
             return table.place(clock.column if clock else None, index)
         return table.place(columns[channel].column, index)
@@ -153,9 +153,9 @@ def _stamps(table: Table, clock: Column | None) -> np.ndarray:
     bad = np.flatnonzero(~np.isfinite(stamps))
     if bad.size:
         found = "none" if np.isnan(stamps[bad[0]]) else str(stamps[bad[0]])
-        raise InputError(
-            f"{table.place(clock.column, int(bad[0]))}: expected a time stamp, found {found}"
-            f"{others(bad.size)}.",
+        raise InputError.at(
+            table.place(clock.column, int(bad[0])),
+            f"expected a time stamp, found {found}{others(bad.size)}.",
             "complete the time stamp, or remove the row.",
         )
     return stamps

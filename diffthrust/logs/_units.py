@@ -1,13 +1,14 @@
 """Units on the way in and out. Inside, every channel has one unit and numbers carry none."""
 
 import re
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from diffthrust._support.errors import InputError
+from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import nearest
 from diffthrust.logs._channels import CHANNELS
 
@@ -77,15 +78,22 @@ def _parse(unit: str) -> Any:
         raise InputError(f"{unit!r} is not a known unit", _mend_unknown(str(word))) from None
 
 
-def _parsed(unit: str, where: str) -> Any:
+def _its_unit(where: Place | str) -> Place | str:
+    """The same place, told that its unit is to blame."""
+    return replace(where, unit=True) if isinstance(where, Place) else where
+
+
+def _parsed(unit: str, where: Place | str) -> Any:
     if not isinstance(unit, str):
-        raise InputError(
-            f"{where}: expected a unit as text, found {unit!r}.", "write it as in unit = 'rpm'."
+        raise InputError.at(
+            _its_unit(where),
+            f"expected a unit as text, found {unit!r}.",
+            "write it as in unit = 'rpm'.",
         )
     try:
         return _parse(unit)
     except InputError as error:
-        raise InputError(f"{where}: {error.problem}.", error.mend) from None
+        raise InputError.at(where, f"{error.problem}.", error.mend) from None
 
 
 @lru_cache(maxsize=256)
@@ -95,12 +103,13 @@ def _base(unit: Any) -> tuple[Any, int]:
     return base, dict(base._units).get("radian", 0)
 
 
-def _check_same(unit_from: str, unit_to: str, where: str) -> None:
+def _check_same(unit_from: str, unit_to: str, where: Place | str) -> None:
     """Raise InputError unless the two units measure the same quantity."""
     source, target = _parsed(unit_from, where), _parsed(unit_to, where)
     if source.dimensionality != target.dimensionality:
-        raise InputError(
-            f"{where}: expected a unit that agrees with {unit_to!r} ({_dimension(target)}), "
+        raise InputError.at(
+            _its_unit(where),
+            f"expected a unit that agrees with {unit_to!r} ({_dimension(target)}), "
             f"found {unit_from!r} ({_dimension(source)}).",
             f"give the unit in which the numbers are written, of the same kind as {unit_to!r}, "
             "or choose another column.",
@@ -112,9 +121,9 @@ def _check_same(unit_from: str, unit_to: str, where: str) -> None:
         else:
             problem = "one counts an angle and the other does not, so turns and radians are open"
             mend = "write 'rev/s' or 'rad/s' (or 'rpm', 'deg/s') for a speed of rotation."
-        raise InputError(
-            f"{where}: the unit {unit_from!r} is ambiguous where {unit_to!r} is expected: "
-            f"{problem}.",
+        raise InputError.at(
+            where,
+            f"the unit {unit_from!r} is ambiguous where {unit_to!r} is expected: {problem}.",
             mend,
         )
 
@@ -126,7 +135,7 @@ def _dimension(unit: Any) -> str:
     return text
 
 
-def convert(values: ArrayLike, unit_from: str, unit_to: str, *, where: str) -> np.ndarray:
+def convert(values: ArrayLike, unit_from: str, unit_to: str, *, where: Place | str) -> np.ndarray:
     """Convert numbers from one unit to another.
 
     Args:
@@ -156,13 +165,14 @@ def convert(values: ArrayLike, unit_from: str, unit_to: str, *, where: str) -> n
                 _registry().convert(numbers, _parse(unit_from), _parse(unit_to)), dtype=np.float64
             )
     except Exception as error:  # offset and logarithmic units in a product
-        raise InputError(
-            f"{where}: numbers in {unit_from!r} cannot be converted to {unit_to!r} ({error}).",
+        raise InputError.at(
+            where,
+            f"numbers in {unit_from!r} cannot be converted to {unit_to!r} ({error}).",
             "write the log in a plain unit.",
         ) from None
 
 
-def convert_scale(value: float, unit_from: str, unit_to: str, *, where: str) -> float:
+def convert_scale(value: float, unit_from: str, unit_to: str, *, where: Place | str) -> float:
     """Convert a width, such as a standard deviation: the offset of a unit does not count.
 
     Args:
@@ -185,7 +195,7 @@ def convert_scale(value: float, unit_from: str, unit_to: str, *, where: str) -> 
     return float(value * (one - zero))
 
 
-def si_unit(unit: str, channel: str = "", where: str = "") -> str:
+def si_unit(unit: str, channel: str = "", where: Place | str = "") -> str:
     """Say in which unit the library keeps numbers that were given in ``unit``.
 
     Args:

@@ -5,25 +5,26 @@ from typing import Any
 
 import numpy as np
 
-from diffthrust._support.errors import InputError
+from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import listing, nearest
 from diffthrust._support.validation import numeric_vector
 from diffthrust.logs._units import convert, convert_scale, si_unit
 
 # Names a place for a message: the channel (or "time"), and the sample where one is to blame.
-Place = Callable[[str, int | None], str]
+PlaceOf = Callable[[str, int | None], Place]
 
 
-def check_time(time: np.ndarray, at: Place) -> None:
+def check_time(time: np.ndarray, at: PlaceOf) -> None:
     """Raise InputError unless the time stamps are finite and strictly increasing."""
     if time.size == 0:
-        raise InputError(f"{at('time', None)}: expected time stamps, found none.", "give samples.")
+        raise InputError.at(at("time", None), "expected time stamps, found none.", "give samples.")
     bad = np.flatnonzero(~np.isfinite(time))
     if bad.size:
         index = int(bad[0])
         found = "none" if np.isnan(time[index]) else f"{time[index]}"
-        raise InputError(
-            f"{at('time', index)}: expected a time stamp, found {found}{others(bad.size)}.",
+        raise InputError.at(
+            at("time", index),
+            f"expected a time stamp, found {found}{others(bad.size)}.",
             "complete the time stamp, or remove the sample.",
         )
     with np.errstate(all="ignore"):
@@ -32,14 +33,16 @@ def check_time(time: np.ndarray, at: Place) -> None:
     if bad.size:
         index = int(bad[0]) + 1
         kind = "the same again" if time[index] == time[index - 1] else "a step backward"
-        raise InputError(
-            f"{at('time', index)}: expected a time stamp after {time[index - 1]:.15g} s, "
+        raise InputError.at(
+            at("time", index),
+            f"expected a time stamp after {time[index - 1]:.15g} s, "
             f"found {time[index]:.15g} s ({kind}){others(bad.size)}.",
             "remove the repeated or misplaced samples; if the clock was restarted, split the log.",
         )
     if not np.isfinite(time[-1] - time[0]):
-        raise InputError(
-            f"{at('time', None)}: the time stamps span more than numbers can hold.",
+        raise InputError.at(
+            at("time", None),
+            "the time stamps span more than numbers can hold.",
             "check the unit of the time.",
         )
 
@@ -49,19 +52,19 @@ def others(count: int) -> str:
     return f", and {count - 1} more like it" if count > 1 else ""
 
 
-def check_finite_or_missing(values: np.ndarray, channel: str, at: Place) -> None:
+def check_finite_or_missing(values: np.ndarray, channel: str, at: PlaceOf) -> None:
     """Raise InputError where a sample is infinite: NaN means missing, infinity means nothing."""
     bad = np.flatnonzero(np.isinf(values))
     if bad.size:
-        raise InputError(
-            f"{at(channel, int(bad[0]))}: expected a finite number, found "
-            f"{values[bad[0]]}{others(bad.size)}.",
+        raise InputError.at(
+            at(channel, int(bad[0])),
+            f"expected a finite number, found {values[bad[0]]}{others(bad.size)}.",
             "correct the sample; a missing one is written as nan or left empty.",
         )
 
 
 def complete_input(
-    time: np.ndarray, values: np.ndarray, channel: str, interpolate: bool, at: Place
+    time: np.ndarray, values: np.ndarray, channel: str, interpolate: bool, at: PlaceOf
 ) -> tuple[np.ndarray, str | None]:
     """Fill the missing samples of an input, if the user asked for it.
 
@@ -84,13 +87,15 @@ def complete_input(
         return values, None
     first = int(np.argmax(missing))
     if count == values.size:
-        raise InputError(
-            f"{at(channel, None)}: expected an input, found no number in {count} samples.",
+        raise InputError.at(
+            at(channel, None),
+            f"expected an input, found no number in {count} samples.",
             "choose another column for this input.",
         )
     if not interpolate:
-        raise InputError(
-            f"{at(channel, first)}: expected a value of the input, found none{others(count)}.",
+        raise InputError.at(
+            at(channel, first),
+            f"expected a value of the input, found none{others(count)}.",
             "complete it, cut the log with start and stop, or set interpolate_inputs = true.",
         )
     filled = values.copy()
@@ -98,8 +103,9 @@ def complete_input(
         filled[missing] = np.interp(time[missing], time[~missing], values[~missing])
     check_finite_or_missing(filled, channel, at)
     if np.isnan(filled).any():  # neighbours too far apart for the slope between them
-        raise InputError(
-            f"{at(channel, first)}: the gap cannot be interpolated, its neighbours are too large.",
+        raise InputError.at(
+            at(channel, first),
+            "the gap cannot be interpolated, its neighbours are too large.",
             "correct the samples around it.",
         )
     return filled, (
@@ -107,7 +113,7 @@ def complete_input(
     )
 
 
-def missing_note(values: np.ndarray, channel: str, at: Place) -> str | None:
+def missing_note(values: np.ndarray, channel: str, at: PlaceOf) -> str | None:
     """Count the missing samples of a measured channel.
 
     Args:
@@ -123,8 +129,9 @@ def missing_note(values: np.ndarray, channel: str, at: Place) -> str | None:
     """
     count = int(np.isnan(values).sum())
     if count == values.size:
-        raise InputError(
-            f"{at(channel, None)}: expected measured samples, found no number in {count} samples.",
+        raise InputError.at(
+            at(channel, None),
+            f"expected measured samples, found no number in {count} samples.",
             "choose another column, or leave this channel out.",
         )
     if count == 0:
@@ -168,7 +175,7 @@ def checked_fields(
     name: str,
     interpolate_inputs: bool,
     notes: tuple[str, ...],
-    at: Place,
+    at: PlaceOf,
 ) -> dict[str, Any]:
     """Check, copy and convert what makes a log.
 
@@ -199,8 +206,9 @@ def checked_fields(
         where = at(key, None)
         numbers = numeric_vector(samples, where)
         if numbers.size != stamps.size:
-            raise InputError(
-                f"{where}: expected {stamps.size} samples as in time, found {numbers.size}.",
+            raise InputError.at(
+                where,
+                f"expected {stamps.size} samples as in time, found {numbers.size}.",
                 "give one sample for each time stamp, nan where a measured one is missing.",
             )
         check_finite_or_missing(numbers, key, at)
@@ -244,13 +252,14 @@ def _check_names(
     noise: Collection[str],
     hold: Collection[str],
     name: str,
-    at: Place,
+    at: PlaceOf,
 ) -> None:
     """Raise InputError unless each channel has one place, and what is told is told of channels."""
     known = [*inputs, *measured]
     for key in set(inputs) & set(measured):
-        raise InputError(
-            f"{at(key, None)}: expected an input or a measured channel, found both.",
+        raise InputError.at(
+            at(key, None),
+            "expected an input or a measured channel, found both.",
             "give it under one of the two.",
         )
     if "time" in known:
@@ -271,16 +280,17 @@ def _check_names(
                 )
 
 
-def check_hold(word: str, where: str) -> None:
+def check_hold(word: str, where: Place) -> None:
     """Raise InputError unless a hold is one of the two that there are."""
     if word not in ("zero", "linear"):
-        raise InputError(
-            f"{where}: expected a hold of 'zero' or 'linear', found {word!r}.",
+        raise InputError.at(
+            where,
+            f"expected a hold of 'zero' or 'linear', found {word!r}.",
             "write 'zero' for a held command, 'linear' for a measured input.",
         )
 
 
-def _checked_noise(value: Any, unit: str, stored_unit: str, where: str) -> float:
+def _checked_noise(value: Any, unit: str, stored_unit: str, where: Place) -> float:
     try:
         sigma = float(value)
     except (TypeError, ValueError):
@@ -288,8 +298,9 @@ def _checked_noise(value: Any, unit: str, stored_unit: str, where: str) -> float
     if unit and np.isfinite(sigma):
         sigma = convert_scale(sigma, unit, stored_unit, where=where)
     if not (np.isfinite(sigma) and sigma > 0):
-        raise InputError(
-            f"{where}: expected a standard deviation above zero as noise, found {value!r}.",
+        raise InputError.at(
+            where,
+            f"expected a standard deviation above zero as noise, found {value!r}.",
             "give the noise in the unit of the channel, or leave it out to have it estimated.",
         )
     return sigma

@@ -128,13 +128,17 @@ class Spec:
 
     def _placed(self, error: InputError) -> InputError:
         """An error that names a column or a channel, with the line where the spec names it."""
+        place = error.place
+        if place is None:
+            return error
         where = [(("logs", "time"), self.file.logs.time.column)] if self.file.logs.time else []
         where += [(("channels", n), part.column) for n, part in self.file.channels.items()]
         for loc, column in where:
-            if f"column {column!r}" in error.problem or f"channel '{loc[-1]}'" in error.problem:
-                key = "unit" if "expected a unit" in error.problem else "column"
+            if column == place.column or loc[-1] == place.channel:
+                key = "unit" if place.unit else "column"
                 line = line_of(self.text, self.path, (*loc, key))
-                return InputError(f"{error.problem} It is named in {line}.", error.mend)
+                told = f"{error.problem} It is named in {line}."
+                return InputError(told, error.mend, place=place)
         return error
 
     def fit(

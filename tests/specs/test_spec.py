@@ -10,6 +10,7 @@ from places import FITS
 
 from diffthrust import InputError
 from diffthrust.specs import Spec, load_spec
+from tests.robot_files import write_dataflash
 
 GOOD = """\
 model = "thruster"
@@ -276,3 +277,67 @@ def test_a_wrong_column_or_unit_is_told_with_the_line_of_the_spec(folder):
         line = 1 + spec.text.splitlines().index(new)
         with pytest.raises(InputError, match=rf"line {line}, channels\.speed\.{key}"):
             spec.train_logs()
+
+
+def cell(folder):
+    path = folder / "run1.csv"
+    path.write_text(path.read_text().replace("\n80,2,20,", "\n80,2,fast,"))
+
+
+def stamp(folder):
+    path = folder / "run1.csv"
+    path.write_text(path.read_text().replace("\n80,2,", "\nnoon,2,"))
+
+
+def double(folder):
+    path = folder / "run1.csv"
+    path.write_text(path.read_text().replace("thrust", "rpm"))
+
+
+def dataflash(folder):
+    pytest.importorskip("pymavlink")
+    rows = [("RCOU", (40_000 * k, k)) for k in range(30)]
+    write_dataflash(folder / "run1.bin", {"RCOU": ("QH", ["TimeUS", "C1"])}, rows)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "swaps", "key", "words"),
+    [
+        (cell, {}, "channels.speed.column", "line 4, column 'rpm': expected a number"),
+        (stamp, {}, "logs.time.column", "line 4, column 't': expected a number"),
+        (double, {}, "channels.speed.column", "expected one column 'rpm', found several"),
+        (None, {'"rpm"\nunit': '"rmp"\nunit'}, "channels.speed.column", "a column 'rmp', found"),
+        (None, {'column = "t"': 'column = "T"'}, "logs.time.column", "a column 'T', found"),
+        (None, {'unit = "rpm"': 'unit = "rmp"'}, "channels.speed.column", "not a known unit"),
+        (None, {'unit = "rpm"': 'unit = "Hz"'}, "channels.speed.column", "'Hz' is ambiguous"),
+        (None, {'unit = "rpm"': 'unit = "N"'}, "channels.speed.unit", "agrees with 'rad/s'"),
+        (None, {'unit = "ms"': 'unit = "V"'}, "logs.time.unit", "agrees with 's'"),
+        (None, {"noise = 3.0": "scale = 0"}, "channels.speed.column", "a scale other than zero"),
+        (
+            dataflash,
+            {"run1.csv": "run1.bin", 'time = { column = "t", unit = "ms" }': 'base = "messages"',
+             '"u"': '"RCOU.C1"', '"rpm"\nunit': '"RCOU.C3"\nunit'},
+            "channels.speed.column",
+            "column 'RCOU.C3': expected a field 'C3'",
+        ),
+    ],
+)  # fmt: skip
+def test_a_defect_of_a_log_is_told_with_the_line_that_names_its_column(
+    folder, spoil, swaps, key, words
+):
+    text = GOOD.replace('holdout = ["run2.csv"]\n', "")
+    for old, new in swaps.items():
+        assert old in text
+        text = text.replace(old, new)
+    if spoil:
+        spoil(folder)
+    spec = load(folder, text)
+    with pytest.raises(InputError) as caught:
+        spec.train_logs()
+    assert words in caught.value.problem
+    table, name = key.rsplit(".", 1)
+    rows = text.splitlines()
+    header = rows.index("[logs]" if table == "logs.time" else f"[{table}]")
+    start = "time" if table == "logs.time" else name
+    line = 1 + next(k for k in range(header, len(rows)) if rows[k].startswith(f"{start} ="))
+    assert caught.value.problem.endswith(f" It is named in {spec.path}, line {line}, {key}.")

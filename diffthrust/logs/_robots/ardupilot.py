@@ -106,8 +106,9 @@ def _target(file: str, column: str) -> _Target:
     message, key = split_column(file, column)
     sent, of = _MESSAGE.fullmatch(message), _ELEMENT.fullmatch(key)
     if not sent or not of:
-        raise InputError(
-            f"{column_place(file, column)}: expected a message and one of its fields.",
+        raise InputError.at(
+            column_place(file, column),
+            "expected a message and one of its fields.",
             "write it as 'RCOU.C1', 'ESC[0].RPM', 'ESC_STATUS.rpm[0]' or '1/ATTITUDE.yaw'.",
         )
     source = tuple(int(number) for number in sent.groups()[:2] if number is not None)
@@ -127,16 +128,18 @@ def _take(file: str, target: _Target, message: Received) -> None:
     place = column_place(file, target.column)
     if target.element is not None:
         if isinstance(value, str) or not hasattr(value, "__len__") or target.element >= len(value):
-            raise InputError(
-                f"{place}: expected an element [{target.element}], found {str(value)[:40]!r}.",
+            raise InputError.at(
+                place,
+                f"expected an element [{target.element}], found {str(value)[:40]!r}.",
                 "name a field that is an array; its elements are counted from 0.",
             )
         value = value[target.element]
     if not isinstance(value, bool | int | float):
         array = not isinstance(value, str) and hasattr(value, "__len__")
         found = f"an array of {len(value)}" if array else repr(str(value)[:40])
-        raise InputError(
-            f"{place}: expected a number, found {found}.",
+        raise InputError.at(
+            place,
+            f"expected a number, found {found}.",
             "write the element, such as [0], behind it." if array else "choose a field of numbers.",
         )
     target.ticks.append(message.stamp)
@@ -151,21 +154,24 @@ def _check_alone(file: str, target: _Target) -> None:
     if not target.ticks:
         others = sorted(target.others)
         found = f"the instances {listing(others)}" if others else "none from that sender"
-        raise InputError(
-            f"{place}: expected messages {target.name!r} as named, found {found}.",
+        raise InputError.at(
+            place,
+            f"expected messages {target.name!r} as named, found {found}.",
             "correct the number before the message or in the brackets.",
         )
     sources = sorted({source for source, _ in target.seen})
     if len(sources) > 1:
         senders = listing("/".join(map(str, source)) for source in sources)
         name = "/".join(map(str, sources[0]))
-        raise InputError(
-            f"{place}: {target.name!r} is sent by several (system/component): {senders}.",
+        raise InputError.at(
+            place,
+            f"{target.name!r} is sent by several (system/component): {senders}.",
             f"name one, such as {f'{name}/{target.name}.{field_name}'!r}.",
         )
     instances = sorted({instance for _, instance in target.seen})
     if len(instances) > 1:
-        raise InputError(
-            f"{place}: the log has several {target.name!r}: {listing(instances)}.",
+        raise InputError.at(
+            place,
+            f"the log has several {target.name!r}: {listing(instances)}.",
             f"name one, such as {f'{target.name}[{instances[0]}].{field_name}'!r}.",
         )

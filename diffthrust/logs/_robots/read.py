@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from diffthrust._support.errors import InputError
+from diffthrust._support.errors import InputError, Place
 from diffthrust.logs._channels import CHANNELS
 from diffthrust.logs._columns import Column, channel_columns, is_finite, log_of_columns
 from diffthrust.logs._log import Log
@@ -112,9 +112,11 @@ def read_robot_log(
     if not keep.all():
         notes.append(f"{int((~keep).sum())} of {keep.size} samples were cut by start and stop.")
 
-    def at(channel: str, index: int | None) -> str:
-        where = file.name if channel == "time" else column_place(file.name, columns[channel].column)
-        return where + ("" if index is None else f" at {even.time[keep][index]:.6g} s")
+    def at(channel: str, index: int | None) -> Place:
+        moment = "" if index is None else f" at {even.time[keep][index]:.6g} s"
+        if channel == "time":
+            return Place(file.name + moment)
+        return column_place(file.name, columns[channel].column, moment)
 
     return log_of_columns(
         columns,

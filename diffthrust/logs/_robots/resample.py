@@ -122,9 +122,9 @@ def _base(
                 "or give a step in seconds.",
             )
         if series[base].time.size < 2:
-            raise InputError(
-                f"{series[base].place}: expected several messages to take the stamps from, found "
-                "one.",
+            raise InputError.at(
+                series[base].place,
+                "expected several messages to take the stamps from, found one.",
                 "choose another channel as base, or a step in seconds.",
             )
         return series[base].period, series[base].time
@@ -138,13 +138,15 @@ def _base(
 
 def _check_rate(name: str, one: Series, step: float, faster: float) -> None:
     if one.time.size < 2:
-        raise InputError(
-            f"{one.place}: expected several messages for the channel {name!r}, found one.",
+        raise InputError.at(
+            one.place,
+            f"expected several messages for the channel {name!r}, found one.",
             "choose another field; an input that is set once is read with hold = 'zero'.",
         )
     if one.period > faster * step * (1 + 1e-9):
-        raise InputError(
-            f"{one.place}: the time base has a step of {step:.4g} s, the channel {name!r} one of "
+        raise InputError.at(
+            one.place,
+            f"the time base has a step of {step:.4g} s, the channel {name!r} one of "
             f"{one.period:.4g} s: {one.period / step:.3g} samples of each message, expected at "
             f"most {faster:.3g}. Interpolated samples tell nothing new.",
             f"choose base = {name!r} or a longer step, or allow it with "

@@ -85,7 +85,9 @@ def read_bag(
     except InputError:
         raise
     except Exception as error:  # a damaged bag raises whatever the reader came across
-        if "end magic" in str(error):  # a recorder that was switched off
+        # A recorder was switched off. The library has one exception for all defects of a file, and
+        # only its words tell this one; where they change, the message below is told instead.
+        if "end magic" in str(error):
             raise InputError(
                 f"{path.name}: expected a whole MCAP file, found one that was cut off ({error}).",
                 "`mcap recover FILE -o NEW`, a tool of the MCAP project, saves what was written.",
@@ -113,9 +115,9 @@ def _steps(file: str, column: str, field: str) -> Steps:
     while position < len(field):
         match = _STEP.match(field, position)
         if not match:
-            raise InputError(
-                f"{column_place(file, column)}: expected names, dots and [numbers] in the field, "
-                f"found {field[position]!r}.",
+            raise InputError.at(
+                column_place(file, column),
+                f"expected names, dots and [numbers] in the field, found {field[position]!r}.",
                 "write it as 'twist.twist.linear.x' or 'data[0]'.",
             )
         if not match[3]:
@@ -132,8 +134,9 @@ def _number(file: str, column: str, message: Any, steps: Steps) -> float:
             value = getattr(value, step)
         elif isinstance(step, int) and isinstance(value, np.ndarray | list | tuple):
             if step >= len(value):
-                raise InputError(
-                    f"{column_place(file, column)}: expected an element [{step}], found "
+                raise InputError.at(
+                    column_place(file, column),
+                    f"expected an element [{step}], found "
                     f"{len(value)} elements in a message; they are counted from 0.",
                     "choose one that every message has.",
                 )
@@ -150,7 +153,7 @@ def _number(file: str, column: str, message: Any, steps: Steps) -> float:
         found, mend = "a message", f"name one of its fields, such as {next(_leaves(value), '')!r}."
     else:
         found, mend = f"{type(value).__name__} {str(value)[:40]!r}", "choose a field of numbers."
-    raise InputError(f"{column_place(file, column)}: expected a number, found {found}.", mend)
+    raise InputError.at(column_place(file, column), f"expected a number, found {found}.", mend)
 
 
 def _angle(quaternion: Any, word: str) -> float:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diffthrust._support.errors import InputError
+from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import listing, nearest
 
 # A clock that steps back by more than this [s] was restarted; less is the order of arrival.
@@ -25,7 +25,7 @@ class Series:
         notes: sentences on what was left out.
     """
 
-    place: str
+    place: Place | str
     time: np.ndarray
     values: np.ndarray
     notes: tuple[str, ...] = ()
@@ -48,9 +48,9 @@ class Series:
         return float(np.quantile(np.abs(np.diff(self.time) - self.period), 0.95))
 
 
-def column_place(file: str, column: str) -> str:
-    """Write a place as ``run.mcap, column '/odom.twist.twist.linear.x'``."""
-    return f"{file}, column {column!r}"
+def column_place(file: str, column: str, detail: str = "") -> Place:
+    """Name a place as ``run.mcap, column '/odom.twist.twist.linear.x'``, with a detail behind."""
+    return Place(f"{file}, column {column!r}{detail}", column)
 
 
 def split_column(file: str, column: str) -> tuple[str, str]:
@@ -61,8 +61,9 @@ def split_column(file: str, column: str) -> tuple[str, str]:
     """
     message, _, field = column.partition(".")
     if not message or not field:
-        raise InputError(
-            f"{column_place(file, column)}: expected a message and its field with a dot between.",
+        raise InputError.at(
+            column_place(file, column),
+            "expected a message and its field with a dot between.",
             "write it as '/odom.twist.twist.linear.x', 'RCOU.C1' or 'ATTITUDE.yaw'.",
         )
     return message, field
@@ -72,8 +73,9 @@ def no_message(file: str, column: str, message: str, known: Iterable[str], word:
     """Make the error for a message or topic that the file does not have."""
     known = sorted(known)
     near = nearest(message, known)
-    return InputError(
-        f"{column_place(file, column)}: expected the {word} {message!r}, found {listing(known)}.",
+    return InputError.at(
+        column_place(file, column),
+        f"expected the {word} {message!r}, found {listing(known)}.",
         f"name a {word} of this log{'; ' + near if near else ''}.",
     )
 
@@ -82,8 +84,9 @@ def no_field(file: str, column: str, field: str, known: Iterable[str]) -> InputE
     """Make the error for a field that the message does not have."""
     known = list(known)
     near = nearest(field, known)
-    return InputError(
-        f"{column_place(file, column)}: expected a field {field!r}, found {listing(known)}.",
+    return InputError.at(
+        column_place(file, column),
+        f"expected a field {field!r}, found {listing(known)}.",
         f"name a field of this message{'; ' + near if near else ''}.",
     )
 
@@ -125,14 +128,16 @@ def series_of(
         numbers[numbers == number] = np.nan
     keep = ~np.isnan(numbers)
     if not keep.any():
-        raise InputError(
-            f"{place}: expected numbers, found none in {numbers.size} messages.",
+        raise InputError.at(
+            place,
+            f"expected numbers, found none in {numbers.size} messages.",
             "choose another field, or check that the recording was complete.",
         )
     bad = np.flatnonzero(np.isinf(numbers))
     if bad.size:
-        raise InputError(
-            f"{place}, message {bad[0] + 1}: expected a finite number, found {numbers[bad[0]]}.",
+        raise InputError.at(
+            column_place(file, column, f", message {bad[0] + 1}"),
+            f"expected a finite number, found {numbers[bad[0]]}.",
             "choose another field; a missing sample is written as nan.",
         )
     if not keep.all():
@@ -141,8 +146,9 @@ def series_of(
     back = np.diff(ticks)
     if (back < -_RESTART * 1e9).any():
         index = int(np.argmax(back < -_RESTART * 1e9)) + 1
-        raise InputError(
-            f"{place}, message {index + 1}: the clock steps back by {-back[index - 1] / 1e9:.6g} s "
+        raise InputError.at(
+            column_place(file, column, f", message {index + 1}"),
+            f"the clock steps back by {-back[index - 1] / 1e9:.6g} s "
             f"at {ticks[index - 1] / 1e9:.6g} s.",
             "the clock was restarted: split the recording there.",
         )

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from diffthrust._support.errors import InputError
+from diffthrust._support.errors import InputError, Place
 from diffthrust.logs._tables.mat5 import parse
 from diffthrust.logs._tables.table import Table, absent_column, damaged, twice
 
@@ -42,25 +42,27 @@ def read_mat(path: Path, wanted: Sequence[str]) -> Table:
             raise absent_column(path.name, name, names, "variable")
         if names.count(name) > 1:
             raise twice(path.name, name, "variable")
-        columns[name] = _vector(leaves[names.index(name)][1], f"{path.name}, variable {name!r}")
+        place = Place(f"{path.name}, variable {name!r}")
+        columns[name] = _vector(leaves[names.index(name)][1], place)
         size = columns[wanted[0]].size
         if columns[name].size != size:
-            raise InputError(
-                f"{path.name}, variable {name!r}: expected {size} samples as in {wanted[0]!r}, "
-                f"found {columns[name].size}.",
+            raise InputError.at(
+                place,
+                f"expected {size} samples as in {wanted[0]!r}, found {columns[name].size}.",
                 "save vectors of equal length.",
             )
     rows = np.arange(1, columns[wanted[0]].size + 1)
     return Table(path.name, columns, rows, row_word="element", column_word="variable")
 
 
-def _vector(value: Any, place: str) -> np.ndarray:
+def _vector(value: Any, place: Place) -> np.ndarray:
     if isinstance(value, np.ndarray) and value.size and value.size == max(value.shape):
         # An unsigned or single-precision vector is as good as a double one.
         return value.reshape(-1).astype(np.float64)
     found = value if isinstance(value, str) else f"an array of shape {value.shape}"
-    raise InputError(
-        f"{place}: expected a vector of real numbers, found {found}.",
+    raise InputError.at(
+        place,
+        f"expected a vector of real numbers, found {found}.",
         "save each channel as a numeric vector of its own; a timetable must be split.",
     )
 

@@ -61,8 +61,9 @@ def read_parquet(
         except BadCell as bad:
             raise not_a_number(table.place(name, bad.index), bad) from None
         except Exception:
-            raise InputError(
-                f"{table.place(name)}: expected numbers, found values of type {column.type}.",
+            raise InputError.at(
+                table.place(name),
+                f"expected numbers, found values of type {column.type}.",
                 "choose a column of numbers.",
             ) from None
     return table

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from diffthrust._support.errors import InputError
+from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import listing, nearest
 from diffthrust.logs._validate import window
 
@@ -38,10 +38,11 @@ class Table:
     notes: list[str] = field(default_factory=list)
     dates: bool = False
 
-    def place(self, column: str | None, index: int | None = None) -> str:
-        """Write a place as ``run3.csv, line 212, column 'rpm'``."""
+    def place(self, column: str | None, index: int | None = None) -> Place:
+        """Name a place as ``run3.csv, line 212, column 'rpm'``."""
         row = "" if index is None else f", {self.row_word} {self.rows[index]}"
-        return f"{self.file}{row}" + ("" if column is None else f", {self.column_word} {column!r}")
+        name = "" if column is None else f", {self.column_word} {column!r}"
+        return Place(f"{self.file}{row}{name}", column if self.column_word == "column" else None)
 
     def say_dates(self) -> None:
         """Note that the time column held dates."""
@@ -129,8 +130,9 @@ class BadCell(Exception):
 def absent_column(file: str, wanted: str, names: Sequence[str], word: str) -> InputError:
     """Make the error for a column that the file does not have."""
     near = nearest(wanted, names)
-    return InputError(
-        f"{file}: expected a {word} {wanted!r}, found {listing(names)}.",
+    return InputError.at(
+        Place(file, wanted if word == "column" else None),
+        f"expected a {word} {wanted!r}, found {listing(names)}.",
         f"write the name of the {word} exactly as in the file{'; ' + near if near else ''}.",
     )
 
@@ -221,10 +223,11 @@ def _dates_to_seconds(cells: Sequence[str | None], missing: Collection[str]) -> 
     return out
 
 
-def not_a_number(place: str, bad: BadCell) -> InputError:
+def not_a_number(place: Place, bad: BadCell) -> InputError:
     """Make the error for a cell that is not a number."""
-    return InputError(
-        f"{place}: expected {bad.expected}, found {bad.found}.",
+    return InputError.at(
+        place,
+        f"expected {bad.expected}, found {bad.found}.",
         f"list {bad.found} under [logs] missing_values, or remove the line.",
     )
 
@@ -240,7 +243,8 @@ def damaged(path: Path, kind: str, error: Exception) -> InputError:
 
 def twice(file: str, name: str, word: str) -> InputError:
     """Make the error for a wanted column whose name stands twice in the file."""
-    return InputError(
-        f"{file}: expected one {word} {name!r}, found several of that name.",
+    return InputError.at(
+        Place(file, name if word == "column" else None),
+        f"expected one {word} {name!r}, found several of that name.",
         f"rename or remove the other {word}.",
     )
