@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from places import FITS
+from scipy.io import savemat
 
 from diffthrust import InputError
 from diffthrust.specs import Spec, load_spec
@@ -294,6 +295,10 @@ def double(folder):
     path.write_text(path.read_text().replace("thrust", "rpm"))
 
 
+def lengths(folder):
+    savemat(folder / "run1.mat", {"t": np.arange(9.0), "u": np.arange(9.0), "rpm": np.arange(8.0)})
+
+
 def dataflash(folder):
     pytest.importorskip("pymavlink")
     rows = [("RCOU", (40_000 * k, k)) for k in range(30)]
@@ -313,6 +318,9 @@ def dataflash(folder):
         (None, {'unit = "rpm"': 'unit = "N"'}, "channels.speed.unit", "agrees with 'rad/s'"),
         (None, {'unit = "ms"': 'unit = "V"'}, "logs.time.unit", "agrees with 's'"),
         (None, {"noise = 3.0": "scale = 0"}, "channels.speed.column", "a scale other than zero"),
+        (lengths, {"run1.csv": "run1.mat"}, "channels.speed.column", "samples as in 't', found 8"),
+        (lengths, {"run1.csv": "run1.mat", '"rpm"\nunit': '"rmp"\nunit'},
+         "channels.speed.column", "expected a variable 'rmp'"),
         (
             dataflash,
             {"run1.csv": "run1.bin", 'time = { column = "t", unit = "ms" }': 'base = "messages"',

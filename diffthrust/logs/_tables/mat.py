@@ -42,7 +42,7 @@ def read_mat(path: Path, wanted: Sequence[str]) -> Table:
             raise absent_column(path.name, name, names, "variable")
         if names.count(name) > 1:
             raise twice(path.name, name, "variable")
-        place = Place(f"{path.name}, variable {name!r}")
+        place = Place(f"{path.name}, variable {name!r}", name)
         columns[name] = _vector(leaves[names.index(name)][1], place)
         size = columns[wanted[0]].size
         if columns[name].size != size:

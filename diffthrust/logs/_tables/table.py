@@ -42,7 +42,7 @@ class Table:
         """Name a place as ``run3.csv, line 212, column 'rpm'``."""
         row = "" if index is None else f", {self.row_word} {self.rows[index]}"
         name = "" if column is None else f", {self.column_word} {column!r}"
-        return Place(f"{self.file}{row}{name}", column if self.column_word == "column" else None)
+        return Place(f"{self.file}{row}{name}", column)
 
     def say_dates(self) -> None:
         """Note that the time column held dates."""
@@ -131,7 +131,7 @@ def absent_column(file: str, wanted: str, names: Sequence[str], word: str) -> In
     """Make the error for a column that the file does not have."""
     near = nearest(wanted, names)
     return InputError.at(
-        Place(file, wanted if word == "column" else None),
+        Place(file, wanted),
         f"expected a {word} {wanted!r}, found {listing(names)}.",
         f"write the name of the {word} exactly as in the file{'; ' + near if near else ''}.",
     )
@@ -244,7 +244,7 @@ def damaged(path: Path, kind: str, error: Exception) -> InputError:
 def twice(file: str, name: str, word: str) -> InputError:
     """Make the error for a wanted column whose name stands twice in the file."""
     return InputError.at(
-        Place(file, name if word == "column" else None),
+        Place(file, name),
         f"expected one {word} {name!r}, found several of that name.",
         f"rename or remove the other {word}.",
     )
