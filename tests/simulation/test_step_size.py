@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from test_honesty import thruster_logs, vessel_logs
+from stored_logs import thruster_logs, vessel_logs
 
 import diffthrust as dft
 from diffthrust.simulation._step_size import sensor_noise  # private: no public way to it
