@@ -27,7 +27,8 @@ from diffthrust.effects import ActuatorLag, CommandDeadband, ReverseThrustAsymme
 from diffthrust.estimation._arrange import build  # private: the solver by itself
 from diffthrust.estimation._likelihood import evaluate  # private: one pass of it
 from diffthrust.estimation._solver import solve  # private: the solver by itself
-from diffthrust.simulation import _trajectory
+from diffthrust.simulation import _fixed_step, _trajectory
+from diffthrust.simulation._inputs import hold_of  # private: the compiled core alone
 
 pytestmark = pytest.mark.benchmark
 
@@ -75,7 +76,7 @@ def ratio_row(what: str, ours: float, peer: float, target: str = "") -> tuple[st
 def test_simulation_and_fit_of_one_log():
     log = make_log()
     model = dft.Thruster()
-    key, grid = _trajectory.Key(model), _trajectory.Grid(_trajectory.hold_of(log, log.inputs))
+    key, grid = _trajectory.Key(model), _trajectory.Grid(hold_of(log, log.inputs))
     given = (
         {name: jnp.asarray(p.value) for name, p in model.parameters.items()},
         jnp.asarray(log.time),
@@ -83,7 +84,7 @@ def test_simulation_and_fit_of_one_log():
         {"speed": jnp.asarray(0.0)},
     )
     ours, whole, peer = interleaved(
-        lambda: jax.block_until_ready(_trajectory._compiled((key, grid), given)),
+        lambda: jax.block_until_ready(_fixed_step._compiled((key, grid), given)),
         lambda: dft.simulate(model, log, substeps=1),
         lambda: numba_rk4(log.time, log.inputs["command"], *TRUTH, 0.0),
         repeats=101,

@@ -10,7 +10,8 @@ import numpy as np
 
 from diffthrust.estimation._arrange import build
 from diffthrust.estimation._solver import solve
-from diffthrust.simulation import _trajectory
+from diffthrust.simulation import _fixed_step, _trajectory
+from diffthrust.simulation._inputs import hold_of  # private: the compiled core alone
 
 from . import _problem
 from ._diffthrust import NAMES, log_of, thruster
@@ -20,7 +21,7 @@ from ._problem import GUESS, TRUTH
 def simulation(samples: int) -> Any:
     log, model = log_of(_problem.record(samples)), thruster(TRUTH)
     key = _trajectory.Key(model)
-    grid = _trajectory.Grid(_trajectory.hold_of(log, log.inputs), uniform=log.even)
+    grid = _trajectory.Grid(hold_of(log, log.inputs), uniform=log.even)
     given = (
         {name: jnp.asarray(p.value) for name, p in model.parameters.items()},
         jnp.asarray(log.time),
@@ -29,7 +30,7 @@ def simulation(samples: int) -> Any:
     )
 
     def run(turn: int) -> np.ndarray:
-        outputs, _ = jax.block_until_ready(_trajectory._compiled((key, grid), given))
+        outputs, _ = jax.block_until_ready(_fixed_step._compiled((key, grid), given))
         return np.stack([outputs["speed"], outputs["thrust"]])
 
     return run
