@@ -196,9 +196,10 @@ def process_time(code: list[str], env: dict[str, str] | None = None) -> float:
 
 def test_processes_from_cold(tmp_path):
     jax_alone = [process_time(["-c", "import jax"]) for _ in range(5)]
-    package = [process_time(["-c", "import diffthrust"]) for _ in range(5)]
+    import_all = "import jax, diffthrust as dft; [getattr(dft, name) for name in dft.__all__]"
+    package = [process_time(["-c", import_all]) for _ in range(5)]
     gap = float(np.median(package) - np.median(jax_alone))
-    rows = [("import diffthrust over import jax", f"{gap:.2f} s", "< 0.7 s")]
+    rows = [("every name at the door over import jax", f"{gap:.2f} s", "< 0.7 s")]
     spec = ROOT / "fits" / "jason_thruster" / "fit.toml"
     entry = "import sys; from diffthrust.cli._app import main; sys.exit(main())"
     if spec.exists():
