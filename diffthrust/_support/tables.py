@@ -17,6 +17,14 @@ def rendered(thing: RenderableType, width: int = 100) -> str:
     return "\n".join(line.rstrip() for line in out.getvalue().splitlines()) + "\n"
 
 
+def boxed(headings: Iterable[str], rows: Iterable[tuple[str, ...]]) -> str:
+    """A table in a box, as plain text; a row has a cell for each heading."""
+    table = Table(*headings)
+    for row in rows:
+        table.add_row(*row)
+    return rendered(table)
+
+
 def number(value: float | None, digits: int = 4) -> str:
     """A number with some significant digits, ``-`` where there is none.
 

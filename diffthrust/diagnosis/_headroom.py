@@ -83,14 +83,16 @@ class Headroom:
 
     def report(self) -> str:
         """A table and the summary, as text."""
-        from diffthrust.diagnosis._tables_headroom import headroom_table
+        from diffthrust._support.tables import boxed
 
         rows = [
             (name, f"{c.physics:.3g}", f"{c.corrected:.3g}", _share(c.share),
              f"{_share(c.low)} to {_share(c.high)}", c.rung)
             for name, c in self.channels.items()
         ]  # fmt: skip
-        return f"{headroom_table(rows)}\n{self.summary}"
+        headings = ("Channel", "Physics (NRMSE)", "With a correction", "Share explained",
+                    "90 % interval", "Form")  # fmt: skip
+        return f"{boxed(headings, rows)}\n{self.summary}"
 
     def to_json(self) -> dict[str, Any]:
         """The headroom as plain data."""

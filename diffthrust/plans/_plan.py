@@ -75,11 +75,12 @@ class PlanCheck:
 
     def report(self) -> str:
         """The findings as a table, as text."""
-        from diffthrust.plans._tables import findings_table
+        from diffthrust._support.tables import boxed
 
         rows = [(f.run, f.what, f.found, "ok" if f.good else "!") for f in self.findings]
+        headings = ("Run", "Planned", "Found", "")
         good = sum(finding.good for finding in self.findings)
-        return f"{findings_table(rows)}\n{good} of {len(self.findings)} as planned."
+        return f"{boxed(headings, rows)}\n{good} of {len(self.findings)} as planned."
 
 
 @dataclass(frozen=True)
