@@ -39,6 +39,7 @@ from .models._base.parameter import Parameter as Parameter
 from .models._base.parameter import parameter as parameter
 from .models._dc_motor import DCMotorThruster as DCMotorThruster
 from .models._linear_sensor import LinearSensor as LinearSensor
+from .models._speed_loop import SpeedLoopThruster as SpeedLoopThruster
 from .models._thruster import Thruster as Thruster
 from .models._vessel import Vessel as Vessel
 from .simulation._simulate import simulate as simulate

@@ -274,13 +274,13 @@ def test_a_parameter_of_another_unit_is_refused_and_the_null_value_stays():
 
 
 def test_the_dead_band_restores_the_command_over_an_edge_with_a_slope():
-    value = jnp.array([-2.0, -0.51, -0.5, -0.3, 0.0, 0.3, 0.5, 0.525, 0.55, 2.0])
+    value = jnp.array([-2.0, -0.48, -0.47, -0.3, 0.0, 0.3, 0.475, 0.5, 0.525, 2.0])
     lost = CommandDeadband(width=0.5)(value, None)
     np.testing.assert_allclose(lost, np.sign(value) * np.maximum(np.abs(value) - 0.5, 0.0))
     full = CommandDeadband(width=0.5, restored=1.0)(value, None)
-    np.testing.assert_allclose(full[jnp.array([0, 8, 9])], [-2.0, 0.55, 2.0], rtol=1e-9)
-    np.testing.assert_allclose(full[2:7], 0.0)
-    assert float(full[7]) == pytest.approx(0.025 + 0.25)
+    np.testing.assert_allclose(full[jnp.array([0, 8, 9])], [-2.0, 0.525, 2.0], rtol=1e-9)
+    np.testing.assert_allclose(full[2:7], 0.0, atol=1e-9)
+    assert float(full[7]) == pytest.approx(0.25)  # half of it, at the edge itself
     for restored in (0.0, 0.4, 1.0):
         none = CommandDeadband(width=0.0, restored=restored)(value, None)
         np.testing.assert_array_equal(none, value)

@@ -28,7 +28,7 @@ def catalogue_table(effects: Iterable[type[Effect]], models: Mapping[str, Model]
         table.add_column()
         table.add_row("  port", ", ".join(effect.ports))
         for name, p in effect.declared.items():
-            start = f"{name} [{p.unit or '-'}]" + (" (fixed)" if p.fixed else "")
+            start = f"{name} [{p.in_units({}).unit or '-'}]" + (" (fixed)" if p.fixed else "")
             null = f", null {p.null:g}" if p.null is not None else ""
             table.add_row("  parameter", escape(f"{start}, starts at {p.value:g}{null}"))
         table.add_row("  needs", ", ".join(effect.needs) or "nothing besides the model's channels")

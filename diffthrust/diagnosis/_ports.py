@@ -19,6 +19,7 @@ from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import parameter
 from diffthrust.models._base.signals import Signals
 from diffthrust.simulation._inputs import inputs_of
+from diffthrust.simulation._integrate import plain_rate
 from diffthrust.simulation._linearise import Reading, slopes_at
 from diffthrust.simulation._trajectory import equations_of
 
@@ -112,7 +113,7 @@ def slopes_along(
     def driven(x: Array, push: Array) -> Array:
         s = Signals({**signals, place.state: x} if place.state else signals)
         rates, outputs = equations_of(model, s, Reading(model.effects, s, {place.port: push}))
-        value = (rates if place.state else outputs)[place.target]
+        value = plain_rate((rates if place.state else outputs)[place.target])
         return jnp.broadcast_to(value, still.shape)
 
     ones, zeros = jnp.ones_like(own), jnp.zeros_like(own)

@@ -39,6 +39,8 @@ def probes(
     tried = {}
     for name, p in named.items():
         if p.fixed:
+            if p.probes:  # a form that is not estimated: each that it may have is tried
+                tried[name] = list(_trial_values(p.probes, levels))
             continue
         values = _trial_values(p.probes, levels) or ((p.value,) if p.null != p.value else ())
         low, high = p.limits
@@ -53,7 +55,8 @@ def probes(
     if not is_limit(effect):
         points = points[:: max(1, len(points) // _MOST_PROBES)][:_MOST_PROBES]
     near: list[tuple[float, ...]] = []
-    nulls = {n: named[n].null for n in tried}
+    forms = [n for n in tried if named[n].fixed]  # all alike next to the null
+    nulls = {n: named[n].null for n in tried if n not in forms}
     if all(null is None or np.isfinite(null) for null in nulls.values()):  # from there, the score
         many = max(1, round(_PLACES ** (1.0 / max(1, list(nulls.values()).count(None)))))
         beside = [
@@ -62,12 +65,13 @@ def probes(
             else [null + _NEAR * abs(tried[n][0] - null)]
             for n, null in nulls.items()
         ]
-        near = [tuple(map(float, np.clip(p, *_ends(named, tried)))) for p in product(*beside)]
-    far, close = (
-        [{f"{effect.name}.{n}": v for n, v in zip(tried, point, strict=True)} for point in part]
-        for part in (points, near)
-    )
-    return close, far
+        near = [tuple(map(float, np.clip(p, *_ends(named, nulls)))) for p in product(*beside)]
+
+    def by_name(names: Iterable[str], part: Iterable[Sequence[float]]) -> list[dict[str, float]]:
+        full = [f"{effect.name}.{n}" for n in names]
+        return [dict(zip(full, point, strict=True)) for point in part]
+
+    return by_name(nulls, near), by_name(tried, points)
 
 
 def _spread(values: Sequence[float], many: int, positive: bool) -> list[float]:

@@ -41,6 +41,7 @@ from diffthrust.effects._shaft import InflowLoadRelief as InflowLoadRelief
 from diffthrust.effects._shaft import LinearDamping as LinearDamping
 from diffthrust.effects._shaft import ReverseDriveAsymmetry as ReverseDriveAsymmetry
 from diffthrust.effects._shaft import ReverseLoadAsymmetry as ReverseLoadAsymmetry
+from diffthrust.effects._shaft import SlewLimit as SlewLimit
 from diffthrust.effects._shaft import StaticFriction as StaticFriction
 from diffthrust.effects._shaft import SupplyVoltageSag as SupplyVoltageSag
 from diffthrust.models._base.effect import EFFECTS as EFFECTS

@@ -18,11 +18,12 @@ from diffthrust.models._base.signals import Signal, Signals
 class CommandDeadband(Effect):
     """The motor controller ignores small commands.
 
-    Acts on the recorded command [V]: zero while |command| < width, and beyond it
+    Acts on the recorded command: zero while |command| < width, and beyond it
     command - (1 - restored) * width * sign(command). Controllers differ in whether they subtract
-    the band (``restored = 0``, the default) or jump to the full command (``restored = 1``); what
-    is restored comes back over the next tenth of the band, so that a fit can feel the edge. The
-    band is applied to the recorded samples, before any interpolation between them.
+    the band (``restored = 0``, the default) or jump to the full command (``restored = 1``); a
+    diagnosis tries both. What is restored comes back over a tenth of the band about its edge, so
+    that a fit can feel it. The band is applied to the recorded samples, before any interpolation
+    between them.
     Null: width = 0. Source: the dead-zone of Slotine & Li 1991, section 5.2; common in motor
     controllers.
     """
@@ -30,14 +31,19 @@ class CommandDeadband(Effect):
     name = "command_deadband"
     port = "command"
     width: float = parameter(
-        0.05, "V", bounds=(0, None), null=0.0, size=0.2, probes=relative_to("command", 0.05, 0.2)
+        0.05,
+        "{command}",
+        bounds=(0, None),
+        null=0.0,
+        size=0.2,
+        probes=relative_to("command", 0.05, 0.2),
     )
-    restored: float = parameter(0.0, bounds=(0, 1), fixed=True)
+    restored: float = parameter(0.0, bounds=(0, 1), fixed=True, probes=(0.0, 1.0))
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
         """The command that the motor sees."""
         beyond = jnp.abs(value) - self.width
-        edge = jnp.clip(beyond / (0.1 * self.width + 1e-12), 0.0, 1.0)
+        edge = jnp.clip(0.5 + beyond / (0.1 * self.width + 1e-12), 0.0, 1.0)
         left = jnp.maximum(beyond, 0.0) + self.restored * self.width * edge
         return jnp.sign(value) * left
 
@@ -46,7 +52,7 @@ class CommandDeadband(Effect):
 class CommandSaturation(Effect):
     """The amplifier gives no more than a largest voltage.
 
-    Acts on the recorded command [V]: held within -limit and limit. Null: limit infinite.
+    Acts on the recorded command: held within -limit and limit. Null: limit infinite.
     Source: the saturation of Slotine & Li 1991, section 5.2.
     """
 
@@ -54,7 +60,7 @@ class CommandSaturation(Effect):
     port = "command"
     limit: float = parameter(
         2.0,
-        "V",
+        "{command}",
         bounds=(0, None),
         null=math.inf,
         transform="log",
@@ -70,8 +76,8 @@ class CommandSaturation(Effect):
 class CommandRateLimit(Effect):
     """The motor controller ramps its command.
 
-    Acts on the recorded command [V]: the command that arrives follows the recorded one by at most
-    rate [V/s], updated at each sample. Null: rate infinite. Source: the slew rate limit of Goodwin,
+    Acts on the recorded command: the command that arrives follows the recorded one by at most
+    rate, updated at each sample. Null: rate infinite. Source: the slew rate limit of Goodwin,
     Graebe & Salgado 2001, chapter 11.
     """
 
@@ -80,7 +86,7 @@ class CommandRateLimit(Effect):
     memory = True
     rate: float = parameter(
         10.0,
-        "V/s",
+        "{command}/s",
         bounds=(0, None),
         null=math.inf,
         transform="log",
@@ -96,7 +102,7 @@ class CommandRateLimit(Effect):
 class CommandDelay(Effect):
     """The command arrives late.
 
-    Acts on the recorded command [V]: command(time - delay), linear between the samples; before
+    Acts on the recorded command: command(time - delay), linear between the samples; before
     the log the first command. Null: delay = 0. Source: Åström & Wittenmark 1997, chapter 2
     (sampling of systems with a time delay).
     """
@@ -117,14 +123,14 @@ class CommandDelay(Effect):
 class CommandOffset(Effect):
     """The zero of the motor controller is off.
 
-    Acts on the recorded command [V]: command + offset. Null: offset = 0. Source: Ljung 1999,
+    Acts on the recorded command: command + offset. Null: offset = 0. Source: Ljung 1999,
     section 14.1 (offsets of recorded signals).
     """
 
     name = "command_offset"
     port = "command"
     offset: float = parameter(
-        0.1, "V", null=0.0, size=0.2, probes=relative_to("command", -0.1, 0.1)
+        0.1, "{command}", null=0.0, size=0.2, probes=relative_to("command", -0.1, 0.1)
     )
 
     def __call__(self, value: Signal, s: Signals) -> Signal:

@@ -1,5 +1,6 @@
 """Effects between the motor's torque and the shaft."""
 
+import math
 from collections.abc import Mapping
 
 import jax
@@ -124,6 +125,30 @@ class InflowLoadRelief(Effect):
     def __call__(self, value: Signal, s: Signals) -> Signal:
         """The load in moving water."""
         return value - self.relief * jnp.abs(s.speed) * s.inflow
+
+
+@registered
+class SlewLimit(Effect):
+    """The motor controller lets the speed change no faster than at a largest rate.
+
+    Acts on the acceleration that a speed loop asks for [rad/s^2]: held within -rate and rate.
+    Null: rate infinite. Source: the slew rate limit of Goodwin, Graebe & Salgado 2001, chapter 11.
+    """
+
+    name = "slew_limit"
+    port = "loop"
+    rate: float = parameter(
+        1000.0,
+        "rad/s^2",
+        bounds=(0, None),
+        null=math.inf,
+        transform="log",
+        probes=relative_to("loop", 0.3, 1.0),
+    )
+
+    def __call__(self, value: Signal, s: Signals) -> Signal:
+        """The acceleration within the limit."""
+        return jnp.clip(value, -self.rate, self.rate)
 
 
 @registered

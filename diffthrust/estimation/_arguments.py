@@ -10,6 +10,7 @@ from diffthrust._support.errors import InputError
 from diffthrust.estimation._registry import LIKELIHOODS, LOSSES, NOISE_MODELS
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
+from diffthrust.simulation._commands import adopted
 from diffthrust.simulation._inputs import inputs_of
 
 
@@ -96,7 +97,7 @@ def check_arguments(
                 "Correct it.",
             )
     for log in unseen:  # before the work, not after it
-        inputs_of(model, log)
+        inputs_of(adopted(model, logs), log)
     if not logs:
         raise InputError("Expected at least one log to fit, found none.", "Give at least one log.")
     if all(p.fixed for p in model.parameters.values()):

@@ -29,6 +29,7 @@ from diffthrust.estimation._solver import Solved
 from diffthrust.estimation._status import Checks, Local, examine, judge
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
+from diffthrust.simulation._commands import adopted
 from diffthrust.simulation._runs import Run, pooled_errors, runs_over
 from diffthrust.simulation._step_size import CoarseStepWarning, fewest_steps
 
@@ -111,6 +112,7 @@ def fit(
         noise_model=noise_model,
         horizon=horizon,
     )
+    model = adopted(model, logs)
     words = {"likelihood": likelihood, "noise_model": noise_model, "loss": loss}
     law = likelihood_of(model, logs, **words)
     task = _Task(

@@ -33,6 +33,7 @@ from diffthrust.models._base.parameter import Parameter
 from diffthrust.models._base.signals import Signals
 from diffthrust.simulation._errors import wrapped
 from diffthrust.simulation._inputs import measured_outputs
+from diffthrust.simulation._integrate import with_push
 from diffthrust.simulation._linearise import slopes_at
 from diffthrust.simulation._trajectory import Grid, equations_of, march, read_out
 
@@ -197,7 +198,7 @@ class Correction:
 
     def rates(self, found: dict[str, Any], state: Mapping[str, Any]) -> dict[str, Any]:
         """Random accelerations on the forced states; the observer's own states wait."""
-        pushed = {n: found[n] + state[f"drift.{n}"] for n in self.observer.forced}
+        pushed = {n: with_push(found[n], state[f"drift.{n}"]) for n in self.observer.forced}
         return {**found, **pushed, **dict.fromkeys(self.start, 0.0)}
 
     def error(self, channel: str, modelled: Any, measured: Any, colour: Any) -> Any:

@@ -2,14 +2,23 @@
 
 import math
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from diffthrust._support.errors import InputError, Place
 from diffthrust.logs._log import Log
+from diffthrust.logs._units import convert
 from diffthrust.logs._validate import PlaceOf, check_hold, checked_fields
+from diffthrust.logs._written import PWM, Written
+
+_SHARES = ("", "%", "percent", "pct", "dimensionless", "1", "effort")
+
+
+def is_finite(value: object) -> bool:
+    """Whether a value is a finite number."""
+    return isinstance(value, (int, float, np.number)) and math.isfinite(value)
 
 
 @dataclass(frozen=True)
@@ -24,10 +33,17 @@ class Column:
         noise: known standard deviation, in the unit of the column.
         hold: for an input, ``"zero"`` (keeps its last value) or ``"linear"``.
         scale: multiplies the numbers, such as -1 for a sensor that is mounted backward.
+        offset: added to them then; both lead to numbers in ``unit``.
+        pwm: the numbers are widths of pulses: ``{"stop": 1500, "full": 1900}``, and ``"reverse"``
+            where full astern is not as far from the stop. They become an effort, 1 at full; a
+            servo's become an angle by ``scale=35, unit="deg"``, the angle at full.
+        effort: the numbers are a share of the full effort: 1 (or 100 with ``unit="%"``) at full.
 
     Example:
         >>> Column("rpm", unit="rpm", unsigned=True).scale
         1.0
+        >>> Column("RCOU.C1", pwm={"stop": 1500, "full": 1900}).kept_unit
+        'effort'
     """
 
     column: str
@@ -36,11 +52,70 @@ class Column:
     noise: float | None = None
     hold: str = "zero"
     scale: float = 1.0
+    offset: float = 0.0
+    pwm: PWM | Mapping[str, float] | None = None
+    effort: bool = False
 
+    @property
+    def kept_unit(self) -> str:
+        """The unit of the numbers once they are read: an effort is one of its own."""
+        pulses = self.pwm is not None and self.unit in ("", "us", "ms", "s")
+        return "effort" if pulses or self.effort else self.unit
 
-def is_finite(value: object) -> bool:
-    """Whether a value is a finite number."""
-    return isinstance(value, (int, float, np.number)) and math.isfinite(value)
+    def checked(self, place: Place) -> "Column":
+        """The column with its widths of pulses as a `PWM`.
+
+        Raises:
+            InputError: a field that cannot be meant.
+        """
+        if not is_finite(self.scale) or self.scale == 0:
+            raise InputError.at(
+                place,
+                f"expected a scale other than zero, found {self.scale!r}.",
+                "give the factor by which the numbers are to be multiplied.",
+            )
+        if not is_finite(self.offset):
+            raise InputError.at(
+                place,
+                f"expected a finite offset, found {self.offset!r}.",
+                "give the number to add once the numbers are scaled.",
+            )
+        if self.effort and self.unit not in _SHARES:
+            raise InputError.at(
+                place,
+                f"expected an effort as a share of the full one, found the unit {self.unit!r}.",
+                "write unit='%' or leave the unit out; scale brings other numbers to 1 at full, "
+                "and widths of pulses are declared by pwm.",
+            )
+        check_hold(self.hold, place)
+        if self.pwm is None:
+            return self
+        if self.effort:
+            raise InputError.at(
+                place, "expected pwm or effort, found both.", "leave effort out: pwm says it."
+            )
+        return replace(self, pwm=PWM.of(self.pwm, place))
+
+    def read(self, numbers: np.ndarray, place: Place) -> tuple[np.ndarray, Written, str | None]:
+        """Numbers of a file as the channel has them, in `kept_unit`.
+
+        Returns:
+            The numbers, how the user wrote them, and a sentence to keep with the log, or None.
+
+        Raises:
+            InputError: widths of pulses that cannot be.
+        """
+        note = None
+        if isinstance(self.pwm, PWM):
+            numbers, note = self.pwm.read(numbers, place)
+        with np.errstate(all="ignore"):
+            numbers = numbers * float(self.scale) + float(self.offset)
+        if self.effort and self.unit not in ("", "effort"):
+            numbers = convert(numbers, self.unit, "dimensionless", where=place)
+        plain = (self.scale, self.offset) == (1.0, 0.0)
+        pulses = isinstance(self.pwm, PWM) and self.kept_unit == "effort" and plain
+        shown = (self.unit or "us") if pulses else self.unit or self.kept_unit
+        return numbers, Written(shown, self.column, self.pwm if pulses else None), note
 
 
 def channel_columns(
@@ -88,14 +163,7 @@ def each_column(
                 f"expected the name of a column or a Column, found {column!r}.",
                 f"write {what} = {{{key!r}: 'name of the column'}}.",
             )
-        if not is_finite(column.scale) or column.scale == 0:
-            raise InputError.at(
-                place,
-                f"expected a scale other than zero, found {column.scale!r}.",
-                "give the factor by which the numbers are to be multiplied.",
-            )
-        check_hold(column.hold, place)
-        columns[key] = column
+        columns[key] = column.checked(place)
     return columns
 
 
@@ -127,20 +195,21 @@ def log_of_columns(
     Raises:
         InputError: as in `Log`.
     """
-    with np.errstate(all="ignore"):
-        scaled = {key: values[key] * float(column.scale) for key, column in columns.items()}
+    read = {key: column.read(values[key], at(key, None)) for key, column in columns.items()}
+    scaled = {key: numbers for key, (numbers, _, _) in read.items()}
     return Log.of_checked(
         checked_fields(
             time=time,
             inputs={key: scaled[key] for key in inputs},
             measured={key: scaled[key] for key in measured},
-            units={key: column.unit for key, column in columns.items()},
+            units={key: column.kept_unit for key, column in columns.items()},
             unsigned=[key for key in measured if columns[key].unsigned],
             noise={key: sigma for key in measured if (sigma := columns[key].noise) is not None},
             hold={key: columns[key].hold for key in inputs},
             name=name,
             interpolate_inputs=interpolate_inputs,
-            notes=tuple(notes),
+            notes=(*notes, *(note for _, _, note in read.values() if note)),
+            written={key: written for key, (_, written, _) in read.items()},
             at=at,
         )
     )

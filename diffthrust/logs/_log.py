@@ -12,6 +12,7 @@ from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import listing, nearest
 from diffthrust.logs._units import convert, convert_scale
 from diffthrust.logs._validate import checked_fields, window
+from diffthrust.logs._written import Written
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
@@ -31,11 +32,15 @@ class Log:
         name: a name for messages and figures.
         interpolate_inputs: fill missing samples of inputs instead of refusing them.
         notes: sentences to keep with the log.
+        written: how channels were written, where ``units`` does not say it: an effort that was
+            ``PWM(stop=1500, full=1900).effort(widths)`` by ``Written("us", pwm=PWM(1500, 1900))``.
 
     Attributes:
         time: time stamps [s], shape (n,).
         units: unit in which the stored numbers are (SI); empty where the user gave none.
         hold: ``"zero"`` or ``"linear"`` for each input.
+        written: for each channel in which unit the user wrote it, and the way back; tables and
+            figures speak these units.
         notes: what was dropped, trimmed, missing or interpolated, one sentence each.
 
     Raises:
@@ -61,6 +66,7 @@ class Log:
     unsigned: frozenset[str]
     noise: Mapping[str, float]
     hold: Mapping[str, str]
+    written: Mapping[str, Written]
     name: str
     notes: tuple[str, ...]
 
@@ -76,6 +82,7 @@ class Log:
         name: str = "log",
         interpolate_inputs: bool = False,
         notes: Iterable[str] = (),
+        written: Mapping[str, Written] | None = None,
     ) -> None:
         checked = checked_fields(
             time=time,
@@ -88,6 +95,7 @@ class Log:
             name=str(name),
             interpolate_inputs=interpolate_inputs,
             notes=tuple(notes),
+            written=written or {},
             at=partial(_place, name),
         )
         self._set(checked)

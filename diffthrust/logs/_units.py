@@ -19,12 +19,17 @@ _COMMON = (
     "s", "ms", "us", "min", "h", "V", "mV", "A", "mA", "W", "N", "kN", "kgf", "lbf", "N*m",
     "kN*m", "m", "mm", "cm", "km", "m/s", "km/h", "knot", "rad", "deg", "rad/s", "deg/s",
     "rpm", "rps", "rev", "rev/s", "rev/min", "kg", "g", "kg*m^2", "Pa", "kPa", "bar", "K",
-    "degC", "percent", "dimensionless",
+    "degC", "percent", "dimensionless", "effort",
 )
 # fmt: on
 
 # Coherent SI units with a name of their own, to write 'N' and not 'kg*m/s**2'.
-_NAMED_SI = ("s", "m", "kg", "rad", "rad/s", "rad/s^2", "m/s", "N", "N*m", "V", "A", "W", "Pa", "K")
+# fmt: off
+_NAMED_SI = (
+    "s", "m", "kg", "rad", "rad/s", "rad/s^2", "m/s", "N", "N*m", "V", "A", "W", "Pa", "K",
+    "effort",
+)
+# fmt: on
 
 # Unit strings reach pint's expression evaluator, which would compute 9**9**9 for a very long time.
 _ALLOWED = re.compile(r"[\w%°·⋅*/^(). +\-²³¹⁻⁰Ωμµ]{1,80}")
@@ -44,6 +49,8 @@ def _registry() -> Any:
     registry.define("@alias percent = pct")
     # Without this line pint reads 'Nm' as the metric count of a yarn.
     registry.define("newton_meter = newton * meter = Nm")
+    # a share of the full command: its own dimension, for it is no voltage and no speed
+    registry.define("effort = [effort]")
     return registry
 
 
@@ -112,7 +119,7 @@ def _check_same(unit_from: str, unit_to: str, where: Place | str) -> None:
             f"expected a unit that agrees with {unit_to!r} ({_dimension(target)}), "
             f"found {unit_from!r} ({_dimension(source)}).",
             f"give the unit in which the numbers are written, of the same kind as {unit_to!r}, "
-            "or choose another column.",
+            f"or choose another column.{_as_effort(source)}",
         )
     if set(source.dimensionality) <= {"[time]"} and _base(source)[1] != _base(target)[1]:
         # pint takes 1 Hz for 1 rad/s, which is wrong by 2 pi for whoever means turns.
@@ -128,11 +135,29 @@ def _check_same(unit_from: str, unit_to: str, where: Place | str) -> None:
         )
 
 
+def _as_effort(source: Any) -> str:
+    """What to write where the unit looks like that of a vehicle's command."""
+    if dict(source.dimensionality) == {"[time]": 1}:
+        return " Widths of pulses are declared by pwm = {'stop': 1500, 'full': 1900}."
+    if source.dimensionless and not _base(source)[1]:
+        return " A share of the full command is declared by effort = True."
+    return ""
+
+
 def _dimension(unit: Any) -> str:
     text = str(unit.dimensionality)
     if text == "dimensionless":
         return "an angle" if _base(unit)[1] else "a plain number"
     return text
+
+
+def same_quantity(unit: str, other: str) -> bool:
+    """Whether numbers in one unit can be converted to another."""
+    try:
+        _check_same(unit, other, "")
+    except InputError:
+        return False
+    return True
 
 
 def convert(values: ArrayLike, unit_from: str, unit_to: str, *, where: Place | str) -> np.ndarray:

@@ -9,6 +9,7 @@ from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import listing, nearest
 from diffthrust._support.validation import numeric_vector
 from diffthrust.logs._units import convert, convert_scale, si_unit
+from diffthrust.logs._written import Written
 
 # Names a place for a message: the channel (or "time"), and the sample where one is to blame.
 PlaceOf = Callable[[str, int | None], Place]
@@ -175,12 +176,14 @@ def checked_fields(
     name: str,
     interpolate_inputs: bool,
     notes: tuple[str, ...],
+    written: Mapping[str, Written],
     at: PlaceOf,
 ) -> dict[str, Any]:
     """Check, copy and convert what makes a log.
 
-    The arguments are those of ``Log``; ``at`` names places, so that a file's line and column
-    stand in the message where there is a file.
+    The arguments are those of ``Log``; ``written`` says how the channels were written, where the
+    units do not say it, and ``at`` names places, so that a file's line and column stand in the
+    message where there is a file.
 
     Returns:
         The fields of a log, by name.
@@ -239,6 +242,7 @@ def checked_fields(
         unsigned=frozenset(unsigned),
         noise=sigmas,
         hold={key: hold.get(key, "zero") for key in inputs},
+        written={key: written.get(key) or Written(units.get(key) or "") for key in stored},
         name=name,
         notes=tuple(dict.fromkeys([*notes, *(s for s in sentences if s)])),
     )

@@ -19,7 +19,9 @@ class Thruster(Model):
     Steady thrust is proportional to the command, and small steps settle more slowly than large
     ones. With ``speed`` given as an input of the log, the thrust part alone is simulated. The
     optional ``inflow`` and ``supply_voltage`` are there for effects; these equations do not read
-    them.
+    them. The command is a voltage, or with ``command="effort"`` a share of the full command (of
+    PWM widths, per cent, duty), or the set point of a speed ("rad/s"), current ("A"), torque
+    ("N m") or thrust ("N"): ``beta`` is per that unit.
 
     Source: Yoerger, Cooke & Slotine 1990, section II C; the defaults are the dynamic test of the
     Jason thruster, figure 10.
@@ -30,7 +32,10 @@ class Thruster(Model):
     """
 
     name = "thruster"
+    options = ("command",)
     inputs = {"command": "V"}
+    commands = ("V", "effort", "rad/s", "A", "N m", "N")
+    commanded = ("command",)
     optional_inputs = {"speed": "rad/s", "inflow": "m/s", "supply_voltage": "V"}
     states = {"speed": "rad/s"}
     outputs = {"speed": "rad/s", "thrust": "N"}
@@ -43,7 +48,9 @@ class Thruster(Model):
     time_scales = (0.005, 4.0)
 
     alpha: float = parameter(0.037, "1/rad", bounds=(0, None), doc="propeller load")
-    beta: float = parameter(42.0, "rad/(V s^2)", bounds=(0, None), doc="drive by the command")
+    beta: float = parameter(
+        42.0, "rad/({command} s^2)", bounds=(0, None), doc="drive by the command"
+    )
     ct: float = parameter(0.019, "N s^2/rad^2", bounds=(0, None), doc="thrust")
 
     def equations(self, s: Signals, port: Ports) -> RatesAndOutputs:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import jax.numpy as jnp
 
@@ -11,12 +11,13 @@ from diffthrust.models._base.component import registered
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Parameter, parameter
-from diffthrust.models._base.signals import RatesAndOutputs, Signals
+from diffthrust.models._base.signals import RatesAndOutputs, Signal, Signals
 
 _INPUTS = {
     "propeller": {"propeller_speed": "rev/s", "rudder_angle": "rad"},
     "twin": {"left_force": "N", "right_force": "N"},
 }
+_COMMANDED = {"propeller": ("propeller_speed",), "twin": ("left_force", "right_force")}
 _PORTS = {
     "surge_through_water": "speed through the water along x, which the forces depend on [m/s]",
     "sway_through_water": "speed through the water along y [m/s]",
@@ -31,6 +32,7 @@ _PORTS = {
     "sway_acceleration": "rate of the speed over ground along y [m/s^2]",
     "yaw_acceleration": "rate of the yaw rate [rad/s^2]",
 }
+_RATIOS = ("m11", "m22", "i33", "d11", "d22", "d33")
 _HINGED = ("revolutions", "rudder", "steering")
 """Ports that a vessel with two fixed thrusters does not have."""
 
@@ -49,6 +51,9 @@ class Vessel(Model):
     yaw_moment = -lever_arm * sway_force. All masses and dampings are then divided by A.
     With ``drive="twin"`` the inputs are ``left_force`` and ``right_force`` [N]: surge_force is
     their sum, yaw_moment = lever_arm (left - right), and the parameters are in kg, kg m^2, ...
+    With ``command="effort"`` the propeller, or the two thrusters, are given as shares of their full
+    command (of PWM widths, per cent, duty): a force is A |effort|^exponent sgn(effort), where A is
+    that of one propeller at full effort, and masses and dampings are divided by A either way.
 
     Axes: x forward, y to starboard, heading clockwise from north. A stern propeller that pushes
     the stern to starboard (a > 0) turns the bow to port: the sign of equations (15) and (16), not
@@ -60,6 +65,7 @@ class Vessel(Model):
 
     Args:
         drive: "propeller" or "twin".
+        command: "effort", or what the inputs are else: "rev/s" of a propeller, "N" of two forces.
         **parameters: values by name.
 
     Example:
@@ -67,7 +73,7 @@ class Vessel(Model):
     """
 
     name = "vessel"
-    options = ("drive",)
+    options = ("drive", "command")
     states = {
         "surge": "m/s",
         "sway": "m/s",
@@ -96,7 +102,11 @@ class Vessel(Model):
     optional_inputs = {"wind_speed": "m/s", "wind_direction": "rad"}
 
     def __init__(
-        self, drive: Literal["propeller", "twin"] = "propeller", **parameters: float | Parameter
+        self,
+        drive: Literal["propeller", "twin"] = "propeller",
+        *,
+        command: str = "",
+        **parameters: float | Parameter,
     ) -> None:
         if drive not in _INPUTS:
             raise InputError(
@@ -104,31 +114,49 @@ class Vessel(Model):
             )
         absent = _HINGED if drive == "twin" else ()
         ports = {name: text for name, text in _PORTS.items() if name not in absent}
-        self._set(drive=drive, inputs=_INPUTS[drive], ports=ports)
-        super().__init__(**parameters)
-        described = self._parameters
-        if drive == "twin":  # forces are given: no power law is left to estimate
-            described = {**described, "exponent": Parameter(1.0, fixed=True)}
-            self._set(exponent=1.0)
-        else:
-            ratios = ("m11", "m22", "i33", "d11", "d22", "d33")
-            units = {k: replace(described[k], unit=f"{described[k].unit}/A") for k in ratios}
-            described = {**described, **units}
-        self._set(_parameters=described)
+        inputs, commanded = _INPUTS[drive], _COMMANDED[drive]
+        commands = (inputs[commanded[0]], "effort")
+        self._set(drive=drive, inputs=inputs, ports=ports, commands=commands, commanded=commanded)
+        if drive == "twin":  # near enough for most maps from effort to force
+            parameters.setdefault("exponent", 1.0)
+        super().__init__(command=command, **parameters)
+
+    def commanded_in(self, unit: str) -> Self:
+        """The vessel with its drive given in another unit; see `Model.commanded_in`."""
+        other = super().commanded_in(unit)
+        forces = self.drive == "twin" and unit == "N"
+        described = {
+            name: replace(p, unit=p.unit.removesuffix("/A") + ("" if forces else "/A"))
+            if name in _RATIOS
+            else p
+            for name, p in other._parameters.items()
+        }
+        if self.drive == "twin" and forces:  # no power law is left to estimate
+            described["exponent"] = Parameter(1.0, fixed=True)
+        elif self.drive == "twin" and described["exponent"].fixed:
+            described["exponent"] = replace(self.declared["exponent"], value=1.0)
+        return other._copy(_parameters=described, exponent=described["exponent"].value)
+
+    def _power(self, command: Signal) -> Signal:
+        """A command by the power law of the force, with a derivative also at rest."""
+        turning = command != 0
+        strength = jnp.where(turning, jnp.abs(command), 1.0) ** self.exponent
+        return jnp.where(turning, jnp.sign(command) * strength, 0.0)
 
     def _propeller(self, s: Signals, port: Ports) -> tuple[Any, Any, Any]:
         n = port("revolutions", s.propeller_speed)
         angle = port("rudder", s.rudder_angle)
-        turning = n != 0
-        strength = jnp.sign(n) * jnp.where(turning, jnp.abs(n), 1.0) ** self.exponent
-        thrust = port("propulsion", jnp.where(turning, strength, 0.0))
+        thrust = port("propulsion", self._power(n))
         port.tell(propulsion=thrust)
         side = port("steering", thrust * jnp.sin(angle))
         return thrust * jnp.cos(angle), side, -self.lever_arm * side
 
     def _twin(self, s: Signals, port: Ports) -> tuple[Any, Any, Any]:
-        thrust = port("propulsion", s.left_force + s.right_force)
-        return thrust, 0.0 * thrust, self.lever_arm * (s.left_force - s.right_force)
+        left, right = s.left_force, s.right_force
+        if self.command == "effort":
+            left, right = self._power(left), self._power(right)
+        thrust = port("propulsion", left + right)
+        return thrust, 0.0 * thrust, self.lever_arm * (left - right)
 
     def equations(self, s: Signals, port: Ports) -> RatesAndOutputs:
         """Siramdasu & Fahimi 2013, equations (1) to (5), (15) and (16)."""

@@ -10,6 +10,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
+from diffthrust.simulation._commands import command_kind
 
 
 def inputs_of(model: Model, log: Log) -> dict[str, np.ndarray]:
@@ -40,6 +41,15 @@ def inputs_of(model: Model, log: Log) -> dict[str, np.ndarray]:
                 f"{log.name}: the model '{model.name}' needs the input '{name}'; the log has "
                 f"{listing(log.inputs) or 'no inputs'}.",
                 f"Map a column to the channel '{name}'.",
+            )
+    for name in model.commanded:
+        kind = command_kind(model, log.units[name]) if name in log.inputs else model.command
+        if kind != model.command:
+            raise InputError(
+                f"{log.name}: the log gives {name!r} as {kind!r}, but the numbers of the model "
+                f"'{model}' are for a command in {model.command!r}.",
+                f"Fit the model to such a log, or make it with command={kind!r} and values of "
+                "that kind.",
             )
     units = {**needed, **optional}
     extra = {name: "" for e in model.effects for name in e.needs if name not in units}

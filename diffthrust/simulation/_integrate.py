@@ -138,6 +138,11 @@ def plain_rate(k: Any) -> Any:
     return k.rate if isinstance(k, Relaxing) else k
 
 
+def with_push(k: Any, push: Any) -> Any:
+    """A rate that may be `Relaxing`, with something added to it."""
+    return k._replace(rate=k.rate + push) if isinstance(k, Relaxing) else k + push
+
+
 class _Stage:
     """One relaxing state within one step."""
 

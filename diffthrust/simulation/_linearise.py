@@ -14,6 +14,7 @@ from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Signals
 from diffthrust.simulation._inputs import inputs_of
+from diffthrust.simulation._integrate import plain_rate
 from diffthrust.simulation._trajectory import equations_of
 
 
@@ -47,7 +48,7 @@ def slopes_at(model: Model, log: Log) -> tuple[dict[str, Any], dict[str, Any]]:
         s = Signals({**given, "time": jnp.zeros(()), **x})
         rates, outputs = equations_of(model, s, Reading(model.effects, s, push))
         return tuple(
-            {n: jnp.asarray(v, float) for n, v in part.items() if n in known}
+            {n: jnp.asarray(plain_rate(v), float) for n, v in part.items() if n in known}
             for part, known in ((rates, model.states), (outputs, model.outputs))
         )
 

@@ -95,15 +95,4 @@ def _complete(model: Model, roles: Mapping[str, str], text: str, path: Path) -> 
 
 def columns_of(file: SpecFile, role: str, roles: Mapping[str, str]) -> dict[str, Column]:
     """The columns of the channels of a role, "input" or "measured"."""
-    return {
-        name: Column(
-            part.column,
-            unit=part.unit,
-            unsigned=bool(part.unsigned),
-            noise=part.noise,
-            hold=part.hold or "zero",
-            scale=part.scale,
-        )
-        for name, part in file.channels.items()
-        if roles[name] == role
-    }
+    return {name: part.as_column() for name, part in file.channels.items() if roles[name] == role}

@@ -21,6 +21,8 @@ from pydantic import (
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
+from diffthrust.logs._columns import Column
+from diffthrust.logs._written import PWM
 from diffthrust.specs._lines import line_of
 
 NAME = "fit.toml"
@@ -87,6 +89,14 @@ class LogsPart(_Part):
     stamps: Literal["recorder", "header"] = "recorder"
 
 
+class PWMPart(_Part):
+    """``pwm = { stop = 1500, full = 1900 }``: what widths of pulses mean."""
+
+    stop: float
+    full: float
+    reverse: float | None = None
+
+
 class ChannelPart(_Part):
     """``[channels.NAME]``: the column of a channel."""
 
@@ -97,6 +107,16 @@ class ChannelPart(_Part):
     noise: Annotated[float, Field(gt=0)] | None = None
     hold: Literal["zero", "linear"] | None = None
     scale: float = 1.0
+    offset: float = 0.0
+    pwm: PWMPart | None = None
+    effort: bool = False
+
+    def as_column(self) -> Column:
+        """The column that it describes."""
+        given = {key: getattr(self, key) for key in self.model_fields_set if key != "role"}
+        if self.pwm is not None:
+            given["pwm"] = PWM(**self.pwm.model_dump())
+        return Column(**{key: value for key, value in given.items() if value is not None})
 
 
 class PriorPart(_Part):

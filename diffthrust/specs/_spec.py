@@ -15,8 +15,10 @@ from diffthrust.logs._log import Log
 from diffthrust.logs._read import read_log
 from diffthrust.logs._robots.read import is_robot_log, read_robot_log
 from diffthrust.logs._robots.rosbag import is_bag
+from diffthrust.logs._units import si_unit
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Normal
+from diffthrust.simulation._commands import command_kind
 from diffthrust.specs._channels import columns_of, roles_of
 from diffthrust.specs._file import (
     NAME,
@@ -244,6 +246,11 @@ def _model(file: SpecFile, text: str, path: Path) -> Model:
         if "drive" in cls.options and {"left_force", "right_force"} & set(file.channels):
             options.setdefault("drive", "twin")
         model = model_with(cls, options)
+        if "command" not in options:
+            for name in (name for name in model.commanded if name in file.channels):
+                loc = ("channels", name, "unit")
+                unit = si_unit(file.channels[name].as_column().kept_unit, name)
+                model = model.commanded_in(command_kind(model, unit))
         loc = ("effects",)
         for name in file.effects:
             model = model + effect_class(name, path.parent)()

@@ -89,9 +89,11 @@ def test_every_effect_is_described_for_people_and_for_a_diagnosis(name):
     assert "Source:" in effect.__doc__
     assert set(effect.needs) <= set(dft.Thruster.optional_inputs)
     assert any(p.null is not None for p in effect.declared.values())
+    attached = (dft.Thruster() + effect()).parameters
     for key, p in effect.declared.items():
         if p.unit:
-            convert(np.ones(1), p.unit, p.unit, where=key)  # a unit that is known
+            unit = attached[f"{name}.{key}"].unit
+            convert(np.ones(1), unit, unit, where=key)  # a unit that is known
         else:
             assert key in PURE_NUMBERS
         if p.fixed:

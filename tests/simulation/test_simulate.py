@@ -1,5 +1,6 @@
 """Simulation held against diffrax and the reference simulator, and its messages."""
 
+from types import SimpleNamespace
 from typing import ClassVar
 
 import diffrax
@@ -99,8 +100,27 @@ def twin_vessel_case(hold):
     return dft.Vessel(drive="twin", **p), record, start
 
 
+def speed_loop_case(hold):
+    """The closed form of a first-order lag, of a held command or of one that runs straight."""
+    time, command = random_command(25)
+    command = command / 4.0
+    exponent = 0.8 if hold == "zero" else 1.0
+    model = dft.SpeedLoopThruster(gain=320.0, exponent=exponent, time_constant=0.13, ct=5e-4)
+    curve, step = 320.0 * np.sign(command) * np.abs(command) ** exponent, np.diff(time)
+    slope = np.diff(curve) / step * (hold == "linear")
+    speed = np.zeros(len(time))
+    for i, dt in enumerate(step):
+        lag = 0.13 * slope[i]
+        end = curve[i] + slope[i] * dt - lag
+        speed[i + 1] = end + (speed[i] - curve[i] + lag) * np.exp(-dt / 0.13)
+    truth = {"speed": speed, "thrust": 5e-4 * speed * np.abs(speed)}
+    record = SimpleNamespace(time=time, inputs={"command": command}, truth=truth)
+    return model, record, {"speed": 0.0}
+
+
 CASES = {
     "thruster": thruster_case,
+    "speed_loop_thruster": speed_loop_case,
     "thruster_with_effects": thruster_with_effects_case,
     "dc_motor_thruster": dc_motor_case,
     "axis_vehicle": axis_case,

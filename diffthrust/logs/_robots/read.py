@@ -87,7 +87,7 @@ def read_robot_log(
         >>> log = read_robot_log(
         ...     "00000042.bin",
         ...     base="messages",
-        ...     inputs={"command": Column("RCOU.C1", unit="us")},
+        ...     inputs={"command": Column("RCOU.C1", pwm={"stop": 1500, "full": 1900})},
         ...     measured={"speed": Column("ESC[0].RPM", unit="rpm", unsigned=True)},
         ... )  # doctest: +SKIP
     """

@@ -72,6 +72,12 @@ class Component:
         """A copy whose parameters read as these (possibly traced) values."""
         return self._copy(**values)
 
+    def _in_units(self, units: Mapping[str, str]) -> Self:
+        """A copy whose parameters spell out the units that follow a channel's."""
+        return self._copy(
+            _parameters={name: p.in_units(units) for name, p in self._parameters.items()}
+        )
+
     def __repr__(self) -> str:
         listed = ", ".join(f"{k}={getattr(self, k):.4g}" for k in self._parameters)
         return f"{type(self).__name__}({listed})"
@@ -135,7 +141,8 @@ def changed(old: Parameter, new: float | Parameter | Mapping[str, Any]) -> Param
                 "Convert the value and leave the unit out.",
             )
         null = old.null if new.null is None else new.null
-        return replace(new, unit=old.unit, doc=new.doc or old.doc, null=null)
+        doc = new.doc or old.doc
+        return replace(new, unit=old.unit, pattern=old.pattern, doc=doc, null=null)
     if isinstance(new, Mapping):
         if "unit" in new:
             raise InputError(

@@ -28,7 +28,9 @@ class Model(Component):
     ``time_scales`` gives the fastest and the slowest time constant [s] that a log must be able to
     show; logs that cannot (milliseconds declared as seconds, or the reverse) are refused.
     ``horizon`` is the length [s] of the segments from which long runs are fitted by default, or
-    ``None``.
+    ``None``. ``commands`` are the units in which the inputs named in ``commanded`` may be given:
+    a model that lists them is told by ``command="effort"`` which of them it is, and `fit` takes
+    what the logs have.
 
     Effects are added with ``+`` and removed with ``- "name"``.
 
@@ -46,7 +48,10 @@ class Model(Component):
     angles: ClassVar[tuple[str, ...]] = ()
     time_scales: ClassVar[tuple[float, float]] = (0.0, float("inf"))
     horizon: ClassVar[float | None] = None
+    commands: tuple[str, ...] = ()
+    commanded: tuple[str, ...] = ()
 
+    command: str = ""
     effects: tuple[Effect, ...] = ()
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
@@ -59,6 +64,40 @@ class Model(Component):
                 "output; effects of that name act on the recorded channel.",
                 "Give the port another name.",
             )
+
+    def __init__(self, *, command: str = "", **parameters: float | Parameter) -> None:
+        super().__init__(**parameters)
+        self._set(**vars(self.commanded_in(command or next(iter(self.commands), ""))))
+
+    def commanded_in(self, unit: str) -> Self:
+        """The model whose command is given in another unit; its numbers stay as they are.
+
+        Args:
+            unit: one of ``commands``, such as ``"effort"``: 1 at full effort.
+
+        Raises:
+            InputError: a unit in which this model is not commanded.
+
+        Example:
+            >>> dft.Thruster().commanded_in("effort").parameters["beta"].unit
+            'rad/s^2 per full effort'
+        """
+        if unit not in self.commands and (unit or self.commands):
+            raise InputError(
+                f"{type(self).__name__}: expected a command in "
+                f"{listing(self.commands) or 'the unit that it names itself'}, found {unit!r}.",
+                "Name one of these units.",
+            )
+        inputs = {**self.inputs, **dict.fromkeys(self.commanded, unit)} if unit else self.inputs
+        other = self._copy(inputs=inputs, command=unit)
+        units = other.channel_units
+        effects = tuple(effect._in_units(units) for effect in self.effects)
+        return other._in_units(units)._copy(effects=effects)
+
+    @property
+    def channel_units(self) -> dict[str, str]:
+        """The unit of each input and output."""
+        return {**self.outputs, **self.optional_inputs, **self.inputs}
 
     def equations(self, s: Signals, port: Ports) -> RatesAndOutputs:
         """The physics, written once: ``(rates, outputs)`` from the signals.
@@ -188,7 +227,7 @@ class Model(Component):
                     f"{listing(self.ports)}.",
                     "Let it act at one of these ports.",
                 )
-        return self._copy(effects=(*self.effects, other))
+        return self._copy(effects=(*self.effects, other._in_units(self.channel_units)))
 
     def __sub__(self, name: str) -> Self:
         kept = tuple(effect for effect in self.effects if effect.name != name)

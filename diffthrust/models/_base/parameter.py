@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from numbers import Real
 from typing import Any, Literal, TypeGuard, TypeVar
@@ -70,7 +71,9 @@ class Parameter:
 
     Args:
         value: the present value; where a fit starts.
-        unit: the unit of the value, in the notation of pint; "" for a pure number.
+        unit: the unit of the value, in the notation of pint; "" for a pure number. It may follow
+            a channel of the model: ``"{command}"`` has the unit of the command, whatever that is,
+            and ``"rad/({command} s^2)"`` is per that unit.
         bounds: lower and upper limit, ``None`` where there is none; both ends belong to the range.
         fixed: a fixed parameter is not estimated.
         prior: a `Normal`, or ``None``; where given, the fit counts it as one more measurement.
@@ -81,6 +84,7 @@ class Parameter:
         probes: trial values of an effect's parameter, numbers or `relative_to` a signal, from
             which a diagnosis starts.
         doc: one line for people.
+        pattern: the unit as declared, where it follows a channel; set by the model.
 
     Raises:
         InputError: by `check`, when a model is made of it: a value outside its bounds, bounds in
@@ -101,6 +105,14 @@ class Parameter:
     null: float | None = None
     doc: str = ""
     probes: Relative | tuple[float, ...] = ()
+    pattern: str = ""
+
+    def in_units(self, units: Mapping[str, str]) -> Parameter:
+        """The same parameter with its unit spelt out, given those of the channels it follows."""
+        pattern = self.pattern or self.unit
+        if "{" not in pattern:
+            return self
+        return replace(self, unit=_spelt(pattern, units), pattern=pattern)
 
     def check(self, name: str) -> None:
         """Raise `InputError` where the description contradicts itself."""
@@ -193,6 +205,20 @@ class Parameter:
         left = "(-inf" if low == -math.inf else f"[{low:g}"
         right = "inf)" if high == math.inf else f"{high:g}]"
         return f"{left}, {right} {self.unit}".rstrip()
+
+
+def _spelt(pattern: str, units: Mapping[str, str]) -> str:
+    """A unit that follows a channel, in words where the channel's has no symbol to divide by."""
+    channel = pattern[pattern.index("{") + 1 : pattern.index("}")]
+    unit, place = units.get(channel, f"unit of {channel}"), f"{{{channel}}}"
+    above, _, below = pattern.partition("/")
+    if place in above:
+        return f"{unit}/{below}" if unit and below else unit
+    if unit and unit != "effort" and unit.isalpha():
+        return pattern.replace(place, unit)
+    rest = below.strip("()").replace(place, "").strip()
+    per = {"effort": "full effort", "": f"unit of {channel}"}.get(unit, unit)
+    return f"{above}/{rest} per {per}" if rest else f"{above} per {per}"
 
 
 def _of(number: object) -> Any:

@@ -1,0 +1,201 @@
+"""How the user wrote a channel: the unit to read it in, and widths of pulses as an effort."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from diffthrust._support.errors import InputError, Place
+from diffthrust._support.names import listing, nearest
+from diffthrust.logs._units import convert, convert_scale
+
+_FURTHEST = 3.0
+"""Pulses that are further from the stop than so many full efforts are no pulses of this map."""
+
+
+@dataclass(frozen=True)
+class PWM:
+    """What widths of pulses mean to a motor controller.
+
+    Below ``stop`` the effort is counted against ``reverse``, which is as far from the stop as
+    ``full`` where it is not given. A width of zero is no pulse at all, as an autopilot logs while
+    it is disarmed: the motor stands.
+
+    Args:
+        stop: width at which the motor stands, such as 1500.
+        full: width at full effort ahead, such as 1900; below ``stop`` where the channel is
+            reversed.
+        reverse: width at full effort astern, such as 1100.
+
+    Example:
+        >>> PWM(stop=1500, full=1900).effort([1500, 1700, 1100, 0])
+        array([ 0. ,  0.5, -1. ,  0. ])
+    """
+
+    stop: float
+    full: float
+    reverse: float | None = None
+
+    @classmethod
+    def of(cls, given: Any, place: Place | str) -> PWM:
+        """The widths that a user gave, as a `PWM` or a mapping.
+
+        Raises:
+            InputError: a width is missing, unknown or no number, or two of them are one.
+        """
+        if not isinstance(given, PWM):
+            known = [field.name for field in fields(cls)]
+            example = "write pwm = {'stop': 1500, 'full': 1900}."
+            if not isinstance(given, Mapping) or not {"stop", "full"} <= set(given):
+                raise InputError.at(
+                    place, f"expected pwm with a stop and a full width, found {given!r}.", example
+                )
+            for key in given:
+                if key not in known:
+                    near = nearest(str(key), known)
+                    raise InputError.at(
+                        place,
+                        f"pwm knows {listing(known)}, found {key!r}{'; ' + near if near else ''}.",
+                        example,
+                    )
+            given = cls(**given)
+        given._check(place)
+        return given
+
+    def _check(self, place: Place | str) -> None:
+        widths = [self.stop, self.full, *([] if self.reverse is None else [self.reverse])]
+        for width in widths:
+            number = isinstance(width, int | float) and not isinstance(width, bool)
+            if not number or not math.isfinite(width):
+                raise InputError.at(
+                    place, f"expected a width of pulses, found {width!r}.", "write it as in 1500."
+                )
+        if self.full == self.stop or (self.astern - self.stop) * (self.full - self.stop) >= 0:
+            raise InputError.at(
+                place,
+                f"expected the stop ({self.stop:g}) between full ahead ({self.full:g}) and full "
+                f"astern ({self.astern:g}).",
+                "correct the widths; reverse may be left out where it is as far from the stop.",
+            )
+
+    @property
+    def astern(self) -> float:
+        """The width at full effort astern."""
+        return 2 * self.stop - self.full if self.reverse is None else self.reverse
+
+    def effort(self, widths: Any) -> np.ndarray:
+        """The effort of each width: 1 at full ahead, -1 at full astern, 0 without a pulse."""
+        beyond = np.asarray(widths, np.float64) - self.stop
+        ahead = beyond * (self.full - self.stop) >= 0
+        effort = beyond / np.where(ahead, self.full - self.stop, self.stop - self.astern)
+        return np.where(np.asarray(widths) == 0, 0.0, effort)
+
+    def widths(self, effort: Any) -> np.ndarray:
+        """The width of each effort."""
+        effort = np.asarray(effort, np.float64)
+        span = np.where(effort >= 0, self.full - self.stop, self.stop - self.astern)
+        return self.stop + effort * span
+
+    def read(self, widths: np.ndarray, place: Place) -> tuple[np.ndarray, str | None]:
+        """The efforts of recorded widths, and a sentence on those without a pulse.
+
+        Raises:
+            InputError: widths that cannot be of this map.
+        """
+        effort = self.effort(widths)
+        furthest = np.nanmax(np.abs(effort), initial=0.0)
+        if not furthest <= _FURTHEST:
+            raise InputError.at(
+                place,
+                f"expected widths of pulses around {self.stop:g}, found numbers from "
+                f"{np.nanmin(widths):g} to {np.nanmax(widths):g}.",
+                "choose the column with the widths, or correct stop and full.",
+            )
+        silent = int(np.sum(np.asarray(widths) == 0))
+        if not silent:
+            return effort, None
+        return effort, f"{place}: {silent} samples have no pulse (0) and count as the stop."
+
+
+@dataclass(frozen=True)
+class Written:
+    """How the user wrote a channel, and the way back to it.
+
+    Args:
+        unit: the unit to read the channel in; empty where none was given.
+        column: the column that it came from; empty without a file.
+        pwm: what its widths of pulses mean, where it was one.
+
+    Example:
+        >>> Written("rpm").values([1.0], "rev/s", "channel 'propeller_speed'")
+        array([60.])
+    """
+
+    unit: str = ""
+    column: str = ""
+    pwm: PWM | None = None
+
+    def values(self, numbers: Any, unit: str, where: Place | str) -> np.ndarray:
+        """Numbers of this channel that are in ``unit``, as the user would write them."""
+        if self.pwm is not None:
+            return self.pwm.widths(numbers)
+        return convert(numbers, self._share(unit), self.unit, where=where)
+
+    def width(self, number: float, unit: str, where: Place | str) -> float:
+        """A difference of two numbers, such as an error, as the user would write it."""
+        if self.pwm is not None:
+            return number * abs(self.pwm.full - self.pwm.stop)
+        return convert_scale(number, self._share(unit), self.unit, where=where)
+
+    def _share(self, unit: str) -> str:
+        # an effort was a plain number, or so many per cent, before it was declared as one
+        return "dimensionless" if unit == "effort" else unit
+
+
+class ShownUnits:
+    """The units in which people are told of some logs: those in which they wrote them.
+
+    Args:
+        written: how each channel was written.
+
+    Example:
+        >>> units = ShownUnits.of(log.written for log in logs)
+        >>> units.unit("speed", "rad/s")
+        'rpm'
+    """
+
+    def __init__(self, written: Mapping[str, Written] | None = None) -> None:
+        self.written = {name: way for name, way in (written or {}).items() if way.unit}
+
+    @classmethod
+    def of(cls, logs: Iterable[Mapping[str, Written]]) -> ShownUnits:
+        """The units of several logs: of each channel, those of the first that has it."""
+        written: dict[str, Written] = {}
+        for channels in logs:
+            for name, way in channels.items():
+                written.setdefault(name, way)
+        return cls(written)
+
+    def _way(self, channel: str, unit: str) -> Written | None:
+        way = self.written.get(channel)
+        return None if way is None or not unit or way.unit == unit else way
+
+    def unit(self, channel: str, unit: str) -> str:
+        """The unit to tell of a channel whose numbers are in ``unit``."""
+        way = self._way(channel, unit)
+        return unit if way is None else way.unit
+
+    def values(self, channel: str, numbers: Any, unit: str) -> np.ndarray:
+        """Numbers of a channel that are in ``unit``, in the unit to tell."""
+        way = self._way(channel, unit)
+        plain = np.asarray(numbers, np.float64)
+        return plain if way is None else way.values(plain, unit, f"channel {channel!r}")
+
+    def width(self, channel: str, number: float, unit: str) -> float:
+        """A difference of two numbers of a channel, in the unit to tell."""
+        way = self._way(channel, unit)
+        return number if way is None else way.width(number, unit, f"channel {channel!r}")

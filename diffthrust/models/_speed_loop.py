@@ -1,0 +1,66 @@
+"""The thruster behind a speed controller."""
+
+import jax.numpy as jnp
+
+from diffthrust.models._base.component import registered
+from diffthrust.models._base.effect import Ports
+from diffthrust.models._base.model import Model
+from diffthrust.models._base.parameter import parameter
+from diffthrust.models._base.signals import RatesAndOutputs, Relaxing, Signals
+
+
+@registered
+class SpeedLoopThruster(Model):
+    """A propeller whose motor controller (ESC) holds the speed that the command asks for.
+
+        target      = gain * sign(command) |command|^exponent
+        d(speed)/dt = (target - speed) / time_constant
+        thrust      = ct * speed |speed|
+
+    Small and large steps settle alike, and the propeller's load does not show: where instead small
+    steps settle more slowly, the command drives a torque (`Thruster`). A dead band before the
+    static curve is the effect `command_deadband`, a limit of the acceleration `slew_limit`. The
+    command is an effort, a voltage or the set point of the speed.
+
+    Source: the speed loop as a first-order lag, Fossen 2011, section 12.3 (actuators under
+    low-level control); thrust as in Yoerger, Cooke & Slotine 1990, section II C. The defaults are
+    of a thruster of 0.1 m at some 3000 rpm.
+
+    Example:
+        >>> model = dft.SpeedLoopThruster() + "command_deadband"
+        >>> speed = dft.simulate(model, log)["speed"]
+    """
+
+    name = "speed_loop_thruster"
+    options = ("command",)
+    inputs = {"command": "effort"}
+    commands = ("effort", "V", "rad/s")
+    commanded = ("command",)
+    optional_inputs = {"speed": "rad/s", "inflow": "m/s", "supply_voltage": "V"}
+    states = {"speed": "rad/s"}
+    outputs = {"speed": "rad/s", "thrust": "N"}
+    ports = {
+        "target": "speed that the controller aims at [rad/s]",
+        "loop": "acceleration of the shaft by the controller [rad/s^2]",
+        "propeller": "thrust of the propeller [N]",
+    }
+    time_scales = (0.005, 4.0)
+
+    gain: float = parameter(
+        300.0, "rad/({command} s)", bounds=(0, None), doc="speed at full command"
+    )
+    exponent: float = parameter(1.0, bounds=(0.05, 4.0), transform="log", doc="of the static curve")
+    time_constant: float = parameter(0.2, "s", bounds=(0, None), doc="of the speed loop")
+    ct: float = parameter(6e-4, "N s^2/rad^2", bounds=(0, None), doc="thrust")
+
+    def equations(self, s: Signals, port: Ports) -> RatesAndOutputs:
+        """Fossen 2011, section 12.3, behind a static curve."""
+        thrust = port("propeller", self.ct * s.speed * jnp.abs(s.speed))
+        outputs = {"speed": s.speed, "thrust": thrust}
+        if "command" not in s:  # the speed is prescribed by the log: nothing drives the shaft
+            return {}, outputs
+        turning = s.command != 0
+        strength = jnp.where(turning, jnp.abs(s.command), 1.0) ** self.exponent
+        curve = self.gain * jnp.where(turning, jnp.sign(s.command) * strength, 0.0)
+        lag = (port("target", curve) - s.speed) / self.time_constant
+        return {"speed": Relaxing(port("loop", lag), 1.0 / self.time_constant)}, outputs

@@ -1,0 +1,56 @@
+"""In which of its units a model is commanded by some logs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing
+from diffthrust.logs._log import Log
+from diffthrust.logs._units import same_quantity
+from diffthrust.models._base.model import Model
+
+
+def command_kind(model: Model, unit: str) -> str:
+    """Which of the units of a model's command measures the same; that of the model if none."""
+    alike = (kind for kind in model.commands if unit and same_quantity(unit, kind))
+    return next(alike, model.command)
+
+
+def adopted(model: Model, logs: Sequence[Log]) -> Model:
+    """The model with its command in the unit in which the logs have it.
+
+    Its numbers stay as they are: they are a first guess for whoever fits it.
+
+    Raises:
+        InputError: two logs have it in different units, or a number that is held is per another.
+    """
+    kinds = {
+        command_kind(model, log.units[name]): log.name
+        for log in logs
+        for name in model.commanded
+        if name in log.inputs
+    }
+    if len(kinds) > 1:
+        found = listing(f"{unit} in {name}" for unit, name in kinds.items())
+        raise InputError(
+            f"The logs command the model '{model.name}' in different units: {found}.",
+            "Give all of them in one, or fit them apart.",
+        )
+    for unit in kinds:
+        if unit != model.command:
+            _check_free(model, unit)
+            return model.commanded_in(unit)
+    return model
+
+
+def _check_free(model: Model, unit: str) -> None:
+    """Raise InputError where a value that counts was given for another unit of the command."""
+    changed = model.commanded_in(unit).parameters
+    for name, p in model.parameters.items():
+        if (p.fixed or p.prior is not None) and p.value != p.null and changed[name].unit != p.unit:
+            raise InputError(
+                f"{model}: {name} is held or has a prior, in {p.unit or 'no unit'}, but the log "
+                f"gives the command as {unit!r}, where it is in {changed[name].unit or 'no unit'}.",
+                f"Make the model with command={unit!r}, and give {name} in that unit.",
+            )
