@@ -13,7 +13,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust._support.words import percent
 from diffthrust.comparison._agreement import Agreement, agreement, hints
-from diffthrust.comparison._derived_signals import signals_of
+from diffthrust.comparison._derived_signals import signals_of, units_of
 from diffthrust.comparison._noise_advice import NoiseAdvice, noise_advice
 from diffthrust.comparison._regimes import Regime, worst_regimes
 from diffthrust.comparison._residual_tests import ResidualTests, residual_tests
@@ -21,7 +21,7 @@ from diffthrust.estimation._registry import LIKELIHOODS
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors, errors
-from diffthrust.simulation._runs import Run, are_tables, pooled_errors, runs_over
+from diffthrust.simulation._runs import Run, are_tables, pooled_errors, runs_over, shown_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -74,7 +74,7 @@ class Comparison:
         for run, rests in zip(self.runs, predicted, strict=True):
             for name, rest in rests.items():
                 pairs.setdefault(name, []).append((run.channels[name].measured, rest))
-        return errors(pairs)
+        return errors(pairs, self.model.outputs, shown_of(self.runs))
 
     @cached_property
     def tests(self) -> Mapping[str, ResidualTests]:
@@ -89,10 +89,10 @@ class Comparison:
             runs = [run for run in self.runs if name in run.channels]
             by_channel[name] = residual_tests(
                 name,
-                [run.channels[name].residual for run in runs],
+                [run.shown_channels[name].residual for run in runs],
                 [signals_of(self.model, run) for run in runs],
                 step=float(np.median(np.concatenate([np.diff(run.time) for run in runs]))),
-                unit=self.model.outputs[name],
+                unit=runs[0].shown_channels[name].unit,
             )
         return {name: tests for name, tests in by_channel.items() if tests is not None}
 
@@ -110,7 +110,7 @@ class Comparison:
                 [run.channels[name].residual for run in runs],
                 [None if self.tabular else run.time for run in runs],
                 [signals_of(self.model, run) for run in runs],
-                runs[0].units,
+                units_of(runs[0]),
                 plain=self.model.angles,
                 channels=len(self.errors.channels),
             )
@@ -159,10 +159,10 @@ class Comparison:
             for run, error in by_run:
                 if error is None or len(rmse) < 3 or not _OUTSTANDING * usual < error.rmse < np.inf:
                     continue
-                unit = f" {self.model.outputs[name]}".rstrip()
+                size, unit = error.shown
                 share = error.rmse**2 * error.samples / (pooled.rmse**2 * pooled.samples)
                 yield (
-                    f"{run}: its {name} error (RMSE {error.rmse:.3g}{unit}) is "
+                    f"{run}: its {name} error (RMSE {f'{size:.3g} {unit}'.rstrip()}) is "
                     f"{error.rmse / usual:.2g} times that of the median run and makes up "
                     f"{percent(share)} of the squared error of all runs."
                 )

@@ -15,7 +15,7 @@ _JUMP = 0.1
 
 
 def signals_of(model: Model, run: Run) -> dict[str, np.ndarray]:
-    """The signals of a run that its error may depend on, ``(n,)`` each.
+    """The signals of a run that its error may depend on, ``(n,)`` each, in `units_of` the run.
 
     Not where the vessel is, and where it points only if that is measured: a modelled heading
     with nothing to hold it is little more than a clock.
@@ -26,7 +26,13 @@ def signals_of(model: Model, run: Run) -> dict[str, np.ndarray]:
             signals.pop(name, None)
         elif name in model.angles and name in signals:
             signals[name] = wrapped(signals[name])
-    return signals
+    sizes = {name: run.shown.size(name, 1.0, run.units.get(name, "")) for name in signals}
+    return {name: sizes[name].value * values for name, values in signals.items()}
+
+
+def units_of(run: Run) -> dict[str, str]:
+    """The unit of each of these signals; a command in pulses is counted from the stop."""
+    return {name: run.shown.unit(name, unit) for name, unit in run.units.items()}
 
 
 def derived_signals(

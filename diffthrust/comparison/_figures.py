@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from diffthrust._support.figures import BLUE, GREY, VERMILLION, literal, styled, thinned
-from diffthrust.comparison._derived_signals import derived_signals, signals_of
+from diffthrust.comparison._derived_signals import derived_signals, signals_of, units_of
 from diffthrust.comparison._regimes import Regime
 from diffthrust.comparison._residual_tests import ResidualTests
 from diffthrust.models._base.model import Model
@@ -73,7 +73,7 @@ def residual_figure(
 
 def _signals(model: Model, run: Run, tabular: bool) -> Mapping[str, tuple[np.ndarray, str]]:
     time = None if tabular else run.time
-    return derived_signals(time, signals_of(model, run), run.units, model.angles)
+    return derived_signals(time, signals_of(model, run), units_of(run), model.angles)
 
 
 def _in_time(
@@ -85,11 +85,11 @@ def _in_time(
     if regime is not None:
         inside = [interval.holds(derived[interval.signal][0]) for interval in regime.where]
         _shade(axes, run.time, np.logical_and.reduce(inside))
-    time, rest = thinned(run.time, run.channels[name].residual)
+    time, rest = thinned(run.time, run.shown_channels[name].residual)
     axes.plot(time, rest, color=BLUE, linewidth=0.9)
     which = f"{literal(run.name)}{', the worst run' if len(known) > 1 else ''}"
     label = "sample" if tabular else "time [s]"
-    styled(axes, f"{name}\n{which}", label, _labelled("residual", run.channels[name].unit))
+    styled(axes, f"{name}\n{which}", label, _labelled("residual", run.shown_channels[name].unit))
 
 
 def _against_signal(
@@ -98,7 +98,7 @@ def _against_signal(
     signal = regime.signal if regime else next(iter(having[0][1]))
     unit = having[-1][1][signal][1]
     across = np.concatenate([derived[signal][0] for _, derived in having])
-    rest = np.concatenate([run.channels[name].residual for run, _ in having])
+    rest = np.concatenate([run.shown_channels[name].residual for run, _ in having])
     stride = -(-across.size // _SHOWN)
     axes.axhline(0.0, color="0.4", linewidth=0.8)
     title = "no regime stands out from chance"
@@ -110,7 +110,7 @@ def _against_signal(
         title = textwrap.fill(regime.sentence, 46)
     kept = np.isfinite(rest)
     axes.plot(across[kept][::stride], rest[kept][::stride], ".", color=BLUE, markersize=2.5)
-    label = _labelled("residual", having[0][0].channels[name].unit)
+    label = _labelled("residual", having[0][0].shown_channels[name].unit)
     styled(axes, title, _labelled(signal, unit), label)
 
 

@@ -17,10 +17,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _COLUMNS = 3
+_DRIVES = (("0.15", "-"), (VERMILLION, "--"), (BLUE, ":"))
+_LINES = ("measured", "modelled", "measured - modelled")
 
 
 def comparison_figure(model: Model, runs: Sequence[Run]) -> Figure:
-    """Measured and modelled on top, the residual below, for each channel of each run.
+    """What drove each run on top; below, for each channel, measured, modelled and the residual.
 
     One column for each run; after three runs a new block of rows begins. Long runs are thinned to
     the extremes of every stretch, so that no spike is lost.
@@ -31,33 +33,46 @@ def comparison_figure(model: Model, runs: Sequence[Run]) -> Figure:
     channels = list(dict.fromkeys(name for run in runs for name in run.channels))
     across = max(1, min(_COLUMNS, len(runs)))
     blocks = max(1, -(-len(runs) // across))
-    tall = blocks * max(1, len(channels))
-    figure = Figure(figsize=(1.6 + 5.6 * across, 1.0 + 3.1 * tall), layout="constrained")
+    drives = _drives(model, runs)
+    heights = [1.3] * len(drives) + [3, 1.3] * max(1, len(channels))
+    size = (1.6 + 5.6 * across, 1.0 + 0.72 * blocks * sum(heights))
+    figure = Figure(figsize=size, layout="constrained")
     figure.get_layout_engine().set(w_pad=0.08, h_pad=0.05)  # pyright: ignore
-    grid = figure.add_gridspec(2 * tall, across, height_ratios=[3, 1.3] * tall)
+    grid = figure.add_gridspec(blocks * len(heights), across, height_ratios=heights * blocks)
     limits = {
-        name: _common([run.channels[name] for run in runs if name in run.channels])
+        name: _common([run.shown_channels[name] for run in runs if name in run.channels])
         for name in channels
     }
     for i, run in enumerate(runs):
         block, column = divmod(i, across)
         shared = None
         last = [name for name in channels if name in run.channels][-1]
+        above = block * len(heights)
+        static = are_tables(model, [run])
+        for j, names in enumerate(drives):
+            driven = figure.add_subplot(grid[above + j, column], sharex=shared)
+            shared = shared or driven
+            _drive(driven, run, names, column == 0, static)
+            if j == 0:
+                driven.set_title(literal(run.name), loc="left", fontsize=9)
         for j, name in enumerate(channels):
             if name not in run.channels:
                 continue
-            row = 2 * (block * len(channels) + j)
+            row = above + len(drives) + 2 * j
             top = figure.add_subplot(grid[row, column], sharex=shared)
             shared = shared or top
             below = figure.add_subplot(grid[row + 1, column], sharex=shared)
-            static = are_tables(model, [run])
             _pair(top, below, run, name, static)
             below.set_ylim(-limits[name], limits[name])
             _label(top, below, name, run, column == 0, name == last, static)
-    if figure.axes:
-        handles = [*figure.axes[0].get_lines(), *figure.axes[1].get_lines()]
+            if not drives and name == next(iter(run.channels)):
+                words = f"{literal(run.name)}\n{top.get_title('left')}"
+                top.set_title(words, loc="left", fontsize=9)
+    handles = [line for axes in figure.axes for line in axes.get_lines()]
+    legend = {str(line.get_label()): line for line in handles if line.get_label() in _LINES}
+    if legend:
         figure.legend(
-            handles=[line for line in handles if not str(line.get_label()).startswith("_")],
+            handles=[legend[word] for word in _LINES if word in legend],
             title=textwrap.fill(str(model), 60),
             title_fontproperties={"weight": "bold", "size": 13},
             alignment="left",
@@ -68,8 +83,42 @@ def comparison_figure(model: Model, runs: Sequence[Run]) -> Figure:
     return figure
 
 
+def _drives(model: Model, runs: Sequence[Run]) -> list[list[str]]:
+    """The inputs that drove the runs, those of one unit together."""
+    groups: dict[str, list[str]] = {}
+    for name, unit in model.inputs.items():
+        shown = [run.shown.unit(name, unit) for run in runs if name in run.log.inputs]
+        if shown:
+            groups.setdefault(shown[0], []).append(name)
+    return list(groups.values())
+
+
+def _drive(axes: Axes, run: Run, names: Sequence[str], first: bool, static: bool) -> None:
+    """The inputs of a run, as they were written; a held one is drawn in steps."""
+    names = [name for name in names if name in run.log.inputs]
+    for name, (colour, style) in zip(names, _DRIVES, strict=False):
+        values = run.shown.values(name, run.signals[name], run.units[name])
+        held = run.log.hold[name] == "zero" and not static
+        axes.plot(
+            *thinned(run.time, values),
+            color=colour,
+            linestyle="none" if static else style,
+            marker="." if static else "",
+            linewidth=1.0,
+            drawstyle="steps-post" if held else "default",
+            label=f"_{name}",
+        )
+    unit = run.shown.unit(names[0], run.units[names[0]]) if names else ""
+    if first:
+        axes.set_ylabel(" / ".join(names) + (f"\n[{unit}]" if unit else ""), fontsize=8)
+    if len(names) > 1:
+        axes.legend(axes.get_lines(), names, fontsize=7, frameon=False, loc="upper right", ncols=3)
+    _plain(axes)
+    axes.tick_params(labelbottom=False)
+
+
 def _pair(top: Axes, below: Axes, run: Run, name: str, static: bool) -> None:
-    trace = run.channels[name]
+    trace = run.shown_channels[name]
     measured: dict[str, Any] = {"color": GREY, "linewidth": 2.4}
     few = static or np.isfinite(trace.measured).sum() <= 150
     if few:
@@ -92,26 +141,29 @@ def _pair(top: Axes, below: Axes, run: Run, name: str, static: bool) -> None:
 def _label(
     top: Axes, below: Axes, name: str, run: Run, first: bool, last: bool, static: bool
 ) -> None:
-    trace, error = run.channels[name], run.errors.channels.get(name)
+    trace, error = run.shown_channels[name], run.errors.channels.get(name)
     unit = f" [{trace.unit}]" if trace.unit else ""
-    lines = [literal(run.name)] if name == next(iter(run.channels)) else []
     if error is not None:
-        size = f"RMSE {error.rmse:.3g} {trace.unit}".rstrip()
+        size = f"RMSE {error.shown.value:.3g} {error.shown.unit}".rstrip()
         percent = f"{round(error.fit_percent, 1) + 0.0:.1f} %"
-        lines.append(f"{name}: {size}, NRMSE {error.nrmse:.3g}, fit {percent}")
-    top.set_title("\n".join(lines), loc="left", fontsize=9)
+        words = f"{name}: {size}, NRMSE {error.nrmse:.3g}, fit {percent}"
+        top.set_title(words, loc="left", fontsize=9)
     for axes, label in ((top, f"{name}{unit}"), (below, f"residual{unit}")):
         if first:
             axes.set_ylabel(label, fontsize=9)
-        axes.grid(True, color="0.9", linewidth=0.6)
-        axes.set_axisbelow(True)
-        axes.tick_params(labelsize=8)
-        axes.margins(x=0.01)
-        for side in ("top", "right"):
-            axes.spines[side].set_visible(False)
+        _plain(axes)
     top.tick_params(labelbottom=False)
     if last:
         below.set_xlabel("sample" if static else "time [s]", fontsize=9)
+
+
+def _plain(axes: Axes) -> None:
+    axes.grid(True, color="0.9", linewidth=0.6)
+    axes.set_axisbelow(True)
+    axes.tick_params(labelsize=8)
+    axes.margins(x=0.01)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
 
 
 def _common(traces: list[Trace]) -> float:

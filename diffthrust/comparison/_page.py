@@ -11,7 +11,6 @@ from diffthrust._support.tables import number, with_error
 from diffthrust.comparison._compare import Comparison, compare
 from diffthrust.estimation._result import Fit
 from diffthrust.estimation._status import Status
-from diffthrust.estimation._tables import units
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors
@@ -113,7 +112,7 @@ def write_comparison_page(
         errors=[
             row
             for name, comparison in comparisons.items()
-            for row in _errors(name, comparison.errors, units(model))
+            for row in _errors(name, comparison.errors)
         ],
         notes=fit.notes if fit else (),
         figures=[(name, image(c.plot())) for name, c in comparisons.items()],
@@ -126,14 +125,15 @@ def write_comparison_page(
 def _parameters(fit: Fit) -> Iterable[tuple[str, ...]]:
     for name, e in fit.parameters.items():
         remark = "fixed" if e.fixed else "at its bound" if e.at_bound else ""
-        yield name, *with_error(e.value, e.std_error), e.unit, remark
+        size, spread, unit = e.shown
+        yield name, *with_error(size, spread), unit, remark
 
 
-def _errors(logs: str, error: Errors, unit: Mapping[str, str]) -> Iterable[tuple[str, ...]]:
+def _errors(logs: str, error: Errors) -> Iterable[tuple[str, ...]]:
     for name, e in error.channels.items():
         percent = f"{round(e.fit_percent, 1) + 0.0:.1f}"
-        size = number(e.rmse)
-        yield logs, name, size, unit.get(name, ""), number(e.nrmse), percent, str(e.samples)
+        size, unit = e.shown
+        yield logs, name, number(size), unit, number(e.nrmse), percent, str(e.samples)
     if len(error.channels) > 1:
         yield logs, "all", "", "", number(error.nrmse), "", ""
 

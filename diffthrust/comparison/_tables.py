@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from diffthrust.estimation._tables import error_table, units
+from diffthrust.estimation._tables import error_table
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors
 from diffthrust.simulation._runs import Run
@@ -26,7 +26,7 @@ def comparison_table(
         errors.append(("all runs", pooled))
     parts: list[RenderableType] = [
         Text(heading, style="bold"),
-        error_table(errors, units(model)),
+        error_table(errors),
         Text(),
     ]
     for name, sentences in findings:

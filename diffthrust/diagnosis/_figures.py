@@ -135,7 +135,7 @@ def _nrmse(stage: Stage, name: str, unseen: bool) -> float:
 
 
 def _traces(panel: Axes, before: Run, after: Run | None, name: str) -> None:
-    first = before.channels[name]
+    first = before.shown_channels[name]
     panel.plot(*thinned(before.time, first.measured), color=GREY, linewidth=2.6, label="measured")
     panel.plot(
         *thinned(before.time, first.modelled),
@@ -145,10 +145,10 @@ def _traces(panel: Axes, before: Run, after: Run | None, name: str) -> None:
         label="model as given",
     )
     unit = f" {first.unit}" if first.unit else ""
-    sizes = [number(run.errors.channels[name].rmse, 2) for run in (before, after) if run]
+    sizes = [number(run.errors.channels[name].shown.value, 2) for run in (before, after) if run]
     panel.set_title(f"RMSE {', then '.join(sizes)}{unit}", loc="right", fontsize=9)
     if after:
-        last = after.channels[name]
+        last = after.shown_channels[name]
         panel.plot(
             *thinned(after.time, last.modelled), color=BLUE, linewidth=1.1, label="last stage"
         )

@@ -27,6 +27,8 @@ from diffthrust.diagnosis._screen import is_idle, levels_of, screened
 from diffthrust.diagnosis._search import PLAIN, Present, SearchState, Tools
 from diffthrust.diagnosis._structure import gain_of
 from diffthrust.diagnosis._trials import TrialFit, Trials, side_by_side, with_values
+from diffthrust.estimation._estimate import shown_unit
+from diffthrust.logs._written import ShownUnits
 
 MARGIN = 4.0
 """An effect is added where it lowers the information criterion by more than this, so that one of
@@ -155,7 +157,8 @@ def rate(trials: Trials, known: SearchState, trial: TrialFit, leading: float) ->
     if delta > -_CLEAR and p_value < _ALONE and behind < _CLEAR:
         delta = criterion(trials, trial) - present.criterion
     errors = simulation_errors(trials, trial)
-    named = trials.problem.named
+    named, shown = trials.problem.named, ShownUnits(log.written for log in trials.logs)
+    sizes = {n: shown_unit(named[n], trials.problem.model, shown) for n in own}
     return TriedEffect(
         stage=known.number,
         effect=trial.effects[-1],
@@ -165,7 +168,9 @@ def rate(trials: Trials, known: SearchState, trial: TrialFit, leading: float) ->
         holdout_gain=unseen_gain(trials, present.trial, trial),
         train_nrmse=errors[0],
         holdout_nrmse=errors[1],
-        parameters={n.partition(".")[2]: (trial.values[n], named[n].unit) for n in own},
+        parameters={
+            n.partition(".")[2]: (sizes[n].value * trial.values[n], sizes[n].unit) for n in own
+        },
     )
 
 

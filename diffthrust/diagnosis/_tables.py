@@ -29,7 +29,6 @@ from diffthrust.diagnosis._words import (
     summary,
     verdict_words,
 )
-from diffthrust.estimation._tables import units
 
 if TYPE_CHECKING:
     from diffthrust.diagnosis._findings import Findings, Stage
@@ -127,7 +126,6 @@ def headroom_words(diag: Findings) -> list[str]:
 
 def stage_rows(diag: Findings) -> Rows:
     """Errors of each channel at each stage, on the training logs and on unseen ones."""
-    unit = units(diag.model)
     return Rows(
         (
             "Stage",
@@ -140,7 +138,7 @@ def stage_rows(diag: Findings) -> Rows:
             "unseen",
         ),
         tuple(
-            tuple(_channels(str(i), stage_words(diag, i), stage, unit))
+            tuple(_channels(str(i), stage_words(diag, i), stage))
             for i, stage in enumerate(diag.stages)
         ),
         numbers=(3, 4, 6, 7),
@@ -149,7 +147,6 @@ def stage_rows(diag: Findings) -> Rows:
 
 def log_rows(diag: Findings) -> Rows:
     """Errors of each log by the model as given and by the last stage, so that a bad run shows."""
-    unit = units(diag.model)
     several = len(diag.stages) > 1
     held = [("unseen" if diag.stages[0].holdout else "training", diag.before, diag.after)]
     if diag.trained and diag.stages[0].holdout:
@@ -162,7 +159,7 @@ def log_rows(diag: Findings) -> Rows:
                 (
                     spelt(name),
                     *(number(_rmse(e, name), 3) for e in shown),
-                    unit.get(name, ""),
+                    before.errors.channels[name].shown.unit,
                     *(number(_nrmse(e, name), 2) for e in shown),
                 )
                 for name in before.errors.channels
@@ -217,7 +214,7 @@ def stage_parameter_rows(diag: Findings) -> Rows:
     """Each parameter at the first and at the last stage; once where there is one stage."""
     first, last = diag.stages[0].fit, diag.fit
     shown = [first, last] if len(diag.stages) > 1 else [first]
-    units = {name: e.unit for fit in shown for name, e in fit.parameters.items()}
+    units = {name: e.shown[2] for fit in shown for name, e in fit.parameters.items()}
     rows = tuple(
         (name, *(cell for fit in shown for cell in _valued(fit, name)), unit)
         for name, unit in units.items()
@@ -264,15 +261,14 @@ def check_rows(diag: Findings) -> Rows:
     return Rows(("Stage", "Model", "Status of the fit", ""), (rows,))
 
 
-def _channels(
-    index: str, words: str, stage: Stage, unit: dict[str, str]
-) -> Iterator[tuple[str, ...]]:
+def _channels(index: str, words: str, stage: Stage) -> Iterator[tuple[str, ...]]:
     train, unseen = stage.train, stage.holdout
+    unit = {n: c.shown.unit for e in (unseen, train) if e for n, c in e.channels.items()}
     names = list({**train.channels, **(unseen.channels if unseen else {})})
     for name in names:
         sizes = [number(_rmse(e, name), 3) for e in (train, unseen)]
         shares = [number(_nrmse(e, name), 2) for e in (train, unseen)]
-        yield index, words, spelt(name), *sizes, unit.get(name, ""), *shares
+        yield index, words, spelt(name), *sizes, unit[name], *shares
         index = words = ""
     if len(names) > 1:
         yield (
@@ -287,7 +283,7 @@ def _channels(
 
 
 def _rmse(errors: Errors | None, name: str) -> float | None:
-    return errors.channels[name].rmse if errors and name in errors.channels else None
+    return errors.channels[name].shown.value if errors and name in errors.channels else None
 
 
 def _nrmse(errors: Errors | None, name: str) -> float | None:
@@ -298,7 +294,7 @@ def _valued(fit: Fit, name: str) -> tuple[str, str]:
     if name not in fit.parameters:
         return "", ""
     e = fit.parameters[name]
-    value, error = with_error(e.value, e.std_error)
+    value, error = with_error(*e.shown[:2])
     return value, "fixed" if e.fixed else "at its bound" if e.at_bound else error
 
 

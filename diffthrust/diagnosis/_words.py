@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from diffthrust._support.tables import number
 from diffthrust._support.words import an, apart, capitalised, joined, percent, probability, spelt
 from diffthrust.diagnosis._ports import words_and_unit
-from diffthrust.estimation._tables import units
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
 
@@ -104,18 +103,17 @@ def sized_words(name: str, fit: Fit) -> str:
 def gain_words(diag: Findings) -> str:
     """How the error of each channel changed from the first stage to the last."""
     logs, before, after = _errors(diag)
-    unit = units(diag.model)
     worst = sorted(before.channels, key=lambda name: -_rank(before.channels[name].nrmse))[:_NAMED]
     names = [name for name in before.channels if name in worst]
     parts = []
     for i, name in enumerate(names):
         old, new = before.channels[name], after.channels[name]
-        first, last = apart(old.rmse, new.rmse)
+        first, last = apart(old.shown.value, new.shown.value)
         low, high = apart(old.nrmse, new.nrmse)
         verb = "stays at" if first == last else "falls" if new.rmse < old.rmse else "rises"
         size = f"{verb} {first}" if first == last else f"{verb} from {first} to {last}"
         where = f" on {logs}" if i == 0 else ""
-        parts.append(f"the {spelt(name)} error{where} {size} {unit.get(name, '')}".rstrip())
+        parts.append(f"the {spelt(name)} error{where} {size} {old.shown.unit}".rstrip())
         parts[-1] += f" (NRMSE {low} to {high})"
     if len(before.channels) > _NAMED:
         low, high = apart(before.nrmse, after.nrmse)
@@ -128,10 +126,9 @@ def gain_words(diag: Findings) -> str:
 def level_words(diag: Findings) -> str:
     """How large the error of each channel is at the last stage."""
     logs, _, after = _errors(diag)
-    unit = units(diag.model)
     parts = [
         f"the {spelt(name)} error{f' on {logs}' if i == 0 else ''} is "
-        f"{number(e.rmse, 2)} {unit.get(name, '')}".rstrip()
+        f"{number(e.shown.value, 2)} {e.shown.unit}".rstrip()
         + f" (NRMSE {number(e.nrmse, 2)})"
         for i, (name, e) in enumerate(after.channels.items())
     ]
@@ -141,15 +138,12 @@ def level_words(diag: Findings) -> str:
 def forced_words(diag: Findings) -> list[str]:
     """How much of the error over whole runs is left to random forces and lasting sensor errors."""
     logs, _, after = _errors(diag)
-    unit = units(diag.model)
     grown = {n: e.rmse / diag.one_step[n] for n, e in after.channels.items() if n in diag.one_step}
     name = max(grown, key=lambda n: _rank(grown[n]), default="")
     if not name or not grown[name] > _GROWN:
         return []
-    whole, step = (
-        f"{number(size, 2)} {unit.get(name, '')}".rstrip()
-        for size in (after.channels[name].rmse, diag.one_step[name])
-    )
+    size, unit = after.channels[name].shown
+    whole, step = (f"{number(x, 2)} {unit}".rstrip() for x in (size, size / grown[name]))
     return [
         f"From one sample to the next the {spelt(name)} is predicted to {step}, over whole runs of "
         f"{logs} to {whole}: the rest the diagnosis leaves to random forces and lasting errors of "
@@ -292,7 +286,8 @@ def _errors(diag: Findings) -> tuple[str, Errors, Errors]:
 def _measured(estimate: Estimate) -> str:
     """A value to the digits that its standard error allows, two or three."""
     known = estimate.std_error is not None and estimate.std_error < 0.003 * abs(estimate.value)
-    return f"{number(estimate.value, 3 if known else 2)} {estimate.unit}".rstrip()
+    value, _, unit = estimate.shown
+    return f"{number(value, 3 if known else 2)} {unit}".rstrip()
 
 
 def _rank(value: float) -> float:

@@ -60,7 +60,7 @@ class RudderRateLimit(Effect):
     memory = True
     rate: float = parameter(
         0.5,
-        "rad/s",
+        "{rudder_angle}/s",
         bounds=(0, None),
         transform="log",
         null=math.inf,
@@ -84,7 +84,7 @@ class RudderOffset(Effect):
     name = "rudder_offset"
     port = "rudder"
     offset: float = parameter(
-        0.05, "rad", bounds=(-0.8, 0.8), null=0.0, size=0.1, probes=(-0.1, 0.1)
+        0.05, "{rudder_angle}", bounds=(-0.8, 0.8), null=0.0, size=0.1, probes=(-0.1, 0.1)
     )
 
     def __call__(self, value: Signal, s: Signals) -> Signal:

@@ -114,7 +114,7 @@ class Cavitation(Effect):
     port = "propeller"
     shortfall: float = parameter(0.2, bounds=(0, 1), null=0.0, size=0.3, probes=(0.2, 0.6))
     onset: float = parameter(
-        40.0, "rad/s", bounds=(0, None), transform="log", probes=relative_to("speed", 0.4, 0.7)
+        40.0, "{speed}", bounds=(0, None), transform="log", probes=relative_to("speed", 0.4, 0.7)
     )
 
     def __call__(self, value: Signal, s: Signals) -> Signal:

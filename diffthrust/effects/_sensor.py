@@ -36,7 +36,7 @@ class SpeedSensorOffset(Effect):
     name = "speed_sensor_offset"
     port = "speed"
     offset: float = parameter(
-        1.0, "rad/s", null=0.0, size=2.0, probes=relative_to("speed", -0.05, 0.05)
+        1.0, "{speed}", null=0.0, size=2.0, probes=relative_to("speed", -0.05, 0.05)
     )
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
@@ -74,7 +74,7 @@ class ThrustSensorOffset(Effect):
     name = "thrust_sensor_offset"
     port = "thrust"
     offset: float = parameter(
-        1.0, "N", null=0.0, size=2.0, probes=relative_to("thrust", -0.05, 0.05)
+        1.0, "{thrust}", null=0.0, size=2.0, probes=relative_to("thrust", -0.05, 0.05)
     )
 
     def __call__(self, value: Signal, s: Signals) -> Signal:

@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
+
+from diffthrust.logs._written import ShownUnits, Size
+from diffthrust.models._base.model import Model
+from diffthrust.models._base.parameter import Parameter
 
 
 @dataclass(frozen=True)
@@ -16,6 +21,9 @@ class Estimate:
         unit: unit of both.
         fixed: it was not estimated.
         at_bound: the data hold it at one of its bounds.
+        per: how many of ``shown_unit`` make one of ``unit``: a dead band is told in the unit in
+            which the logs have the command.
+        shown_unit: the unit for people; ``unit`` where it is empty.
     """
 
     value: float
@@ -23,3 +31,25 @@ class Estimate:
     unit: str
     fixed: bool
     at_bound: bool
+    per: float = 1.0
+    shown_unit: str = ""
+
+    @property
+    def shown(self) -> tuple[float, float | None, str]:
+        """Value, standard error and unit for people."""
+        error = None if self.std_error is None else self.per * self.std_error
+        return self.per * self.value, error, self.shown_unit or self.unit
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data, in the parameter's unit and in that for people."""
+        names = ("value", "std_error", "unit")
+        kept = {name: getattr(self, name) for name in (*names, "fixed", "at_bound")}
+        return {**kept, "written": dict(zip(names, self.shown, strict=True))}
+
+
+def shown_unit(parameter: Parameter, model: Model, shown: ShownUnits) -> Size:
+    """How many of which unit, for people, make one of a parameter's."""
+    if not parameter.channel:
+        return Size(1.0, parameter.unit)
+    per, unit = shown.size(parameter.channel, 1.0, model.channel_units.get(parameter.channel, ""))
+    return Size(per, parameter.pattern.replace(f"{{{parameter.channel}}}", unit))

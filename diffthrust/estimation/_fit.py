@@ -14,7 +14,7 @@ from diffthrust._support.progress import Progress
 from diffthrust._support.warned import warn
 from diffthrust.estimation._arguments import check_arguments, listed
 from diffthrust.estimation._arrange import build
-from diffthrust.estimation._estimate import Estimate
+from diffthrust.estimation._estimate import Estimate, shown_unit
 from diffthrust.estimation._horizons import schedule, through, whole_runs
 from diffthrust.estimation._innovations import disturbance_of, limits_of, refined
 from diffthrust.estimation._insensitive import without_silent
@@ -28,9 +28,10 @@ from diffthrust.estimation._result import Fit
 from diffthrust.estimation._solver import Solved
 from diffthrust.estimation._status import Checks, Local, examine, judge
 from diffthrust.logs._log import Log
+from diffthrust.logs._written import ShownUnits
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._commands import adopted
-from diffthrust.simulation._runs import Run, pooled_errors, runs_over
+from diffthrust.simulation._runs import Run, pooled_errors, runs_over, shown_of
 from diffthrust.simulation._step_size import CoarseStepWarning, fewest_steps
 
 
@@ -262,7 +263,7 @@ def _judged(optimum: _Optimum, again: tuple[str, ...]) -> dict[str, Any]:
     of_logs = [f"{run.name}: {note}" for run in optimum.runs for note in run.log.notes]
     return {
         "model": optimum.released,
-        "parameters": _estimates(problem, best.z, local),
+        "parameters": _estimates(problem, best.z, local, shown_of(optimum.runs)),
         "covariance": local.covariance,
         "free": problem.own,
         "status": status,
@@ -298,18 +299,23 @@ def _substeps(model: Model, runs: Sequence[Run]) -> int:
     return fewest_steps(model, run.log, run.start, simulated)[0]
 
 
-def _estimates(problem: Problem, z: np.ndarray, local: Local) -> dict[str, Estimate]:
+def _estimates(
+    problem: Problem, z: np.ndarray, local: Local, shown: ShownUnits
+) -> dict[str, Estimate]:
     spread = np.sqrt(np.diagonal(local.covariance))
     errors = dict(zip(problem.own, spread, strict=True))
     values = problem.values(z)
     out = {}
     for name, p in problem.model.parameters.items():
         error = errors.get(name, math.nan)
+        per, unit = shown_unit(p, problem.model, shown)
         out[name] = Estimate(
             value=values[name],
             std_error=float(error) if math.isfinite(error) else None,
             unit=p.unit,
             fixed=p.fixed,
             at_bound=name in local.at_bound,
+            per=per,
+            shown_unit=unit,
         )
     return out

@@ -108,7 +108,7 @@ class Fit:
             "model": self.model.name,
             "effects": [effect.name for effect in self.model.effects],
             "status": self.status.value,
-            "parameters": {name: dict(vars(e)) for name, e in self.parameters.items()},
+            "parameters": {name: e.to_json() for name, e in self.parameters.items()},
             "train": self.train.to_json(),
             "holdout": self.holdout.to_json() if self.holdout else None,
             "checks": dict(vars(self.checks)),

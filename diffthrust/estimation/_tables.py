@@ -52,7 +52,7 @@ def fit_table(fit: _Reported) -> RenderableType:
         parameter_table(fit.parameters),
         *_observer_parts(fit),
         Text(),
-        error_table([("training", fit.train), ("unseen", fit.holdout)], units(fit.model)),
+        error_table([("training", fit.train), ("unseen", fit.holdout)]),
         *(Text(f"Note: {note}") for note in fit.notes),
     ]
     return Group(*parts)
@@ -79,12 +79,12 @@ def parameter_table(parameters: Mapping[str, Estimate]) -> Table:
             remark = "at its bound"
         else:
             remark = "" if e.std_error is not None else "not determined by these logs"
-        value, error = with_error(e.value, e.std_error)
-        table.add_row(escape(name), value, error, escape(e.unit), remark)
+        size, spread, unit = e.shown
+        table.add_row(escape(name), *with_error(size, spread), escape(unit), remark)
     return table
 
 
-def error_table(errors: Iterable[tuple[str, Errors | None]], unit: Mapping[str, str]) -> Table:
+def error_table(errors: Iterable[tuple[str, Errors | None]]) -> Table:
     """Errors by log and channel, and over all channels."""
     table = plain_table("Logs", "Channel", "RMSE", "Unit", "NRMSE", "Fit %", "Samples")
     for column in (2, 4, 5, 6):
@@ -96,8 +96,8 @@ def error_table(errors: Iterable[tuple[str, Errors | None]], unit: Mapping[str, 
             table.add_row(
                 escape(logs),
                 escape(name),
-                number(e.rmse),
-                escape(unit.get(name, "")),
+                number(e.shown.value),
+                escape(e.shown.unit),
                 number(e.nrmse),
                 f"{round(e.fit_percent, 1) + 0.0:.1f}",
                 str(e.samples),
@@ -106,8 +106,3 @@ def error_table(errors: Iterable[tuple[str, Errors | None]], unit: Mapping[str, 
             table.add_row(escape(logs), "all", "", "", number(error.nrmse), "", "", style="bold")
         table.add_section()
     return table
-
-
-def units(model: Model) -> dict[str, str]:
-    """The unit of each channel that the model puts out."""
-    return dict(model.outputs)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -156,29 +156,33 @@ class Written:
         return "dimensionless" if unit == "effort" else unit
 
 
+class Size(NamedTuple):
+    """A number with its unit, as people are told."""
+
+    value: float
+    unit: str
+
+
 class ShownUnits:
     """The units in which people are told of some logs: those in which they wrote them.
 
+    Of a channel that they wrote in several, the one of the first log.
+
     Args:
-        written: how each channel was written.
+        logs: how each channel was written, of every log.
 
     Example:
-        >>> units = ShownUnits.of(log.written for log in logs)
+        >>> units = ShownUnits(log.written for log in logs)
         >>> units.unit("speed", "rad/s")
         'rpm'
     """
 
-    def __init__(self, written: Mapping[str, Written] | None = None) -> None:
-        self.written = {name: way for name, way in (written or {}).items() if way.unit}
-
-    @classmethod
-    def of(cls, logs: Iterable[Mapping[str, Written]]) -> ShownUnits:
-        """The units of several logs: of each channel, those of the first that has it."""
-        written: dict[str, Written] = {}
+    def __init__(self, logs: Iterable[Mapping[str, Written]] = ()) -> None:
+        self.written: dict[str, Written] = {}
         for channels in logs:
             for name, way in channels.items():
-                written.setdefault(name, way)
-        return cls(written)
+                if way.unit:
+                    self.written.setdefault(name, way)
 
     def _way(self, channel: str, unit: str) -> Written | None:
         way = self.written.get(channel)
@@ -195,7 +199,12 @@ class ShownUnits:
         plain = np.asarray(numbers, np.float64)
         return plain if way is None else way.values(plain, unit, f"channel {channel!r}")
 
-    def width(self, channel: str, number: float, unit: str) -> float:
-        """A difference of two numbers of a channel, in the unit to tell."""
+    def size(self, channel: str, number: float, unit: str) -> Size:
+        """A difference of two numbers of a channel, in the unit to tell.
+
+        What counts from the stop, such as an effort or a dead band, is one too.
+        """
         way = self._way(channel, unit)
-        return number if way is None else way.width(number, unit, f"channel {channel!r}")
+        if way is None:
+            return Size(number, unit)
+        return Size(way.width(number, unit, f"channel {channel!r}"), way.unit)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+
+from diffthrust.logs._written import ShownUnits, Size
 
 
 @dataclass(frozen=True)
@@ -14,16 +16,33 @@ class ChannelError:
     """Error of one measured channel.
 
     Args:
-        rmse: root mean square of measured minus modelled, in the channel's unit.
+        rmse: root mean square of measured minus modelled, in ``unit``.
         nrmse: the RMSE over the standard deviation of the measurement (NaN for a constant one).
         fit_percent: 100 (1 - |y - yhat| / |y - mean y|); 100 is perfect, 0 no better than the mean.
         samples: number of samples compared.
+        unit: that of the model's channel.
+        per: how many of ``shown_unit`` make one of ``unit``.
+        shown_unit: the unit for people, in which the log was written; ``unit`` where it is empty.
     """
 
     rmse: float
     nrmse: float
     fit_percent: float
     samples: int
+    unit: str = ""
+    per: float = 1.0
+    shown_unit: str = ""
+
+    @property
+    def shown(self) -> Size:
+        """The RMSE with its unit, for people: as the channel was written, where that is known."""
+        return Size(self.per * self.rmse, self.shown_unit or self.unit)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data, in the model's unit and as the channel was written."""
+        names = ("rmse", "nrmse", "fit_percent", "samples", "unit")
+        shown = dict(zip(("rmse", "unit"), self.shown, strict=True))
+        return {**{name: getattr(self, name) for name in names}, "written": shown}
 
 
 @dataclass(frozen=True)
@@ -35,7 +54,8 @@ class Errors:
 
     def to_json(self) -> dict[str, Any]:
         """The ERR object of the JSON contract."""
-        return {"nrmse": self.nrmse, "channels": {n: vars(e) for n, e in self.channels.items()}}
+        channels = {name: error.to_json() for name, error in self.channels.items()}
+        return {"nrmse": self.nrmse, "channels": channels}
 
 
 def wrapped(rest: Any) -> Any:
@@ -51,11 +71,16 @@ def unwrapped(angle: np.ndarray) -> np.ndarray:
     return out
 
 
-def errors(pairs: Mapping[str, Iterable[tuple[np.ndarray, np.ndarray]]]) -> Errors:
+def errors(
+    pairs: Mapping[str, Iterable[tuple[np.ndarray, np.ndarray]]],
+    units: Mapping[str, str] | None = None,
+    shown: ShownUnits | None = None,
+) -> Errors:
     """Errors from (measured, residual) pairs of each channel, pooled over runs.
 
-    Samples at which either is not finite in the measurement are left out; a residual that is not
-    finite where something was measured makes the error infinite: a failed simulation is never good.
+    The numbers are in ``units``, and people are told of them in those of ``shown``. Samples that
+    were not measured are left out; a residual that is not finite where something was measured
+    makes the error infinite: a failed simulation is never good.
     """
     by_channel = {}
     for name, runs in pairs.items():
@@ -64,7 +89,9 @@ def errors(pairs: Mapping[str, Iterable[tuple[np.ndarray, np.ndarray]]]) -> Erro
         if seen.all():
             seen = slice(None)  # no copy
         if measured[seen].size:
-            by_channel[name] = _channel(measured[seen], residual[seen])
+            error, unit = _channel(measured[seen], residual[seen]), (units or {}).get(name, "")
+            per, told = (shown or ShownUnits()).size(name, 1.0, unit)
+            by_channel[name] = replace(error, unit=unit, per=per, shown_unit=told)
     overall = np.sqrt(np.mean([e.nrmse**2 for e in by_channel.values()])) if by_channel else np.nan
     return Errors(float(overall), by_channel)
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust.logs._log import Log
+from diffthrust.logs._written import ShownUnits
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors, errors, unwrapped, wrapped
 from diffthrust.simulation._inputs import inputs_of
@@ -53,6 +55,25 @@ class Run:
     units: Mapping[str, str] = field(repr=False)
     start: Mapping[str, float]
     substeps: int
+
+    @cached_property
+    def shown(self) -> ShownUnits:
+        """The units in which people are told of it: those of the log."""
+        return ShownUnits((self.log.written,))
+
+    @cached_property
+    def shown_channels(self) -> Mapping[str, Trace]:
+        """Measured and modelled in the units of the log."""
+        return {name: self._shown(name, trace) for name, trace in self.channels.items()}
+
+    def _shown(self, name: str, trace: Trace) -> Trace:
+        factor, unit = self.shown.size(name, 1.0, trace.unit)
+        both = (trace.measured, trace.modelled)
+        return Trace(
+            *(self.shown.values(name, values, trace.unit) for values in both),
+            factor * trace.residual,
+            unit,
+        )
 
 
 def runs_over(
@@ -114,7 +135,8 @@ def _run(model: Model, log: Log, start: Mapping[str, float], substeps: int | Non
             theirs = unwrapped(theirs)
             ours = theirs - rest
         channels[name] = Trace(theirs, ours, rest, unit)
-    by_channel = errors({n: [(t.measured, t.residual)] for n, t in channels.items()})
+    pairs = {n: [(t.measured, t.residual)] for n, t in channels.items()}
+    by_channel = errors(pairs, model.outputs, ShownUnits((log.written,)))
     signals = {**inputs_of(model, log), **{n: v for n, v in modelled.items() if "." not in n}}
     units = {**model.inputs, **model.optional_inputs, **model.states, **model.outputs}
     return Run(log.name, log.time, channels, by_channel, log, signals, units, start, substeps)
@@ -128,4 +150,10 @@ def pooled_errors(runs: Sequence[Run]) -> Errors:
     for run in runs:
         for name, trace in run.channels.items():
             pairs.setdefault(name, []).append((trace.measured, trace.residual))
-    return errors(pairs)
+    units = {name: trace.unit for run in runs for name, trace in run.channels.items()}
+    return errors(pairs, units, shown_of(runs))
+
+
+def shown_of(runs: Sequence[Run]) -> ShownUnits:
+    """The units in which people are told of some runs."""
+    return ShownUnits(run.log.written for run in runs)

@@ -24,11 +24,17 @@ def log(name: str, n: int = 200, thrust: bool = True) -> dft.Log:
 def test_one_pair_of_axes_for_each_channel_of_each_run(count):
     comparison = dft.compare(dft.Thruster(), [log(f"run {i}") for i in range(count)])
     figure = comparison.plot()
-    assert len(figure.axes) == 2 * 2 * count
+    assert len(figure.axes) == (1 + 2 * 2) * count  # the command on top of each run
     titles = [axes.get_title(loc="left") for axes in figure.axes]
-    assert all(any(f"run {i}\n" in title for title in titles) for i in range(count))
+    assert all(f"run {i}" in titles for i in range(count))
     labels = {axes.get_ylabel() for axes in figure.axes}
-    assert labels >= {"speed [rad/s]", "thrust [N]", "residual [rad/s]", "residual [N]"}
+    assert labels >= {
+        "command\n[V]",
+        "speed [rad/s]",
+        "thrust [N]",
+        "residual [rad/s]",
+        "residual [N]",
+    }
     assert sum(axes.get_xlabel() == "time [s]" for axes in figure.axes) == count
     (legend,) = figure.legends
     texts = [text.get_text() for text in legend.get_texts()]
@@ -40,8 +46,8 @@ def test_one_pair_of_axes_for_each_channel_of_each_run(count):
 
 def test_a_run_may_lack_a_channel():
     figure = dft.compare(dft.Thruster(), [log("a", thrust=False), log("b")]).plot()
-    assert len(figure.axes) == 2 + 4
-    assert len(dft.compare(dft.Thruster(), [log("a"), log("b")]).plot(["a"]).axes) == 4
+    assert len(figure.axes) == 3 + 5
+    assert len(dft.compare(dft.Thruster(), [log("a"), log("b")]).plot(["a"]).axes) == 5
 
 
 def test_a_table_is_drawn_by_sample():

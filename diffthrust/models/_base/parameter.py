@@ -114,6 +114,12 @@ class Parameter:
             return self
         return replace(self, unit=_spelt(pattern, units), pattern=pattern)
 
+    @property
+    def channel(self) -> str:
+        """The channel in whose unit, or whose unit per something, it is; empty if none."""
+        above = self.pattern.partition("/")[0]
+        return above[1:-1] if above.startswith("{") else ""
+
     def check(self, name: str) -> None:
         """Raise `InputError` where the description contradicts itself."""
         ends = self.bounds if isinstance(self.bounds, tuple | list) else ()
