@@ -113,9 +113,9 @@ class Column:
         if self.effort and self.unit not in ("", "effort"):
             numbers = convert(numbers, self.unit, "dimensionless", where=place)
         plain = (self.scale, self.offset) == (1.0, 0.0)
-        pulses = isinstance(self.pwm, PWM) and self.kept_unit == "effort" and plain
-        shown = (self.unit or "us") if pulses else self.unit or self.kept_unit
-        return numbers, Written(shown, self.column, self.pwm if pulses else None), note
+        if isinstance(self.pwm, PWM) and self.kept_unit == "effort" and plain:
+            return numbers, Written(self.unit or "us", self.column, self.pwm), note
+        return numbers, Written(self.unit or self.kept_unit, self.column), note
 
 
 def channel_columns(

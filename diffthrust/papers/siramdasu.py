@@ -141,13 +141,8 @@ def sequential(
             "Look at the signs of sway, yaw rate and angle (see dft.Vessel), and at the lines.",
         )
     yaw = yaw_transient(circles, ends, widest, values, exponent, lever_arm)
-    vessel = Vessel(
-        "propeller",
-        **values,
-        i33=yaw.time_constant * d33.slope,
-        exponent=exponent,
-        lever_arm=lever_arm,
-    )
+    inertia = yaw.time_constant * d33.slope
+    vessel = Vessel(i33=inertia, exponent=exponent, lever_arm=lever_arm).replace(values)
     return Sequential(vessel, line, surge, m22, d22, d33, yaw, points)
 
 

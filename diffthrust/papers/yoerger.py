@@ -79,8 +79,8 @@ class DynamicTest:
     @property
     def model(self) -> Thruster:
         """The thruster with these values."""
-        ct = {} if self.ct is None else {"ct": self.ct.value}
-        return Thruster(alpha=self.alpha.value, beta=self.beta.value, **ct)
+        model = Thruster(alpha=self.alpha.value, beta=self.beta.value)
+        return model if self.ct is None else model.replace(ct=self.ct.value)
 
     def plot(self) -> Figure:
         """Command, and measured and simulated thrust (or speed), as in the paper's figure 10."""

@@ -67,13 +67,10 @@ class Run:
         return {name: self._shown(name, trace) for name, trace in self.channels.items()}
 
     def _shown(self, name: str, trace: Trace) -> Trace:
-        factor, unit = self.shown.size(name, 1.0, trace.unit)
-        both = (trace.measured, trace.modelled)
-        return Trace(
-            *(self.shown.values(name, values, trace.unit) for values in both),
-            factor * trace.residual,
-            unit,
-        )
+        per, unit = self.shown.size(name, 1.0, trace.unit)
+        measured = self.shown.values(name, trace.measured, trace.unit)
+        modelled = self.shown.values(name, trace.modelled, trace.unit)
+        return Trace(measured, modelled, per * trace.residual, unit)
 
 
 def runs_over(
