@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Literal
 
+from diffthrust._support.figures import shown
 from diffthrust.blackbox._sampled_model import SampledModel
 from diffthrust.logs._log import Log
 
@@ -34,6 +35,7 @@ class BlackBox(SampledModel):
 
         return model_table(self)
 
+    @shown
     def plot(self, log: Log) -> Figure:
         """Measured, simulated and predicted outputs of a log, and the residuals."""
         from diffthrust.blackbox._figures import model_figure

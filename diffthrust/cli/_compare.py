@@ -52,7 +52,7 @@ def compare_command(
                 report, title=loaded.name, spec=loaded.text, comparisons=comparisons, fit=fit
             )
         if figure:
-            write_figure(figure, list(comparisons.values())[-1].plot())
+            write_figure(figure, list(comparisons.values())[-1].plot)
     if fit:
         show(f"Status: {fit.status.value}. {fit.message}")
     for name, comparison in comparisons.items():

@@ -135,7 +135,7 @@ def map_command(
             status = {"status": fit.status.value, "message": fit.message} if fit else None
             write_json(json, {**response.to_json(), "fit": status})
         if figure:
-            write_figure(figure, response.plot())
+            write_figure(figure, response.plot)
     if fit:
         show(f"Status: {fit.status.value}. {fit.message}")
     show(table)

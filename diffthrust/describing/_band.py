@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from diffthrust._support.figures import shown
 from diffthrust.describing._describe import formula_values, notes_of, periodic_values
 from diffthrust.describing._formulas import FORMULAS
 from diffthrust.describing._periodic.respond import Reason
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 class DescribingBand(BandValues):
     """Gain and phase of a describing function with intervals, as words, figure and plain data."""
 
+    @shown
     def plot(self) -> Figure:
         """Gain and phase over frequency with their bands, for some of the amplitudes."""
         from diffthrust.describing._figures import band_figure

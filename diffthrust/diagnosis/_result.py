@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from diffthrust._support.figures import shown
 from diffthrust.diagnosis._findings import Findings
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ class Diagnosis(Findings):
 
         return rendered(diagnosis_table(self))
 
+    @shown
     def plot(self) -> Figure:
         """The stages: training and held-out error falling, and the last model on the logs."""
         from diffthrust.diagnosis._figures import stages_figure

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from diffthrust._support.figures import shown
 from diffthrust._support.files import write_whole
 
 if TYPE_CHECKING:
@@ -81,6 +82,7 @@ class Experiment:
         """The prediction of one rival less that of another, ``(T,)``."""
         return self.predictions[one][channel] - self.predictions[other][channel]
 
+    @shown
     def plot(self) -> Figure:
         """The inputs, what the rivals predict with its noise, and the difference."""
         from diffthrust.experiments._figures import experiment_figure

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.figures import shown
 from diffthrust._support.tables import number
 from diffthrust.papers._line import FittedLine, fit_line, numbers
 from diffthrust.uncertainty._prediction.physical import Quantity
@@ -128,6 +129,7 @@ class Calibration:
             sentence += f" The readings differ among themselves, too ({self.same})."
         return sentence
 
+    @shown
     def plot(self) -> Figure:
         """The readings, the line through them, and the datasheet's."""
         from diffthrust.papers._figures import calibration_figure

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.figures import shown
 from diffthrust.estimation._arguments import listed
 from diffthrust.logs._log import Log
 from diffthrust.models import Vessel
@@ -64,6 +65,7 @@ class Sequential:
     yaw: Transient
     verification: dict[str, tuple[np.ndarray, np.ndarray]]
 
+    @shown
     def plot(self) -> Figure:
         """The paper's figures 3, 4, 5, 6, 7 and 10."""
         from diffthrust.papers._figures import sequential_figure

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from diffthrust._support.figures import shown
 from diffthrust.uncertainty._directions import Directions
 from diffthrust.uncertainty._intervals_row import Row
 from diffthrust.uncertainty._profile_result import Profiles
@@ -90,6 +91,7 @@ class Intervals:
             "directions": self.directions.to_json(),
         }
 
+    @shown
     def plot(self) -> Figure:
         """The intervals as bars below each other, one panel for each parameter."""
         from diffthrust.uncertainty._figures import intervals_figure

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from diffthrust._support.figures import shown
 from diffthrust._support.tables import number
 from diffthrust.uncertainty._profile_curve import Profile
 
@@ -80,6 +81,7 @@ class Profiles:
             else {"values": dict(better.values), "gain": better.gain},
         }
 
+    @shown
     def plot(self) -> Figure:
         """Each profile beside the quadratic of the covariance, with the threshold and the ends."""
         from diffthrust.uncertainty._figures import profile_figure

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.figures import shown
 from diffthrust._support.progress import Progress
 from diffthrust.logs._log import Log
 from diffthrust.many._fleet.axis import Axis, axes_of
@@ -222,18 +223,21 @@ class Fleet:
             progress=progress,
         )
 
+    @shown
     def plot_spread(self) -> Figure:
         """Each parameter of each vehicle with its 95 % interval, and the fleet behind."""
         from diffthrust.many._fleet.figures import spread_figure
 
         return spread_figure(self, self.outliers())
 
+    @shown
     def plot_drift(self) -> Figure:
         """Each parameter over time, a line for each vehicle; those that drift stand out."""
         from diffthrust.many._fleet.figures import drift_figure
 
         return drift_figure(self, self.drift())
 
+    @shown
     def plot_effects(self) -> Figure:
         """Which effects were found where."""
         from diffthrust.many._fleet.figures import effects_figure

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from diffthrust._support.figures import shown
 from diffthrust.many._fleet.estimates import Estimates, known
 from diffthrust.models._base.parameter import Normal
 from diffthrust.uncertainty._sampling.convergence import Convergence, convergence
@@ -180,6 +181,7 @@ class Pooled:
             out[name] = Normal(mean=median, std=0.5 * (high - low))
         return out
 
+    @shown
     def plot(self) -> Figure:
         """Each vehicle by itself and pooled, with intervals."""
         from diffthrust.many._fleet.figures import pooled_figure

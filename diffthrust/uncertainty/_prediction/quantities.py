@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.figures import shown
 from diffthrust._support.names import listing
 from diffthrust.uncertainty._prediction.derived_quantity import DerivedQuantity, summarised
 from diffthrust.uncertainty._prediction.draws import Draws, draws_of
@@ -63,6 +64,7 @@ class Quantities(Mapping[str, DerivedQuantity]):
         data = {name: q.to_json() for name, q in self.items()}
         return plain({"level": self.level, "draws_from": self.kind, "quantities": data})
 
+    @shown
     def plot(self) -> Figure:
         """The curves with their bands, one panel each.
 
