@@ -38,7 +38,7 @@ def compare_command(
 
         loaded = load_spec(spec)
         train, holdout = loaded.train_logs(), loaded.holdout_logs()
-        fit = None if no_fit else loaded.fit(progress, train=train, holdout=holdout)
+        fit = None if no_fit else loaded.fit(progress=progress, train=train, holdout=holdout)
         comparisons = comparisons_of(fit or loaded.model, train, holdout)
         if json:
             parts = {name.split()[0]: c.to_json() for name, c in comparisons.items()}

@@ -60,7 +60,8 @@ def _warned(message: Warning | str, category: type[Warning], *_: Any, **__: Any)
     from diffthrust.simulation._step_size import CoarseStepWarning
 
     if issubclass(category, CoarseStepWarning):
-        typer.echo(f"Warning: {message}", err=True)
+        over = "\r\x1b[K" if sys.stderr.isatty() else ""  # the line of the bar
+        typer.echo(f"{over}Warning: {message}", err=True)
 
 
 SpecPath = Annotated[

@@ -11,7 +11,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import shown
-from diffthrust._support.progress import Progress
+from diffthrust._support.progress import ProgressOption, progressing, teller
 from diffthrust.logs._log import Log
 from diffthrust.many._fleet.axis import Axis, axes_of
 from diffthrust.many._fleet.entries import ERROR, Entry, Labels, entries_of
@@ -153,6 +153,7 @@ class Fleet:
 
         return outlier_table(self, _share("false_alarms", false_alarms))
 
+    @progressing
     def pool(
         self,
         parameters: Sequence[str] | None = None,
@@ -164,7 +165,7 @@ class Fleet:
         chains: int = 4,
         seed: int = 0,
         level: float = 0.95,
-        progress: Progress | None = None,
+        progress: ProgressOption = None,
     ) -> Pooled:
         """Estimate all vehicles at once: one with little data borrows from the others.
 
@@ -192,7 +193,7 @@ class Fleet:
             chains: of NUTS.
             seed: equal seeds give equal draws.
             level: probability of the intervals.
-            progress: called with a message and the share done.
+            progress: True for a bar, or a function of a message and the share done.
 
         Returns:
             A `Pooled`: ``.table``, ``.population``, ``.predict_new()``, ``.convergence``.
@@ -220,7 +221,7 @@ class Fleet:
             chains=chains,
             seed=seed,
             level=_share("level", level),
-            progress=progress,
+            progress=teller(progress),
         )
 
     @shown
