@@ -108,6 +108,21 @@ def _taken(widths: Iterable[int]) -> int:
     return sum(width + _GAP for width in widths) - _GAP
 
 
+def texts_table(
+    headings: Iterable[str], rows: Iterable[Iterable[str]], numbers: Iterable[int] = ()
+) -> FittedTable:
+    """A table of texts of which none is read as markup; a row has a cell for each heading."""
+    table = plain_table(*headings, numbers=numbers)
+    for row in rows:
+        table.add_row(*map(Text, row))
+    return table
+
+
+def together(*parts: RenderableType) -> Group:
+    """Tables and texts below each other; no text is read as markup."""
+    return Group(*(Text(part) if isinstance(part, str) else part for part in parts))
+
+
 def html(thing: RenderableType) -> str:
     """The same for a notebook: texts as paragraphs, tables as tables."""
     return f'<div style="max-width: 60em">{_html(thing)}</div>'

@@ -5,14 +5,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Literal
 
 from diffthrust._support.figures import shown
+from diffthrust._support.results import Result
 from diffthrust.blackbox._sampled_model import SampledModel
 from diffthrust.logs._log import Log
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from rich.console import RenderableType
 
 
-class BlackBox(SampledModel):
+class BlackBox(Result, SampledModel):
     """A sampled linear model of a log's inputs and outputs, with its parameters and errors."""
 
     def to_control(self, form: Literal["transfer", "states"] = "transfer") -> Any:
@@ -29,8 +31,10 @@ class BlackBox(SampledModel):
 
         return control_object(self, form)
 
-    def report(self) -> str:
-        """Parameters, poles, errors and notes as text."""
+    def _line(self) -> str:
+        return f"{self}: {self.status}, {self.samples} samples"
+
+    def _told(self) -> RenderableType:
         from diffthrust.blackbox._tables import model_table
 
         return model_table(self)

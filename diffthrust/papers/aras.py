@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import shown
+from diffthrust._support.results import Brief
 from diffthrust._support.transfer import Transfer, transfer_of
 from diffthrust.control import PID, Loop
 from diffthrust.models import DCMotorThruster
@@ -88,8 +89,8 @@ def speed_loop(motor: DCMotorThruster | None = None, *, limit: float = SUPPLY) -
     return Loop(thruster=motor or thruster(), controller=controller, rate=200.0)
 
 
-@dataclass(frozen=True)
-class SteadyMap:
+@dataclass(frozen=True, repr=False)
+class SteadyMap(Brief):
     """Terminal voltages of steady thrusts.
 
     Args:

@@ -17,6 +17,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import shown
+from diffthrust._support.results import Brief
 from diffthrust.estimation._arguments import listed
 from diffthrust.logs._log import Log
 from diffthrust.models import Vessel
@@ -41,8 +42,8 @@ if TYPE_CHECKING:
 _INPUTS = (SCREW[0], ANGLE[0])
 
 
-@dataclass(frozen=True)
-class Sequential:
+@dataclass(frozen=True, repr=False)
+class Sequential(Brief):
     """What the two scenarios tell, with every line on the way.
 
     Args:
@@ -153,8 +154,8 @@ def sequential(
     return Sequential(vessel, line, surge, m22, d22, d33, yaw, points)
 
 
-@dataclass(frozen=True)
-class Sensitivity:
+@dataclass(frozen=True, repr=False)
+class Sensitivity(Brief):
     """How much the choice of the propeller speeds matters.
 
     Args:

@@ -14,6 +14,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import shown
+from diffthrust._support.results import Brief
 from diffthrust.logs._log import Log
 from diffthrust.models import Thruster
 from diffthrust.papers._line import FittedLine, fit_line
@@ -28,8 +29,8 @@ CommandDirection = Literal["forward", "reverse", "both"]
 _SPEED, _THRUST, _COMMAND = ("speed", "rad/s"), ("thrust", "N"), ("command", "V")
 
 
-@dataclass(frozen=True)
-class StaticTest:
+@dataclass(frozen=True, repr=False)
+class StaticTest(Brief):
     """What the steady portions of records tell of a thruster.
 
     Args:
@@ -62,8 +63,8 @@ class StaticTest:
         return static_test_figure(self.thrust, self.speed, self.ct, self.ratio)
 
 
-@dataclass(frozen=True)
-class DynamicTest:
+@dataclass(frozen=True, repr=False)
+class DynamicTest(Brief):
     """What a moving record tells of a thruster, by linear least squares.
 
     Args:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
 from diffthrust._support.progress import ProgressOption, part, progressing, teller
+from diffthrust._support.results import Brief
 from diffthrust.logs._columns import Column
 from diffthrust.logs._log import Log
 from diffthrust.logs._read import read_log
@@ -36,8 +37,8 @@ if TYPE_CHECKING:
     from diffthrust.estimation._result import Fit
 
 
-@dataclass(frozen=True)
-class Spec:
+@dataclass(frozen=True, repr=False)
+class Spec(Brief):
     """A spec file, read and checked.
 
     Args:

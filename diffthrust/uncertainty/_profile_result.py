@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from diffthrust._support.figures import shown
+from diffthrust._support.results import Result
 from diffthrust._support.tables import number
 from diffthrust.uncertainty._profile_curve import Profile
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from rich.console import RenderableType
 
 
 @dataclass(frozen=True)
@@ -27,8 +29,8 @@ class Better:
     gain: float
 
 
-@dataclass(frozen=True, eq=False)
-class Profiles:
+@dataclass(frozen=True, eq=False, repr=False)
+class Profiles(Result):
     """Profiles by the name of the parameter or quantity: ``profiles["alpha"].low``.
 
     Args:
@@ -62,12 +64,10 @@ class Profiles:
             )
         return sentences
 
-    def report(self) -> str:
-        """A table and the sentences, as text for people."""
-        from diffthrust._support.tables import rendered
+    def _told(self) -> RenderableType:
         from diffthrust.uncertainty._tables import profiles_table
 
-        return rendered(profiles_table(list(self.profiles.values()), self.level, self.sentences))
+        return profiles_table(list(self.profiles.values()), self.level, self.sentences)
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
@@ -87,3 +87,6 @@ class Profiles:
         from diffthrust.uncertainty._figures import profile_figure
 
         return profile_figure(list(self.profiles.values()))
+
+    def _line(self) -> str:
+        return f"{100 * self.level:g} %: {', '.join(self.profiles)}"

@@ -16,6 +16,7 @@ from diffthrust._support._running.pool import processors
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import plain
 from diffthrust._support.progress import Progress, ProgressOption, progressing, teller
+from diffthrust._support.results import Result
 from diffthrust.many._campaign.executors import outcomes
 from diffthrust.many._campaign.job import Job, check_task, fingerprint
 from diffthrust.many._campaign.specs import PathLike, find_specs, folders
@@ -26,13 +27,14 @@ from diffthrust.specs._spec import load_spec
 
 if TYPE_CHECKING:
     import pandas as pd
+    from rich.console import RenderableType
 
 _SAVING = 0.02
 """Share of the time that may go into writing the table while the campaign runs."""
 
 
-@dataclass(frozen=True)
-class Campaign:
+@dataclass(frozen=True, repr=False)
+class Campaign(Result):
     """The outcome of a campaign.
 
     Args:
@@ -81,12 +83,13 @@ class Campaign:
         again = " The same campaign again tries those without a result."
         return sentence if self.ok else sentence + again
 
-    def report(self) -> str:
-        """Counts, errors with their mend, and the results as text for people."""
-        from diffthrust._support.tables import rendered
+    def _line(self) -> str:
+        return f"{self.task}: {self.summary}"
+
+    def _told(self) -> RenderableType:
         from diffthrust.many._campaign.tables import campaign_table
 
-        return rendered(campaign_table(self.rows, self.task, self.summary), width=140)
+        return campaign_table(self.rows, self.task, self.summary)
 
     def to_json(self) -> dict[str, Any]:
         """The outcome as plain data, in the form that ``diffthrust campaign --json`` writes."""

@@ -12,6 +12,7 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import shown
 from diffthrust._support.progress import ProgressOption, progressing, teller
+from diffthrust._support.results import Result
 from diffthrust.logs._log import Log
 from diffthrust.many._fleet.axis import Axis, axes_of
 from diffthrust.many._fleet.entries import ERROR, Entry, Labels, entries_of
@@ -20,6 +21,7 @@ from diffthrust.many._fleet.times import times_of
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
+    from rich.console import RenderableType
 
     from diffthrust.many._fleet.pooled import Pooled
 
@@ -27,8 +29,8 @@ _FALSE_ALARMS = 0.05
 """Probability that a fleet in which nothing drifts, or no vehicle differs, raises any alarm."""
 
 
-@dataclass(frozen=True, eq=False)
-class Fleet:
+@dataclass(frozen=True, eq=False, repr=False)
+class Fleet(Result):
     """All fits of a fleet; made by `fleet`.
 
     Parameters are compared in the coordinate of a fit: by their logarithm where they are positive
@@ -245,12 +247,14 @@ class Fleet:
 
         return effects_figure(self.effects())
 
-    def report(self) -> str:
-        """Spread, outliers, drift and effects as text for people."""
-        from diffthrust.many._fleet.tables import fleet_report
+    def _line(self) -> str:
+        return f"{len(self.entries)} fits of {len(self.vehicles)} vehicles"
+
+    def _told(self) -> RenderableType:
+        from diffthrust.many._fleet.tables import fleet_table
 
         drift = None if np.isnan(self.times).any() else self.drift()
-        return fleet_report(self, self.spread(), self.outliers(), drift, self.effects(), self.notes)
+        return fleet_table(self, self.spread(), self.outliers(), drift, self.effects(), self.notes)
 
 
 def fleet(source: Any, *, vehicle: Labels = None, time: Labels = None) -> Fleet:
