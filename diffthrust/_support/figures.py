@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import threading
-from collections import deque
 from collections.abc import Callable
 from contextvars import ContextVar
-from functools import wraps
+from functools import partial, wraps
 from typing import TYPE_CHECKING, Any, ParamSpec
-from weakref import ReferenceType, ref
+from weakref import WeakSet
 
 import numpy as np
 
@@ -22,8 +21,8 @@ P = ParamSpec("P")
 BLUE, VERMILLION, GREY = "#0072B2", "#D55E00", "0.6"
 _POINTS = 4000
 _MOST = 20
-"""So many figures wait to be shown; pyplot warns of more."""
-_WAITING: deque[ReferenceType[Figure]] = deque()
+"""So many figures wait to be shown; of more pyplot warns."""
+_OURS: WeakSet[Figure] = WeakSet()
 _SEEN: ContextVar[bool] = ContextVar("seen", default=True)
 
 
@@ -62,29 +61,34 @@ def unseen(draw: Callable[[], Figure]) -> Figure:
 def _hand_over(figure: Figure) -> None:
     """Give a figure to pyplot, if its backend can show it; the oldest gives way to the newest."""
     import matplotlib.pyplot as plt
+    from matplotlib._pylab_helpers import Gcf
     from matplotlib.backends.registry import BackendFilter, backend_registry
 
     backend = plt.get_backend().lower()
     if backend in backend_registry.list_builtin(BackendFilter.NON_INTERACTIVE):
         return
     inline = backend.endswith("inline")
-    _WAITING.append(ref(figure))
-    while len(_WAITING) >= _MOST:
-        oldest = _WAITING.popleft()()
-        if oldest is not None and plt.fignum_exists(getattr(oldest, "number", -1)):
-            if inline:
-                from IPython.display import display
+    waiting = [manager.canvas.figure for manager in Gcf.get_all_fig_managers()]
+    while len(waiting) >= _MOST and (ours := [one for one in waiting if one in _OURS]):
+        waiting.remove(ours[0])
+        if inline:
+            from IPython.display import display
 
-                display(oldest)
-            plt.close(oldest)
+            display(ours[0])
+        plt.close(ours[0])
+    _OURS.add(figure)
     if inline:
-
-        def displayed(**_: Any) -> dict[str, str]:
-            plt.close(figure)  # or it would show again at the end of the cell
-            return {}
-
-        figure._repr_mimebundle_ = displayed  # pyright: ignore[reportAttributeAccessIssue]
+        hook = partial(_displayed, figure)
+        figure._repr_mimebundle_ = hook  # pyright: ignore[reportAttributeAccessIssue]
     plt.figure(FigureClass=lambda **_: figure)  # pyright: ignore[reportArgumentType]
+
+
+def _displayed(figure: Figure, **_: Any) -> dict[str, str]:
+    """What a notebook asks for before it draws a figure, which must not show once more."""
+    import matplotlib.pyplot as plt
+
+    plt.close(figure)
+    return {}
 
 
 def literal(name: str) -> str:

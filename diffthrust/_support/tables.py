@@ -212,9 +212,10 @@ def with_error(value: float, error: float | None) -> tuple[str, str]:
 
 
 def plain_table(*headings: str, numbers: Iterable[int] = ()) -> FittedTable:
-    """A table without lines; the columns at ``numbers`` stand to the right."""
+    """A table without lines, under plain texts; the columns at ``numbers`` stand to the right."""
     table = FittedTable(box=None, padding=(0, 1), pad_edge=False, header_style="dim")
     numbers = tuple(numbers)
     for i, heading in enumerate(headings):
-        table.add_column(heading, justify="right" if i in numbers else "left", overflow="fold")
+        justify = "right" if i in numbers else "left"
+        table.add_column(Text(heading), justify=justify, overflow="fold")
     return table

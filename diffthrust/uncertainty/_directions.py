@@ -103,6 +103,9 @@ class Directions(Result):
 
         return directions_table((d.std_error, d.grade, d.members) for d in self.directions)
 
+    def _line(self) -> str:
+        return "; ".join(self.sentences)
+
     def _told(self) -> RenderableType:
         return self.table()
 
