@@ -139,7 +139,10 @@ def _html(thing: RenderableType) -> str:
 
 
 def _html_table(table: Table) -> str:
-    aligned = [f"text-align: {'right' if c.justify == 'right' else 'left'}" for c in table.columns]
+    aligned = [
+        f"padding: .1em .5em; text-align: {'right' if c.justify == 'right' else 'left'}"
+        for c in table.columns
+    ]
     heads = "".join(
         f'<th style="{align}">{_marked(column.header)}</th>'
         for align, column in zip(aligned, table.columns, strict=True)
@@ -150,7 +153,7 @@ def _html_table(table: Table) -> str:
         for row, before, line in zip(table.rows, [None, *table.rows], cells, strict=False)
     )
     head = f"<thead><tr>{heads}</tr></thead>" if table.show_header else ""
-    return f'<table style="margin: .5em 0">{head}<tbody>{lines}</tbody></table>'
+    return f'<table style="margin: .5em 0; border-collapse: collapse">{head}<tbody>{lines}</tbody></table>'
 
 
 def _html_row(
