@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-P = ParamSpec("P")
+_P = ParamSpec("_P")
 
 # Okabe & Ito 2008: told apart with every kind of colour vision
 BLUE, VERMILLION, GREY = "#0072B2", "#D55E00", "0.6"
@@ -26,7 +26,7 @@ _OURS: WeakSet[Figure] = WeakSet()
 _SEEN: ContextVar[bool] = ContextVar("seen", default=True)
 
 
-def shown(draw: Callable[P, Figure]) -> Callable[P, Figure]:
+def showing(draw: Callable[_P, Figure]) -> Callable[_P, Figure]:
     """Let the figures of a function show as pyplot's do.
 
     In a notebook each shows once, at the end of its cell at the latest; in a script they show by
@@ -35,12 +35,12 @@ def shown(draw: Callable[P, Figure]) -> Callable[P, Figure]:
 
     Example:
         >>> class Comparison:
-        ...     @shown
+        ...     @showing
         ...     def plot(self) -> Figure: ...
     """
 
     @wraps(draw)
-    def drawn(*args: P.args, **kwargs: P.kwargs) -> Figure:
+    def drawn(*args: _P.args, **kwargs: _P.kwargs) -> Figure:
         figure = draw(*args, **kwargs)
         if _SEEN.get() and threading.current_thread() is threading.main_thread():
             _hand_over(figure)

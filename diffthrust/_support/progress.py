@@ -15,15 +15,15 @@ ProgressOption = Progress | bool | None
 """What a caller may give for ``progress``: a function of a message and the share done, or True."""
 _TICK = 0.5
 """Seconds between two turns of the clock."""
-P = ParamSpec("P")
-R = TypeVar("R")
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
 
 
-def progressing(work: Callable[P, R]) -> Callable[P, R]:
+def progressing(work: Callable[_P, _R]) -> Callable[_P, _R]:
     """Let a function with a keyword ``progress`` take True for it: a bar, while it works."""
 
     @wraps(work)
-    def run(*args: P.args, **kwargs: P.kwargs) -> R:
+    def run(*args: _P.args, **kwargs: _P.kwargs) -> _R:
         if kwargs.get("progress") is not True:
             return work(*args, **kwargs)
         with bar() as tell:

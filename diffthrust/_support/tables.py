@@ -153,7 +153,8 @@ def _html_table(table: Table) -> str:
         for row, before, line in zip(table.rows, [None, *table.rows], cells, strict=False)
     )
     head = f"<thead><tr>{heads}</tr></thead>" if table.show_header else ""
-    return f'<table style="margin: .5em 0; border-collapse: collapse">{head}<tbody>{lines}</tbody></table>'
+    style = "margin: .5em 0; border-collapse: collapse"
+    return f'<table style="{style}">{head}<tbody>{lines}</tbody></table>'
 
 
 def _html_row(

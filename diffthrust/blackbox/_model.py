@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Literal
 
-from diffthrust._support.figures import shown
+from diffthrust._support.figures import showing
 from diffthrust._support.results import Result
 from diffthrust.blackbox._sampled_model import SampledModel
 from diffthrust.logs._log import Log
@@ -39,7 +39,7 @@ class BlackBox(Result, SampledModel):
 
         return model_table(self)
 
-    @shown
+    @showing
     def plot(self, log: Log) -> Figure:
         """Measured, simulated and predicted outputs of a log, and the residuals."""
         from diffthrust.blackbox._figures import model_figure

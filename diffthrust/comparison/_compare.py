@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.figures import shown
+from diffthrust._support.figures import showing
 from diffthrust._support.names import listing
 from diffthrust._support.results import Result
 from diffthrust._support.words import percent
@@ -169,7 +169,7 @@ class Comparison(Result):
                     f"{percent(share)} of the squared error of all runs."
                 )
 
-    @shown
+    @showing
     def plot(self, runs: Sequence[str] | None = None) -> Figure:
         """Measured and modelled on top, residual below, for each channel.
 
@@ -191,7 +191,7 @@ class Comparison(Result):
         shown = self.runs if runs is None else tuple(r for r in self.runs if r.name in runs)
         return comparison_figure(self.model, shown)
 
-    @shown
+    @showing
     def plot_residuals(self) -> Figure:
         """For each channel the residual with its worst regime, and its correlations.
 

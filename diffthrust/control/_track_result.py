@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from diffthrust._support.figures import shown
+from diffthrust._support.figures import showing
 from diffthrust.control._assembly import VesselAssembly
 from diffthrust.control._path import Path
 from diffthrust.control._recorded import RunSignals, bounded
@@ -127,7 +127,7 @@ class TrackRun(RunSignals):
             notes=self.notes_of("MPC"),
         )
 
-    @shown
+    @showing
     def plot(self) -> Figure:
         """The path over the water; errors, inputs with their limits, and estimates over time."""
         from diffthrust.control._figures import track_figure

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from diffthrust._support.figures import shown
+from diffthrust._support.figures import showing
 from diffthrust._support.results import Result
 from diffthrust._support.transfer import Transfer
 from diffthrust.cycles._element import Nonlinearity
@@ -162,7 +162,7 @@ class LimitCycles(Result):
             lines += ["", *self.notes]
         return "\n".join(lines)
 
-    @shown
+    @showing
     def plot(self) -> Figure:
         """G(jw) and -1/N(A, w) in the complex plane, with the cycles at their intersections."""
         from diffthrust.cycles._figures_nyquist import nyquist_figure

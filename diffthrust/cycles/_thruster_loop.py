@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.figures import shown
+from diffthrust._support.figures import showing
 from diffthrust._support.results import Result
 from diffthrust.cycles._element import positive
 from diffthrust.cycles._find import limit_cycles
@@ -165,7 +165,7 @@ class ThrusterLoop(Result):
             thrust = self.mass * rise + self.drag * thrust * np.abs(thrust)
         return LoopCourse(run.time, k * run.input, thrust, run.fled)
 
-    @shown
+    @showing
     def plot(self, displacement: float = 0.02, duration: float = 60.0) -> Figure:
         """Command and thrust from rest beside the set point (the paper's figure 14)."""
         from diffthrust.cycles._figures_course import course_figure
@@ -179,7 +179,7 @@ class ThrusterLoop(Result):
         )
         return course_figure(self.course(displacement, duration), levels, title)
 
-    @shown
+    @showing
     def plot_poles(self) -> Figure:
         """How the closed loop's poles move as the command grows (the paper's figure 13)."""
         from diffthrust.cycles._figures_pole import pole_figure

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from diffthrust._support.figures import shown
+from diffthrust._support.figures import showing
 from diffthrust._support.results import Result
 from diffthrust.describing._describe import formula_values, notes_of, periodic_values
 from diffthrust.describing._formulas import FORMULAS
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 class DescribingBand(Result, BandValues):
     """Gain and phase of a describing function with intervals, as words, figure and plain data."""
 
-    @shown
+    @showing
     def plot(self) -> Figure:
         """Gain and phase over frequency with their bands, for some of the amplitudes."""
         from diffthrust.describing._figures import band_figure

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.figures import shown
+from diffthrust._support.figures import showing
 from diffthrust._support.results import Result
 from diffthrust.describing._periodic.respond import Reason
 from diffthrust.describing._values import DescribingValues
@@ -105,14 +105,14 @@ class DescribingMap(Result, DescribingValues):
             }
         )
 
-    @shown
+    @showing
     def plot(self) -> Figure:
         """Gain and phase over frequency and amplitude; points without an answer are hatched."""
         from diffthrust.describing._figures import map_figure
 
         return map_figure(self)
 
-    @shown
+    @showing
     def plot_break(self) -> Figure:
         """The break frequency over amplitude and frequency, as in figure 12 of Yoerger et al."""
         from diffthrust.describing._figures import break_figure

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from diffthrust._support.figures import shown
+from diffthrust._support.figures import showing
 from diffthrust._support.results import Result
 from diffthrust.diagnosis._findings import Findings
 
@@ -37,7 +37,7 @@ class Diagnosis(Result, Findings):
 
         return diagnosis_table(self)
 
-    @shown
+    @showing
     def plot(self) -> Figure:
         """The stages: training and held-out error falling, and the last model on the logs."""
         from diffthrust.diagnosis._figures import stages_figure

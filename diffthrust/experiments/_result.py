@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from diffthrust._support.figures import shown
+from diffthrust._support.figures import showing
 from diffthrust._support.files import write_whole
 from diffthrust._support.results import Result
 
@@ -84,7 +84,7 @@ class Experiment(Result):
         """The prediction of one rival less that of another, ``(T,)``."""
         return self.predictions[one][channel] - self.predictions[other][channel]
 
-    @shown
+    @showing
     def plot(self) -> Figure:
         """The inputs, what the rivals predict with its noise, and the difference."""
         from diffthrust.experiments._figures import experiment_figure

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.figures import shown
+from diffthrust._support.figures import showing
 from diffthrust._support.results import Brief
 from diffthrust._support.tables import number
 from diffthrust.papers._line import FittedLine, fit_line, numbers
@@ -130,7 +130,7 @@ class Calibration(Brief):
             sentence += f" The readings differ among themselves, too ({self.same})."
         return sentence
 
-    @shown
+    @showing
     def plot(self) -> Figure:
         """The readings, the line through them, and the datasheet's."""
         from diffthrust.papers._figures import calibration_figure

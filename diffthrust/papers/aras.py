@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.figures import shown
+from diffthrust._support.figures import showing
 from diffthrust._support.results import Brief
 from diffthrust._support.transfer import Transfer, transfer_of
 from diffthrust.control import PID, Loop
@@ -110,7 +110,7 @@ class SteadyMap(Brief):
         """What friction adds, which equation 7 leaves out [V]."""
         return self.own - self.printed
 
-    @shown
+    @showing
     def plot(self) -> Figure:
         """Voltage against thrust, by equation 7 and of the model."""
         from diffthrust.papers._figures import steady_map_figure

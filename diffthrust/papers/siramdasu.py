@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.figures import shown
+from diffthrust._support.figures import showing
 from diffthrust._support.results import Brief
 from diffthrust.estimation._arguments import listed
 from diffthrust.logs._log import Log
@@ -66,7 +66,7 @@ class Sequential(Brief):
     yaw: Transient
     verification: dict[str, tuple[np.ndarray, np.ndarray]]
 
-    @shown
+    @showing
     def plot(self) -> Figure:
         """The paper's figures 3, 4, 5, 6, 7 and 10."""
         from diffthrust.papers._figures import sequential_figure

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.figures import shown
+from diffthrust._support.figures import showing
 from diffthrust._support.results import Brief
 from diffthrust.logs._log import Log
 from diffthrust.models import Thruster
@@ -55,7 +55,7 @@ class StaticTest(Brief):
         """The steady speed |speed| over the command: beta / alpha."""
         return self.speed.quantity("rad^2/(V s^2)")
 
-    @shown
+    @showing
     def plot(self) -> Figure:
         """The two lines, as in the paper's figures 8 and 9."""
         from diffthrust.papers._figures import static_test_figure
@@ -85,7 +85,7 @@ class DynamicTest(Brief):
         ct = {} if self.ct is None else {"ct": self.ct.value}
         return Thruster(alpha=self.alpha.value, beta=self.beta.value, **ct)
 
-    @shown
+    @showing
     def plot(self) -> Figure:
         """Command, and measured and simulated thrust (or speed), as in the paper's figure 10."""
         from diffthrust.papers._figures import dynamic_test_figure

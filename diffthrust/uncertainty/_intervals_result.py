@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from diffthrust._support.figures import shown
+from diffthrust._support.figures import showing
 from diffthrust._support.results import Result
 from diffthrust.uncertainty._directions import Directions
 from diffthrust.uncertainty._intervals_row import Row
@@ -93,7 +93,7 @@ class Intervals(Result):
             "directions": self.directions.to_json(),
         }
 
-    @shown
+    @showing
     def plot(self) -> Figure:
         """The intervals as bars below each other, one panel for each parameter."""
         from diffthrust.uncertainty._figures import intervals_figure

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from diffthrust._support.figures import shown
+from diffthrust._support.figures import showing
 from diffthrust._support.results import Result
 from diffthrust._support.tables import number
 from diffthrust.uncertainty._profile_curve import Profile
@@ -81,7 +81,7 @@ class Profiles(Result):
             else {"values": dict(better.values), "gain": better.gain},
         }
 
-    @shown
+    @showing
     def plot(self) -> Figure:
         """Each profile beside the quadratic of the covariance, with the threshold and the ends."""
         from diffthrust.uncertainty._figures import profile_figure

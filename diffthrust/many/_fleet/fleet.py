@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.figures import shown
+from diffthrust._support.figures import showing
 from diffthrust._support.progress import ProgressOption, progressing, teller
 from diffthrust._support.results import Result
 from diffthrust.logs._log import Log
@@ -226,21 +226,21 @@ class Fleet(Result):
             progress=teller(progress),
         )
 
-    @shown
+    @showing
     def plot_spread(self) -> Figure:
         """Each parameter of each vehicle with its 95 % interval, and the fleet behind."""
         from diffthrust.many._fleet.figures import spread_figure
 
         return spread_figure(self, self.outliers())
 
-    @shown
+    @showing
     def plot_drift(self) -> Figure:
         """Each parameter over time, a line for each vehicle; those that drift stand out."""
         from diffthrust.many._fleet.figures import drift_figure
 
         return drift_figure(self, self.drift())
 
-    @shown
+    @showing
     def plot_effects(self) -> Figure:
         """Which effects were found where."""
         from diffthrust.many._fleet.figures import effects_figure

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from diffthrust._support.figures import shown
+from diffthrust._support.figures import showing
 from diffthrust._support.results import Result
 from diffthrust.many._fleet.estimates import Estimates, known
 from diffthrust.models._base.parameter import Normal
@@ -183,7 +183,7 @@ class Pooled(Result):
             out[name] = Normal(mean=median, std=0.5 * (high - low))
         return out
 
-    @shown
+    @showing
     def plot(self) -> Figure:
         """Each vehicle by itself and pooled, with intervals."""
         from diffthrust.many._fleet.figures import pooled_figure

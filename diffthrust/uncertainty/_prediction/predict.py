@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.figures import shown
+from diffthrust._support.figures import showing
 from diffthrust._support.names import listing
 from diffthrust._support.results import Result
 from diffthrust._support.words import percent
@@ -111,7 +111,7 @@ class Prediction(Result):
         }
         return {"log": self.log, "level": self.level, "draws": self.draws, "channels": channels}
 
-    @shown
+    @showing
     def plot(self) -> Figure:
         """Measured points, median and both bands, channel by channel."""
         from diffthrust.uncertainty._prediction.figures import prediction_figure

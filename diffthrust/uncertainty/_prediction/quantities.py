@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.figures import shown
+from diffthrust._support.figures import showing
 from diffthrust._support.names import listing
 from diffthrust._support.results import Result
 from diffthrust.uncertainty._prediction.derived_quantity import DerivedQuantity, summarised
@@ -64,7 +64,7 @@ class Quantities(Result, Mapping[str, DerivedQuantity]):
         data = {name: q.to_json() for name, q in self.items()}
         return plain({"level": self.level, "draws_from": self.kind, "quantities": data})
 
-    @shown
+    @showing
     def plot(self) -> Figure:
         """The curves with their bands, one panel each.
 

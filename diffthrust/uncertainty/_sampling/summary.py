@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from diffthrust._support.results import Result
+from diffthrust._support.results import Brief
 from diffthrust.estimation._result import Fit
 from diffthrust.logs._log import Log
 from diffthrust.uncertainty._intervals import intervals
@@ -16,9 +16,6 @@ from diffthrust.uncertainty._intervals_result import Intervals
 from diffthrust.uncertainty._prediction.draws import posterior_data
 from diffthrust.uncertainty._prediction.predict import Prediction, predict
 from diffthrust.uncertainty._sampling.convergence import Convergence, convergence
-
-if TYPE_CHECKING:
-    from rich.console import RenderableType
 
 INTERVAL_LEVEL = 0.95
 
@@ -51,7 +48,7 @@ class Summary:
 
 
 @dataclass(frozen=True, repr=False)
-class Sampled(Result):
+class Sampled(Brief):
     """All that ``diffthrust sample`` tells.
 
     Args:
@@ -112,11 +109,6 @@ class Sampled(Result):
 
     def _line(self) -> str:
         return f"{self.fit.model}: {self.convergence.status}, {len(self.parameters)} parameters"
-
-    def _told(self) -> RenderableType:
-        from diffthrust.uncertainty._sampling.tables import sample_table
-
-        return sample_table(self)
 
 
 def sampled(
