@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 import threading
-import warnings
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import copy_context
 from functools import wraps
+from html import escape
 from typing import ParamSpec, TypeVar
 
 Progress = Callable[[str, float], None]
@@ -15,6 +18,10 @@ ProgressOption = Progress | bool | None
 """What a caller may give for ``progress``: a function of a message and the share done, or True."""
 _TICK = 0.5
 """Seconds between two turns of the clock."""
+_PAUSE = 0.05
+"""Seconds between two drawings at least."""
+_WIDEST = 100
+"""Characters of the widest bar."""
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
@@ -54,34 +61,69 @@ def bar(begin: str = "working") -> Iterator[Progress | None]:
         >>> with bar() as tell:
         ...     fit(model, logs, progress=tell)
     """
-    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
-    if not (sys.stderr.isatty() or hasattr(shell, "kernel")):
+    draw = _place_to_draw()
+    if draw is None:
         yield None
         return
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # without ipywidgets a notebook has the bar as text
-        from tqdm.auto import tqdm
+    message, done, drawn = begin, 0.0, 0.0
+    start = time.monotonic()
+    over, drawing = threading.Event(), threading.Lock()
 
-    class Bar(tqdm):
-        monitor_interval = 0
+    def redraw() -> None:
+        nonlocal drawn
+        with drawing:
+            drawn = time.monotonic()
+            draw(_line(message, done, time.monotonic() - start))
 
-    Bar.set_lock(threading.RLock())
-    form = "{desc} {percentage:3.0f} % |{bar}| {elapsed}"
-    over = threading.Event()
-    with Bar(desc=begin, total=100, bar_format=form, leave=False, dynamic_ncols=True) as shown:
+    def tell(words: str, share: float) -> None:
+        nonlocal message, done
+        message, done = words, max(done, min(share, 1.0))
+        if time.monotonic() - drawn > _PAUSE:
+            redraw()
 
-        def tell(message: str, share: float) -> None:
-            shown.n = max(shown.n, min(100 * share, 100))
-            shown.set_description_str(message)
+    def tick() -> None:
+        while not over.wait(_TICK):
+            redraw()
 
-        def tick() -> None:
-            while not over.wait(_TICK):
-                shown.refresh()
+    redraw()
+    # in this context, or a notebook does not know to which cell the clock belongs
+    clock = threading.Thread(target=copy_context().run, args=(tick,), daemon=True)
+    clock.start()
+    try:
+        yield tell
+    finally:
+        over.set()
+        clock.join()
+        draw("")
 
-        clock = threading.Thread(target=tick, daemon=True)
-        clock.start()
-        try:
-            yield tell
-        finally:
-            over.set()
-            clock.join()
+
+def _line(message: str, share: float, seconds: float) -> str:
+    """What is done, how much of it, and for how long: as wide as the terminal, and at most `_WIDEST`."""
+    clock = f"{int(seconds) // 60:02d}:{int(seconds) % 60:02d}"
+    room = min(_WIDEST, shutil.get_terminal_size().columns) - 1
+    words = message[: room // 2]
+    full = max(room - len(words) - len(clock) - 11, 1)
+    return f"{words}  {100 * share:3.0f} % [{'#' * int(share * full):{full}}] {clock}"
+
+
+def _place_to_draw() -> Callable[[str], None] | None:
+    """What draws a line over the last one."""
+    if sys.stderr.isatty():
+
+        def draw(line: str) -> None:
+            wide = min(_WIDEST, shutil.get_terminal_size().columns) - 1
+            sys.stderr.write(f"\r{line:{wide}}" if line else f"\r{'':{wide}}\r")
+            sys.stderr.flush()
+
+        return draw
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    if not hasattr(shell, "kernel"):
+        return None
+    from IPython.display import display
+
+    def shown(line: str) -> dict[str, str]:
+        return {"text/plain": line, "text/html": f"<pre>{escape(line)}</pre>" if line else ""}
+
+    cell = display(shown(""), raw=True, display_id=True)
+    assert cell is not None
+    return lambda line: cell.update(shown(line), raw=True)

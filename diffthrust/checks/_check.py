@@ -133,4 +133,4 @@ def _warn(runs: Sequence[FitRun]) -> None:
 
     for run in runs:
         for text in run.warnings:
-            warnings.warn(f"{run.fit}: {text}", CoarseStepWarning, stacklevel=3)
+            warnings.warn(f"{run.fit}: {text}", CoarseStepWarning, stacklevel=4)

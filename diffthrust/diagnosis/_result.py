@@ -29,8 +29,8 @@ class Diagnosis(Result, Findings):
     def _line(self) -> str:
         from diffthrust.diagnosis._words import gain_words, model_words, verdict_words
 
-        found = f" ({', '.join(self.added)})" if self.added else ""
-        return f"{model_words(self.model)}: {verdict_words(self)}{found}; {gain_words(self)}"
+        found = f" ({', '.join(self.added)}); {gain_words(self)}" if self.added else ""
+        return f"{model_words(self.model)}: {verdict_words(self)}{found}"
 
     def _told(self) -> RenderableType:
         from diffthrust.diagnosis._tables import diagnosis_table
