@@ -43,6 +43,10 @@ class InputError(ValueError):
         self.place = place
         super().__init__(f"{problem}\nMend: {mend}" if mend else problem)
 
+    def _render_traceback_(self) -> list[str]:
+        """What IPython and notebooks show: the message, and not the way to it."""
+        return [f"{type(self).__name__}: {self}"]
+
     @classmethod
     def at(cls, place: Place | str, problem: str, mend: str = "") -> InputError:
         """Make the error whose message begins with a place; a typed one goes along."""

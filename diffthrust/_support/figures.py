@@ -1,18 +1,94 @@
-"""What figures share, made with matplotlib's objects: no global state, no window."""
+"""What figures share: their look, and that they show where somebody can see them."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import threading
+from collections.abc import Callable
+from contextvars import ContextVar
+from functools import partial, wraps
+from typing import TYPE_CHECKING, Any, ParamSpec
+from weakref import WeakSet
 
 import numpy as np
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
+_P = ParamSpec("_P")
 
 # Okabe & Ito 2008: told apart with every kind of colour vision
 BLUE, VERMILLION, GREY = "#0072B2", "#D55E00", "0.6"
 _POINTS = 4000
+_MOST = 20
+"""So many figures wait to be shown; of more pyplot warns."""
+_OURS: WeakSet[Figure] = WeakSet()
+_SEEN: ContextVar[bool] = ContextVar("seen", default=True)
+
+
+def showing(draw: Callable[_P, Figure]) -> Callable[_P, Figure]:
+    """Let the figures of a function show as pyplot's do.
+
+    In a notebook each shows once, at the end of its cell at the latest; in a script they show by
+    ``plt.show()``. Where nobody could see them (a backend that only writes files, another thread,
+    `unseen`) pyplot does not learn of them, and they last as long as the caller keeps them.
+
+    Example:
+        >>> class Comparison:
+        ...     @showing
+        ...     def plot(self) -> Figure: ...
+    """
+
+    @wraps(draw)
+    def drawn(*args: _P.args, **kwargs: _P.kwargs) -> Figure:
+        figure = draw(*args, **kwargs)
+        if _SEEN.get() and threading.current_thread() is threading.main_thread():
+            _hand_over(figure)
+        return figure
+
+    return drawn
+
+
+def unseen(draw: Callable[[], Figure]) -> Figure:
+    """A figure that is made to be written, and is shown nowhere."""
+    token = _SEEN.set(False)
+    try:
+        return draw()
+    finally:
+        _SEEN.reset(token)
+
+
+def _hand_over(figure: Figure) -> None:
+    """Give a figure to pyplot, if its backend can show it; the oldest gives way to the newest."""
+    import matplotlib.pyplot as plt
+    from matplotlib._pylab_helpers import Gcf
+    from matplotlib.backends.registry import BackendFilter, backend_registry
+
+    backend = plt.get_backend().lower()
+    if backend in backend_registry.list_builtin(BackendFilter.NON_INTERACTIVE):
+        return
+    inline = backend.endswith("inline")
+    waiting = [manager.canvas.figure for manager in Gcf.get_all_fig_managers()]
+    while len(waiting) >= _MOST and (ours := [one for one in waiting if one in _OURS]):
+        waiting.remove(ours[0])
+        if inline:
+            from IPython.display import display
+
+            display(ours[0])
+        plt.close(ours[0])
+    _OURS.add(figure)
+    if inline:
+        hook = partial(_displayed, figure)
+        figure._repr_mimebundle_ = hook  # pyright: ignore[reportAttributeAccessIssue]
+    plt.figure(FigureClass=lambda **_: figure)  # pyright: ignore[reportArgumentType]
+
+
+def _displayed(figure: Figure, **_: Any) -> dict[str, str]:
+    """What a notebook asks for before it draws a figure, which must not show once more."""
+    import matplotlib.pyplot as plt
+
+    plt.close(figure)
+    return {}
 
 
 def literal(name: str) -> str:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Callable
 from io import BytesIO
 from typing import TYPE_CHECKING
+
+from diffthrust._support.figures import unseen
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,8 +29,8 @@ img { max-width: 100%; } pre { background: #f5f5f5; padding: .8rem; overflow-x: 
 """The style of every page."""
 
 
-def image(figure: Figure) -> str:
-    """A figure as a PNG in base64."""
+def image(draw: Callable[[], Figure]) -> str:
+    """A figure as a PNG in base64, for the page alone."""
     out = BytesIO()
-    figure.savefig(out, format="png", dpi=90)
+    unseen(draw).savefig(out, format="png", dpi=90)
     return base64.b64encode(out.getvalue()).decode("ascii")

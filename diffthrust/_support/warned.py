@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
 from contextvars import ContextVar
+
+from diffthrust._support import progress
 
 _silent: ContextVar[bool] = ContextVar("silent", default=False)
 
@@ -15,5 +18,9 @@ def silence() -> None:
 
 def warn(message: str, category: type[Warning]) -> None:
     """Give out a warning of the function that calls this, as seen from where that was called."""
-    if not _silent.get():
-        warnings.warn(message, category, stacklevel=3)
+    if _silent.get():
+        return
+    level, frame = 3, sys._getframe(2)
+    while frame.f_back is not None and frame.f_globals.get("__name__") == progress.__name__:
+        level, frame = level + 1, frame.f_back  # its decorator was not called by the user
+    warnings.warn(message, category, stacklevel=level)

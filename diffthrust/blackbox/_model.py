@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Literal
 
+from diffthrust._support.figures import showing
+from diffthrust._support.results import Result
 from diffthrust.blackbox._sampled_model import SampledModel
 from diffthrust.logs._log import Log
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from rich.console import RenderableType
 
 
-class BlackBox(SampledModel):
+class BlackBox(Result, SampledModel):
     """A sampled linear model of a log's inputs and outputs, with its parameters and errors."""
 
     def to_control(self, form: Literal["transfer", "states"] = "transfer") -> Any:
@@ -28,12 +31,15 @@ class BlackBox(SampledModel):
 
         return control_object(self, form)
 
-    def report(self) -> str:
-        """Parameters, poles, errors and notes as text."""
+    def _line(self) -> str:
+        return f"{self}: {self.status}, {self.samples} samples"
+
+    def _told(self) -> RenderableType:
         from diffthrust.blackbox._tables import model_table
 
         return model_table(self)
 
+    @showing
     def plot(self, log: Log) -> Figure:
         """Measured, simulated and predicted outputs of a log, and the residuals."""
         from diffthrust.blackbox._figures import model_figure

@@ -10,6 +10,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
+from diffthrust._support.results import Brief
 from diffthrust._support.transfer import Transfer, transfer_of
 from diffthrust.blackbox._continuous import Method, continued
 from diffthrust.blackbox._records import Channels
@@ -22,8 +23,8 @@ from diffthrust.simulation._errors import Errors, errors
 ModelKind = Literal["arx", "armax", "output_error", "state_space"]
 
 
-@dataclass(frozen=True, eq=False)
-class SampledModel:
+@dataclass(frozen=True, eq=False, repr=False)
+class SampledModel(Brief):
     """A sampled linear model of a log's inputs and outputs.
 
     Args:

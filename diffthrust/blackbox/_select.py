@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
+from diffthrust._support.results import Result
 from diffthrust.blackbox._model import BlackBox
 from diffthrust.blackbox._orders import whole
 from diffthrust.blackbox._polynomial import armax, arx, output_error
 from diffthrust.blackbox._sampled_model import ModelKind
 from diffthrust.blackbox._subspace import state_space
 from diffthrust.logs._log import Log
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
 
 _POLYNOMIAL: tuple[ModelKind, ...] = ("arx", "armax", "output_error")
 
@@ -50,8 +54,8 @@ class Candidate:
         return self.model.bic if self.model else np.inf
 
 
-@dataclass(frozen=True)
-class Selection:
+@dataclass(frozen=True, repr=False)
+class Selection(Result):
     """All that was tried.
 
     Args:
@@ -75,9 +79,8 @@ class Selection:
         assert model is not None  # `select` refuses a selection without any
         return model
 
-    def report(self) -> str:
-        """The table; a star marks the one chosen."""
-        from diffthrust._support.tables import number, plain_table, rendered
+    def _told(self) -> RenderableType:
+        from diffthrust._support.tables import number, plain_table, together
 
         headings = ("", "Kind", "Order", "Delay", "BIC", "One step", "Simulated", "Unseen", "")
         table = plain_table(*headings, numbers=range(2, 8))
@@ -95,11 +98,16 @@ class Selection:
                 row.remark,
             )
         criterion = "BIC" if self.by == "bic" else "the NRMSE of unseen logs"
-        return rendered(table) + f"Chosen by {criterion}; the other errors are NRMSE, too.\n"
+        said = f"A star marks the one chosen by {criterion}; the other errors are NRMSE, too."
+        return together(table, said)
 
     def _score(self, row: Candidate) -> float:
         value = row.bic if self.by == "bic" else row.unseen
         return np.inf if np.isnan(value) else value
+
+    def _line(self) -> str:
+        count = len(self.candidates)
+        return f"{self.chosen.kind.replace('_', ' ')}, order {self.chosen.order}, of {count} tried"
 
 
 def select(

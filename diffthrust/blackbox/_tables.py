@@ -6,12 +6,11 @@ import numpy as np
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from diffthrust._support.tables import rendered
 from diffthrust.blackbox._sampled_model import SampledModel
 from diffthrust.estimation._tables import parameter_table
 
 
-def model_table(model: SampledModel) -> str:
+def model_table(model: SampledModel) -> RenderableType:
     """Kind, orders, parameters, poles and notes."""
     channels = model.channels
     noise = ", ".join(f"{name} {value:.4g} {channels.units[name]}".rstrip()
@@ -30,7 +29,7 @@ def model_table(model: SampledModel) -> str:
         Text(f"One-step error: {noise}; {model.samples} samples; BIC {model.bic:.1f}"),
         *(Text(f"Note: {note}") for note in model.notes),
     ]  # fmt: skip
-    return rendered(Group(*parts))
+    return Group(*parts)
 
 
 def complex_word(value: complex) -> str:

@@ -11,7 +11,7 @@ from typing import NoReturn
 from diffthrust._support._running.pool import processors
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import ending
-from diffthrust._support.progress import Progress
+from diffthrust._support.progress import Progress, ProgressOption, progressing, teller
 from diffthrust.checks._result import Checked, FitRun
 from diffthrust.checks._run import Task, run_again, run_all
 from diffthrust.specs._file import NAME
@@ -20,11 +20,12 @@ _FEWEST = 3
 """Fits below which another process is not worth its start."""
 
 
+@progressing
 def check(
     directory: Path | str,
     update: bool = False,
-    progress: Progress | None = None,
     *,
+    progress: ProgressOption = None,
     jobs: int | None = None,
     junit: Path | str | None = None,
 ) -> Checked:
@@ -37,7 +38,7 @@ def check(
     Args:
         directory: a folder of fits, at any depth, or the folder of one fit.
         update: write the [expected] blocks of fits that moved, or that have none.
-        progress: called with the name of a fit and the share done.
+        progress: True for a bar, or a function of the name of a fit and the share done.
         jobs: how many fits at a time, each in a process of its own with one thread and some 300 MB;
             1 runs all in this process. By default as many as there are processors, at most one for
             three fits.
@@ -59,7 +60,7 @@ def check(
     if junit is not None:
         ending(Path(junit), ".xml")
     tasks = tasks_in(Path(directory), update)
-    runs = _runs(tasks, min(len(tasks), jobs or default_jobs(len(tasks))), progress)
+    runs = _runs(tasks, min(len(tasks), jobs or default_jobs(len(tasks))), teller(progress))
     _warn(runs)
     checked = Checked(tuple(runs))
     if junit is not None:
@@ -112,19 +113,17 @@ def default_jobs(count: int) -> int:
     return max(1, min(processors(), -(-count // _FEWEST)))
 
 
-def _runs(tasks: Sequence[Task], jobs: int, progress: Progress | None) -> list[FitRun]:
+def _runs(tasks: Sequence[Task], jobs: int, tell: Progress) -> list[FitRun]:
     """Run all; the outcomes come in the order of the tasks, whatever finishes first."""
     if jobs == 1:
         each = ((i, run_again(*task)) for i, task in enumerate(tasks))
     else:
         each = run_all(tasks, jobs)
     outcomes: dict[int, FitRun] = {}
-    if progress:
-        progress(tasks[0].fit, 0.0)
+    tell(tasks[0].fit, 0.0)
     for i, run in each:
         outcomes[i] = run
-        if progress:
-            progress(run.fit, len(outcomes) / len(tasks))
+        tell(run.fit, len(outcomes) / len(tasks))
     return [outcomes[i] for i in range(len(tasks))]
 
 
@@ -134,4 +133,4 @@ def _warn(runs: Sequence[FitRun]) -> None:
 
     for run in runs:
         for text in run.warnings:
-            warnings.warn(f"{run.fit}: {text}", CoarseStepWarning, stacklevel=3)
+            warnings.warn(f"{run.fit}: {text}", CoarseStepWarning, stacklevel=4)

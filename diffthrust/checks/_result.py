@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from diffthrust._support.results import Brief, Result
 from diffthrust.checks._expected import CheckRow
 
+if TYPE_CHECKING:
+    from rich.console import RenderableType
 
-@dataclass(frozen=True)
-class FitRun:
+
+@dataclass(frozen=True, repr=False)
+class FitRun(Brief):
     """One fit, run again.
 
     Args:
@@ -50,8 +54,8 @@ def not_run(fit: str, problem: str, mend: str) -> CheckRow:
     return CheckRow(fit, "cannot be run", None, problem, None, False, mend)
 
 
-@dataclass(frozen=True)
-class Checked:
+@dataclass(frozen=True, repr=False)
+class Checked(Result):
     """The outcome of a check.
 
     Args:
@@ -69,6 +73,14 @@ class Checked:
     def ok(self) -> bool:
         """Whether every row agrees."""
         return all(run.ok for run in self.runs)
+
+    def _line(self) -> str:
+        return f"{len(self.runs)} fits, {sum(not run.ok for run in self.runs)} failed"
+
+    def _told(self) -> RenderableType:
+        from diffthrust.checks._tables import check_table
+
+        return check_table(self)
 
     @property
     def fits(self) -> tuple[str, ...]:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Protocol
 
 from rich.console import Group, RenderableType
 from rich.markup import escape
@@ -14,13 +14,32 @@ from diffthrust._support.tables import number, plain_table, with_error
 
 if TYPE_CHECKING:
     from diffthrust.checks._expected import CheckRow
-    from diffthrust.checks._result import Checked
 
 _LISTED = 10
 """Names that the summary lists."""
 
 
-def check_table(checked: Checked, everything: bool = False) -> RenderableType:
+class _Checked(Protocol):
+    """What is shown of a check."""
+
+    @property
+    def rows(self) -> tuple[CheckRow, ...]: ...
+    @property
+    def runs(self) -> Sequence[_Ran]: ...
+    @property
+    def updated(self) -> tuple[str, ...]: ...
+
+
+class _Ran(Protocol):
+    """What is shown of a fit that was run again."""
+
+    @property
+    def fit(self) -> str: ...
+    @property
+    def ok(self) -> bool: ...
+
+
+def check_table(checked: _Checked, everything: bool = False) -> RenderableType:
     """What moved, the largest first, with what to do about it, and a summary.
 
     Args:
@@ -104,7 +123,7 @@ def _remarks(rows: Iterable[CheckRow]) -> list[Text]:
     return [*problems, *(Text(f"{_names(who)}. Mend: {mend}") for mend, who in fits.items())]
 
 
-def _summary(checked: Checked) -> list[Text]:
+def _summary(checked: _Checked) -> list[Text]:
     failed = [run.fit for run in checked.runs if not run.ok]
     fits = _fits(len(checked.runs))
     if not failed and checked.updated:

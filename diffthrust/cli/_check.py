@@ -51,7 +51,7 @@ def check_command(
         from diffthrust.checks._check import check
         from diffthrust.checks._tables import check_table
 
-        checked = check(directory, update, progress, jobs=jobs, junit=junit)
+        checked = check(directory, update, progress=progress, jobs=jobs, junit=junit)
         if json:
             write_json(json, checked.to_json())
     show(check_table(checked, everything))

@@ -38,7 +38,7 @@ def compare_command(
 
         loaded = load_spec(spec)
         train, holdout = loaded.train_logs(), loaded.holdout_logs()
-        fit = None if no_fit else loaded.fit(progress, train=train, holdout=holdout)
+        fit = None if no_fit else loaded.fit(progress=progress, train=train, holdout=holdout)
         comparisons = comparisons_of(fit or loaded.model, train, holdout)
         if json:
             parts = {name.split()[0]: c.to_json() for name, c in comparisons.items()}
@@ -52,7 +52,7 @@ def compare_command(
                 report, title=loaded.name, spec=loaded.text, comparisons=comparisons, fit=fit
             )
         if figure:
-            write_figure(figure, list(comparisons.values())[-1].plot())
+            write_figure(figure, list(comparisons.values())[-1].plot)
     if fit:
         show(f"Status: {fit.status.value}. {fit.message}")
     for name, comparison in comparisons.items():

@@ -46,9 +46,9 @@ def _fitted(output: Path) -> None:
 
         loaded = load_spec(_demo_folder())
         train, holdout = loaded.train_logs(), loaded.holdout_logs()
-        fit = loaded.fit(progress, train=train, holdout=holdout)
+        fit = loaded.fit(progress=progress, train=train, holdout=holdout)
         figure = folder_at(output) / "comparison.png"
-        write_figure(figure, comparisons_of(fit, train, holdout)["unseen logs"].plot())
+        write_figure(figure, comparisons_of(fit, train, holdout)["unseen logs"].plot)
     show(fit_table(fit))
     assert fit.holdout is not None
     show(f"Error on the unseen log: NRMSE {fit.holdout.nrmse:.4f}.")

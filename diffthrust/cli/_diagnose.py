@@ -37,7 +37,7 @@ def diagnose_command(
         from diffthrust.specs._spec import load_spec
 
         loaded = load_spec(spec)
-        diagnosis = loaded.diagnose(progress, candidates=effect_names(candidates))
+        diagnosis = loaded.diagnose(progress=progress, candidates=effect_names(candidates))
         if json:
             write_json(json, diagnosis.to_json())
         if report:

@@ -15,7 +15,7 @@ def fit_command(spec: SpecPath, json: JsonPath = None, report: ReportPath = None
 
         loaded = load_spec(spec)
         train, holdout = loaded.train_logs(), loaded.holdout_logs()
-        fit = loaded.fit(progress, train=train, holdout=holdout)
+        fit = loaded.fit(progress=progress, train=train, holdout=holdout)
         if json:
             write_json(json, fit.to_json())
         if report:

@@ -120,7 +120,7 @@ def map_command(
         train, unseen = loaded.train_logs(), loaded.holdout_logs()
         if amplitudes is None:
             grids["amplitudes"] = _within(loaded.model, input, train, bias)
-        fit = None if no_fit else loaded.fit(progress, train=train, holdout=unseen)
+        fit = None if no_fit else loaded.fit(progress=progress, train=train, holdout=unseen)
         asked: Any = {
             **{"input": input, "output": output, "bias": bias},
             **{"method": method.value, "harmonics": harmonics},
@@ -135,7 +135,7 @@ def map_command(
             status = {"status": fit.status.value, "message": fit.message} if fit else None
             write_json(json, {**response.to_json(), "fit": status})
         if figure:
-            write_figure(figure, response.plot())
+            write_figure(figure, response.plot)
     if fit:
         show(f"Status: {fit.status.value}. {fit.message}")
     show(table)

@@ -60,6 +60,7 @@ def sample_command(
 ) -> None:
     """Draw from the posterior: what the logs say of each parameter, and how far to trust it."""
     with session() as progress:
+        from diffthrust._support.progress import part, teller
         from diffthrust.specs._spec import load_spec
         from diffthrust.uncertainty._sampling.page import write_posterior_page
         from diffthrust.uncertainty._sampling.sample import check_sampling, sample
@@ -69,7 +70,8 @@ def sample_command(
         check_sampling(method.value, draws, warmup, chains, seed, walkers, file)  # before the fit
         loaded = load_spec(spec)
         train, unseen = loaded.train_logs(), loaded.holdout_logs()
-        fit = loaded.fit(progress, train=train, holdout=unseen)
+        tell = teller(progress)
+        fit = loaded.fit(progress=part(tell, 0.0, 0.2), train=train, holdout=unseen)
         post = sample(
             fit,
             train,
@@ -80,7 +82,7 @@ def sample_command(
             chains=chains,
             seed=seed,
             file=file,
-            progress=progress,
+            progress=part(tell, 0.2, 1.0),
         )
         posterior = sampled(post, fit, train, unseen, seed=seed)
         if json:

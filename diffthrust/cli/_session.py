@@ -29,10 +29,11 @@ FIGURE_TYPES = (".png", ".svg", ".pdf")
 def session() -> Iterator[Progress | None]:
     """What every command needs: the cache, progress on a terminal, and errors as one message."""
     from diffthrust._support._running.cache import enable_compilation_cache
+    from diffthrust._support.progress import bar
 
     try:
         enable_compilation_cache()
-        with warnings.catch_warnings(), _progress() as progress:
+        with warnings.catch_warnings(), bar("reading") as progress:
             warnings.showwarning = _warned
             yield progress
     except InputError as error:
@@ -59,22 +60,8 @@ def _warned(message: Warning | str, category: type[Warning], *_: Any, **__: Any)
     from diffthrust.simulation._step_size import CoarseStepWarning
 
     if issubclass(category, CoarseStepWarning):
-        typer.echo(f"Warning: {message}", err=True)
-
-
-@contextmanager
-def _progress() -> Iterator[Progress | None]:
-    """A bar on standard error where that is a terminal; nothing elsewhere."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("reading", total=1.0)
-        yield lambda message, share: bar.update(task, description=message, completed=share)
+        over = "\r\x1b[K" if sys.stderr.isatty() else ""  # the line of the bar
+        typer.echo(f"{over}Warning: {message}", err=True)
 
 
 SpecPath = Annotated[
@@ -134,16 +121,19 @@ def show(thing: RenderableType) -> None:
     from rich.console import Console
 
     # files and pipes have no width: let no table be folded there
-    console = Console(width=None if sys.stdout.isatty() else 140, highlight=False)
+    width = None if sys.stdout.isatty() else 140
+    console = Console(width=width, highlight=False, force_jupyter=False)
     console.print(thing)
 
 
-def write_figure(path: Path, figure: Figure) -> None:
+def write_figure(path: Path, draw: Callable[[], Figure]) -> None:
     """Write a figure in the format that the name of the file ends in."""
     from io import BytesIO
 
+    from diffthrust._support.figures import unseen
+
     out = BytesIO()
-    figure.savefig(out, format=ending(path, *FIGURE_TYPES).removeprefix("."), dpi=120)
+    unseen(draw).savefig(out, format=ending(path, *FIGURE_TYPES).removeprefix("."), dpi=120)
     write_whole(path, out.getvalue())
 
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 from rich.console import Group, RenderableType
 from rich.markup import escape
-from rich.table import Table
 from rich.text import Text
 
+from diffthrust._support.tables import FittedTable
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
 
@@ -23,7 +23,7 @@ def catalogue_table(effects: Iterable[type[Effect]], models: Mapping[str, Model]
     for effect in sorted(effects, key=lambda e: (e.port, e.name)):
         suits = [name for name, model in models.items() if _suits(model, effect())]
         first = (effect.__doc__ or "").strip().splitlines()
-        table = Table(box=None, show_header=False, padding=(0, 1), pad_edge=False)
+        table = FittedTable(box=None, show_header=False, padding=(0, 1), pad_edge=False)
         table.add_column(style="dim", no_wrap=True)
         table.add_column()
         table.add_row("  port", ", ".join(effect.ports))
@@ -48,7 +48,7 @@ def _suits(model: Model, effect: Effect) -> bool:
 
 def datasets_table(sets: Iterable[DataSet]) -> RenderableType:
     """The public logs: what each set is, its licence, and where it comes from."""
-    table = Table(box=None, pad_edge=False)
+    table = FittedTable(box=None, pad_edge=False)
     table.add_column("name", style="bold cyan", no_wrap=True)
     table.add_column("what it is")
     table.add_column("licence")

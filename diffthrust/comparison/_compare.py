@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.figures import showing
 from diffthrust._support.names import listing
+from diffthrust._support.results import Result
 from diffthrust._support.words import percent
 from diffthrust.comparison._agreement import Agreement, agreement, hints
 from diffthrust.comparison._derived_signals import signals_of, units_of
@@ -35,8 +37,8 @@ _TELLING = 50
 """Fewer samples do not tell laws of noise apart."""
 
 
-@dataclass(frozen=True)
-class Comparison:
+@dataclass(frozen=True, repr=False)
+class Comparison(Result):
     """A model held against logs.
 
     Args:
@@ -167,6 +169,7 @@ class Comparison:
                     f"{percent(share)} of the squared error of all runs."
                 )
 
+    @showing
     def plot(self, runs: Sequence[str] | None = None) -> Figure:
         """Measured and modelled on top, residual below, for each channel.
 
@@ -188,6 +191,7 @@ class Comparison:
         shown = self.runs if runs is None else tuple(r for r in self.runs if r.name in runs)
         return comparison_figure(self.model, shown)
 
+    @showing
     def plot_residuals(self) -> Figure:
         """For each channel the residual with its worst regime, and its correlations.
 
@@ -228,11 +232,13 @@ class Comparison:
         heading = f"{self.model}{f', {title}' if title else ''}"
         return comparison_table(heading, self.model, self.runs, self.errors, self.findings)
 
-    def report(self) -> str:
-        """Errors of each run, where the error sits, residual tests and hints, for people."""
-        from diffthrust._support.tables import rendered
+    def _line(self) -> str:
+        each = ", ".join(f"{name} {e.nrmse:.3g}" for name, e in self.errors.channels.items())
+        count = f"{len(self.runs)} log{'s' if len(self.runs) > 1 else ''}"
+        return f"{self.model} on {count}: NRMSE {self.errors.nrmse:.3g} ({each})"
 
-        return rendered(self.table())
+    def _told(self) -> RenderableType:
+        return self.table()
 
     def to_json(self) -> dict[str, Any]:
         """Errors, pooled and by run, regimes, residual tests and hints as plain data."""

@@ -115,7 +115,7 @@ def write_comparison_page(
             for row in _errors(name, comparison.errors)
         ],
         notes=fit.notes if fit else (),
-        figures=[(name, image(c.plot())) for name, c in comparisons.items()],
+        figures=[(name, image(c.plot)) for name, c in comparisons.items()],
         checks=_checks(fit) if fit else [],
         spec=spec,
     )

@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.correlation import autocorrelation, covariance, integral, ljung_box
+from diffthrust._support.results import Brief
 
 _LEVEL = 0.05
 _NORMAL = NormalDist()
 
 
-@dataclass(frozen=True, eq=False)
-class CrossCorrelation:
+@dataclass(frozen=True, eq=False, repr=False)
+class CrossCorrelation(Brief):
     """Correlation of a residual with one signal over lags.
 
     Args:
@@ -60,8 +61,8 @@ class CrossCorrelation:
         }
 
 
-@dataclass(frozen=True, eq=False)
-class ResidualTests:
+@dataclass(frozen=True, eq=False, repr=False)
+class ResidualTests(Brief):
     """Tests of the residual of one channel, pooled over runs.
 
     Args:

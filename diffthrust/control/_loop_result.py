@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.figures import showing
 from diffthrust.control._assembly import LoopAssembly
 from diffthrust.control._recorded import RunSignals, bounded
 from diffthrust.logs._log import Log
@@ -123,6 +124,7 @@ class LoopRun(RunSignals):
         relative = rms / size if size > 1e-12 * (1.0 + rms) else float("nan")
         return Tracking(rms, float(np.max(np.abs(error))), relative)
 
+    @showing
     def plot(self) -> Figure:
         """Reference and position, error, thrust, command and estimates over time."""
         from diffthrust.control._figures import run_figure

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.results import Brief
 from diffthrust._support.validation import finite
 
 Followed = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -80,8 +81,8 @@ class Step:
         return value, np.zeros_like(time), np.zeros_like(time)
 
 
-@dataclass(frozen=True, eq=False)
-class Trajectory:
+@dataclass(frozen=True, eq=False, repr=False)
+class Trajectory(Brief):
     """Given by samples, straight between them and constant beyond their ends.
 
     Args:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from diffthrust._support.figures import showing
 from diffthrust.control._assembly import VesselAssembly
 from diffthrust.control._path import Path
 from diffthrust.control._recorded import RunSignals, bounded
@@ -126,6 +127,7 @@ class TrackRun(RunSignals):
             notes=self.notes_of("MPC"),
         )
 
+    @showing
     def plot(self) -> Figure:
         """The path over the water; errors, inputs with their limits, and estimates over time."""
         from diffthrust.control._figures import track_figure

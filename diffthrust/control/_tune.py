@@ -15,6 +15,7 @@ from jaxtyping import Array
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
+from diffthrust._support.results import Result
 from diffthrust._support.validation import finite
 from diffthrust.control._faults import FaultNumbers
 from diffthrust.control._loop import Loop
@@ -57,8 +58,8 @@ class Effort:
         return jnp.stack([counts * signals["error"], counts * self.price * signals["command"]])
 
 
-@dataclass(frozen=True)
-class Tuning:
+@dataclass(frozen=True, repr=False)
+class Tuning(Result):
     """Gains before and after.
 
     Args:
@@ -90,7 +91,10 @@ class Tuning:
             if any(math.isclose(after, end, rel_tol=1e-3) for end in known[name].limits)
         )
 
-    def report(self) -> str:
+    def _line(self) -> str:
+        return f"cost {self.cost[0]:.4g} to {self.cost[1]:.4g} by {', '.join(self.gains)}"
+
+    def _told(self) -> str:
         """The gains and the cost, before and after, as text."""
         rows = [("gain", "before", "after")]
         for name, (a, b) in self.gains.items():

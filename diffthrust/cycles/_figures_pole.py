@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.figures import literal, styled
+from diffthrust._support.figures import literal, showing, styled
 from diffthrust._support.transfer import Transfer, transfer_of
 from diffthrust.cycles._crossings import grid_of, loop_poles
 from diffthrust.cycles._element import Nonlinearity
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 _COUNT = 64
 
 
+@showing
 def plot_pole_motion(
     linear: Any, nonlinearity: Any, *, amplitudes: ArrayLike | None = None
 ) -> Figure:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from diffthrust._support.results import Brief
 from diffthrust.cycles._oscillation import CycleSeries, Oscillation
 
 
-@dataclass(frozen=True)
-class LimitCycle:
+@dataclass(frozen=True, repr=False)
+class LimitCycle(Brief):
     """One limit cycle.
 
     Args:

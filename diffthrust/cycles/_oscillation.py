@@ -7,9 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from diffthrust._support.results import Brief
 
-@dataclass(frozen=True)
-class Oscillation:
+
+@dataclass(frozen=True, repr=False)
+class Oscillation(Brief):
     """A periodic signal at the input of the nonlinear element.
 
     Args:
@@ -36,8 +38,8 @@ class Oscillation:
         )
 
 
-@dataclass(frozen=True)
-class CycleSeries:
+@dataclass(frozen=True, repr=False)
+class CycleSeries(Brief):
     """Input and output of the element over a period: the real part of sum c_k exp(j k w t).
 
     Args:
@@ -81,8 +83,8 @@ class CycleSeries:
         )
 
 
-@dataclass(frozen=True)
-class LoopCourse:
+@dataclass(frozen=True, repr=False)
+class LoopCourse(Brief):
     """A simulated course of the element's input.
 
     Args:

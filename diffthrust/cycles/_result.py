@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from diffthrust._support.figures import showing
+from diffthrust._support.results import Result
 from diffthrust._support.transfer import Transfer
 from diffthrust.cycles._element import Nonlinearity
 from diffthrust.cycles._limit_cycle import LimitCycle
@@ -17,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False)
-class LimitCycles:
+class LimitCycles(Result):
     """All limit cycles found in a range.
 
     Args:
@@ -53,9 +55,6 @@ class LimitCycles:
 
     def __getitem__(self, index: int) -> LimitCycle:
         return self.cycles[index]
-
-    def __repr__(self) -> str:
-        return f"LimitCycles: {self.sentence}"
 
     @property
     def unit(self) -> str:
@@ -135,7 +134,10 @@ class LimitCycles:
             )
         return said
 
-    def report(self) -> str:
+    def _line(self) -> str:
+        return self.sentence
+
+    def _told(self) -> str:
         """The answer, a table of the cycles with what simulation made of each, and notes."""
         lines = [f"G = {self.transfer}", f"N: {self.element}", "", self.sentence]
         for number, c in enumerate(self.cycles, 1):
@@ -160,6 +162,7 @@ class LimitCycles:
             lines += ["", *self.notes]
         return "\n".join(lines)
 
+    @showing
     def plot(self) -> Figure:
         """G(jw) and -1/N(A, w) in the complex plane, with the cycles at their intersections."""
         from diffthrust.cycles._figures_nyquist import nyquist_figure

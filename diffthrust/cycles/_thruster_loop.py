@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.figures import showing
+from diffthrust._support.results import Result
 from diffthrust.cycles._element import positive
 from diffthrust.cycles._find import limit_cycles
 from diffthrust.cycles._model_element import ModelElement, checked_model
@@ -25,8 +27,8 @@ PAPER = {"simulated": 15.6, "predicted": 15.7}
 """Amplitude of the command [N] in Yoerger et al. 1990, section IV and figure 14."""
 
 
-@dataclass(frozen=True)
-class ThrusterLoop:
+@dataclass(frozen=True, repr=False)
+class ThrusterLoop(Result):
     """The limit cycle of a thruster loop, by two formulas, by balance, and by simulation.
 
     Args:
@@ -93,7 +95,10 @@ class ThrusterLoop:
         theirs = (340.0, 67.0, 1.0, 0.707)
         return all(math.isclose(a, b, rel_tol=2e-3) for a, b in zip(ours, theirs, strict=True))
 
-    def report(self) -> str:
+    def _line(self) -> str:
+        return self.found.sentence
+
+    def _told(self) -> str:
         """All predictions beside the simulation, the paper's figures where they apply, in words."""
         lines = [
             f"Vehicle of {self.mass:.4g} kg, drag {self.drag:.4g} N s^2/m^2; controller designed "
@@ -160,6 +165,7 @@ class ThrusterLoop:
             thrust = self.mass * rise + self.drag * thrust * np.abs(thrust)
         return LoopCourse(run.time, k * run.input, thrust, run.fled)
 
+    @showing
     def plot(self, displacement: float = 0.02, duration: float = 60.0) -> Figure:
         """Command and thrust from rest beside the set point (the paper's figure 14)."""
         from diffthrust.cycles._figures_course import course_figure
@@ -173,6 +179,7 @@ class ThrusterLoop:
         )
         return course_figure(self.course(displacement, duration), levels, title)
 
+    @showing
     def plot_poles(self) -> Figure:
         """How the closed loop's poles move as the command grows (the paper's figure 13)."""
         from diffthrust.cycles._figures_pole import pole_figure

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from diffthrust._support.figures import showing
+from diffthrust._support.results import Result
 from diffthrust.describing._describe import formula_values, notes_of, periodic_values
 from diffthrust.describing._formulas import FORMULAS
 from diffthrust.describing._periodic.respond import Reason
@@ -16,23 +18,27 @@ from diffthrust.uncertainty._prediction.draws import draws_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from rich.console import RenderableType
 
 
-class DescribingBand(BandValues):
+class DescribingBand(Result, BandValues):
     """Gain and phase of a describing function with intervals, as words, figure and plain data."""
 
+    @showing
     def plot(self) -> Figure:
         """Gain and phase over frequency with their bands, for some of the amplitudes."""
         from diffthrust.describing._figures import band_figure
 
         return band_figure(self)
 
-    def report(self) -> str:
-        """The intervals as text for people."""
-        from diffthrust._support.tables import rendered
+    def _line(self) -> str:
+        size = f"{self.amplitudes.size} amplitudes, {self.frequencies.size} frequencies"
+        return f"{self.model}, {self.input} to {self.output}: {size}, {self.draws.shape[0]} draws"
+
+    def _told(self) -> RenderableType:
         from diffthrust.describing._tables import band_table
 
-        return rendered(band_table(self))
+        return band_table(self)
 
     def to_json(self) -> dict[str, Any]:
         """The intervals as plain data, ``null`` where there is none."""

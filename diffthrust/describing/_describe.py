@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from diffthrust._support.progress import Progress, ProgressOption, progressing, teller
 from diffthrust._support.words import joined
 from diffthrust.describing._formulas import FORMULAS, quasi_linear
 from diffthrust.describing._map import DescribingMap
 from diffthrust.describing._periodic.continuation import respond_with_neighbours
 from diffthrust.describing._periodic.period import Cycle, Lane, remembers
-from diffthrust.describing._periodic.respond import PeriodicResponses, Reason
+from diffthrust.describing._periodic.respond import PeriodicResponses, Reason, Solver
 from diffthrust.describing._periodic.solvers import HarmonicBalance, Shooting
 from diffthrust.describing._periodic.truncation import left_out, more_than, too_few
 from diffthrust.describing._request import MapRequest, request
@@ -20,6 +21,7 @@ from diffthrust.estimation._result import Fit
 from diffthrust.simulation._dependence import states_behind
 
 
+@progressing
 def describing_function(
     model: Any,
     amplitudes: Sequence[float] | np.ndarray | float,
@@ -33,6 +35,7 @@ def describing_function(
     bias: float = 0.0,
     others: Mapping[str, float] | None = None,
     sensors: bool = False,
+    progress: ProgressOption = None,
 ) -> DescribingMap:
     """Gain and phase of a model under a sinusoid, over amplitude and frequency.
 
@@ -69,6 +72,7 @@ def describing_function(
         others: constant values of other inputs that the model or its effects read.
         sensors: count the effects on what the sensors report. They are left out by default: what
             acts on a vehicle is the thrust, and not its measurement.
+        progress: True for a bar, or a function of a message and the share done.
 
     Returns:
         A `DescribingMap`.
@@ -89,15 +93,18 @@ def describing_function(
         model, amplitudes, frequencies, input=input, output=output, method=method,
         harmonics=harmonics, samples=samples, bias=bias, others=others, sensors=sensors,
     )  # fmt: skip
-    return maps_of([asked], [model])[0]
+    return maps_of([asked], [model], teller(progress))[0]
 
 
-def maps_of(asked: Sequence[MapRequest], models: Sequence[Any]) -> list[DescribingMap]:
+def maps_of(
+    asked: Sequence[MapRequest], models: Sequence[Any], progress: Progress | None = None
+) -> list[DescribingMap]:
     """The maps of models of one structure, worked out together.
 
     Args:
         asked: of each, the same but for the values of the parameters.
         models: as the user gave them, for the notes.
+        progress: called with a message and the share done.
     """
     first = asked[0]
     given = {
@@ -126,7 +133,7 @@ def maps_of(asked: Sequence[MapRequest], models: Sequence[Any]) -> list[Describi
             DescribingMap(complex=value, reason=reason, **shared)
             for value, shared in zip(values, common, strict=True)
         ]
-    responses, error = periodic_values(first, given)
+    responses, error = periodic_values(first, given, progress)
     settled = responses.reason == Reason.SETTLED
 
     def shown(values: np.ndarray) -> np.ndarray:
@@ -161,7 +168,7 @@ def formula_values(asked: MapRequest, given: Mapping[str, np.ndarray]) -> np.nda
 
 
 def periodic_values(
-    asked: MapRequest, given: Mapping[str, np.ndarray]
+    asked: MapRequest, given: Mapping[str, np.ndarray], progress: Progress | None = None
 ) -> tuple[PeriodicResponses, np.ndarray | None]:
     """Periodic responses by draw and point, of parameters ``(D,)``, and what they leave out.
 
@@ -188,11 +195,15 @@ def periodic_values(
     states = states_behind(asked.model, asked.output, asked.states, signals)
     count = len(states)
     cycle = Cycle(asked.input, asked.output, 1, 4 if remembers(asked.model) else 1, states=states)
+
+    def found(solver: Solver) -> PeriodicResponses:
+        return respond_with_neighbours(
+            solver, cycle, lanes, shape, samples=asked.samples, progress=progress
+        )
+
     if asked.method != "harmonic_balance" or not count:
-        solver = Shooting(asked.model, count)
-        return respond_with_neighbours(solver, cycle, lanes, shape, samples=asked.samples), None
-    solver = HarmonicBalance(asked.model, count, asked.harmonics)
-    responses = respond_with_neighbours(solver, cycle, lanes, shape, samples=asked.samples)
+        return found(Shooting(asked.model, count)), None
+    responses = found(HarmonicBalance(asked.model, count, asked.harmonics))
     richer = HarmonicBalance(asked.model, count, more_than(asked.harmonics))
     error = left_out(richer, cycle, lanes, responses)
     responses.reason[too_few(error)] = Reason.FEW_HARMONICS

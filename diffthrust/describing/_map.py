@@ -8,14 +8,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.figures import showing
+from diffthrust._support.results import Result
 from diffthrust.describing._periodic.respond import Reason
 from diffthrust.describing._values import DescribingValues
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from rich.console import RenderableType
 
 
-class DescribingMap(DescribingValues):
+class DescribingMap(Result, DescribingValues):
     """Gain and phase over amplitude and frequency, as numbers, words, figures and plain data."""
 
     def at(self, amplitude: ArrayLike, frequency: ArrayLike) -> Any:
@@ -58,12 +61,15 @@ class DescribingMap(DescribingValues):
         between = (parts[0] + 1j * parts[1]).reshape(given[0].shape)
         return between if between.ndim else between[()]
 
-    def report(self) -> str:
-        """The map in words and a table, for people."""
-        from diffthrust._support.tables import rendered
+    def _line(self) -> str:
+        size = f"{self.amplitudes.size} amplitudes, {self.frequencies.size} frequencies"
+        settled = f"{int(self.settled.sum())} of {self.reason.size} points settled"
+        return f"{self.model}, {self.input} to {self.output}: {size}, {settled}"
+
+    def _told(self) -> RenderableType:
         from diffthrust.describing._tables import describing_table
 
-        return rendered(describing_table(self))
+        return describing_table(self)
 
     def to_json(self) -> dict[str, Any]:
         """The map as plain data, ``null`` where there is no answer."""
@@ -99,12 +105,14 @@ class DescribingMap(DescribingValues):
             }
         )
 
+    @showing
     def plot(self) -> Figure:
         """Gain and phase over frequency and amplitude; points without an answer are hatched."""
         from diffthrust.describing._figures import map_figure
 
         return map_figure(self)
 
+    @showing
     def plot_break(self) -> Figure:
         """The break frequency over amplitude and frequency, as in figure 12 of Yoerger et al."""
         from diffthrust.describing._figures import break_figure

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from rich.console import Group, RenderableType
-from rich.markup import escape
 from rich.text import Text
 
 from diffthrust._support.tables import number, plain_table
@@ -33,8 +32,8 @@ def describing_table(result: DescribingValues) -> RenderableType:
         "Bandwidth: where the gain has fallen to 1/sqrt(2) of the static gain.",
     ]
     table = plain_table(
-        f"Amplitude [{escape(result.input_unit)}]",
-        f"Static gain [{escape(result.gain_unit)}]",
+        f"Amplitude [{result.input_unit}]",
+        f"Static gain [{result.gain_unit}]",
         "Bandwidth [rad/s]",
         f"Gain at {w[middle]:.3g} rad/s",
         "Phase [deg]",
@@ -66,9 +65,9 @@ def band_table(result: BandValues) -> RenderableType:
     """Gain and phase with their intervals, at some of the points."""
     share = percent(result.level)
     table = plain_table(
-        f"Amplitude [{escape(result.input_unit)}]",
+        f"Amplitude [{result.input_unit}]",
         "Frequency [rad/s]",
-        f"Gain [{escape(result.gain_unit)}]",
+        f"Gain [{result.gain_unit}]",
         f"{share} from",
         "to",
         "Phase [deg]",

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from diffthrust._support.results import Brief
 from diffthrust.describing._periodic.respond import Reason
 from diffthrust.models._base.model import Model
 
@@ -13,8 +14,8 @@ _SMALL_PHASE = 30.0
 """The static gain can be told where the phase at the lowest frequency is no larger [deg]."""
 
 
-@dataclass(frozen=True)
-class DescribingValues:
+@dataclass(frozen=True, repr=False)
+class DescribingValues(Brief):
     """Gain and phase over amplitude and frequency.
 
     Args:

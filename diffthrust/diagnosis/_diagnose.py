@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
-from diffthrust._support.progress import Progress
+from diffthrust._support.progress import ProgressOption, progressing, teller
 from diffthrust.comparison._compare import Comparison, compare
 from diffthrust.diagnosis._candidates import Candidates
 from diffthrust.diagnosis._findings import Missing, Verdict
@@ -26,6 +26,7 @@ from diffthrust.simulation._remembered import simulated_once
 _MOST_STAGES = 5
 
 
+@progressing
 def diagnose(
     fit: Fit | Model,
     logs: Log | Sequence[Log],
@@ -35,7 +36,7 @@ def diagnose(
     experiment: bool = True,
     limits: Mapping[str, tuple[float, float]] | None = None,
     seed: int = 0,
-    progress: Progress | None = None,
+    progress: ProgressOption = None,
 ) -> Diagnosis:
     """Find what a model lacks: where it fails, which physical effect is missing, what is unknown.
 
@@ -58,7 +59,7 @@ def diagnose(
         limits: lowest and highest value of each input in that test, in the model's unit; by default
             the range of the training logs.
         seed: of the starts of the fits.
-        progress: called with a message and the share done.
+        progress: True for a bar, or a function of a message and the share done.
 
     Returns:
         A `Diagnosis`; ``print(diag.report())`` tells it, and ``model + diag.best`` is the model
@@ -82,7 +83,7 @@ def diagnose(
                 f"limits: '{model}' has no input {name!r}; it has {listing(model.inputs)}.",
                 "Correct the name.",
             )
-    say = progress or (lambda message, share: None)
+    say = teller(progress)
     with simulated_once():
         tools, known = begun(fit, train, unseen, candidates, seed, say)
         first = known.present.trial

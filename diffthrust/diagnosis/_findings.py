@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.results import Brief
 from diffthrust.comparison._compare import Comparison
 from diffthrust.diagnosis._headroom import Headroom, headroom_of
 from diffthrust.estimation._result import Fit
@@ -66,8 +67,8 @@ class Refusal(StrEnum):
         return self not in (Refusal.SMALL_PART, Refusal.UNSEEN_LOGS)
 
 
-@dataclass(frozen=True)
-class TriedEffect:
+@dataclass(frozen=True, repr=False)
+class TriedEffect(Brief):
     """One effect tried at one stage.
 
     Args:
@@ -94,8 +95,8 @@ class TriedEffect:
     parameters: Mapping[str, tuple[float, str]]
 
 
-@dataclass(frozen=True)
-class Stage:
+@dataclass(frozen=True, repr=False)
+class Stage(Brief):
     """One round: the effects in the model, and its fit."""
 
     effects: tuple[str, ...]
@@ -116,8 +117,8 @@ _TOLD = 1.5
 """A signal without a known dependence is told where it is so many times its standard error."""
 
 
-@dataclass(frozen=True)
-class Missing:
+@dataclass(frozen=True, repr=False)
+class Missing(Brief):
     """The signal that is missing at one port, estimated without assuming its form.
 
     Args:
@@ -189,8 +190,8 @@ class Remaining:
         return str(self.signal)
 
 
-@dataclass(frozen=True)
-class Findings:
+@dataclass(frozen=True, repr=False)
+class Findings(Brief):
     """What is missing from a model.
 
     Args:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.results import Result
 from diffthrust._support.words import percent
 from diffthrust.comparison._compare import Comparison, compare
 from diffthrust.diagnosis._regressions import ErrorRecord, Flexible, Rung, chosen, features_for
@@ -19,6 +20,8 @@ from diffthrust.models._base.model import Model
 from diffthrust.simulation._runs import Run
 
 if TYPE_CHECKING:
+    from rich.console import RenderableType
+
     from diffthrust.estimation._result import Fit
 
 _BLOCKS = 4
@@ -57,8 +60,8 @@ class ChannelHeadroom:
     signals: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class Headroom:
+@dataclass(frozen=True, repr=False)
+class Headroom(Result):
     """How much a search for missing physics can find at most, and whether to stop.
 
     Args:
@@ -81,9 +84,8 @@ class Headroom:
         """The answer in a sentence for each channel."""
         return " ".join(_words(name, c, self.judged_on) for name, c in self.channels.items())
 
-    def report(self) -> str:
-        """A table and the summary, as text."""
-        from diffthrust._support.tables import boxed
+    def _told(self) -> RenderableType:
+        from diffthrust._support.tables import texts_table, together
 
         rows = [
             (name, f"{c.physics:.3g}", f"{c.corrected:.3g}", _share(c.share),
@@ -92,7 +94,7 @@ class Headroom:
         ]  # fmt: skip
         headings = ("Channel", "Physics (NRMSE)", "With a correction", "Share explained",
                     "90 % interval", "Form")  # fmt: skip
-        return f"{boxed(headings, rows)}\n{self.summary}"
+        return together(texts_table(headings, rows, (1, 2, 3)), self.summary)
 
     def to_json(self) -> dict[str, Any]:
         """The headroom as plain data."""
@@ -101,6 +103,9 @@ class Headroom:
         channels = {name: vars(c) for name, c in self.channels.items()}
         return plain({"schema": 1, "model": self.model, "judged_on": self.judged_on,
                       "worth": self.worth, "channels": channels})  # fmt: skip
+
+    def _line(self) -> str:
+        return self.summary
 
 
 def headroom(

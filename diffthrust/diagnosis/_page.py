@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
@@ -33,7 +34,10 @@ from diffthrust.diagnosis._words import (
 )
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from diffthrust.diagnosis._findings import Findings
+    from diffthrust.experiments._result import Experiment
 
 _TEMPLATE = "page.html"
 
@@ -90,12 +94,18 @@ def _figures(diag: Findings) -> dict[str, str]:
     """The figures that this diagnosis has, as PNG in base64."""
     from diffthrust.diagnosis._figures import missing_figure, ranking_figure, stages_figure
 
-    drawn = {"stages": stages_figure(diag), "residuals": diag.before.plot_residuals()}
+    drawn = {"stages": lambda: stages_figure(diag), "residuals": diag.before.plot_residuals}
     if any(missing.shows for missing in diag.missing):
-        drawn["missing"] = missing_figure(diag)
+        drawn["missing"] = lambda: missing_figure(diag)
     if diag.ranking:
-        drawn["ranking"] = ranking_figure(diag)
+        drawn["ranking"] = lambda: ranking_figure(diag)
     if diag.experiment:
-        drawn["experiment"] = diag.experiment.plot()
-        drawn["experiment"].suptitle("")  # the page says it in its text
-    return {name: image(figure) for name, figure in drawn.items()}
+        drawn["experiment"] = partial(_untitled, diag.experiment)
+    return {name: image(draw) for name, draw in drawn.items()}
+
+
+def _untitled(experiment: Experiment) -> Figure:
+    """The figure of a proposed test; the page says in its text what stands above it."""
+    figure = experiment.plot()
+    figure.suptitle("")
+    return figure

@@ -6,14 +6,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from diffthrust._support.figures import showing
+from diffthrust._support.results import Result
 from diffthrust.diagnosis._findings import Findings
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from rich.console import RenderableType
 
 
-@dataclass(frozen=True)
-class Diagnosis(Findings):
+@dataclass(frozen=True, repr=False)
+class Diagnosis(Result, Findings):
     """What is missing from a model, and how it is told; the fields are those of `Findings`."""
 
     @property
@@ -23,13 +26,18 @@ class Diagnosis(Findings):
 
         return summary(self)
 
-    def report(self) -> str:
-        """The diagnosis as text for people: summary, stages, ranking, groups, what remains."""
-        from diffthrust._support.tables import rendered
+    def _line(self) -> str:
+        from diffthrust.diagnosis._words import gain_words, model_words, verdict_words
+
+        found = f" ({', '.join(self.added)}); {gain_words(self)}" if self.added else ""
+        return f"{model_words(self.model)}: {verdict_words(self)}{found}"
+
+    def _told(self) -> RenderableType:
         from diffthrust.diagnosis._tables import diagnosis_table
 
-        return rendered(diagnosis_table(self))
+        return diagnosis_table(self)
 
+    @showing
     def plot(self) -> Figure:
         """The stages: training and held-out error falling, and the last model on the logs."""
         from diffthrust.diagnosis._figures import stages_figure

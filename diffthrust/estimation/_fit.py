@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from diffthrust._support.progress import Progress
+from diffthrust._support.progress import Progress, ProgressOption, part, progressing, teller
 from diffthrust._support.warned import warn
 from diffthrust.estimation._arguments import check_arguments, listed
 from diffthrust.estimation._arrange import build
@@ -35,6 +35,7 @@ from diffthrust.simulation._runs import Run, pooled_errors, runs_over, shown_of
 from diffthrust.simulation._step_size import CoarseStepWarning, fewest_steps
 
 
+@progressing
 def fit(
     model: Model,
     logs: Log | Sequence[Log],
@@ -48,7 +49,7 @@ def fit(
     noise_model: str = "white",
     initial: Literal["auto", "estimate", "measured"] = "auto",
     substeps: int | None = None,
-    progress: Progress | None = None,
+    progress: ProgressOption = None,
 ) -> Fit:
     """Estimate the free parameters of a model from logs.
 
@@ -86,7 +87,7 @@ def fit(
             estimates it for whole runs and takes it as measured for segments, all of which then
             begin alike: a model that lacks something would abuse free initial states to hide it.
         substeps: integrator steps per sample; chosen by halving the step where ``None``.
-        progress: called with a message and the share done.
+        progress: True for a bar, or a function of a message and the share done.
 
     Returns:
         A `Fit`. Look at ``status`` first: it is earned by checks, not assumed.
@@ -124,12 +125,12 @@ def fit(
         initial=initial,
         starts=starts,
         rng=np.random.default_rng(seed),
-        progress=progress,
+        tell=teller(progress),
     )
     # the first guess may need more steps than the optimum does
-    optimum, again = _pass(task, model, substeps or 1), ()
+    optimum, again = _pass(task, model, substeps or 1, (0.0, 0.9)), ()
     if not substeps and optimum.needed > optimum.substeps:
-        optimum = _pass(task, optimum.released, optimum.needed)
+        optimum = _pass(task, optimum.released, optimum.needed, (0.9, 1.0))
         again = (
             f"The integration step was too coarse at the optimum: refitted with {optimum.substeps} "
             "steps per sample.",
@@ -137,6 +138,7 @@ def fit(
     for note in optimum.coarse:
         warn(note, CoarseStepWarning)
     steps = optimum.substeps if optimum.failed else substeps
+    task.tell("done", 1.0)
     return Fit(
         holdout=pooled_errors(runs_over(optimum.model, unseen, substeps=steps)) if unseen else None,
         guess={name: p.value for name, p in model.parameters.items()},
@@ -156,7 +158,7 @@ class _Task(NamedTuple):
     initial: str
     starts: int
     rng: np.random.Generator
-    progress: Progress | None
+    tell: Progress
 
 
 @dataclass(frozen=True)
@@ -220,8 +222,11 @@ class _Optimum:
         )
 
 
-def _pass(task: _Task, model: Model, substeps: int) -> _Optimum:
-    """Search from a model's values, with so many integrator steps per sample."""
+def _pass(task: _Task, model: Model, substeps: int, shares: tuple[float, float]) -> _Optimum:
+    """Search from a model's values, with so many integrator steps per sample.
+
+    It is told as the progress from one of the ``shares`` to the other.
+    """
     horizons, notes = task.horizons, ()
     arrange = partial(
         build,
@@ -238,7 +243,9 @@ def _pass(task: _Task, model: Model, substeps: int) -> _Optimum:
     begin = horizons[0] is None
     problem, silent, first = without_silent(problem, arrange, task.rng, begin)
     hold = task.initial == "auto"
-    search, final = through(problem, horizons, hold, task.starts, task.rng, task.progress, first)
+    search, final = through(
+        problem, horizons, hold, task.starts, task.rng, part(task.tell, *shares), first
+    )
     length = horizons[-1]
     if task.automatic and horizons != (None,):
         search, final, length, notes = whole_runs(search, final, length)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.progress import Progress
+from diffthrust._support.progress import Progress, part
 from diffthrust.estimation._arrange import restarts
 from diffthrust.estimation._multistart import Search, search
 from diffthrust.estimation._problem import Problem
@@ -18,6 +18,8 @@ from diffthrust.models._base.model import Model
 
 _GROWTH = 1.1
 """Whole runs are fitted where they raise no channel's noise by more than this factor."""
+_FIRST = 0.6
+"""Share of the work that the first of several horizons takes, with all its starts."""
 
 
 def schedule(
@@ -55,7 +57,7 @@ def through(
     hold: bool,
     starts: int,
     rng: np.random.Generator,
-    progress: Progress | None,
+    tell: Progress,
     first: Solved | None = None,
 ) -> tuple[Search, Problem]:
     """Search at the first horizon, then follow the optimum as the horizon grows.
@@ -64,11 +66,12 @@ def through(
     the first horizon where it was begun already.
     """
     stage = restarts(problem, horizons[0], hold=hold and horizons[0] is not None)
-    ended = search(stage, starts, rng, progress, first)
+    share = 1.0 if len(horizons) == 1 else _FIRST
+    ended = search(stage, starts, rng, part(tell, 0.0, share), first)
     for horizon in horizons[1:]:
         stage = restarts(problem, horizon, hold=hold and horizon is not None)
-        if progress:
-            progress(f"segments of {horizon:g} s" if horizon else "whole runs", 1.0)
+        tell(f"segments of {horizon:g} s" if horizon else "whole runs", share)
+        share += (1.0 - _FIRST) / len(horizons[1:])
         ended = ended.followed(stage)
     return ended, stage
 

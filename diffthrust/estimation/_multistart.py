@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diffthrust._support.progress import Progress
+from diffthrust._support.progress import Progress, part, teller
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._solver import Solved, solve
 
@@ -22,6 +22,8 @@ _SAME = 1e-4
 _AGREED = 3
 """So many starts should end in the best optimum; with fewer, more are tried."""
 
+_ROUNDS = ((0.0, 0.8), (0.8, 0.9), (0.9, 1.0))
+"""Rounds of starts, most often one, with the shares of the work from which to which each goes."""
 _CARRIED = 3
 """So many distinct optima are followed from one horizon to the next."""
 
@@ -117,18 +119,19 @@ def search(
     and then as many starts again are drawn, twice at most. ``first`` is the first start where it
     was begun already.
     """
-    tell = progress or (lambda message, done: None)
+    tell = teller(progress)
     begun: list[Solved] = []
     ended: list[Solved] = []
     total = 0
-    for _ in range(3):
+    for shares in _ROUNDS:
+        say = part(tell, *shares)
         drawn = draw(problem, starts + 1, rng)
         fresh = drawn[1:] if total else drawn[:starts]
         total += starts
         for i, z in enumerate(fresh):
             known, first = first, None
             begun.append(solve(problem, z, budget=FIRST_BUDGET) if known is None else known)
-            tell(f"start {len(begun)}", 0.5 * (i + 1) / len(fresh))
+            say(f"start {len(begun)}", 0.5 * (i + 1) / len(fresh))
         begun.sort(key=_rank)
         wanted = max(_ENDED, len(begun) // 4)
         while begun and (wanted > 0 or _agreeing(ended) < _AGREED):
@@ -136,7 +139,7 @@ def search(
             if np.isfinite(one.quadratic.cost):
                 ended.append(one if one.done else solve(problem, one.z))
             wanted -= 1
-            tell(f"refining {len(ended)}", 1.0 - 0.5 * len(begun) / total)
+            say(f"refining {len(ended)}", 1.0 - 0.5 * len(begun) / total)
         if starts == 1 or _agreeing(ended) >= _AGREED:
             break
     if not ended:  # not one start could be simulated

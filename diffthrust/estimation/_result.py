@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from diffthrust._support.results import Result
 from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._status import Checks, Status
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors
 
+if TYPE_CHECKING:
+    from rich.console import RenderableType
 
-@dataclass(frozen=True)
-class Fit:
+
+@dataclass(frozen=True, repr=False)
+class Fit(Result):
     """The result of a fit.
 
     Args:
@@ -94,12 +98,14 @@ class Fit:
             arguments["initial"] = "estimate"
         return arguments
 
-    def report(self) -> str:
-        """Parameters, errors, status and notes as text for people."""
-        from diffthrust._support.tables import rendered
+    def _line(self) -> str:
+        unseen = f", {self.holdout.nrmse:.3g} on unseen ones" if self.holdout else ""
+        return f"{self.model}: {self.status}, NRMSE {self.train.nrmse:.3g} on training logs{unseen}"
+
+    def _told(self) -> RenderableType:
         from diffthrust.estimation._tables import fit_table
 
-        return rendered(fit_table(self))
+        return fit_table(self)
 
     def to_json(self) -> dict[str, Any]:
         """The fit as plain data, in the form that ``diffthrust fit --json`` writes."""

@@ -9,10 +9,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from diffthrust._support.figures import showing
 from diffthrust._support.files import write_whole
+from diffthrust._support.results import Result
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from rich.console import RenderableType
 
 
 class Trial(NamedTuple):
@@ -32,8 +35,8 @@ class Trial(NamedTuple):
     words: str
 
 
-@dataclass(frozen=True)
-class Experiment:
+@dataclass(frozen=True, repr=False)
+class Experiment(Result):
     """A test that separates rival models, and what is to be expected of it.
 
     Args:
@@ -81,6 +84,7 @@ class Experiment:
         """The prediction of one rival less that of another, ``(T,)``."""
         return self.predictions[one][channel] - self.predictions[other][channel]
 
+    @showing
     def plot(self) -> Figure:
         """The inputs, what the rivals predict with its noise, and the difference."""
         from diffthrust.experiments._figures import experiment_figure
@@ -101,3 +105,12 @@ class Experiment:
         lines = [",".join(["time", *self.inputs])]
         lines += [",".join(repr(float(value) + 0.0) for value in row) for row in rows]
         write_whole(Path(path), ("\n".join(lines) + "\n").encode())
+
+    def _line(self) -> str:
+        return self.sentence
+
+    def _told(self) -> RenderableType:
+        from diffthrust._support.tables import number, texts_table, together
+
+        rows = [(t.words, t.kind.replace("_", " "), number(t.separation, 3)) for t in self.ranking]
+        return together(self.sentence, texts_table(("Design", "Kind", "Separation"), rows, (2,)))

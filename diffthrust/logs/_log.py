@@ -282,6 +282,21 @@ class Log:
             f"inputs: {described(self.inputs)}; measured: {described(self.measured)})"
         )
 
+    def _repr_html_(self) -> str:
+        from diffthrust._support.tables import html, number, texts_table, together
+
+        rows = []
+        for name, samples in {**self.inputs, **self.measured}.items():
+            seen = samples[np.isfinite(samples)]
+            ends = [number(float(pick(seen)), 4) for pick in (np.min, np.mean, np.max)]
+            kind = "input" if name in self.inputs else "measured"
+            kind += ", unsigned" * (name in self.unsigned)
+            rows.append((name, kind, *ends, self.units[name], str(samples.size - seen.size)))
+        headings = ("Channel", "", "Least", "Mean", "Greatest", "Unit", "Missing")
+        size = f"Log {self.name!r}: {len(self)} samples over {self.duration:.6g} s, "
+        size += f"a sample every {self.step:.4g} s"
+        return html(together(size, texts_table(headings, rows, (2, 3, 4, 6)), *self.notes))
+
     def _no_channel(self, channel: str) -> InputError:
         known = [*self.inputs, *self.measured]
         near = nearest(str(channel), known)

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.figures import showing
+from diffthrust._support.results import Brief
 from diffthrust._support.tables import number
 from diffthrust.papers._line import FittedLine, fit_line, numbers
 from diffthrust.uncertainty._prediction.physical import Quantity
@@ -72,8 +74,8 @@ class LineTest:
         return f"F({self.degrees[0]}, {self.degrees[1]}) = {number(self.statistic, 3)}, {p}"
 
 
-@dataclass(frozen=True)
-class Calibration:
+@dataclass(frozen=True, repr=False)
+class Calibration(Brief):
     """Lines of a depth sensor against the line of its datasheet.
 
     Args:
@@ -128,6 +130,7 @@ class Calibration:
             sentence += f" The readings differ among themselves, too ({self.same})."
         return sentence
 
+    @showing
     def plot(self) -> Figure:
         """The readings, the line through them, and the datasheet's."""
         from diffthrust.papers._figures import calibration_figure

@@ -7,14 +7,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from diffthrust._support.results import Brief
 from diffthrust._support.validation import finite
 from diffthrust.logs._log import Log
 from diffthrust.papers._steady import records, true_stretches
 from diffthrust.papers._undisturbed import cut_out, without_noise
 
 
-@dataclass(frozen=True)
-class Manoeuvres:
+@dataclass(frozen=True, repr=False)
+class Manoeuvres(Brief):
     """Portions of records, each a log of its own.
 
     Args:

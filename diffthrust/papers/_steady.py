@@ -11,13 +11,14 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
+from diffthrust._support.results import Brief
 from diffthrust._support.validation import finite
 from diffthrust.estimation._arguments import listed
 from diffthrust.logs._log import Log
 
 
-@dataclass(frozen=True)
-class Steady:
+@dataclass(frozen=True, repr=False)
+class Steady(Brief):
     """One portion of a record over which the inputs were held.
 
     Args:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from diffthrust._support.results import Brief
 from diffthrust.logs._log import Log
 from diffthrust.papers._steady import Steady
 
@@ -19,8 +20,8 @@ _Course = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Time, measured and fitted, ``(n,)`` each."""
 
 
-@dataclass(frozen=True)
-class Transient:
+@dataclass(frozen=True, repr=False)
+class Transient(Brief):
     """A time constant, from how a speed approaches its steady value.
 
     Args:

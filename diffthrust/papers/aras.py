@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.figures import showing
+from diffthrust._support.results import Brief
 from diffthrust._support.transfer import Transfer, transfer_of
 from diffthrust.control import PID, Loop
 from diffthrust.models import DCMotorThruster
@@ -87,8 +89,8 @@ def speed_loop(motor: DCMotorThruster | None = None, *, limit: float = SUPPLY) -
     return Loop(thruster=motor or thruster(), controller=controller, rate=200.0)
 
 
-@dataclass(frozen=True)
-class SteadyMap:
+@dataclass(frozen=True, repr=False)
+class SteadyMap(Brief):
     """Terminal voltages of steady thrusts.
 
     Args:
@@ -108,6 +110,7 @@ class SteadyMap:
         """What friction adds, which equation 7 leaves out [V]."""
         return self.own - self.printed
 
+    @showing
     def plot(self) -> Figure:
         """Voltage against thrust, by equation 7 and of the model."""
         from diffthrust.papers._figures import steady_map_figure

@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.figures import showing
+from diffthrust._support.results import Brief
 from diffthrust.estimation._arguments import listed
 from diffthrust.logs._log import Log
 from diffthrust.models import Vessel
@@ -40,8 +42,8 @@ if TYPE_CHECKING:
 _INPUTS = (SCREW[0], ANGLE[0])
 
 
-@dataclass(frozen=True)
-class Sequential:
+@dataclass(frozen=True, repr=False)
+class Sequential(Brief):
     """What the two scenarios tell, with every line on the way.
 
     Args:
@@ -64,6 +66,7 @@ class Sequential:
     yaw: Transient
     verification: dict[str, tuple[np.ndarray, np.ndarray]]
 
+    @showing
     def plot(self) -> Figure:
         """The paper's figures 3, 4, 5, 6, 7 and 10."""
         from diffthrust.papers._figures import sequential_figure
@@ -146,8 +149,8 @@ def sequential(
     return Sequential(vessel, line, surge, m22, d22, d33, yaw, points)
 
 
-@dataclass(frozen=True)
-class Sensitivity:
+@dataclass(frozen=True, repr=False)
+class Sensitivity(Brief):
     """How much the choice of the propeller speeds matters.
 
     Args:

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.figures import showing
+from diffthrust._support.results import Brief
 from diffthrust.logs._log import Log
 from diffthrust.models import Thruster
 from diffthrust.papers._line import FittedLine, fit_line
@@ -27,8 +29,8 @@ CommandDirection = Literal["forward", "reverse", "both"]
 _SPEED, _THRUST, _COMMAND = ("speed", "rad/s"), ("thrust", "N"), ("command", "V")
 
 
-@dataclass(frozen=True)
-class StaticTest:
+@dataclass(frozen=True, repr=False)
+class StaticTest(Brief):
     """What the steady portions of records tell of a thruster.
 
     Args:
@@ -53,6 +55,7 @@ class StaticTest:
         """The steady speed |speed| over the command: beta / alpha."""
         return self.speed.quantity("rad^2/(V s^2)")
 
+    @showing
     def plot(self) -> Figure:
         """The two lines, as in the paper's figures 8 and 9."""
         from diffthrust.papers._figures import static_test_figure
@@ -60,8 +63,8 @@ class StaticTest:
         return static_test_figure(self.thrust, self.speed, self.ct, self.ratio)
 
 
-@dataclass(frozen=True)
-class DynamicTest:
+@dataclass(frozen=True, repr=False)
+class DynamicTest(Brief):
     """What a moving record tells of a thruster, by linear least squares.
 
     Args:
@@ -82,6 +85,7 @@ class DynamicTest:
         model = Thruster(alpha=self.alpha.value, beta=self.beta.value)
         return model if self.ct is None else model.replace(ct=self.ct.value)
 
+    @showing
     def plot(self) -> Figure:
         """Command, and measured and simulated thrust (or speed), as in the paper's figure 10."""
         from diffthrust.papers._figures import dynamic_test_figure

@@ -6,16 +6,20 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import made_folder, write_whole
 from diffthrust._support.names import listing
+from diffthrust._support.results import Brief, Result
 from diffthrust.logs._log import Log
 from diffthrust.papers._steady import true_stretches
 from diffthrust.plans._checks import excited
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
 
 _NEAR = 0.02
 """A level is met by a held stretch within this share of the range of the plan."""
@@ -53,8 +57,8 @@ class Finding(NamedTuple):
     good: bool
 
 
-@dataclass(frozen=True)
-class PlanCheck:
+@dataclass(frozen=True, repr=False)
+class PlanCheck(Result):
     """A plan held against what was recorded.
 
     Args:
@@ -73,18 +77,19 @@ class PlanCheck:
         """What is still to be run."""
         return tuple(finding for finding in self.findings if not finding.good)
 
-    def report(self) -> str:
-        """The findings as a table, as text."""
-        from diffthrust._support.tables import boxed
+    def _told(self) -> RenderableType:
+        from diffthrust._support.tables import texts_table, together
 
         rows = [(f.run, f.what, f.found, "ok" if f.good else "!") for f in self.findings]
         headings = ("Run", "Planned", "Found", "")
-        good = sum(finding.good for finding in self.findings)
-        return f"{boxed(headings, rows)}\n{good} of {len(self.findings)} as planned."
+        return together(texts_table(headings, rows), f"{self._line()}.")
+
+    def _line(self) -> str:
+        return f"{sum(f.good for f in self.findings)} of {len(self.findings)} as planned"
 
 
-@dataclass(frozen=True)
-class Plan:
+@dataclass(frozen=True, repr=False)
+class Plan(Brief):
     """Runs to make: one series of inputs each.
 
     Args:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from diffthrust._support.results import Brief
 from diffthrust.logs._written import ShownUnits, Size
 
 
@@ -45,8 +46,8 @@ class ChannelError:
         return {**{name: getattr(self, name) for name in names}, "written": shown}
 
 
-@dataclass(frozen=True)
-class Errors:
+@dataclass(frozen=True, repr=False)
+class Errors(Brief):
     """Errors by channel; ``nrmse`` is the root mean square of the channels' NRMSE."""
 
     nrmse: float

@@ -10,6 +10,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
+from diffthrust._support.results import Brief
 from diffthrust.logs._log import Log
 from diffthrust.logs._written import ShownUnits
 from diffthrust.models._base.model import Model
@@ -20,8 +21,8 @@ from diffthrust.simulation._simulate import simulate
 from diffthrust.simulation._step_size import choose_substeps
 
 
-@dataclass(frozen=True)
-class Trace:
+@dataclass(frozen=True, repr=False)
+class Trace(Brief):
     """One channel of one run: measured and modelled, ``(n,)`` each, in ``unit``."""
 
     measured: np.ndarray
@@ -30,8 +31,8 @@ class Trace:
     unit: str
 
 
-@dataclass(frozen=True)
-class Run:
+@dataclass(frozen=True, repr=False)
+class Run(Brief):
     """One log with the simulation over the whole of it.
 
     Args:

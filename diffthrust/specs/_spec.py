@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
+from diffthrust._support.progress import ProgressOption, part, progressing, teller
+from diffthrust._support.results import Brief
 from diffthrust.logs._columns import Column
 from diffthrust.logs._log import Log
 from diffthrust.logs._read import read_log
@@ -35,8 +37,8 @@ if TYPE_CHECKING:
     from diffthrust.estimation._result import Fit
 
 
-@dataclass(frozen=True)
-class Spec:
+@dataclass(frozen=True, repr=False)
+class Spec(Brief):
     """A spec file, read and checked.
 
     Args:
@@ -145,15 +147,15 @@ class Spec:
 
     def fit(
         self,
-        progress: Callable[[str, float], None] | None = None,
         *,
+        progress: ProgressOption = None,
         train: tuple[Log, ...] | None = None,
         holdout: tuple[Log, ...] | None = None,
     ) -> Fit:
         """Fit as ``[fit]`` says.
 
         Args:
-            progress: called with a message and the share done.
+            progress: True for a bar, or a function of a message and the share done.
             train: the training logs, where they have been read already.
             holdout: the unseen logs, where they have been read already.
         """
@@ -164,16 +166,17 @@ class Spec:
         options = self.file.fit.model_dump(exclude_unset=True)
         return fit(self.model, train, holdout=unseen or None, progress=progress, **options)
 
+    @progressing
     def diagnose(
         self,
-        progress: Callable[[str, float], None] | None = None,
         *,
+        progress: ProgressOption = None,
         candidates: Sequence[str] | None = None,
     ) -> Diagnosis:
         """Fit as ``[fit]`` says, then find what the model with its effects lacks.
 
         Args:
-            progress: called with a message and the share done.
+            progress: True for a bar, or a function of a message and the share done.
             candidates: effects to try, as ``effects`` in a spec names them; all where ``None``.
 
         Raises:
@@ -186,8 +189,15 @@ class Spec:
         wanted = candidates and [effect_class(c, folder) if ":" in c else c for c in candidates]
         train, unseen = self.train_logs(), self.holdout_logs()
         candidates_of(self.model, (*train, *unseen), wanted)  # tell a wrong name before the fit
-        fit = self.fit(progress, train=train, holdout=unseen)
-        return diagnose(fit, train, holdout=unseen or None, candidates=wanted, progress=progress)
+        tell = teller(progress)
+        fit = self.fit(progress=part(tell, 0.0, 0.15), train=train, holdout=unseen)
+        return diagnose(
+            fit,
+            train,
+            holdout=unseen or None,
+            candidates=wanted,
+            progress=part(tell, 0.15, 1.0),
+        )
 
 
 def load_spec(path: Path | str) -> Spec:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from diffthrust._support.results import Result
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._rebuild import problem_of
 from diffthrust.estimation._result import Fit
@@ -69,8 +70,8 @@ class Direction:
         return f"{self.grade}{size}: {words}"
 
 
-@dataclass(frozen=True)
-class Directions:
+@dataclass(frozen=True, repr=False)
+class Directions(Result):
     """The directions of a fit, the best known first.
 
     Args:
@@ -102,11 +103,11 @@ class Directions:
 
         return directions_table((d.std_error, d.grade, d.members) for d in self.directions)
 
-    def report(self) -> str:
-        """The table as text for people."""
-        from diffthrust._support.tables import rendered
+    def _line(self) -> str:
+        return "; ".join(self.sentences)
 
-        return rendered(self.table())
+    def _told(self) -> RenderableType:
+        return self.table()
 
     def to_json(self) -> list[dict[str, Any]]:
         """Plain data; ``std_error`` is ``None`` where nothing is known."""

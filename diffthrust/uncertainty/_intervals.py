@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.progress import ProgressOption, progressing, teller
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._rebuild import check_mark, problem_of
 from diffthrust.estimation._result import Fit
@@ -29,12 +30,14 @@ _WIDER = 1.25
 """A sandwich wider than the covariance by this factor, and by more than chance, is believed."""
 
 
+@progressing
 def intervals(
     fit: Fit,
     logs: Log | Sequence[Log],
     posterior: Any = None,
     *,
     level: float = 0.95,
+    progress: ProgressOption = None,
 ) -> Intervals:
     """Covariance, sandwich, profile and posterior intervals of every parameter, side by side.
 
@@ -48,6 +51,7 @@ def intervals(
         posterior: draws of the same fit, as `sample` returns them (an ArviZ object with a group
             ``posterior``); its intervals leave out equal shares to both sides.
         level: of all intervals.
+        progress: True for a bar, or a function of a message and the share done.
 
     Returns:
         `Intervals`, by parameter, with the directions of the information.
@@ -69,7 +73,7 @@ def intervals(
     problem, z = problem_of(fit, logs)
     measured = sample_scores(problem, z)
     robust = sandwich_of(fit, problem, z, measured)
-    profiles = profiles_of(fit, problem, z, problem.own, None, {}, level)
+    profiles = profiles_of(fit, problem, z, problem.own, None, {}, level, teller(progress))
     lag = measured.lag_one()
     reach = _reach(problem, z, level)
     rows = [

@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from diffthrust._support.figures import showing
+from diffthrust._support.results import Result
 from diffthrust.uncertainty._directions import Directions
 from diffthrust.uncertainty._intervals_row import Row
 from diffthrust.uncertainty._profile_result import Profiles
@@ -17,8 +19,8 @@ if TYPE_CHECKING:
 _METHODS = ("covariance", "sandwich", "profile", "posterior")
 
 
-@dataclass(frozen=True, eq=False)
-class Intervals:
+@dataclass(frozen=True, eq=False, repr=False)
+class Intervals(Result):
     """Intervals of all free parameters of a fit: ``intervals["alpha"].best``.
 
     Args:
@@ -57,11 +59,12 @@ class Intervals:
         """Why methods disagree, over all parameters."""
         return [s for row in self.rows.values() for s in row.sentences]
 
-    def report(self) -> str:
-        """One table, the recommended intervals marked by a star, and what there is to say."""
-        from diffthrust._support.tables import rendered
+    def _line(self) -> str:
+        each = ", ".join(f"{row.name} by {row.recommended}" for row in self.rows.values())
+        return f"{100 * self.level:g} %: {each}"
 
-        return rendered(self.table(), width=120)
+    def _told(self) -> RenderableType:
+        return self.table()
 
     def table(self) -> RenderableType:
         """The report as a renderable of rich."""
@@ -90,6 +93,7 @@ class Intervals:
             "directions": self.directions.to_json(),
         }
 
+    @showing
     def plot(self) -> Figure:
         """The intervals as bars below each other, one panel for each parameter."""
         from diffthrust.uncertainty._figures import intervals_figure

@@ -10,6 +10,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
+from diffthrust._support.progress import Progress, ProgressOption, progressing, teller
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._rebuild import problem_of
 from diffthrust.estimation._result import Fit
@@ -32,6 +33,7 @@ _ROUNDS = 3
 """So often a walk may find a lower cost and all begin anew from there."""
 
 
+@progressing
 def profile(
     fit: Fit,
     logs: Log | Sequence[Log],
@@ -40,6 +42,7 @@ def profile(
     quantities: Function | None = None,
     units: Mapping[str, str] | None = None,
     level: float = 0.95,
+    progress: ProgressOption = None,
 ) -> Profiles:
     """Intervals from the likelihood itself, by holding one parameter and fitting all others.
 
@@ -63,6 +66,7 @@ def profile(
             compiled beyond the fit.
         units: the unit of each quantity.
         level: of the intervals.
+        progress: True for a bar, or a function of a message and the share done.
 
     Returns:
         `Profiles`, by name, the parameters first.
@@ -88,7 +92,8 @@ def profile(
             "Write quantities=lambda p: {'gain': p['beta'] / p['alpha']}.",
         )
     problem, z = problem_of(fit, logs)
-    return profiles_of(fit, problem, z, wanted, quantities, units or {}, level)
+    tell = teller(progress)
+    return profiles_of(fit, problem, z, wanted, quantities, units or {}, level, tell)
 
 
 def check_level(level: float, what: str) -> None:
@@ -108,16 +113,18 @@ def profiles_of(
     quantities: Function | None,
     units: Mapping[str, str],
     level: float,
+    tell: Progress,
 ) -> Profiles:
     """Profiles of a problem whose optimum is known."""
     threshold = threshold_of(problem, z, level)
     first = best = _point(problem, z)
     for _ in range(_ROUNDS):
         try:
-            profiles = [
-                _profile(fit, problem, name, ParameterLine(problem, name, best), threshold, level)
-                for name in names
-            ]
+            profiles = []
+            for done, name in enumerate(names):
+                tell(f"profile of {name}", done / len(names))
+                line = ParameterLine(problem, name, best)
+                profiles.append(_profile(fit, problem, name, line, threshold, level))
             profiles += _quantities(fit, problem, best, quantities, units, threshold, level)
             break
         except DeeperError as deeper:

@@ -7,14 +7,15 @@ from typing import Any
 
 import numpy as np
 
+from diffthrust._support.results import Brief
 from diffthrust._support.tables import with_error
 
 LOPSIDED = 1.15
 """An interval is called lopsided where one arm is longer than the other by this factor."""
 
 
-@dataclass(frozen=True, eq=False)
-class Profile:
+@dataclass(frozen=True, eq=False, repr=False)
+class Profile(Brief):
     """The profile likelihood of one parameter or quantity.
 
     Args:

@@ -6,11 +6,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from diffthrust._support.figures import showing
+from diffthrust._support.results import Result
 from diffthrust._support.tables import number
 from diffthrust.uncertainty._profile_curve import Profile
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from rich.console import RenderableType
 
 
 @dataclass(frozen=True)
@@ -26,8 +29,8 @@ class Better:
     gain: float
 
 
-@dataclass(frozen=True, eq=False)
-class Profiles:
+@dataclass(frozen=True, eq=False, repr=False)
+class Profiles(Result):
     """Profiles by the name of the parameter or quantity: ``profiles["alpha"].low``.
 
     Args:
@@ -61,12 +64,10 @@ class Profiles:
             )
         return sentences
 
-    def report(self) -> str:
-        """A table and the sentences, as text for people."""
-        from diffthrust._support.tables import rendered
+    def _told(self) -> RenderableType:
         from diffthrust.uncertainty._tables import profiles_table
 
-        return rendered(profiles_table(list(self.profiles.values()), self.level, self.sentences))
+        return profiles_table(list(self.profiles.values()), self.level, self.sentences)
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
@@ -80,8 +81,12 @@ class Profiles:
             else {"values": dict(better.values), "gain": better.gain},
         }
 
+    @showing
     def plot(self) -> Figure:
         """Each profile beside the quadratic of the covariance, with the threshold and the ends."""
         from diffthrust.uncertainty._figures import profile_figure
 
         return profile_figure(list(self.profiles.values()))
+
+    def _line(self) -> str:
+        return f"{100 * self.level:g} %: {', '.join(self.profiles)}"

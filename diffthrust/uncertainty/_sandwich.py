@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.results import Brief
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._rebuild import problem_of
 from diffthrust.estimation._result import Fit
@@ -24,8 +25,8 @@ VANISHED = 23.0
 fit's status."""
 
 
-@dataclass(frozen=True, eq=False)
-class Sandwich:
+@dataclass(frozen=True, eq=False, repr=False)
+class Sandwich(Brief):
     """Uncertainty of a fit without the assumption that its residuals are white.
 
     Args:

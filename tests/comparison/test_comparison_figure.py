@@ -83,14 +83,6 @@ def test_thinning_keeps_every_spike():
     assert np.isnan(thinned(time, gaps)[1]).all()
 
 
-def test_pyplot_is_not_touched(monkeypatch):
-    import sys
-
-    monkeypatch.delitem(sys.modules, "matplotlib.pyplot", raising=False)  # ArviZ brings it along
-    dft.compare(dft.Thruster(), log("a")).plot()
-    assert "matplotlib.pyplot" not in sys.modules
-
-
 @pytest.mark.slow
 def test_a_model_with_many_effects_is_drawn_with_its_name_wrapped(tmp_path):
     time = np.arange(100) * 0.04

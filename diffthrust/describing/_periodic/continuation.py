@@ -6,6 +6,7 @@ from dataclasses import fields
 
 import numpy as np
 
+from diffthrust._support.progress import Progress
 from diffthrust.describing._periodic.period import Cycle, Lane
 from diffthrust.describing._periodic.respond import PeriodicResponses, Reason, Solver, respond, some
 
@@ -21,6 +22,7 @@ def respond_with_neighbours(
     shape: tuple[int, int, int],
     *,
     samples: int | None = None,
+    progress: Progress | None = None,
 ) -> PeriodicResponses:
     """`respond`, and again for lanes that found nothing beside some that did.
 
@@ -33,8 +35,9 @@ def respond_with_neighbours(
         lanes: all lanes, of the shape of ``shape`` made flat.
         shape: draws, amplitudes and frequencies.
         samples: as for `respond`.
+        progress: as for `respond`.
     """
-    responses = respond(solver, cycle, lanes, samples=samples)
+    responses = respond(solver, cycle, lanes, samples=samples, progress=progress)
     for _ in range(_SWEEPS):
         lost = np.isin(responses.reason, _LOST)
         beside = _neighbours((responses.reason == Reason.SETTLED).reshape(shape))

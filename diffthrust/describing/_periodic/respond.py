@@ -18,6 +18,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from diffthrust._support.progress import Progress, teller
 from diffthrust.describing._periodic.period import LANE_BLOCK, Cycle, Harmonics, Lane
 
 _FINE = 2e-4
@@ -143,6 +144,7 @@ def respond(
     *,
     samples: int | None = None,
     guess: np.ndarray | None = None,
+    progress: Progress | None = None,
 ) -> PeriodicResponses:
     """The periodic responses of all lanes.
 
@@ -152,8 +154,9 @@ def respond(
         lanes: amplitudes, frequencies and parameters, ``(L,)`` each.
         samples: steps to the period, where these are not to be chosen.
         guess: where to start from, instead of the model's own initial states.
+        progress: called with a message and the share done.
     """
-    size = lanes.amplitude.size
+    tell, size = teller(progress), lanes.amplitude.size
     steps = np.full(size, samples or max(cycle.samples, solver.coarsest))
     last_steps = samples or solver.finest
     stage = np.zeros(size, int)
@@ -193,6 +196,7 @@ def respond(
             unclear = np.where(restless, Reason.MEMORY, Reason.COARSE)
             reason[who[gone]] = np.where(bad, orbits.reason, unclear)[gone]
             steps[who[finer & ~gone]] = finer_steps
+            tell("periodic responses", float(np.mean(reason >= 0)))
     _check_again(solver, cycle, lanes, x, first, mean, reason, steps, stage)
     return PeriodicResponses(first, mean, distortion, reason, steps, stage, x)
 

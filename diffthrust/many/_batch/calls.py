@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.progress import Progress
+from diffthrust._support.progress import Progress, ProgressOption, progressing, teller
 from diffthrust.comparison._compare import compare as compare_one
 from diffthrust.estimation._arguments import listed
 from diffthrust.estimation._fit import fit as fit_one
@@ -21,6 +21,7 @@ from diffthrust.uncertainty._sampling.sample import sample as sample_one
 Records = Sequence[Log | Sequence[Log]]
 
 
+@progressing
 def fit(
     model: Model | Sequence[Model],
     logs: Records,
@@ -30,7 +31,7 @@ def fit(
     width: int | None = None,
     devices: Sequence[Any] | None = None,
     processes: int = 1,
-    progress: Progress | None = None,
+    progress: ProgressOption = None,
     **options: Any,
 ) -> Many:
     """Fit a model to each of many records, as `diffthrust.fit` does to one.
@@ -51,7 +52,7 @@ def fit(
         processes: of this machine among which the members are divided. One keeps two or three
             processors busy; several take seconds to start, and pay for thousands of members where
             there are more processors.
-        progress: called with a message and the share done.
+        progress: True for a bar, or a function of a message and the share done.
         **options: of `diffthrust.fit`.
 
     Returns:
@@ -73,9 +74,9 @@ def fit(
     lengths = lengths_of(log for group in (*members, *held) for log in group)
     named, triples = _names(names, members), list(zip(models, members, unseen, strict=True))
     if _processes(processes, devices) == 1:
-        return _fits(triples, named, (lengths, width, None, options), devices, progress)
+        return _fits(triples, named, (lengths, width, None, options), devices, teller(progress))
     common = (lengths, width, 2, options)  # each has one processor
-    return divided(_fits, triples, named, common, processes=processes, progress=progress)
+    return divided(_fits, triples, named, common, processes=processes, progress=teller(progress))
 
 
 def _fits(
@@ -94,6 +95,7 @@ def _fits(
     return each(one, names, lengths, width=width, devices=devices, runs=runs, progress=progress)
 
 
+@progressing
 def compare(
     fit: Fit | Model | Sequence[Fit | Model],
     logs: Records,
@@ -101,7 +103,7 @@ def compare(
     names: Sequence[str] | None = None,
     width: int | None = None,
     devices: Sequence[Any] | None = None,
-    progress: Progress | None = None,
+    progress: ProgressOption = None,
     **options: Any,
 ) -> Many:
     """Hold a model, or the fit of each, against each of many records.
@@ -113,7 +115,7 @@ def compare(
         width: members in one run of a program on each device; chosen by the machine where
             ``None``.
         devices: of JAX over which each run is divided; its own choice by default.
-        progress: called with a message and the share done.
+        progress: True for a bar, or a function of a message and the share done.
         **options: of `diffthrust.compare`.
 
     Returns:
@@ -134,9 +136,10 @@ def compare(
 
     lengths = lengths_of(log for group in members for log in group)
     named = _names(names, members)
-    return each(one, named, lengths, width=width, devices=devices, progress=progress)
+    return each(one, named, lengths, width=width, devices=devices, progress=teller(progress))
 
 
+@progressing
 def sample(
     fits: Many | Sequence[Fit],
     logs: Records,
@@ -144,7 +147,7 @@ def sample(
     names: Sequence[str] | None = None,
     width: int | None = None,
     devices: Sequence[Any] | None = None,
-    progress: Progress | None = None,
+    progress: ProgressOption = None,
     **options: Any,
 ) -> Many:
     """Draw from the posterior of each of many fits, as `diffthrust.sample` does of one.
@@ -158,7 +161,7 @@ def sample(
         names: of the members; by default those of their first logs.
         width: chains in one run of a program on each device; chosen by the machine where ``None``.
         devices: of JAX over which each run is divided; its own choice by default.
-        progress: called with a message and the share done.
+        progress: True for a bar, or a function of a message and the share done.
         **options: of `diffthrust.sample`, but for ``file``.
 
     Returns:
@@ -184,7 +187,7 @@ def sample(
 
     lengths = lengths_of(log for group in members for log in group)
     named = _names(names, members)
-    return each(one, named, lengths, width=width, devices=devices, progress=progress)
+    return each(one, named, lengths, width=width, devices=devices, progress=teller(progress))
 
 
 def _processes(processes: Any, devices: Any) -> int:

@@ -8,7 +8,7 @@ from inspect import Parameter, signature
 from typing import Any
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.progress import Progress
+from diffthrust._support.progress import ProgressOption, progressing
 from diffthrust.describing._describe import describing_function as describe_one
 from diffthrust.describing._describe import maps_of
 from diffthrust.describing._request import MapRequest, request
@@ -26,13 +26,14 @@ _MAPS_AT_A_TIME = 16
 """Models whose maps are worked out together: more would only take memory."""
 
 
+@progressing
 def describing_function(
     models: Many | Sequence[Fit | Model],
     amplitudes: Any,
     frequencies: Any,
     *,
     names: Sequence[str] | None = None,
-    progress: Progress | None = None,
+    progress: ProgressOption = None,
     **options: Any,
 ) -> Many:
     """Describing functions of many models, as `diffthrust.describing_function` gives of one.
@@ -45,7 +46,7 @@ def describing_function(
         amplitudes: of the input, ``(A,)``, the same for all.
         frequencies: [rad/s], ``(F,)``.
         names: of the members; by default those of the `Many`, or numbers.
-        progress: called with a message and the share done.
+        progress: True for a bar, or a function of a message and the share done.
         **options: of `diffthrust.describing_function`.
 
     Returns:
@@ -96,7 +97,7 @@ def describing_function(
         for i, one in zip(chunk, drawn, strict=True):
             results[i], seconds[i] = one, time.monotonic() - since
         finished += len(chunk)
-        if progress:
+        if callable(progress):
             progress(f"maps {finished} of {count}", finished / count)
     return Many(
         names=named,

@@ -8,16 +8,22 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.results import Result
+from diffthrust._support.words import joined
 from diffthrust.many._rows import row_of
 
 if TYPE_CHECKING:
     import pandas as pd
+    from rich.console import RenderableType
 
+_SHOWN = ("name", "status", "fit_status", "train_nrmse", "holdout_nrmse", "nrmse", "error")
+_MOST = 40
+"""A report has so many rows, with these columns."""
 _TOLD = ("name", "status", "error", "mend", "seconds")  # of every member, whatever was asked
 
 
-@dataclass(frozen=True)
-class Many:
+@dataclass(frozen=True, repr=False)
+class Many(Result):
     """The results of many members, in the order in which they were given.
 
     ``len(found)`` is the number of members; ``found[3]`` or ``found["pool 7"]`` gives the result
@@ -94,6 +100,25 @@ class Many:
             else:
                 rows.append({**row, **row_of(result)})
         return pd.DataFrame(rows, columns=None if rows else list(_TOLD))
+
+    def _line(self) -> str:
+        kinds = {type(result).__name__ for result in self}
+        return f"{len(self) - len(self.failed)} of {len(self)} {joined(sorted(kinds))} done"
+
+    def _told(self) -> RenderableType:
+        from diffthrust._support.tables import number, texts_table, together
+
+        table = self.table()
+        names = [name for name in _SHOWN if name in table]
+        rows = [
+            [number(cell, 3) if isinstance(cell, float) else str(cell or "") for cell in row]
+            for row in table[names].head(_MOST).itertuples(index=False)
+        ]
+        more = len(table) - len(rows)
+        numbers = [i for i, name in enumerate(names) if name.endswith("nrmse")]
+        headings = [name.replace("_", " ") for name in names]
+        rest = [f"and {more} more; .table() has all."] if more else []
+        return together(texts_table(headings, rows, numbers), *rest, f"{self._line()}.")
 
 
 def named_members(names: Iterable[Any] | None, otherwise: Iterable[Any]) -> tuple[str, ...]:

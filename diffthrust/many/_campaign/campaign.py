@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any, Literal
 from diffthrust._support._running.pool import processors
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import plain
-from diffthrust._support.progress import Progress
+from diffthrust._support.progress import Progress, ProgressOption, progressing, teller
+from diffthrust._support.results import Result
 from diffthrust.many._campaign.executors import outcomes
 from diffthrust.many._campaign.job import Job, check_task, fingerprint
 from diffthrust.many._campaign.specs import PathLike, find_specs, folders
@@ -26,13 +27,14 @@ from diffthrust.specs._spec import load_spec
 
 if TYPE_CHECKING:
     import pandas as pd
+    from rich.console import RenderableType
 
 _SAVING = 0.02
 """Share of the time that may go into writing the table while the campaign runs."""
 
 
-@dataclass(frozen=True)
-class Campaign:
+@dataclass(frozen=True, repr=False)
+class Campaign(Result):
     """The outcome of a campaign.
 
     Args:
@@ -81,12 +83,13 @@ class Campaign:
         again = " The same campaign again tries those without a result."
         return sentence if self.ok else sentence + again
 
-    def report(self) -> str:
-        """Counts, errors with their mend, and the results as text for people."""
-        from diffthrust._support.tables import rendered
+    def _line(self) -> str:
+        return f"{self.task}: {self.summary}"
+
+    def _told(self) -> RenderableType:
         from diffthrust.many._campaign.tables import campaign_table
 
-        return rendered(campaign_table(self.rows, self.task, self.summary), width=140)
+        return campaign_table(self.rows, self.task, self.summary)
 
     def to_json(self) -> dict[str, Any]:
         """The outcome as plain data, in the form that ``diffthrust campaign --json`` writes."""
@@ -101,6 +104,7 @@ class Campaign:
         }
 
 
+@progressing
 def campaign(
     specs: PathLike | Iterable[PathLike],
     *,
@@ -110,7 +114,7 @@ def campaign(
     jobs: int | None = None,
     time_limit: float | None = None,
     report: bool = False,
-    progress: Progress | None = None,
+    progress: ProgressOption = None,
     **options: Any,
 ) -> Campaign:
     """Fit, diagnose or sample every spec found, in parallel, and collect the results in a table.
@@ -136,7 +140,8 @@ def campaign(
         jobs: how many processes of this machine; as many as processors where ``None``.
         time_limit: seconds after which a task is killed.
         report: write ``report.html`` into each folder.
-        progress: called with a message, which tells the time left, and the share done.
+        progress: True for a bar, or a function of a message and the share done; the message tells
+            the time left.
         **options: of a diagnosis ``candidates``; of sampling ``method``, ``draws``, ``warmup``,
             ``walkers``, ``chains``, ``seed``.
 
@@ -164,7 +169,7 @@ def campaign(
         Job(names[path], str(path), str(out / folder), task, options, report, time_limit)
         for path, folder in folders(names).items()
     ]
-    say = progress or (lambda message, share: None)
+    say = teller(progress)
     rows = {job.name: row for job in work if (row := _kept(job))}
     todo = [job for job in work if job.name not in rows]
     kept = len(rows)

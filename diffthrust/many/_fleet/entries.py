@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.results import Brief
 from diffthrust.estimation._result import Fit
 from diffthrust.many._batch.result import Many, named_members
 from diffthrust.many._campaign.campaign import Campaign
@@ -23,8 +24,8 @@ ERROR = "_std_error"
 Labels = Sequence[Any] | Mapping[str, Any] | Callable[[str], Any] | None
 
 
-@dataclass(frozen=True)
-class Entry:
+@dataclass(frozen=True, repr=False)
+class Entry(Brief):
     """One fit of one vehicle.
 
     Args:

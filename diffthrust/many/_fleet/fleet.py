@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.progress import Progress
+from diffthrust._support.figures import showing
+from diffthrust._support.progress import ProgressOption, progressing, teller
+from diffthrust._support.results import Result
 from diffthrust.logs._log import Log
 from diffthrust.many._fleet.axis import Axis, axes_of
 from diffthrust.many._fleet.entries import ERROR, Entry, Labels, entries_of
@@ -19,6 +21,7 @@ from diffthrust.many._fleet.times import times_of
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
+    from rich.console import RenderableType
 
     from diffthrust.many._fleet.pooled import Pooled
 
@@ -26,8 +29,8 @@ _FALSE_ALARMS = 0.05
 """Probability that a fleet in which nothing drifts, or no vehicle differs, raises any alarm."""
 
 
-@dataclass(frozen=True, eq=False)
-class Fleet:
+@dataclass(frozen=True, eq=False, repr=False)
+class Fleet(Result):
     """All fits of a fleet; made by `fleet`.
 
     Parameters are compared in the coordinate of a fit: by their logarithm where they are positive
@@ -152,6 +155,7 @@ class Fleet:
 
         return outlier_table(self, _share("false_alarms", false_alarms))
 
+    @progressing
     def pool(
         self,
         parameters: Sequence[str] | None = None,
@@ -163,7 +167,7 @@ class Fleet:
         chains: int = 4,
         seed: int = 0,
         level: float = 0.95,
-        progress: Progress | None = None,
+        progress: ProgressOption = None,
     ) -> Pooled:
         """Estimate all vehicles at once: one with little data borrows from the others.
 
@@ -191,7 +195,7 @@ class Fleet:
             chains: of NUTS.
             seed: equal seeds give equal draws.
             level: probability of the intervals.
-            progress: called with a message and the share done.
+            progress: True for a bar, or a function of a message and the share done.
 
         Returns:
             A `Pooled`: ``.table``, ``.population``, ``.predict_new()``, ``.convergence``.
@@ -219,33 +223,38 @@ class Fleet:
             chains=chains,
             seed=seed,
             level=_share("level", level),
-            progress=progress,
+            progress=teller(progress),
         )
 
+    @showing
     def plot_spread(self) -> Figure:
         """Each parameter of each vehicle with its 95 % interval, and the fleet behind."""
         from diffthrust.many._fleet.figures import spread_figure
 
         return spread_figure(self, self.outliers())
 
+    @showing
     def plot_drift(self) -> Figure:
         """Each parameter over time, a line for each vehicle; those that drift stand out."""
         from diffthrust.many._fleet.figures import drift_figure
 
         return drift_figure(self, self.drift())
 
+    @showing
     def plot_effects(self) -> Figure:
         """Which effects were found where."""
         from diffthrust.many._fleet.figures import effects_figure
 
         return effects_figure(self.effects())
 
-    def report(self) -> str:
-        """Spread, outliers, drift and effects as text for people."""
-        from diffthrust.many._fleet.tables import fleet_report
+    def _line(self) -> str:
+        return f"{len(self.entries)} fits of {len(self.vehicles)} vehicles"
+
+    def _told(self) -> RenderableType:
+        from diffthrust.many._fleet.tables import fleet_table
 
         drift = None if np.isnan(self.times).any() else self.drift()
-        return fleet_report(self, self.spread(), self.outliers(), drift, self.effects(), self.notes)
+        return fleet_table(self, self.spread(), self.outliers(), drift, self.effects(), self.notes)
 
 
 def fleet(source: Any, *, vehicle: Labels = None, time: Labels = None) -> Fleet:

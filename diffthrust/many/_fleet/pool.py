@@ -30,7 +30,7 @@ def pool_vehicles(
     chains: int,
     seed: int,
     level: float,
-    progress: Progress | None,
+    progress: Progress,
 ) -> Pooled:
     """See `Fleet.pool`."""
     from diffthrust.many._fleet.hierarchy import arranged
@@ -56,8 +56,7 @@ def pool_vehicles(
         seed=seed,
         progress=progress,
     )
-    if progress:
-        progress("done", 1.0)
+    progress("done", 1.0)
     post = _posterior(ruler, evidence, walked.kept, walked.stats, correlated, seed)
     weight = np.mean(walked.kept["weight"], axis=(0, 1))
     return Pooled(fleet, ruler, tuple(evidence), post, weight, level, (*notes, *more))

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from diffthrust._support.figures import showing
+from diffthrust._support.results import Result
 from diffthrust.many._fleet.estimates import Estimates, known
 from diffthrust.models._base.parameter import Normal
 from diffthrust.uncertainty._sampling.convergence import Convergence, convergence
@@ -15,6 +17,7 @@ from diffthrust.uncertainty._sampling.convergence import Convergence, convergenc
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
+    from rich.console import RenderableType
 
     from diffthrust.many._fleet.evidence import Ruler, VehicleEvidence
 
@@ -22,8 +25,8 @@ _ONE_SD = 0.682689492137
 """Probability within one standard deviation of a Gaussian."""
 
 
-@dataclass(frozen=True, eq=False)
-class Pooled:
+@dataclass(frozen=True, eq=False, repr=False)
+class Pooled(Result):
     """A fleet whose vehicles were estimated together; made by `Fleet.pool`.
 
     Args:
@@ -180,6 +183,7 @@ class Pooled:
             out[name] = Normal(mean=median, std=0.5 * (high - low))
         return out
 
+    @showing
     def plot(self) -> Figure:
         """Each vehicle by itself and pooled, with intervals."""
         from diffthrust.many._fleet.figures import pooled_figure
@@ -188,12 +192,14 @@ class Pooled:
             self.fleet, self.ruler.axes, self.post.posterior, self.table, self.level
         )
 
-    def report(self) -> str:
-        """The fleet's law, the vehicles and the state of the chains as text for people."""
-        from diffthrust.many._fleet.tables import pooled_report
+    def _line(self) -> str:
+        return f"{len(self.evidence)} vehicles, {self.convergence.status.value}"
+
+    def _told(self) -> RenderableType:
+        from diffthrust.many._fleet.tables import pooled_table
 
         notes = [self.convergence.message, *(f"Note: {note}" for note in self.notes)]
-        return pooled_report(self.population, self.table, self.level, notes)
+        return pooled_table(self.population, self.table, self.level, notes)
 
 
 def _quantiles(values: np.ndarray, level: float) -> tuple[float, float, float]:

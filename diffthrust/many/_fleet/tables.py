@@ -10,14 +10,14 @@ from rich.console import Group, RenderableType
 from rich.markup import escape
 from rich.text import Text
 
-from diffthrust._support.tables import number, plain_table, rendered, with_error
+from diffthrust._support.tables import number, plain_table, with_error
 from diffthrust._support.words import joined, percent, probability, spelt
 from diffthrust.many._fleet.estimates import Estimates
 
 
-def fleet_report(
+def fleet_table(
     fleet: Estimates, spread: Any, outliers: Any, drift: Any, effects: Any, notes: Sequence[str]
-) -> str:
+) -> RenderableType:
     """Spread, outliers, drift (``None`` where there are no times), effects and notes."""
     sentences = [*_outliers(outliers), *_drift(drift, fleet.time_unit), *_effects(effects)]
     parts: list[RenderableType] = [
@@ -28,10 +28,12 @@ def fleet_report(
         *(Text(sentence) for sentence in sentences),
         *(Text(f"Note: {note}") for note in notes),
     ]
-    return rendered(Group(*parts), width=120)
+    return Group(*parts)
 
 
-def pooled_report(population: Any, vehicles: Any, level: float, notes: Sequence[str]) -> str:
+def pooled_table(
+    population: Any, vehicles: Any, level: float, notes: Sequence[str]
+) -> RenderableType:
     """The law of the fleet, each vehicle, and what is to be said of them."""
     law = plain_table("Parameter", "Unit", "Median", "Interval", "Between sd", "Interval",
                  numbers=(2, 4))  # fmt: skip
@@ -64,7 +66,7 @@ def pooled_report(population: Any, vehicles: Any, level: float, notes: Sequence[
         Text(),
         *(Text(note) for note in notes),
     ]
-    return rendered(Group(*parts), width=120)
+    return Group(*parts)
 
 
 def _rows(table: Any) -> list[Any]:

@@ -257,8 +257,22 @@ class Model(Component):
     def __repr__(self) -> str:
         return " + ".join([super().__repr__(), *(repr(effect) for effect in self.effects)])
 
+    def _repr_html_(self) -> str:
+        from diffthrust._support.tables import html, number, texts_table, together
+
+        rows = [
+            (name, number(p.value), p.unit, *map(_end, p.bounds), "fixed" * p.fixed, p.doc)
+            for name, p in self.parameters.items()
+        ]
+        headings = ("Parameter", "Value", "Unit", "From", "to", "", "")
+        return html(together(str(self), texts_table(headings, rows, (1, 3, 4))))
+
     def __str__(self) -> str:
         return " + ".join([self.name, *(effect.name for effect in self.effects)])
+
+
+def _end(bound: float | None) -> str:
+    return "" if bound is None else f"{bound:g}"
 
 
 MODELS = Model.library

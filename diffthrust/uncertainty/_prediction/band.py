@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.results import Brief
 from diffthrust.estimation._laws import Law
 from diffthrust.estimation._registry import LOSSES
 from diffthrust.logs._log import Log
@@ -20,8 +21,8 @@ _HALVINGS = 32
 """The ends of a band with noise are found by halving, to this many binary digits."""
 
 
-@dataclass(frozen=True)
-class Band:
+@dataclass(frozen=True, repr=False)
+class Band(Brief):
     """The predictive band of one channel, ``(T,)`` each, in ``unit``.
 
     Args:

@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from diffthrust._support.results import Brief
 
-@dataclass(frozen=True)
-class DerivedQuantity:
+
+@dataclass(frozen=True, repr=False)
+class DerivedQuantity(Brief):
     """A number or a curve that follows from the parameters, with its interval.
 
     Args:

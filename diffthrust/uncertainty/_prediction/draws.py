@@ -11,6 +11,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
+from diffthrust._support.results import Brief
 from diffthrust.estimation._rebuild import check_mark
 from diffthrust.estimation._result import Fit
 from diffthrust.estimation._status import Status
@@ -20,8 +21,8 @@ _ROUNDS = 200
 """Draws of a covariance that fall outside the bounds are drawn anew at most so many times."""
 
 
-@dataclass(frozen=True)
-class Draws:
+@dataclass(frozen=True, repr=False)
+class Draws(Brief):
     """Draws of the parameters of a model and of its noise, each ``(n,)`` by name.
 
     Args:

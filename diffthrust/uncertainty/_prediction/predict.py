@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.figures import showing
 from diffthrust._support.names import listing
+from diffthrust._support.results import Result
 from diffthrust._support.words import percent
 from diffthrust.estimation._registry import LIKELIHOODS
 from diffthrust.logs._log import Log
@@ -26,8 +28,8 @@ _SHORT = 0.05
 """A band covers too little where the share inside falls short of its level by more than this."""
 
 
-@dataclass(frozen=True)
-class Prediction:
+@dataclass(frozen=True, repr=False)
+class Prediction(Result):
     """What a fit or a posterior expects of a log, held against what was measured.
 
     Args:
@@ -95,11 +97,11 @@ class Prediction:
 
         return prediction_table(self.channels, self.level, self.sentence, self.notes)
 
-    def report(self) -> str:
-        """The coverage by channel, in words and as a table."""
-        from diffthrust._support.tables import rendered
+    def _line(self) -> str:
+        return self.sentence
 
-        return rendered(self.table())
+    def _told(self) -> RenderableType:
+        return self.table()
 
     def to_json(self) -> dict[str, Any]:
         """Coverage and number of samples by channel as plain data."""
@@ -109,6 +111,7 @@ class Prediction:
         }
         return {"log": self.log, "level": self.level, "draws": self.draws, "channels": channels}
 
+    @showing
     def plot(self) -> Figure:
         """Measured points, median and both bands, channel by channel."""
         from diffthrust.uncertainty._prediction.figures import prediction_figure

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.figures import showing
 from diffthrust._support.names import listing
+from diffthrust._support.results import Result
 from diffthrust.uncertainty._prediction.derived_quantity import DerivedQuantity, summarised
 from diffthrust.uncertainty._prediction.draws import Draws, draws_of
 from diffthrust.uncertainty._prediction.physical import (
@@ -22,10 +24,11 @@ from diffthrust.uncertainty._prediction.responses import responses
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from rich.console import RenderableType
 
 
-@dataclass(frozen=True)
-class Quantities(Mapping[str, DerivedQuantity]):
+@dataclass(frozen=True, repr=False)
+class Quantities(Result, Mapping[str, DerivedQuantity]):
     """Derived quantities by name, all of the same draws.
 
     Args:
@@ -49,12 +52,10 @@ class Quantities(Mapping[str, DerivedQuantity]):
     def __len__(self) -> int:
         return len(self.by_name)
 
-    def report(self) -> str:
-        """The intervals as text for people."""
-        from diffthrust._support.tables import rendered
+    def _told(self) -> RenderableType:
         from diffthrust.uncertainty._prediction.tables import quantities_table
 
-        return rendered(quantities_table(list(self.values()), self.level, self.notes))
+        return quantities_table(list(self.values()), self.level, self.notes)
 
     def to_json(self) -> dict[str, Any]:
         """The intervals as plain data."""
@@ -63,6 +64,7 @@ class Quantities(Mapping[str, DerivedQuantity]):
         data = {name: q.to_json() for name, q in self.items()}
         return plain({"level": self.level, "draws_from": self.kind, "quantities": data})
 
+    @showing
     def plot(self) -> Figure:
         """The curves with their bands, one panel each.
 

@@ -64,7 +64,7 @@ def quantities_table(
             continue
         unit = f" [{q.grid_unit}]" if q.grid_unit else ""
         head = f"{q.name}{f' [{q.unit}]' if q.unit else ''}"
-        headings = escape(f"{q.grid_name}{unit}"), escape(head), f"{share} from", "to"
+        headings = f"{q.grid_name}{unit}", head, f"{share} from", "to"
         table = plain_table(*headings, numbers=(0, 1, 2, 3))
         for at in _some(q):
             row = interval_text(float(q.median[at]), float(q.low[at]), float(q.high[at]))

@@ -13,7 +13,7 @@ import emcee
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.progress import Progress
+from diffthrust._support.progress import Progress, teller
 from diffthrust.uncertainty._sampling import chain_file
 from diffthrust.uncertainty._sampling.chain_file import Stored
 from diffthrust.uncertainty._sampling.moves import MOST_INDEPENDENT, learned, moves, suited
@@ -76,7 +76,7 @@ def run_ensemble(
         InputError: a file of another problem or one that cannot be written, or a density that is
             not finite around the fit.
     """
-    tell = progress or (lambda message, share: None)
+    tell = teller(progress)
     lanes, total = lanes_of(walkers), warmup + draws
     who = chain_file.problem_identity(posterior, seed=seed, walkers=walkers, warmup=warmup)
     stored = chain_file.read(file, who) if file else None

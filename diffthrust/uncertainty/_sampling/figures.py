@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.figures import BLUE, VERMILLION, literal, styled, thinned
+from diffthrust._support.figures import BLUE, VERMILLION, literal, showing, styled, thinned
 from diffthrust._support.names import listing
 from diffthrust._support.words import percent
 from diffthrust.estimation._result import Fit
@@ -30,6 +30,7 @@ _REACH = 1.0
 _MARKS = ("#000000", "#009E73", "#CC79A7", "#E69F00")
 
 
+@showing
 def plot_corner(
     post: Any,
     fit: Fit | None = None,
@@ -93,6 +94,7 @@ def plot_corner(
     return figure
 
 
+@showing
 def plot_trace(post: Any, *, names: Sequence[str] | None = None) -> Figure:
     """Every parameter along its chains, beside the distributions of their first and second halves.
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from diffthrust._support._running.batching import run_program
 from diffthrust._support.errors import InputError
-from diffthrust._support.progress import Progress
+from diffthrust._support.progress import Progress, teller
 from diffthrust.uncertainty._sampling.density import DensityShape, log_density
 from diffthrust.uncertainty._sampling.ensemble import Chains
 from diffthrust.uncertainty._sampling.posterior import Posterior
@@ -204,7 +204,7 @@ def sample_target(
         seed: equal seeds give equal draws.
         progress: called with a message and the share done.
     """
-    tell = progress or (lambda message, share: None)
+    tell = teller(progress)
     begin, adapt, on = jax.random.split(jax.random.key(seed), 3)
     starts = jax.random.normal(begin, (chains, dim))
     tell("warmup", 0.0)

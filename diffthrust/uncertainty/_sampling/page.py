@@ -53,11 +53,11 @@ def write_posterior_page(
         rows=draw_rows(sampled),
         fit=sampled.fit,
         intervals=sampled.intervals.report(),
-        bars=image(sampled.intervals.plot()),
-        predictions=[(p.sentence, p.notes, image(p.plot()), p.log) for p in sampled.predictions],
+        bars=image(sampled.intervals.plot),
+        predictions=[(p.sentence, p.notes, image(p.plot), p.log) for p in sampled.predictions],
         left=shown[_MOST:],
-        corner=image(plot_corner(sampled.post, sampled.fit, names=shown[:_MOST])),
-        trace=image(plot_trace(sampled.post)),
+        corner=image(lambda: plot_corner(sampled.post, sampled.fit, names=shown[:_MOST])),
+        trace=image(lambda: plot_trace(sampled.post)),
         spec=spec,
     )
     write_page(Path(path), text)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.progress import Progress
+from diffthrust._support.progress import ProgressOption, progressing, teller
 from diffthrust.estimation._arguments import listed
 from diffthrust.estimation._rebuild import mark_of
 from diffthrust.estimation._result import Fit
@@ -18,6 +18,7 @@ from diffthrust.uncertainty._sampling.convergence import convergence
 from diffthrust.uncertainty._sampling.posterior import Posterior, posterior_of
 
 
+@progressing
 def sample(
     fit: Fit,
     logs: Log | Sequence[Log],
@@ -29,7 +30,7 @@ def sample(
     chains: int = 4,
     seed: int = 0,
     file: str | os.PathLike[str] | None = None,
-    progress: Progress | None = None,
+    progress: ProgressOption = None,
 ) -> Any:
     """Draw from the posterior of a fit: what the logs and the priors say of each parameter.
 
@@ -54,7 +55,7 @@ def sample(
             `emcee.backends.HDFBackend`; its coordinates are logarithms of "log" parameters, and
             others over their scale. A run that was killed goes on where it was saved last, and ends
             with the file of a run that was not; with more ``draws`` it goes on from a finished one.
-        progress: called with a message and the share done.
+        progress: True for a bar, or a function of a message and the share done.
 
     Returns:
         `arviz.InferenceData` with the groups ``posterior`` (variables by full parameter name,
@@ -85,11 +86,12 @@ def sample(
         )
     if method == "nuts":
         nuts.available()
+    tell = teller(progress)
     logs = listed(logs)
     posterior = posterior_of(fit, logs)
     if method == "nuts":
         drawn = nuts.run_nuts(
-            posterior, draws=draws, warmup=warmup, chains=chains, seed=seed, progress=progress
+            posterior, draws=draws, warmup=warmup, chains=chains, seed=seed, progress=tell
         )
     else:
         drawn = ensemble.run_ensemble(
@@ -99,7 +101,7 @@ def sample(
             walkers=_walkers(posterior, walkers),
             seed=seed,
             file=Path(file) if file is not None else None,
-            progress=progress,
+            progress=tell,
         )
     attrs = {
         "method": method,
@@ -117,8 +119,7 @@ def sample(
     judged = convergence(post)
     for group in (post, post.posterior):
         group.attrs.update({"status": judged.status.value, "message": judged.message})
-    if progress:
-        progress("done", 1.0)
+    tell("done", 1.0)
     return post
 
 

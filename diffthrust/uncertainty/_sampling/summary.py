@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from diffthrust._support.results import Brief
 from diffthrust.estimation._result import Fit
 from diffthrust.logs._log import Log
 from diffthrust.uncertainty._intervals import intervals
@@ -46,8 +47,8 @@ class Summary:
     unit: str
 
 
-@dataclass(frozen=True)
-class Sampled:
+@dataclass(frozen=True, repr=False)
+class Sampled(Brief):
     """All that ``diffthrust sample`` tells.
 
     Args:
@@ -105,6 +106,9 @@ class Sampled:
             "intervals": self.intervals.to_json(),
             "coverage": coverage,
         }
+
+    def _line(self) -> str:
+        return f"{self.fit.model}: {self.convergence.status}, {len(self.parameters)} parameters"
 
 
 def sampled(
