@@ -41,7 +41,7 @@ def profile_figure(profiles: Sequence[Profile]) -> Figure:
     down = max(1, -(-len(profiles) // across))
     figure = Figure(figsize=(1.0 + 3.9 * across, 0.9 + 2.9 * down), layout="constrained")
     for i, one in enumerate(profiles):
-        _profile_panel(figure.add_subplot(down, across, i + 1), one, i % across == 0)
+        _profile_panel(figure.add_subplot(down, across, i + 1), one.shown, i % across == 0)
     if figure.axes:
         handles = {
             str(line.get_label()): line

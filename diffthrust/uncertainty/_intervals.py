@@ -143,6 +143,8 @@ def _row(
     return Row(
         name=name,
         unit=estimate.unit,
+        per=estimate.per,
+        shown_unit=estimate.shown_unit,
         value=estimate.value,
         intervals=by_method,
         recommended=recommended,

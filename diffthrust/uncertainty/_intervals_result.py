@@ -71,7 +71,9 @@ class Intervals(Result):
         from diffthrust.uncertainty._tables import intervals_table
 
         rows, directions = list(self.rows.values()), self.directions.table()
-        return intervals_table(rows, self.methods, self.level, self.notes, directions)
+        return intervals_table(
+            [row.shown for row in rows], self.methods, self.level, self.notes, directions
+        )
 
     def to_json(self) -> dict[str, Any]:
         """Plain data; ``None`` for an open end."""
@@ -98,4 +100,4 @@ class Intervals(Result):
         """The intervals as bars below each other, one panel for each parameter."""
         from diffthrust.uncertainty._figures import intervals_figure
 
-        return intervals_figure(list(self.rows.values()), self.methods, self.level)
+        return intervals_figure([row.shown for row in self.rows.values()], self.methods, self.level)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 
@@ -19,6 +19,14 @@ class Interval(NamedTuple):
         return above and (self.high is None or value <= self.high)
 
 
+def scaled(
+    ends: tuple[float | None, float | None], per: float
+) -> tuple[float | None, float | None]:
+    """Both ends of an interval times a positive number; an open one stays open."""
+    low, high = (None if end is None else per * end for end in ends)
+    return low, high
+
+
 @dataclass(frozen=True)
 class Row:
     """The intervals of one parameter.
@@ -31,6 +39,8 @@ class Row:
         recommended: the method to take.
         sentences: why methods disagree; empty where they do not.
         bounds: lower and upper bound of the parameter where the profile reaches it, else ``None``.
+        per: how many of ``shown_unit`` make one of ``unit``.
+        shown_unit: the unit for people; ``unit`` where it is empty.
     """
 
     name: str
@@ -40,6 +50,23 @@ class Row:
     recommended: str
     sentences: tuple[str, ...] = ()
     bounds: tuple[float | None, float | None] = (None, None)
+    per: float = 1.0
+    shown_unit: str = ""
+
+    @property
+    def shown(self) -> Row:
+        """The same in the unit for people."""
+        if not self.shown_unit:
+            return self
+        return replace(
+            self,
+            unit=self.shown_unit,
+            value=self.per * self.value,
+            intervals={m: Interval(*scaled(i, self.per)) for m, i in self.intervals.items()},
+            bounds=scaled(self.bounds, self.per),
+            per=1.0,
+            shown_unit="",
+        )
 
     @property
     def best(self) -> Interval:

@@ -222,9 +222,12 @@ def _profile(
     quantity = unit is not None
     limits = (-math.inf, math.inf) if quantity else problem.named[name].limits
     met = [_met(line, side, limit) for side, limit in zip(sides, limits, strict=True)]
+    estimate = None if quantity else fit.parameters[name]
     return Profile(
         name=name,
-        unit=unit if unit is not None else problem.named[name].unit,
+        unit=unit if estimate is None else estimate.unit,
+        per=1.0 if estimate is None else estimate.per,
+        shown_unit="" if estimate is None else estimate.shown_unit,
         value=line.value(start.x),
         low=_end(line, sides[0]),
         high=_end(line, sides[1]),

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from diffthrust._support.results import Brief
 from diffthrust._support.tables import with_error
+from diffthrust.uncertainty._intervals_row import scaled
 
 LOPSIDED = 1.15
 """An interval is called lopsided where one arm is longer than the other by this factor."""
@@ -33,6 +34,8 @@ class Profile(Brief):
         std_error: that of the fit's covariance, for comparison; ``None`` where it has none.
         quantity: it follows from parameters and is none itself.
         bounds: lower and upper bound of the parameter where the profile reaches it, else ``None``.
+        per: how many of ``shown_unit`` make one of ``unit``.
+        shown_unit: the unit for people; ``unit`` where it is empty.
     """
 
     name: str
@@ -49,6 +52,27 @@ class Profile(Brief):
     std_error: float | None
     quantity: bool = False
     bounds: tuple[float | None, float | None] = (None, None)
+    per: float = 1.0
+    shown_unit: str = ""
+
+    @property
+    def shown(self) -> Profile:
+        """The same in the unit for people."""
+        if not self.shown_unit:
+            return self
+        low, high = scaled((self.low, self.high), self.per)
+        return replace(
+            self,
+            unit=self.shown_unit,
+            value=self.per * self.value,
+            low=low,
+            high=high,
+            grid=self.per * self.grid,
+            std_error=None if self.std_error is None else self.per * self.std_error,
+            bounds=scaled(self.bounds, self.per),
+            per=1.0,
+            shown_unit="",
+        )
 
     @property
     def lopsided(self) -> float | None:
@@ -59,7 +83,11 @@ class Profile(Brief):
 
     @property
     def sentence(self) -> str:
-        """The interval in words."""
+        """The interval in words, in the unit for people."""
+        return self.shown._sentence
+
+    @property
+    def _sentence(self) -> str:
         unit, percent = f" {self.unit}".rstrip(), f"{100 * self.level:g} %"
         low, high = (self._told(end) for end in (self.low, self.high))
         if self.low is not None and self.high is not None:

@@ -20,7 +20,7 @@ def profiles_table(
     """One row for each profile, and the sentences."""
     percent = f"{100 * level:g} %"
     table = plain_table("Profile", "Value", f"{percent} from", "to", "Unit", numbers=(1, 2, 3))
-    for p in profiles:
+    for p in (profile.shown for profile in profiles):
         arms = [abs(e - p.value) for e in (p.low, p.high) if e is not None and e != p.value]
         error = 0.5 * min(arms) if arms else p.std_error
         ends = [("open" if e is None else with_error(e, error)[0]) for e in (p.low, p.high)]

@@ -101,6 +101,24 @@ def test_regimes_and_tests_speak_them_too(fit, logs):
     assert '"unit": "rpm"' in told
 
 
+def test_intervals_profiles_and_predictions_speak_them_too(fit, logs):
+    table = dft.intervals(fit, logs[0])
+    row = table.rows["command_deadband.width"]
+    assert row.unit == "effort"
+    assert row.shown.best.low == pytest.approx(400 * row.best.low)
+    assert "command_deadband.width [us]" in table.report()
+    profile = dft.uncertainty.profile(fit, logs[0], ["command_deadband.width"])
+    curve = profile["command_deadband.width"]
+    assert curve.value == pytest.approx(0.0625, rel=0.05)
+    assert curve.shown.high == pytest.approx(400 * curve.high)
+    assert " us (" in curve.sentence
+    figure = profile.plot()
+    assert figure.axes[0].get_xlabel() == "command_deadband.width [us]"
+    band = dft.predict(fit, logs[1]).channels["speed"]
+    np.testing.assert_allclose(band.shown.median, RPM * band.median, rtol=1e-12)
+    assert dft.predict(fit, logs[1]).plot().axes[0].get_ylabel() == "speed [rpm]"
+
+
 def test_where_a_log_names_no_unit_the_models_are_told():
     log = dft.Log([0.0, 0.1, 0.2], {"command": [0.0, 1.0, 1.0]}, {"speed": [0.0, 3.0, 5.0]})
     error = dft.compare(dft.Thruster(), log).errors.channels["speed"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -15,6 +15,7 @@ from diffthrust._support.results import Brief
 from diffthrust.estimation._laws import Law
 from diffthrust.estimation._registry import LOSSES
 from diffthrust.logs._log import Log
+from diffthrust.logs._written import ShownUnits
 from diffthrust.uncertainty._prediction.draws import Draws
 
 _HALVINGS = 32
@@ -35,6 +36,8 @@ class Band(Brief):
         coverage: share of the samples inside the band with noise (without, where ``noise=False``).
         samples: number of measured samples.
         unit: of all but the coverage.
+        per: how many of ``shown_unit`` make one of ``unit``.
+        shown_unit: the unit for people, in which the log was written.
     """
 
     measured: np.ndarray
@@ -46,6 +49,15 @@ class Band(Brief):
     coverage: float
     samples: int
     unit: str
+    per: float = 1.0
+    shown_unit: str = ""
+
+    @property
+    def shown(self) -> Band:
+        """The same in the unit for people."""
+        names = ("measured", "median", "low", "high", "noisy_low", "noisy_high")
+        series = {name: self.per * getattr(self, name) for name in names}
+        return replace(self, **series, unit=self.shown_unit or self.unit, per=1.0, shown_unit="")
 
 
 def band_of(
@@ -102,7 +114,9 @@ def band_of(
     if not noise:
         inside = (measured >= low) & (measured <= high)
     share = float(np.mean(inside[seen])) if seen.any() else float("nan")
-    return Band(measured, median, low, high, noisy_low, noisy_high, share, int(seen.sum()), unit)
+    ends = (low, high, noisy_low, noisy_high)
+    size = ShownUnits((log.written,)).size(channel, 1.0, unit)
+    return Band(measured, median, *ends, share, int(seen.sum()), unit, *size)
 
 
 @partial(jax.jit, static_argnums=0)

@@ -38,7 +38,7 @@ def prediction_figure(
     figure = Figure(figsize=(9.0, 1.2 + 3.6 * count), layout="constrained")
     grid = figure.add_gridspec(2 * count, 1, height_ratios=[3, 2] * count)
     shared = None
-    for i, (name, band) in enumerate(channels.items()):
+    for i, (name, band) in enumerate((n, band.shown) for n, band in channels.items()):
         top = figure.add_subplot(grid[2 * i], sharex=shared)
         shared = shared or top
         below = figure.add_subplot(grid[2 * i + 1], sharex=shared)

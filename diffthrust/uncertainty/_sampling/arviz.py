@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from diffthrust.estimation._estimate import shown_unit
+from diffthrust.logs._written import ShownUnits, Size
 from diffthrust.uncertainty._sampling.ensemble import Chains
 from diffthrust.uncertainty._sampling.posterior import Posterior
 
@@ -36,8 +38,11 @@ def inference_data(posterior: Posterior, chains: Chains, attrs: Mapping[str, Any
     names = log_names([log.name for log in problem.logs])
     units = problem.model.all_states | dict(problem.model.outputs)
     variables: dict[str, Any] = {}
+    written = ShownUnits(log.written for log in problem.logs)
     for name, values in posterior.values(chains.points).items():
-        variables[name] = (draw, values, {"unit": problem.named[name].unit})
+        told = shown_unit(problem.named[name], problem.model, written)
+        attrs_of = {"unit": problem.named[name].unit, "per": told.value, "shown_unit": told.unit}
+        variables[name] = (draw, values, attrs_of)
     for state, values in posterior.initial(chains.points).items():
         variables[f"initial.{state}"] = ((*draw, "log"), values, {"unit": units[state]})
     channels = [problem.layout.channels[i] for i in posterior.unknown]
@@ -59,6 +64,12 @@ def inference_data(posterior: Posterior, chains: Chains, attrs: Mapping[str, Any
         "observed_data": xr.Dataset(_observed(posterior, names)),
     }
     return arviz().InferenceData(attrs=dict(attrs), **groups)
+
+
+def shown_in(variable: Any) -> Size:
+    """How many of which unit, for people, make one of a variable's unit."""
+    unit = str(variable.attrs.get("unit", ""))
+    return Size(float(variable.attrs.get("per", 1.0)), str(variable.attrs.get("shown_unit", unit)))
 
 
 def noise_draws(posterior: Posterior, chains: Chains, seed: int) -> np.ndarray:

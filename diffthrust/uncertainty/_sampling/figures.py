@@ -12,9 +12,11 @@ from diffthrust._support.figures import BLUE, VERMILLION, literal, showing, styl
 from diffthrust._support.names import listing
 from diffthrust._support.words import percent
 from diffthrust.estimation._result import Fit
+from diffthrust.logs._written import Size
 from diffthrust.uncertainty._prediction.draws import posterior_data
 from diffthrust.uncertainty._prediction.figures import bracketed
 from diffthrust.uncertainty._prediction.tables import interval_text
+from diffthrust.uncertainty._sampling.arviz import shown_in
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -59,11 +61,13 @@ def plot_corner(
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    draws, units = _shown(post, names)
+    draws, told = _shown(post, names)
+    units = {n: size.unit for n, size in told.items()}
     sets = _marked(marks, draws)
     if fit is not None:
         values = {n: fit.parameters[n].value for n in draws if n in fit.parameters}
         sets = {"fit": values, **sets}
+    sets = {label: {n: told[n].value * v for n, v in s.items()} for label, s in sets.items()}
     looks = _looks(sets)
     count = len(draws)
     figure = Figure(figsize=(max(5.4, 2.3 * count), max(3.6, 2.2 * count)), layout="constrained")
@@ -109,7 +113,8 @@ def plot_trace(post: Any, *, names: Sequence[str] | None = None) -> Figure:
     """
     from matplotlib.figure import Figure
 
-    draws, units = _shown(post, names)
+    draws, told = _shown(post, names)
+    units = {n: size.unit for n, size in told.items()}
     figure = Figure(figsize=(9.0, 0.7 + 1.75 * len(draws)), layout="constrained")
     grid = figure.add_gridspec(len(draws), 2, width_ratios=[4, 1])
     for row, (name, values) in enumerate(draws.items()):
@@ -141,8 +146,8 @@ def plot_trace(post: Any, *, names: Sequence[str] | None = None) -> Figure:
     return figure
 
 
-def _shown(post: Any, names: Sequence[str] | None) -> tuple[dict[str, np.ndarray], dict[str, str]]:
-    """Draws ``(chain, draw)`` and unit of the parameters to show."""
+def _shown(post: Any, names: Sequence[str] | None) -> tuple[dict[str, np.ndarray], dict[str, Size]]:
+    """Draws ``(chain, draw)`` of the parameters to show, in the units for people, and these."""
     posterior = posterior_data(post)
     scalars = [str(n) for n, v in posterior.data_vars.items() if set(v.dims) == {"chain", "draw"}]
     chosen = list(names) if names else [n for n in scalars if not n.startswith("noise.")]
@@ -152,8 +157,12 @@ def _shown(post: Any, names: Sequence[str] | None) -> tuple[dict[str, np.ndarray
             f"The posterior has no parameter {listing(unknown)}; it has {listing(scalars)}.",
             "Correct the names.",
         )
-    draws = {n: np.asarray(posterior[n].transpose("chain", "draw").values, float) for n in chosen}
-    return draws, {n: str(posterior[n].attrs.get("unit", "")) for n in chosen}
+    told = {n: shown_in(posterior[n]) for n in chosen}
+    draws = {
+        n: told[n].value * np.asarray(posterior[n].transpose("chain", "draw").values, float)
+        for n in chosen
+    }
+    return draws, told
 
 
 def _marked(marks: Any, draws: Mapping[str, Any]) -> dict[str, dict[str, float]]:

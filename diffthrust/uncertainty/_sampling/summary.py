@@ -15,6 +15,7 @@ from diffthrust.uncertainty._intervals import intervals
 from diffthrust.uncertainty._intervals_result import Intervals
 from diffthrust.uncertainty._prediction.draws import posterior_data
 from diffthrust.uncertainty._prediction.predict import Prediction, predict
+from diffthrust.uncertainty._sampling.arviz import shown_in
 from diffthrust.uncertainty._sampling.convergence import Convergence, convergence
 
 INTERVAL_LEVEL = 0.95
@@ -34,6 +35,8 @@ class Summary:
         ess_bulk: effective samples for the mean.
         ess_tail: effective samples for the ends of the interval.
         unit: of the first five.
+        per: how many of ``shown_unit`` make one of ``unit``.
+        shown_unit: the unit for people.
     """
 
     median: float
@@ -45,6 +48,8 @@ class Summary:
     ess_bulk: float
     ess_tail: float
     unit: str
+    per: float
+    shown_unit: str
 
 
 @dataclass(frozen=True, repr=False)
@@ -146,6 +151,8 @@ def sampled(
             ess_bulk=judged.ess_bulk.get(str(name), float("nan")),
             ess_tail=judged.ess_tail.get(str(name), float("nan")),
             unit=str(variable.attrs.get("unit", "")),
+            per=shown_in(variable).value,
+            shown_unit=shown_in(variable).unit,
         )
     bands = tuple(predict(post, fit, log, level=INTERVAL_LEVEL, seed=seed) for log in unseen)
     side_by_side = intervals(fit, logs, post, level=INTERVAL_LEVEL)

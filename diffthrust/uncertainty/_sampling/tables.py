@@ -21,11 +21,11 @@ def draw_rows(sampled: Sampled) -> list[tuple[str, ...]]:
         fitted = sampled.fit.parameters.get(name) or (sampled.fit.disturbance or {}).get(name)
         estimate = "-"
         if fitted is not None:
-            value, error = with_error(fitted.value, fitted.std_error)
+            value, error = with_error(*fitted.shown[:2])
             estimate = value if fitted.std_error is None else f"{value} ± {error}"
-        interval = interval_text(s.median, s.low, s.high)
+        interval = interval_text(*(s.per * x for x in (s.median, s.low, s.high)))
         mixing = f"{s.rhat:.3f}", f"{s.ess_bulk:.0f}", f"{s.ess_tail:.0f}"
-        rows.append((name, *interval, s.unit, *mixing, estimate))
+        rows.append((name, *interval, s.shown_unit, *mixing, estimate))
     return rows
 
 
