@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from robot_files import write_dataflash
 
 import diffthrust as dft
 from diffthrust import Column, InputError
@@ -172,3 +173,31 @@ def test_a_spec_says_it_in_a_line(tmp_path):
     spec = dft.specs.load_spec(tmp_path)
     assert spec.model.command == "effort"
     assert spec.fit().parameters["beta"].value == pytest.approx(1500.0, rel=1e-4)
+
+
+def test_the_log_of_an_autopilot_fits_as_the_docstring_of_its_reader_says(tmp_path):
+    pytest.importorskip("pymavlink")
+    truth = dft.Thruster(alpha=0.02, beta=1500.0, command="effort")
+    step, effort = 0.02, np.round(400 * np.repeat(STEPS[::15], 40)) / 400
+    exact = dft.Log(step * np.arange(effort.size), {"command": effort}).replaced(
+        units={"command": "effort"}
+    )
+    speed = np.abs(dft.simulate(truth, exact)["speed"]) * 60 / (2 * np.pi)
+    rows = []
+    for k, share in enumerate(effort):
+        rows.append(("RCOU", (1_000_000 + 20_000 * k, round(1500 + 400 * share))))
+        if k % 5 == 0:
+            rows.append(("ESC", (1_000_000 + 20_000 * k, 0, float(speed[k]))))
+    kinds = {"RCOU": ("QH", ["TimeUS", "C1"]), "ESC": ("QBf", ["TimeUS", "Instance", "RPM"])}
+    path = write_dataflash(tmp_path / "00000042.bin", kinds, rows, {"ESC": "Instance"})
+    log = dft.read_robot_log(
+        path,
+        base="messages",
+        inputs={"command": Column("RCOU.C1", pwm={"stop": 1500, "full": 1900})},
+        measured={"speed": Column("ESC[0].RPM", unit="rpm", unsigned=True)},
+    )
+    fit = dft.fit(dft.Thruster(), log)
+    assert fit.status.ok
+    assert fit.parameters["alpha"].value == pytest.approx(0.02, rel=0.01)
+    assert fit.parameters["beta"].value == pytest.approx(1500.0, rel=0.01)
+    assert fit.train.channels["speed"].shown.unit == "rpm"
