@@ -1,4 +1,4 @@
-"""What the README shows works: its Python runs, its spec file is read, its commands exist."""
+"""What the README and the pages of docs/ show works: Python, spec files, commands, links."""
 
 import re
 import shutil
@@ -11,32 +11,51 @@ from diffthrust import Status
 from diffthrust.diagnosis._findings import Verdict  # private: no user types it
 from diffthrust.specs import load_spec
 
-TEXT = (ROOT / "README.md").read_text()
+README = ROOT / "README.md"
+PAGES = [README, *sorted((ROOT / "docs").glob("*.md"))]
+TEXT = README.read_text(encoding="utf-8")
 
 
-def blocks(language: str) -> list[str]:
-    return re.findall(rf"^```{language}\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)
+def blocks(language: str, page=README) -> list[str]:
+    text = page.read_text(encoding="utf-8")
+    return re.findall(rf"^```{language}\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
 
 
-def test_python_runs(tmp_path, monkeypatch, capsys):
+@pytest.fixture
+def checkout(tmp_path, monkeypatch):
+    """A folder as a new user has it after a clone, where nothing else gets written to."""
     shutil.copytree(ROOT / "fits" / "jason_thruster", tmp_path / "fits" / "jason_thruster")
+    shutil.copytree(ROOT / "examples" / "bench", tmp_path / "examples" / "bench")
     monkeypatch.chdir(tmp_path)
-    assert len(blocks("python")) == 5
-    exec(compile("\n".join(blocks("python")), "README.md", "exec"), {"__name__": "readme"})
+    return tmp_path
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_python_runs(page, checkout, capsys):
+    code = "\n".join(blocks("python", page))
+    exec(compile(code, page.name, "exec"), {"__name__": "readme"})
     printed = capsys.readouterr().out
-    assert "Status: converged" in printed
-    assert "thruster + coulomb_friction" in printed
-    assert (tmp_path / "unseen.png").stat().st_size > 10_000
-    assert "<html" in (tmp_path / "diagnosis.html").read_text()
+    if page is README:
+        assert "Status: converged" in printed
+        assert "command dead band of 2" in printed  # about 25 us
+        assert " us and a reverse thrust asymmetry of -0." in printed
+        before, after = map(float, printed.split()[-2:])
+        assert after < 0.8 * before
+        assert (checkout / "unseen.png").stat().st_size > 10_000
+        assert "<html" in (checkout / "diagnosis.html").read_text(encoding="utf-8")
+    if page.stem == "effects":
+        assert "thruster + coulomb_friction" in printed
 
 
-def test_first_snippet_is_short():
-    lines = [line for line in blocks("python")[0].splitlines() if line.strip()]
-    assert len(lines) <= 10
+def test_the_readme_is_short_and_begins_with_the_strangers_path():
+    assert len(TEXT.split()) < 1200
+    places = [TEXT.index(f"diffthrust {word} ") for word in ("look", "fit", "compare", "diagnose")]
+    assert places == sorted(places)
+    assert TEXT.index("diffthrust look") < TEXT.index("```python")
 
 
 def test_spec_file_is_read(tmp_path):
-    (tmp_path / "fit.toml").write_text(blocks("toml")[0])
+    (tmp_path / "fit.toml").write_text(blocks("toml", ROOT / "docs" / "spec_files.md")[0])
     for name in ("run1", "run2", "run3"):
         (tmp_path / f"{name}.csv").write_text("t,u,rpm\n0,1,0\n0.1,1,10\n0.2,1,18\n")
     spec = load_spec(tmp_path)
@@ -55,8 +74,13 @@ def test_every_verdict_is_explained(verdict):
     assert f"| `{verdict}` |" in TEXT
 
 
-def test_links_lead_somewhere():
-    for target in re.findall(r"\]\((?!http)([^)#]+)\)", TEXT):
-        assert (ROOT / target).exists(), target
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_links_lead_somewhere(page):
+    text = page.read_text(encoding="utf-8")
+    for target in re.findall(r"\]\((?!http)([^)#]+)\)", text):
+        assert (page.parent / target).exists(), target
+
+
+def test_the_first_commands_install_what_they_need():
     assert "python -m pip install -e '.[test]' && diffthrust demo" in TEXT
     assert "python -m pip install -e '.[test]' && pytest" in TEXT
