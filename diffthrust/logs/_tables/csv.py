@@ -62,7 +62,7 @@ def read_csv(
         InputError: the file is not a table of text, a column is absent or double, a row has too
             few or too many cells, or a cell is not a number.
     """
-    text = _text(path, wanted)
+    text = split_text(path, wanted)
     indices = {}
     for name in wanted:
         if name not in text.header:
@@ -107,7 +107,12 @@ def read_csv(
     return table
 
 
-def _text(path: Path, wanted: Sequence[str]) -> _Text:
+def split_text(path: Path, wanted: Sequence[str]) -> _Text:
+    """Tell the header of a text file from its rows.
+
+    Raises:
+        InputError: the file is empty, or no text.
+    """
     raw = path.read_bytes()
     everything = _decode(raw, path.name).replace("\r\n", "\n").replace("\r", "\n").split("\n")
     if not everything[-1]:  # the end of the last line, not a blank row
