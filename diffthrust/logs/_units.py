@@ -103,6 +103,37 @@ def _parsed(unit: str, where: Place | str) -> Any:
         raise InputError.at(where, f"{error.problem}.", error.mend) from None
 
 
+_WRITTEN = re.compile(r"[\[(<{]\s*([^\[\](){}<>]+?)\s*[\])>}]\s*$|\s/\s*([^\s/]+)$")
+_SPELT = {
+    "1/min": "rpm", "min-1": "rpm", "min^-1": "rpm", "U/min": "rpm", "r/min": "rpm", "µs": "us",
+    "μs": "us", "°": "deg", "°/s": "deg/s", "°C": "degC", "%": "percent", "d": "day",
+}  # fmt: skip
+
+
+def unit_in(header: str) -> str:
+    """The unit that the header of a column names: ``speed (rpm)``, ``speed [rpm]``, ``speed / rpm``.
+
+    Returns:
+        A unit that ``convert`` knows, or an empty string where there is none.
+
+    Example:
+        >>> unit_in("Thrust [kgf]"), unit_in("Motor (left)")
+        ('kgf', '')
+    """
+    match = _WRITTEN.search(header)
+    if match is None:
+        return ""
+    text = match[1] or match[2]
+    text = _SPELT.get(text, text)
+    if len(text) > 12 or text.isdigit():
+        return ""
+    try:
+        _parse(text)
+    except InputError:
+        return ""
+    return text
+
+
 @lru_cache(maxsize=256)
 def _base(unit: Any) -> tuple[Any, int]:
     """The SI base unit, and the power of the angle in it (pint counts an angle as a number)."""

@@ -10,13 +10,13 @@ import numpy as np
 
 from diffthrust._support.errors import InputError, Place
 from diffthrust.logs._channels import CHANNELS
-from diffthrust.logs._columns import Column, channel_columns, is_finite, log_of_columns
+from diffthrust.logs._columns import Column, channel_columns, fields_of_columns
 from diffthrust.logs._log import Log
 from diffthrust.logs._robots.ardupilot import DATAFLASH, TELEMETRY, read_ardupilot
 from diffthrust.logs._robots.resample import resample
 from diffthrust.logs._robots.rosbag import is_bag, read_bag
 from diffthrust.logs._robots.series import Series, column_place
-from diffthrust.logs._validate import window
+from diffthrust.logs._validate import is_finite, window
 
 _TURNS = {"rad": 2 * np.pi, "deg": 360.0}
 
@@ -118,7 +118,7 @@ def read_robot_log(
             return Place(file.name + moment)
         return column_place(file.name, columns[channel].column, moment)
 
-    return log_of_columns(
+    fields = fields_of_columns(
         columns,
         inputs or {},
         measured or {},
@@ -129,6 +129,7 @@ def read_robot_log(
         notes=notes,
         at=at,
     )
+    return Log.of_checked(fields)
 
 
 def _fields(
