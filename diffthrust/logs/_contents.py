@@ -13,6 +13,7 @@ import numpy as np
 from diffthrust._support.names import listing
 from diffthrust.logs._field import Field
 from diffthrust.logs._kinds import kind_of
+from diffthrust.logs._robots.open import all_fields
 from diffthrust.logs._tables.cells import BadCell
 from diffthrust.logs._tables.dates import OtherDate, seconds_of
 from diffthrust.logs._tables.open import open_table
@@ -52,10 +53,13 @@ def contents(path: str | PathLike[str], sheet: str | None = None) -> Contents:
     """
     file = Path(path)
     kind = kind_of(file)
+    if kind.messages:
+        fields, notes = all_fields(file, kind)
+        return Contents(file, kind.article.split(" ", 1)[1], True, fields, notes)
     source = open_table(file, kind, (), sheet, strict=False)
-    notes = list(source.notes)
-    fields = _columns(source, notes)
-    return Contents(file, source.kind, False, fields, tuple(notes), source.sheet)
+    said = list(source.notes)
+    columns = _columns(source, said)
+    return Contents(file, source.kind, False, columns, tuple(said), source.sheet)
 
 
 def _columns(source: Source, notes: list[str]) -> tuple[Field, ...]:

@@ -10,7 +10,8 @@ class Field:
     """One column of a table, or one field of a message or topic.
 
     Args:
-        name: what ``Column(...)`` takes: ``"rpm"``, ``"/odom.twist.twist.linear.x"``, ``"RCOU.C1"``.
+        name: what ``Column(...)`` takes, such as ``"rpm"``, ``"RCOU.C1"`` or
+            ``"/odom.twist.twist.linear.x"``.
         values: numbers, ``(n,)``, NaN where missing or no number.
         time: own stamps [s] from the log's first message, ``(n,)``; None in a table.
         unit: what the file itself says, empty where it says nothing.

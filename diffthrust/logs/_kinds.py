@@ -32,13 +32,14 @@ PARQUET = Kind("parquet", "a Parquet file", begins=(b"PAR1",), endings=(".parque
 EXCEL = Kind("excel", "an Excel file", begins=(b"PK\x03\x04",), endings=(".xlsx", ".xlsm"))
 HDF5 = Kind("hdf5", "a MATLAB 7.3 or HDF5 file", begins=(b"\x89HDF\r\n\x1a\n", b"MATLAB 7.3"))
 MAT = Kind("mat", "a MATLAB file", begins=(b"MATLAB 5.0",), endings=(".mat",))
-BAG = Kind("bag", "a ROS 2 bag", True, (b"SQLite format 3\0", b"\x89MCAP0\r\n"), (".db3", ".mcap"))
+BAG = Kind("bag", "a ROS 2 bag", True, (b"SQLite format 3\0",), (".db3",))
+MCAP = Kind("mcap", "an MCAP file", True, (b"\x89MCAP0\r\n",), (".mcap",))
 BAG_1 = Kind("bag1", "a ROS 1 bag", True, (b"#ROSBAG V2.0",), (".bag",))
 DATAFLASH = Kind("dataflash", "an ArduPilot DataFlash log", True, (b"\xa3\x95\x80",), (".bin",))
 TELEMETRY = Kind("telemetry", "a MAVLink telemetry log", True, endings=(".tlog",))
 ULOG = Kind("ulog", "a PX4 ULog", True, (b"ULog\x01\x12\x35",), (".ulg",))
 
-_KINDS = (PARQUET, EXCEL, HDF5, MAT, BAG, BAG_1, DATAFLASH, TELEMETRY, ULOG)
+_KINDS = (PARQUET, EXCEL, HDF5, MAT, BAG, MCAP, BAG_1, DATAFLASH, TELEMETRY, ULOG)
 _READ = (
     "tables (.csv and other text, .xlsx, .parquet, .mat, .h5) are read by read_log, bags of ROS, "
     ".mcap, .bin, .tlog and .ulg by read_robot_log."

@@ -111,7 +111,7 @@ _SPELT = {
 
 
 def unit_in(header: str) -> str:
-    """The unit that the header of a column names: ``speed (rpm)``, ``speed [rpm]``, ``speed / rpm``.
+    """The unit in the header of a column: ``speed (rpm)``, ``speed [rpm]`` or ``speed / rpm``.
 
     Returns:
         A unit that ``convert`` knows, or an empty string where there is none.

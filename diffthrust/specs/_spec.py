@@ -13,10 +13,10 @@ from diffthrust._support.names import listing, nearest
 from diffthrust._support.progress import ProgressOption, part, progressing, teller
 from diffthrust._support.results import Brief
 from diffthrust.logs._columns import Column
+from diffthrust.logs._kinds import is_bag, kind_of
 from diffthrust.logs._log import Log
 from diffthrust.logs._read import read_log
-from diffthrust.logs._robots.read import is_robot_log, read_robot_log
-from diffthrust.logs._robots.rosbag import is_bag
+from diffthrust.logs._robots.read import read_robot_log
 from diffthrust.logs._units import si_unit
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Normal
@@ -100,7 +100,7 @@ class Spec(Brief):
     def _reader(self, path: Path) -> tuple[Callable[..., Log], dict[str, Any]]:
         """What reads a file of that ending, and the keys of ``[logs]`` that only it knows."""
         logs = self.file.logs
-        robot = is_robot_log(path)
+        robot = kind_of(path).messages
         others = ("time",) if robot else ("base", "gap", "faster", "stamps")
         for key in others:
             if key in logs.model_fields_set:

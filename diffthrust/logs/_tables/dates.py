@@ -14,7 +14,10 @@ from diffthrust._support.errors import InputError, Place
 from diffthrust.logs._tables.cells import BadCell, shown
 
 _YEAR_FIRST = re.compile(r"(\d{4})([-/.])(\d\d?)\2(\d\d?)")
-_DAY = r"(?P<a>\d\d?)(?P<sep>[-/. ])(?P<b>\d\d?|[A-Za-z]{3})(?P=sep)(?P<year>\d{4}|\d\d)(?P<gap>[ T]|, )?"
+_DAY = (
+    r"(?P<a>\d\d?)(?P<sep>[-/. ])(?P<b>\d\d?|[A-Za-z]{3})(?P=sep)(?P<year>\d{4}|\d\d)"
+    r"(?P<gap>[ T]|, )?"
+)
 _CLOCK = r"(?P<clock>\d\d?:\d\d(?P<seconds>:\d\d(?P<dot>[.,]\d+)?)?(?P<noon> ?[AaPp][Mm])?)"
 _OTHER = re.compile(f"(?:{_DAY})?(?:{_CLOCK})?")
 _FINE = re.compile(r"([.,]\d{6})\d+")  # a datetime counts microseconds
@@ -134,20 +137,15 @@ def other_date(place: Place, bad: OtherDate) -> InputError:
     column = place.column or "t"
     first, *more = bad.formats
     mend = f"give its format: time = Column({column!r}, dates={first!r})"
-    if more:
+    spec = f"in a spec file time = {{ column = {_toml(column)}, dates = {_toml(first)} }}"
+    if "%d" not in first:
+        problem = f"expected a number, or a date and time, found the time of day {bad.found}."
+    elif more:
+        problem = f"expected {bad.expected}, found {bad.found}, which may be of two days."
         mend += f" where the day comes first, dates={more[0]!r} where the month does"
-    elif "%d" not in first:
-        return InputError.at(
-            place,
-            f"expected a number, or a date and time, found the time of day {bad.found}.",
-            f"{mend}; in a spec file time = {{ column = {_toml(column)}, dates = {_toml(first)} }}.",
-        )
-    why = "which may be of two days" if more else "where the year does not come first"
-    return InputError.at(
-        place,
-        f"expected {bad.expected}, found {bad.found}, {why}.",
-        f"{mend}; in a spec file time = {{ column = {_toml(column)}, dates = {_toml(first)} }}.",
-    )
+    else:
+        problem = f"expected {bad.expected}, found {bad.found}."
+    return InputError.at(place, problem, f"{mend}; {spec}.")
 
 
 def _toml(text: str) -> str:

@@ -138,7 +138,7 @@ def damaged(path: Path, kind: str, error: Exception) -> InputError:
     reason = " ".join(str(error).split())[:160] or type(error).__name__
     return InputError(
         f"{path.name}: expected a {kind} file, found something that cannot be read ({reason}).",
-        "check that the file is complete and that its name ends as its content requires.",
+        "check that the file is complete, and that its name ends as its content requires.",
     )
 
 
