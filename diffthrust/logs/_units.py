@@ -134,6 +134,14 @@ def unit_in(header: str) -> str:
     return text
 
 
+def same_unit(one: str, other: str) -> bool:
+    """Whether two units are one, however they are spelt; an unknown one is no other."""
+    try:
+        return bool(one and other) and bool(_parse(one) == _parse(other))
+    except InputError:
+        return False
+
+
 @lru_cache(maxsize=256)
 def _base(unit: Any) -> tuple[Any, int]:
     """The SI base unit, and the power of the angle in it (pint counts an angle as a number)."""

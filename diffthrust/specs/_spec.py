@@ -26,6 +26,7 @@ from diffthrust.specs._file import (
     NAME,
     ParameterPart,
     SpecFile,
+    TimePart,
     parse_spec,
     read_spec_text,
 )
@@ -101,7 +102,7 @@ class Spec(Brief):
         """What reads a file of that ending, and the keys of ``[logs]`` that only it knows."""
         logs = self.file.logs
         robot = kind_of(path).messages
-        others = ("time",) if robot else ("base", "gap", "faster", "stamps")
+        others = ("time", "sheet") if robot else ("base", "gap", "faster", "stamps")
         for key in others:
             if key in logs.model_fields_set:
                 raise InputError(
@@ -111,8 +112,7 @@ class Spec(Brief):
                     f"Remove {key}" + (", and choose a time base: base." if robot else "."),
                 )
         if not robot:
-            clock = Column(logs.time.column, unit=logs.time.unit) if logs.time else None
-            return read_log, {"time": clock}
+            return read_log, {"time": self._clock(), "sheet": logs.sheet}
         if logs.base is None:
             raise InputError(
                 f"{line_of(self.text, self.path, ('logs', 'base'))}: {path.name} has messages of "
@@ -121,6 +121,12 @@ class Spec(Brief):
                 "or base = 0.05 for a step.",
             )
         return read_robot_log, {k: getattr(logs, k) for k in ("base", "gap", "faster", "stamps")}
+
+    def _clock(self) -> Column | float | None:
+        time = self.file.logs.time
+        if isinstance(time, TimePart):
+            return Column(time.column, unit=time.unit, dates=time.dates)
+        return time
 
     def _check_units(self, log: Log) -> None:
         """Raise `InputError` for a channel whose unit is not of the model's kind."""
@@ -135,7 +141,8 @@ class Spec(Brief):
         place = error.place
         if place is None:
             return error
-        where = [(("logs", "time"), self.file.logs.time.column)] if self.file.logs.time else []
+        clock = self._clock()
+        where = [(("logs", "time"), clock.column)] if isinstance(clock, Column) else []
         where += [(("channels", n), part.column) for n, part in self.file.channels.items()]
         for loc, column in where:
             if column == place.column or loc[-1] == place.channel:

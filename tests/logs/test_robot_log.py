@@ -465,7 +465,7 @@ def test_arguments_that_cannot_be_used(tmp_path):
         ({"path": tmp_path / "b.bin"}, "expected a file, found none"),
         ({"path": tmp_path / "a.csv"}, "read by read_log"),
         ({"path": tmp_path / "empty.bin"}, "found an empty file"),
-        ({"path": tmp_path}, "a folder with a metadata.yaml"),
+        ({"path": tmp_path}, "found a folder"),
         ({"gap": -1}, "expected gap"),
         ({"faster": 0.5}, "expected faster as a number of at least 1"),
         ({"stamps": "message"}, "stamps 'recorder' or 'header'"),

@@ -44,7 +44,7 @@ def formats_of(cells: Sequence[str | None]) -> list[str]:
         cells: text of the cells; empty ones say nothing.
 
     Returns:
-        None where the first cell is no date, two where day and month cannot be told apart.
+        None where the first cell is no date, several where day and month cannot be told apart.
     """
     texts = [text for cell in cells if cell and (text := cell.strip())]
     match = _OTHER.fullmatch(texts[0]) if texts and texts[0] else None
@@ -62,11 +62,11 @@ def formats_of(cells: Sequence[str | None]) -> list[str]:
     orders = [""]
     if match["sep"]:
         year = "%Y" if len(match["year"]) == 4 else "%y"
-        months = ("%b",) if match["b"].isalpha() else ("%m",)
-        orders = [match["sep"].join(("%d", month, year)) for month in months]
-        if months == ("%m",):
-            orders.append(match["sep"].join(("%m", "%d", year)))
-        orders = [order + (match["gap"] or "") for order in orders]
+        parts = [("%d", "%b", year)] if match["b"].isalpha() else [("%d", "%m", year)]
+        if parts[0][1] == "%m":
+            parts.append(("%m", "%d", year))
+            parts += [("%y", "%m", "%d")] if year == "%y" else []
+        orders = [match["sep"].join(part) + (match["gap"] or "") for part in parts]
     formats = []
     for order in orders:
         try:
@@ -106,6 +106,10 @@ def seconds_of(cells: Sequence[str | None], missing: Collection[str], form: str 
         except (ValueError, OverflowError, re.error):
             expected = f"a date as in {form!r}" if form else "an ISO date and time"
             raise BadCell(index, shown(text), expected) from None
+    if (
+        form and not set(form) & set("djU") and np.isfinite(out).any()
+    ):  # times of day: past midnight
+        out[np.isfinite(out)] = np.unwrap(out[np.isfinite(out)], period=86_400.0)
     return out
 
 
@@ -141,11 +145,15 @@ def other_date(place: Place, bad: OtherDate) -> InputError:
     if "%d" not in first:
         problem = f"expected a number, or a date and time, found the time of day {bad.found}."
     elif more:
-        problem = f"expected {bad.expected}, found {bad.found}, which may be of two days."
-        mend += f" where the day comes first, dates={more[0]!r} where the month does"
+        problem = f"expected {bad.expected}, found {bad.found}, which may be several days."
+        mend += f" where the {_FIRST[first[:2]]} comes first"
+        mend += "".join(f", dates={form!r} where the {_FIRST[form[:2]]} does" for form in more)
     else:
         problem = f"expected {bad.expected}, found {bad.found}."
     return InputError.at(place, problem, f"{mend}; {spec}.")
+
+
+_FIRST = {"%d": "day", "%m": "month", "%y": "year"}
 
 
 def _toml(text: str) -> str:

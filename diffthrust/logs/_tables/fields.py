@@ -12,7 +12,7 @@ from diffthrust._support.errors import InputError, Place
 from diffthrust.logs._columns import Column, channel_columns, each_column, fields_of_columns
 from diffthrust.logs._tables.source import Source, table_of
 from diffthrust.logs._tables.table import Table
-from diffthrust.logs._units import convert
+from diffthrust.logs._units import convert, same_unit
 from diffthrust.logs._validate import is_finite, others
 
 # Where more of the stamps than this repeat the one before, the clock is coarser than the samples.
@@ -87,6 +87,16 @@ class Request:
             InputError: a column is absent or holds no numbers, or the log would be refused.
         """
         table = table_of(source, self.wanted, self.clock, self.missing)
+        clock = {} if self.clock is None or table.dates else {"time": self.clock}
+        for channel, column in {**clock, **self.columns}.items():
+            unit = source.units.get(column.column, "")
+            if unit and not same_unit(unit, column.unit or ("s" if channel == "time" else "")):
+                read = repr(column.unit) if column.unit else "the unit of the model"
+                read = "'s'" if channel == "time" and not column.unit else read
+                table.notes.append(
+                    f"{channel!r} is read in {read}, of its column {column.column!r} the file "
+                    f"says {unit!r}."
+                )
         table.mark_missing(self.missing)
         table.drop_blank_rows()
         stamps = self._stamps(table)

@@ -142,7 +142,14 @@ def _numbers(
     except OtherDate as bad:
         raise other_date(table.place(name, bad.index), bad) from None
     except BadCell as bad:
-        raise not_a_number(table.place(name, bad.index), bad) from None
+        place = table.place(name, bad.index)
+        if form:
+            raise InputError.at(
+                place,
+                f"expected {bad.expected}, found {bad.found}.",
+                f"correct the format, dates = {form!r}, or list {bad.found} under missing_values.",
+            ) from None
+        raise not_a_number(place, bad) from None
     if commas:
         table.notes.append(f"column {name!r}: decimal commas were read as decimal points.")
     if dates:
