@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from zipfile import BadZipFile, ZipFile
 
 from diffthrust._support.errors import InputError
 
@@ -50,6 +51,8 @@ _STRANGE = {
     b"7z\xbc\xaf": ("a compressed file (7z)", "unpack it first."),
     b"\x28\xb5\x2f\xfd": ("a compressed file (zstd)", "unpack it first."),
     b"\x93NUMPY": ("an array of NumPy", "give its columns to dft.Log(time=..., inputs=...)."),
+    b"{": ("JSON", "give its numbers to dft.Log(time=..., inputs=...), or export a table."),
+    b"<": ("a page of HTML or XML", "export the log as a table, such as CSV."),
 }
 
 
@@ -89,11 +92,16 @@ def kind_of(path: Path) -> Kind:
             f"{path.name}: expected a header and samples, found an empty file.",
             "check that the recording was saved.",
         )
+    if head.startswith(EXCEL.begins) and _is_other_archive(path):
+        raise InputError(
+            f"{path.name}: expected a log, found an archive (zip) that is no Excel file.",
+            "unpack it first; a spreadsheet of another kind is to be saved as .xlsx or CSV.",
+        )
     for kind in _KINDS:
         if head.startswith(kind.begins) or (kind is HDF5 and head[512:520] in kind.begins):
             return kind
     for begin, (what, mend) in _STRANGE.items():
-        if head.startswith(begin):
+        if head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(begin):
             raise InputError(f"{path.name}: expected a log, found {what}.", mend)
     ending = path.suffix.lower()
     text = head[:2] in (b"\xff\xfe", b"\xfe\xff") or not set(head) & _CONTROL
@@ -107,6 +115,14 @@ def kind_of(path: Path) -> Kind:
     raise InputError(
         f"{path.name}: expected a log, found binary data of no kind that is known.", _READ
     )
+
+
+def _is_other_archive(path: Path) -> bool:
+    try:
+        with ZipFile(path) as archive:
+            return not any(name.startswith("xl/") for name in archive.namelist())
+    except (BadZipFile, OSError, ValueError):  # a damaged one, which its reader tells
+        return False
 
 
 # Bytes that no text has.

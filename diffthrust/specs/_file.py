@@ -75,7 +75,7 @@ class TimePart(_Part):
     """The time column; ``dates`` is the format of dates that do not begin with the year."""
 
     column: str
-    unit: str = "s"
+    unit: str = ""
     dates: str = ""
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?(\d+,\d*|,\d+)([eE][+-]?\d+)?\s*")
+_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?")
 
 
 @dataclass
@@ -75,7 +76,8 @@ def number_cells(
     Args:
         cells: text of the cells.
         missing: texts that mean missing.
-        comma: a decimal comma is possible in this file.
+        comma: commas are decimal ones, as semicolons between cells tell. They are read so, too,
+            where they can be no marks between thousands.
 
     Returns:
         Numbers, shape (n,), and whether they had decimal commas.
@@ -86,6 +88,9 @@ def number_cells(
     try:
         return cells_to_numbers(cells, missing), False
     except BadCell as bad:
-        if comma and _DECIMAL_COMMA.fullmatch(cells[bad.index] or ""):
+        text = [c.strip() for c in cells if c and "," in c]
+        if comma or not all(_THOUSANDS.fullmatch(c) for c in text):
+            comma = _DECIMAL_COMMA.fullmatch(cells[bad.index] or "") is not None
+        if comma:
             return cells_to_numbers(cells, missing, decimal_comma=True), True
         raise

@@ -73,7 +73,6 @@ def read_excel(path: Path, wanted: Collection[str], sheet: str | None = None) ->
         layout.names,
         read,
         np.arange(layout.first, len(rows)) + 1,
-        comma=True,
         units=layout.units,
         notes=notes,
         sheet=chosen if others else "",
@@ -87,13 +86,11 @@ def _sheets(path: Path, results: bool = True) -> dict[str, list[Row]]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # it leaves out drawings and the like, and says so
-            book = load_workbook(path, read_only=True, data_only=results)
-            try:
+            with path.open("rb") as stream:  # of a name it asks for its own endings
+                book = load_workbook(stream, read_only=True, data_only=results)
                 return {s.title: list(s.iter_rows(values_only=True)) for s in book.worksheets}
-            finally:
-                book.close()
     except Exception as error:  # a damaged file raises whatever the library came across
-        raise damaged(path, "Excel", error) from None
+        raise damaged(path, "spreadsheet (.xlsx)", error) from None
 
 
 def _chosen(path: Path, found: Mapping[str, Layout], wanted: set[str]) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.errors import InputError, Place
+from diffthrust.logs._channels import CHANNELS
 from diffthrust.logs._columns import Column, channel_columns, each_column, fields_of_columns
 from diffthrust.logs._tables.source import Source, table_of
 from diffthrust.logs._tables.table import Table
@@ -87,16 +88,7 @@ class Request:
             InputError: a column is absent or holds no numbers, or the log would be refused.
         """
         table = table_of(source, self.wanted, self.clock, self.missing)
-        clock = {} if self.clock is None or table.dates else {"time": self.clock}
-        for channel, column in {**clock, **self.columns}.items():
-            unit = source.units.get(column.column, "")
-            if unit and not same_unit(unit, column.unit or ("s" if channel == "time" else "")):
-                read = repr(column.unit) if column.unit else "the unit of the model"
-                read = "'s'" if channel == "time" and not column.unit else read
-                table.notes.append(
-                    f"{channel!r} is read in {read}, of its column {column.column!r} the file "
-                    f"says {unit!r}."
-                )
+        table.notes += self._units_told(table, source)
         table.mark_missing(self.missing)
         table.drop_blank_rows()
         stamps = self._stamps(table)
@@ -121,19 +113,45 @@ class Request:
             at=at,
         )
 
+    def _units_told(self, table: Table, source: Source) -> list[str]:
+        """Sentences on units of the file that are read as other ones.
+
+        Raises:
+            InputError: no unit is given, and the file names another one than the channel's own.
+        """
+        notes = []
+        clock = {} if self.clock is None or table.dates else {"time": self.clock}
+        for channel, column in {**clock, **self.columns}.items():
+            said = source.units.get(column.column, "")
+            own = (
+                "s" if channel == "time" else CHANNELS[channel].unit if channel in CHANNELS else ""
+            )
+            given = column.kept_unit
+            if not said or same_unit(said, given or own) or given == "effort":
+                continue
+            if own and not given:
+                raise InputError.at(
+                    table.place(column.column),
+                    f"the file says {said!r}, no unit is given, and without one {channel!r} is "
+                    f"read in {own!r}.",
+                    f"give the unit of the numbers: Column({column.column!r}, unit={said!r}), in a "
+                    f"spec file unit = {said!r}.".replace("unit = '", 'unit = "').replace(
+                        "'.", '".'
+                    ),
+                )
+            read = f"read in {given!r}" if given else "and no unit is given"
+            notes.append(f"{channel!r}: the file says {said!r} of {column.column!r}, {read}.")
+        return notes
+
     def _stamps(self, table: Table) -> np.ndarray:
         """The time stamps in seconds, finite."""
         if self.clock is None:
-            step = self.step or 1.0
-            return (
-                (table.rows - table.rows[0]) * step
-                if self.step
-                else np.arange(len(table.rows)) * step
-            )
+            return np.arange(table.rows.size) * (self.step or 1.0)
         place = table.place(self.clock.column)
-        scale = 1.0 if table.dates else float(self.clock.scale)
-        with np.errstate(all="ignore"):
-            stamps = table.columns[self.clock.column] * scale
+        stamps = table.columns[self.clock.column]
+        if not table.dates:
+            with np.errstate(all="ignore"):
+                stamps = stamps * float(self.clock.scale) + float(self.clock.offset)
         unit = "s" if table.dates else self.clock.unit or "s"
         stamps = convert(stamps, unit, "s", where=place)
         bad = np.flatnonzero(~np.isfinite(stamps))
@@ -158,14 +176,16 @@ def _without_repeats(table: Table, stamps: np.ndarray, clock: Column | None) -> 
     if clock is None or not count:
         return stamps
     if count > _COARSE * stamps.size and count > 1:
-        span = float(stamps[-1] - stamps[0])
-        step = f"{span / max(stamps.size - 1, 1):.3g}" if span > 0 else "0.1"
+        changes = np.flatnonzero(~again[1:]) + 1  # between them whole ticks of the clock
+        few = changes.size < 2
+        ends = (0, stamps.size - 1) if few else (changes[0], changes[-1])
+        step = float(stamps[ends[1]] - stamps[ends[0]]) / max(int(ends[1] - ends[0]), 1) or 0.1
         raise InputError.at(
             table.place(clock.column),
             f"expected time stamps that increase, found {count} of {stamps.size} that repeat the "
             "one before: the clock is coarser than the samples.",
             f"where the samples are evenly spaced, give their step in seconds, such as "
-            f"time = {step}; otherwise log finer stamps.",
+            f"time = {step:.3g}; otherwise log finer stamps.",
         )
     before = [np.append(np.nan, values[:-1]) for values in table.columns.values()]
     same = [

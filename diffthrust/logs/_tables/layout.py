@@ -67,7 +67,7 @@ def locate(rows: Sequence[Sequence[str]], wanted: Collection[str]) -> Layout | N
         header = max(filled, key=lambda k: matched[k])
     elif numbers:
         above = [k for k in filled if k < min(numbers)]
-        if len(above) > 1 and _units(rows[above[-1]]):
+        if len(above) > 1 and len(_trimmed(rows[above[-2]])) == width and _units(rows[above[-1]]):
             above.pop()
         header = above[-1] if above else min(numbers)
     names = _trimmed(rows[header])

@@ -28,6 +28,8 @@ class Other:
     found: str
 
 
+COMMAS = ": decimal commas were read as decimal points."
+
 Cells = np.ndarray | Dates | Other | Sequence[str | None]
 """Numbers ``(n,)``, dates, text, or what they are instead."""
 
@@ -45,7 +47,7 @@ class Source:
         rows: where each sample stands in the file, ``(n,)``, counted from 1; None for 1, 2, ...
         row_word: what a row is called there: ``"line"``, ``"row"`` or ``"element"``.
         column_word: what a column is called there: ``"column"`` or ``"variable"``.
-        comma: a decimal comma is possible in its cells of text.
+        comma: commas in its numbers are decimal ones; else only where they can be nothing else.
         units: what the file itself says of the unit of a column.
         notes: sentences on how it was read.
         sheet: the sheet of an Excel file that has several.
@@ -111,6 +113,21 @@ def table_of(
             )
         form = clock.dates if clock is not None and clock.column == name else None
         table.columns[name] = _numbers(table, name, cells, source.comma, form, missing)
+    commas = [note for note in table.notes if note.endswith(COMMAS)]
+    if commas and len(commas) < len(wanted):
+        pointed = [
+            name
+            for name, cells in found.items()
+            if not isinstance(cells, np.ndarray | Dates | Other)
+            and any(cell and "." in cell for cell in cells)
+            and f"column {name!r}{COMMAS}" not in commas
+            and not (clock is not None and name == clock.column and table.dates)
+        ]
+        for name in pointed:
+            table.notes.append(
+                f"column {name!r} has points where others have decimal commas: they were read as "
+                "decimal points."
+            )
     return table
 
 
@@ -151,7 +168,7 @@ def _numbers(
             ) from None
         raise not_a_number(place, bad) from None
     if commas:
-        table.notes.append(f"column {name!r}: decimal commas were read as decimal points.")
+        table.notes.append(f"column {name!r}{COMMAS}")
     if dates:
         table.say_dates()
     return numbers
@@ -165,7 +182,7 @@ def text_numbers(
     Args:
         cells: text of the cells.
         missing: texts that mean missing.
-        comma: a decimal comma is possible.
+        comma: commas are decimal ones, as in `number_cells`.
         is_time: dates are possible.
 
     Returns:

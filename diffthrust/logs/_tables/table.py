@@ -1,5 +1,6 @@
 """A table of numbers with the place of each, and the errors of all that read one."""
 
+import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,6 +11,8 @@ from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import listing, nearest
 from diffthrust.logs._tables.cells import BadCell
 from diffthrust.logs._validate import window
+
+_MARKED = re.compile(r"'[+-]?[\d.,]*\d,\d[\d.,]*'")
 
 
 @dataclass
@@ -126,6 +129,12 @@ def absent_column(file: str, wanted: str, names: Sequence[str], word: str) -> In
 
 def not_a_number(place: Place, bad: BadCell) -> InputError:
     """Make the error for a cell that is not a number."""
+    if _MARKED.fullmatch(bad.found):
+        return InputError.at(
+            place,
+            f"expected {bad.expected}, found {bad.found}, whose comma may mark thousands.",
+            "write numbers without marks between thousands, and with a decimal point.",
+        )
     return InputError.at(
         place,
         f"expected {bad.expected}, found {bad.found}.",
