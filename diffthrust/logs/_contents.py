@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust.logs._field import Field
 from diffthrust.logs._kinds import kind_of
@@ -59,6 +60,11 @@ def contents(path: str | PathLike[str], sheet: str | None = None) -> Contents:
     source = open_table(file, kind, (), sheet, strict=False)
     said = list(source.notes)
     columns = _columns(source, said)
+    if not any(np.isfinite(field.values).any() for field in columns):
+        raise InputError(
+            f"{source.file}: expected a table with numbers, found none.",
+            "check that it is a log, and that the recording was saved.",
+        )
     return Contents(file, source.kind, False, columns, tuple(said), source.sheet)
 
 

@@ -63,7 +63,9 @@ def bag_fields(path: Path) -> tuple[list[Gathered], list[str]]:
                     continue
                 if topic not in topics:
                     leaves[topic] = list(_leaves(message))
-                    readers[topic] = [attrgetter(leaf[1]) for leaf in leaves[topic]]
+                    readers[topic] = [
+                        attrgetter(at) if at else _itself for _, at, *_ in leaves[topic]
+                    ]
                     units = {name: unit for name, _, _, unit in leaves[topic] if unit}
                     values: dict[str, list[float]] = {name: [] for name, *_ in leaves[topic]}
                     topics[topic] = Gathered(topic, [], values, units)
@@ -83,6 +85,10 @@ def bag_fields(path: Path) -> tuple[list[Gathered], list[str]]:
     return list(topics.values()), notes
 
 
+def _itself(message: Any) -> Any:
+    return message
+
+
 def _short(error: Exception) -> str:
     return " ".join(str(error).split())[:80]
 
@@ -99,9 +105,9 @@ def _leaves(value: Any, path: str = "", unit: str = "", depth: int = 6) -> Itera
     if is_dataclass(value) and depth:
         known = _UNITS.get(getattr(value, "__msgtype__", ""), {})
         names = [f.name for f in fields(value) if not f.name.startswith("__")]
-        if set(names) == set("xyzw") and path:
-            yield f"{path}.yaw", path, "yaw", "rad"
-            yield f"{path}.heading", path, "heading", "rad"
+        if set(names) == set("xyzw"):
+            yield f"{path}.yaw".removeprefix("."), path, "yaw", "rad"
+            yield f"{path}.heading".removeprefix("."), path, "heading", "rad"
             unit = ""
         for name in names:
             if name in ("header", "stamp", "layout") or "covariance" in name:

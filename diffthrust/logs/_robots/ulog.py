@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -107,7 +109,9 @@ def _load(path: Path, names: list[str] | None) -> Any:
     except ImportError as error:
         raise lacking(path.name, "pyulog", "px4", error) from None
     try:
-        log = ULog(str(path), names)
+        said = StringIO()  # the library prints what it skips, and leaves a damaged file open
+        with path.open("rb") as stream, redirect_stdout(said), redirect_stderr(said):
+            log = ULog(stream, names)
     except Exception as error:  # a damaged log raises whatever the reader came across
         raise damaged(path, "ULog", error) from None
     log.data_list[:] = [d for d in log.data_list if len(d.data.get("timestamp", ()))]

@@ -200,7 +200,7 @@ def _read(
     for line in lines:
         parts = split(line)
         for index in order:
-            cells[index].append(parts[index])
+            cells[index].append(parts[index] if index < len(parts) else "")
     return {name: cells[index] for name, index in indices.items()}
 
 
@@ -233,8 +233,7 @@ def _even(text: _Text, strict: bool) -> list[str]:
             continue
         place = f"{text.file}, line {text.numbers[k]}"
         if not strict:
-            cells = split(line.replace('"', ""))
-            even[k] = delimiter.join([*cells, *[""] * expected][:expected])
+            even[k] = line.replace('"', "")
         elif found < 0:
             raise InputError(
                 f"{place}: expected quoted cells to end in their line, found {shown(line)}.",

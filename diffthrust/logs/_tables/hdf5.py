@@ -41,8 +41,9 @@ def read_hdf5(path: Path) -> Source:
         matlab = False
         for name in group:
             node = group.get(name)
-            if name.startswith("#") or node is None:  # MATLAB's own, a link to nowhere
-                continue
+            link = group.get(name, getlink=True)
+            if name.startswith("#") or node is None or not isinstance(link, h5py.HardLink):
+                continue  # MATLAB's own, a link to nowhere or to what is listed elsewhere
             kind = node.attrs.get("MATLAB_class", b"")
             kind = kind.decode("latin-1") if isinstance(kind, bytes) else str(kind)
             matlab = matlab or bool(kind)
