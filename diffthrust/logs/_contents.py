@@ -61,8 +61,9 @@ def contents(path: str | PathLike[str], sheet: str | None = None) -> Contents:
     said = list(source.notes)
     columns = _columns(source, said)
     if not any(np.isfinite(field.values).any() for field in columns):
+        found = next((note for note in said if note.startswith("left out")), "found none.")
         raise InputError(
-            f"{source.file}: expected a table with numbers, found none.",
+            f"{source.file}: expected a table with numbers; {found}",
             "check that it is a log, and that the recording was saved.",
         )
     return Contents(file, source.kind, False, columns, tuple(said), source.sheet)

@@ -11,7 +11,7 @@ import numpy as np
 from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import listing, nearest
 from diffthrust.logs._columns import Column
-from diffthrust.logs._tables.fields import Request
+from diffthrust.logs._tables.fields import TableRequest
 from diffthrust.logs._tables.frame import read_frame, time_of
 from diffthrust.logs._units import convert, convert_scale
 from diffthrust.logs._validate import checked_fields, window
@@ -151,7 +151,7 @@ class Log:
         """
         source = read_frame(frame, name)
         clock = time_of(frame, name) if time is None else time
-        request = Request(
+        request = TableRequest(
             name, clock, inputs, measured, missing_values, interpolate_inputs, start, stop
         )
         return cls.of_checked(request.fields(source, name))

@@ -8,7 +8,7 @@ from diffthrust._support.errors import InputError
 from diffthrust.logs._columns import Column
 from diffthrust.logs._kinds import kind_of
 from diffthrust.logs._log import Log
-from diffthrust.logs._tables.fields import Request
+from diffthrust.logs._tables.fields import TableRequest
 from diffthrust.logs._tables.open import open_table
 
 
@@ -62,7 +62,7 @@ def read_log(
         ... )  # doctest: +SKIP
     """
     file = Path(path)
-    request = Request(
+    request = TableRequest(
         file.name, time, inputs, measured, missing_values, interpolate_inputs, start, stop
     )
     kind = kind_of(file)

@@ -1,6 +1,7 @@
 """Units on the way in and out. Inside, every channel has one unit and numbers carry none."""
 
 import re
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
@@ -105,8 +106,9 @@ def _parsed(unit: str, where: Place | str) -> Any:
 
 _WRITTEN = re.compile(r"[\[(<{]\s*([^\[\](){}<>]+?)\s*[\])>}]\s*$|\s/\s*([^\s/]+)$")
 _SPELT = {
-    "1/min": "rpm", "min-1": "rpm", "min^-1": "rpm", "U/min": "rpm", "r/min": "rpm", "µs": "us",
-    "μs": "us", "°": "deg", "°/s": "deg/s", "°C": "degC", "%": "percent", "d": "day",
+    "1/min": "rpm", "min-1": "rpm", "min^-1": "rpm", "u/min": "rpm", "r/min": "rpm",
+    "µs": "us", "μs": "us", "µsec": "us", "usec": "us", "msec": "ms", "°": "deg", "°/s": "deg/s",
+    "°c": "degC", "%": "percent", "d": "day", "kg f": "kgf", "amps": "A", "lbs": "lbf",
 }  # fmt: skip
 
 
@@ -124,14 +126,13 @@ def unit_in(header: str) -> str:
     if match is None:
         return ""
     text = match[1] or match[2]
-    text = _SPELT.get(text, text)
     if len(text) > 12 or text.isdigit():
         return ""
-    try:
-        _parse(text)
-    except InputError:
-        return ""
-    return text
+    for spelling in (_SPELT.get(text.lower(), text), text.lower()):
+        with suppress(InputError):
+            _parse(spelling)
+            return spelling
+    return ""
 
 
 def same_unit(one: str, other: str) -> bool:

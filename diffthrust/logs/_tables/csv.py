@@ -11,7 +11,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust.logs._tables.cells import is_number, shown
-from diffthrust.logs._tables.layout import SEARCHED, Layout, locate, said
+from diffthrust.logs._tables.placement import SEARCHED, Placement, locate, said
 from diffthrust.logs._tables.source import Cells, Source
 
 # Below this many cells Python reads the numbers sooner than pandas is imported.
@@ -63,13 +63,13 @@ def read_csv(path: Path, wanted: Collection[str], strict: bool = True) -> Source
             f"{path.name}: expected a header and samples, found an empty file.",
             "check that the recording was saved.",
         )
-    layout, delimiter, rows = found
-    notes = said(layout, rows, [i + 1 for i in kept], "line")
-    top, first = kept[layout.header], layout.first
-    if all(map(is_number, layout.names)) and not set(wanted) & set(layout.names):
+    placement, delimiter, rows = found
+    notes = said(placement, rows, [i + 1 for i in kept], "line")
+    top, first = kept[placement.header], placement.first
+    if all(map(is_number, placement.names)) and not set(wanted) & set(placement.names):
         above = everything[top - 1].lstrip() if top else ""
         named = _find([above.lstrip("# ")], wanted) if above.startswith("#") else None
-        if named is None or len(named[0].names) != len(layout.names):
+        if named is None or len(named[0].names) != len(placement.names):
             names = ", ".join(map(repr, wanted))
             raise InputError(
                 f"{path.name}, line {top + 1}: expected names of columns, found numbers.",
@@ -77,12 +77,12 @@ def read_csv(path: Path, wanted: Collection[str], strict: bool = True) -> Source
                 + (f", {names} among them." if names else "."),
             )
         # numpy.savetxt writes its header as a comment.
-        layout = replace(layout, names=named[0].names, units=named[0].units)
-        top, first = top - 1, layout.header
+        placement = replace(placement, names=named[0].names, units=named[0].units)
+        top, first = top - 1, placement.header
     body = kept[first:]
     text = _Text(
         path.name,
-        layout.names,
+        placement.names,
         delimiter,
         top + 1,
         [everything[i] for i in body],
@@ -93,12 +93,12 @@ def read_csv(path: Path, wanted: Collection[str], strict: bool = True) -> Source
     return Source(
         path.name,
         "CSV table",
-        layout.names,
+        placement.names,
         partial(_read, text, strict=strict),
         text.numbers,
         row_word="line",
         comma=delimiter != ",",
-        units=layout.units,
+        units=placement.units,
         notes=notes,
     )
 
@@ -125,7 +125,7 @@ def _binary(file: str) -> InputError:
 
 def _find(
     lines: Sequence[str], wanted: Collection[str]
-) -> tuple[Layout, str, list[list[str]]] | None:
+) -> tuple[Placement, str, list[list[str]]] | None:
     """Where the table is, by which delimiter, and the top of the text cut into cells by it."""
     found = []
     for delimiter in _DELIMITERS:
@@ -135,8 +135,8 @@ def _find(
                 rows.append([cell.strip() for cell in split(line)])
             except csv.Error:
                 rows.append([line.strip()])
-        if layout := locate(rows, wanted):
-            found.append((layout, delimiter, rows))
+        if placement := locate(rows, wanted):
+            found.append((placement, delimiter, rows))
     # Blanks stand inside names too, so they count only where nothing else parts cells as well.
     return max(found, key=lambda f: (*f[0].measure, f[1] != " ")) if found else None
 

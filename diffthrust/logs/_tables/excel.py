@@ -12,11 +12,11 @@ import numpy as np
 
 from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import listing, nearest
-from diffthrust.logs._tables.layout import SEARCHED, Layout, locate, said
+from diffthrust.logs._tables.placement import SEARCHED, Placement, locate, said
 from diffthrust.logs._tables.source import Cells, Dates, Source
 from diffthrust.logs._tables.table import damaged
 
-Row = Sequence[Any]
+_Row = Sequence[Any]
 
 
 def read_excel(path: Path, wanted: Collection[str], sheet: str | None = None) -> Source:
@@ -41,45 +41,45 @@ def read_excel(path: Path, wanted: Collection[str], sheet: str | None = None) ->
         )
     found = {}
     for name, rows in sheets.items():
-        layout = locate([[_header(cell) for cell in row] for row in rows[:SEARCHED]], wanted)
-        if layout is not None:
-            found[name] = layout
+        placement = locate([[_header(cell) for cell in row] for row in rows[:SEARCHED]], wanted)
+        if placement is not None:
+            found[name] = placement
     chosen = sheet or _chosen(path, found, set(wanted))
     if chosen not in found:
         raise InputError(
             f"{path.name}, sheet {chosen!r}: expected a header and samples, found an empty sheet.",
             f"name another sheet; there are {listing(sheets)}.",
         )
-    layout, rows = found[chosen], sheets[chosen]
+    placement, rows = found[chosen], sheets[chosen]
     top = [[_header(cell) for cell in row] for row in rows[:SEARCHED]]
-    notes = said(layout, top, range(1, len(rows) + 1), "row")
+    notes = said(placement, top, range(1, len(rows) + 1), "row")
     others = [name for name in found if name != chosen]
     if others and sheet is None:
         notes.append(f"sheet {chosen!r} was read; there are also {listing(others, 5)}.")
-    body = rows[layout.first :]
+    body = rows[placement.first :]
 
     def read(names: Sequence[str], missing: Collection[str]) -> Mapping[str, Cells]:
         if not body:
             raise InputError(
                 f"{path.name}, sheet {chosen!r}: expected samples below the header in row "
-                f"{layout.header + 1}, found none.",
+                f"{placement.header + 1}, found none.",
                 "check that the recording was saved.",
             )
-        return {name: _column(path, chosen, layout, body, name) for name in names}
+        return {name: _column(path, chosen, placement, body, name) for name in names}
 
     return Source(
         f"{path.name}, sheet {chosen!r}",
         f"Excel sheet {chosen!r}",
-        layout.names,
+        placement.names,
         read,
-        np.arange(layout.first, len(rows)) + 1,
-        units=layout.units,
+        np.arange(placement.first, len(rows)) + 1,
+        units=placement.units,
         notes=notes,
         sheet=chosen if others else "",
     )
 
 
-def _sheets(path: Path, results: bool = True) -> dict[str, list[Row]]:
+def _sheets(path: Path, results: bool = True) -> dict[str, list[_Row]]:
     """The rows of each sheet; of formulas their results, or their texts."""
     from openpyxl import load_workbook
 
@@ -93,13 +93,13 @@ def _sheets(path: Path, results: bool = True) -> dict[str, list[Row]]:
         raise damaged(path, "spreadsheet (.xlsx)", error) from None
 
 
-def _chosen(path: Path, found: Mapping[str, Layout], wanted: set[str]) -> str:
+def _chosen(path: Path, found: Mapping[str, Placement], wanted: set[str]) -> str:
     if not found:
         raise InputError(
             f"{path.name}: expected a header and samples, found empty sheets.",
             "check that the recording was saved.",
         )
-    having = [name for name, layout in found.items() if wanted <= set(layout.names)]
+    having = [name for name, placement in found.items() if wanted <= set(placement.names)]
     if wanted and len(having) > 1:
         raise InputError(
             f"{path.name}: several sheets have the wanted columns: {listing(having)}.",
@@ -108,12 +108,12 @@ def _chosen(path: Path, found: Mapping[str, Layout], wanted: set[str]) -> str:
     return max(having or found, key=lambda name: found[name].measure[1:])
 
 
-def _column(path: Path, sheet: str, layout: Layout, body: Sequence[Row], name: str) -> Cells:
-    index = layout.names.index(name)
-    cells = [row[index] if index < len(row) else None for row in body]
+def _column(path: Path, sheet: str, placement: Placement, body: Sequence[_Row], name: str) -> Cells:
+    index = placement.names.index(name)
+    cells: list[Any] = [row[index] if index < len(row) else None for row in body]
     cells = [None if isinstance(cell, str) and not cell.strip() else cell for cell in cells]
     full = [cell for cell in cells if cell is not None]
-    if not full and _is_formula(path, sheet, layout, index):
+    if not full and _is_formula(path, sheet, placement, index):
         raise InputError.at(
             Place(f"{path.name}, sheet {sheet!r}, column {name!r}", name),
             "expected numbers, found formulas whose results are not in the file.",
@@ -121,23 +121,21 @@ def _column(path: Path, sheet: str, layout: Layout, body: Sequence[Row], name: s
         )
     if all(isinstance(cell, int | float) for cell in full):
         return np.array([np.nan if cell is None else float(cell) for cell in cells])
-    if full and all(isinstance(cell, _MOMENTS) for cell in full):
-        first = _seconds(full[0])
-        seconds = [np.nan if cell is None else (_seconds(cell) - first) for cell in cells]
-        return Dates(np.array([s if isinstance(s, float) else s.total_seconds() for s in seconds]))
+    kinds = {type(_moment(cell)) for cell in full}
+    if kinds == {datetime} or kinds == {timedelta}:
+        first = _moment(full[0])
+        since = [None if cell is None else _moment(cell) - first for cell in cells]
+        return Dates(np.array([np.nan if s is None else s.total_seconds() for s in since]))
     return [None if cell is None else _text(cell) for cell in cells]
 
 
-def _is_formula(path: Path, sheet: str, layout: Layout, index: int) -> bool:
-    body = _sheets(path, results=False)[sheet][layout.first :]
+def _is_formula(path: Path, sheet: str, placement: Placement, index: int) -> bool:
+    body = _sheets(path, results=False)[sheet][placement.first :]
     return any(index < len(row) and str(row[index]).startswith("=") for row in body)
 
 
-_MOMENTS = (datetime, date, time, timedelta)
-
-
-def _seconds(cell: datetime | date | time | timedelta) -> Any:
-    """A moment that can be subtracted from another one."""
+def _moment(cell: Any) -> Any:
+    """A cell as a moment that can be subtracted from another one, where it is one."""
     if isinstance(cell, time):
         return timedelta(hours=cell.hour, minutes=cell.minute, seconds=cell.second) + timedelta(
             microseconds=cell.microsecond

@@ -20,7 +20,7 @@ from diffthrust.logs._validate import is_finite, others
 _COARSE = 0.1
 
 
-class Request:
+class TableRequest:
     """What is wanted of a table, checked before it is opened.
 
     Args:
@@ -60,7 +60,8 @@ class Request:
                 )
             self.step = float(time)
         elif time is not None:
-            self.clock = each_column({"time": time}, Path(file), "time")["time"]
+            named: dict[str, Any] = {"time": time}
+            self.clock = each_column(named, Path(file), "time")["time"]
         words = (missing_values,) if isinstance(missing_values, str | float) else missing_values
         self.missing = frozenset(str(word).strip() for word in words)
         self.interpolate_inputs = interpolate_inputs

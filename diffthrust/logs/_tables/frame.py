@@ -101,7 +101,7 @@ def _cells(column: Any) -> Cells:
             if pd.api.types.is_complex_dtype(kind):
                 return other
             return pd.Series(column).to_numpy(dtype=np.float64, na_value=np.nan)
-        cells = [
+        cells: list[Any] = [
             None if cell is None or cell is pd.NA or cell is pd.NaT else cell for cell in column
         ]
         cells = [None if isinstance(cell, float) and np.isnan(cell) else cell for cell in cells]

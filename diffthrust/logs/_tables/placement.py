@@ -14,7 +14,7 @@ Measure = tuple[int, bool, int, float, int]
 
 
 @dataclass(frozen=True)
-class Layout:
+class Placement:
     """Where a table stands.
 
     Args:
@@ -38,7 +38,7 @@ class Layout:
     measure: Measure
 
 
-def locate(rows: Sequence[Sequence[str]], wanted: Collection[str]) -> Layout | None:
+def locate(rows: Sequence[Sequence[str]], wanted: Collection[str]) -> Placement | None:
     """Find the table in rows of cells.
 
     The header is the first row that names all that is wanted; where none does, the one above the
@@ -49,7 +49,7 @@ def locate(rows: Sequence[Sequence[str]], wanted: Collection[str]) -> Layout | N
         wanted: names that the header should have.
 
     Returns:
-        The layout, or None where every cell is empty.
+        The placement, or None where every cell is empty.
     """
     filled = [k for k, row in enumerate(rows) if any(row)]
     if not filled:
@@ -76,7 +76,7 @@ def locate(rows: Sequence[Sequence[str]], wanted: Collection[str]) -> Layout | N
     own = _units(rows[below[0]]) if len(below) == 2 else None
     if own:
         units |= {name: unit for name, unit in zip(names, own, strict=False) if unit}
-    return Layout(
+    return Placement(
         names,
         header,
         below[0] + 1 if own else header + 1,
@@ -94,17 +94,17 @@ def locate(rows: Sequence[Sequence[str]], wanted: Collection[str]) -> Layout | N
 
 
 def said(
-    layout: Layout, rows: Sequence[Sequence[str]], number: Sequence[int], word: str
+    placement: Placement, rows: Sequence[Sequence[str]], number: Sequence[int], word: str
 ) -> list[str]:
     """Sentences on the rows that were skipped; ``number`` counts the rows as the file does."""
     notes = []
-    if layout.preamble:
-        many = layout.preamble > 1
-        which = f"{layout.preamble} {word}s were" if many else f"a {word} was"
-        notes.append(f"{which} skipped: the header is {word} {number[layout.header]}.")
-    if layout.unit_row is not None:
-        cells = shown(", ".join(rows[layout.unit_row]))[1:-1]
-        row = number[layout.unit_row]
+    if placement.preamble:
+        many = placement.preamble > 1
+        which = f"{placement.preamble} {word}s were" if many else f"a {word} was"
+        notes.append(f"{which} skipped: the header is {word} {number[placement.header]}.")
+    if placement.unit_row is not None:
+        cells = shown(", ".join(rows[placement.unit_row]))[1:-1]
+        row = number[placement.unit_row]
         notes.append(f"{word} {row} was skipped: it holds units ({cells}).")
     return notes
 
