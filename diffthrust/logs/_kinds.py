@@ -104,7 +104,8 @@ def kind_of(path: Path) -> Kind:
         if head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(begin):
             raise InputError(f"{path.name}: expected a log, found {what}.", mend)
     ending = path.suffix.lower()
-    text = head[:2] in (b"\xff\xfe", b"\xfe\xff") or not set(head) & _CONTROL
+    # zeros behind a text were never written: the power went
+    text = head[:2] in (b"\xff\xfe", b"\xfe\xff") or not set(head.rstrip(b"\0") or head) & _CONTROL
     for kind in _KINDS:
         if ending in kind.endings and not (text and kind is not TELEMETRY):
             return kind

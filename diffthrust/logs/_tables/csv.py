@@ -20,14 +20,11 @@ SMALL = 100_000
 # Bytes that no text has: their presence tells a picture or an archive from a table.
 _CONTROL = bytes([*range(9), *range(14, 32)])
 
+_UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+
 _DELIMITERS = (",", ";", "\t", " ")
 
 Splitter = Callable[[str], list[str]]
-
-
-def is_text(raw: bytes) -> bool:
-    """Whether the beginning of a file is text, as UTF-16 or in an alphabet of bytes."""
-    return raw[:2] in (b"\xff\xfe", b"\xfe\xff") or not set(raw) & set(_CONTROL)
 
 
 def read_csv(path: Path, wanted: Collection[str], strict: bool = True) -> Source:
@@ -49,7 +46,8 @@ def read_csv(path: Path, wanted: Collection[str], strict: bool = True) -> Source
         InputError: the file is not a table of text. Reading it, that a row has too few or too many
             cells.
     """
-    raw = path.read_bytes()
+    whole_file = path.read_bytes()
+    raw = whole_file if whole_file[:2] in _UTF_16 else whole_file.rstrip(b"\0")
     everything = _decode(raw, path.name).replace("\r\n", "\n").replace("\r", "\n").split("\n")
     whole = not everything[-1]
     if whole:  # the end of the last line, not a blank row
@@ -65,6 +63,8 @@ def read_csv(path: Path, wanted: Collection[str], strict: bool = True) -> Source
         )
     placement, delimiter, rows = found
     notes = said(placement, rows, [i + 1 for i in kept], "line")
+    if len(raw) < len(whole_file):  # a card in a boat whose power went
+        notes.append(f"{len(whole_file) - len(raw)} bytes of zeros at the end were skipped.")
     top, first = kept[placement.header], placement.first
     if all(map(is_number, placement.names)) and not set(wanted) & set(placement.names):
         above = everything[top - 1].lstrip() if top else ""
@@ -104,7 +104,7 @@ def read_csv(path: Path, wanted: Collection[str], strict: bool = True) -> Source
 
 
 def _decode(raw: bytes, file: str) -> str:
-    if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):  # what Excel calls Unicode text
+    if raw[:2] in _UTF_16:  # what Excel calls Unicode text
         try:
             raw = raw.decode("utf-16").encode()
         except UnicodeError:
