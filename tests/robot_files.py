@@ -147,3 +147,78 @@ def attitude(yaw, boot=0):
 
 def servos(first):
     return lambda d: d.MAVLink_servo_output_raw_message(0, 0, first, *[1500] * 7)
+
+
+def write_bag_1(path: Path, topics):
+    """Write a ROS 1 bag; the topics as for `write_bag`, but with types and stamps of ROS 1."""
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    with Writer(path) as writer:
+        for topic, (kind, messages) in topics.items():
+            connection = writer.add_connection(topic, kind, typestore=store)
+            for stamp, message in messages:
+                raw = store.serialize_ros1(message(store.types), kind)
+                writer.write(connection, START + round(stamp * 1e9), raw)
+    return path
+
+
+def twist_1(forward, stamp, yaw_rate=0.0):
+    """A TwistStamped of ROS 1, whose header counts messages."""
+
+    def make(types):
+        seconds, rest = divmod(START + round(stamp * 1e9), 10**9)
+        time = types["builtin_interfaces/msg/Time"](sec=seconds, nanosec=rest)
+        header = types["std_msgs/msg/Header"](seq=0, stamp=time, frame_id="base")
+        vector = types["geometry_msgs/msg/Vector3"]
+        body = types["geometry_msgs/msg/Twist"](
+            linear=vector(x=float(forward), y=0.0, z=0.0),
+            angular=vector(x=0.0, y=0.0, z=float(yaw_rate)),
+        )
+        return types["geometry_msgs/msg/TwistStamped"](header=header, twist=body)
+
+    return make
+
+
+_ULOG = {"uint64_t": "Q", "uint32_t": "I", "uint16_t": "H", "uint8_t": "B", "int32_t": "i",
+         "float": "f", "double": "d", "bool": "?"}  # fmt: skip
+
+
+def write_ulog(path: Path, formats, subscriptions, rows, dropouts=()):
+    """Write a PX4 log, as "ULog File Format" of the PX4 guide has it.
+
+    Args:
+        path: a file ending in .ulg.
+        formats: by message, pairs of type and field; ``timestamp`` [us] first. A type is one of C,
+            an array such as ``float[2]``, or another message.
+        subscriptions: pairs of message and instance.
+        rows: pairs of the number of a subscription and flat values, in order.
+        dropouts: lengths of time [ms] in which the recorder lost messages.
+    """
+
+    def message(kind, content):
+        return struct.pack("<HB", len(content), ord(kind)) + content
+
+    def codes(name):
+        out = ""
+        for kind, _ in formats[name]:
+            base, _, count = kind.rstrip("]").partition("[")
+            one = codes(base) if base in formats else _ULOG[base]
+            out += one * int(count or 1)
+        return out
+
+    out = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0)
+    out += message("B", bytes(40))
+    for name, fields in formats.items():
+        text = f"{name}:" + "".join(f"{kind} {field};" for kind, field in fields)
+        out += message("F", text.encode())
+    for number_, (name, instance) in enumerate(subscriptions):
+        out += message("A", struct.pack("<BH", instance, number_) + name.encode())
+    for number_, values in rows:
+        packed = struct.pack("<" + codes(subscriptions[number_][0]), *values)
+        out += message("D", struct.pack("<H", number_) + packed)
+    for lost in dropouts:
+        out += message("O", struct.pack("<H", lost))
+    path.write_bytes(out)
+    return path

@@ -21,7 +21,6 @@ def cells(text: str, name: str) -> list[list[str]]:
 
 
 def test_the_static_map_as_a_staircase(monkeypatch):
-    pytest.importorskip("openpyxl")
     monkeypatch.setenv("DIFFTHRUST_DATA", str(data_folder("t200").parent))
     table, log = datasets.t200("14V")["14V"], datasets.t200("14V", held=0.25)["14V"]
     assert log.duration == pytest.approx(0.25 * len(table))
@@ -36,7 +35,6 @@ def test_the_static_map_as_a_staircase(monkeypatch):
 
 @pytest.mark.slow
 def test_t200_map(tmp_path):
-    pytest.importorskip("openpyxl")
     data_folder("t200")
     text = run("t200_map", tmp_path)
     (before,), (after,) = cells(text, "basic thruster"), cells(text, "+ reverse_thrust_asymmetry")
@@ -68,7 +66,6 @@ def test_papers_on_measured(tmp_path):
 
 @pytest.mark.slow
 def test_headroom_of_the_measured_sets(tmp_path):
-    pytest.importorskip("openpyxl")
     for name in ("ngs_thruster", "blueboat", "esso_osaka", "emps", "t200"):
         data_folder(name)
     text = run("headroom", tmp_path)

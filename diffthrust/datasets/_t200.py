@@ -71,8 +71,7 @@ def t200(names: str | Sequence[str] | None = None, *, held: float | None = None)
     has a column 'Force (N)' that takes 1 kgf as 10 N (it is not read).
 
     Source: Blue Robotics, public performance data; the file names no licence. It is read from the
-    folder that ``DIFFTHRUST_DATA`` names, by pandas with openpyxl: ``pip install
-    'diffthrust[xlsx]'``.
+    folder that ``DIFFTHRUST_DATA`` names.
 
     Args:
         names: logs to read, such as ``"16V"``; all six where not given.
@@ -80,7 +79,7 @@ def t200(names: str | Sequence[str] | None = None, *, held: float | None = None)
 
     Raises:
         InputError: ``DIFFTHRUST_DATA`` is not set, the file is missing there or has other sheets
-            or columns, openpyxl is not installed, a name is unknown, or ``held`` is not positive.
+            or columns, a name is unknown, or ``held`` is not positive.
 
     Example:
         >>> log = dft.datasets.t200("16V")["16V"]
@@ -122,11 +121,6 @@ def _sheets(path: Path) -> dict[str, Any]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # openpyxl leaves out the drawings, and says so
             return pd.read_excel(path, sheet_name=None, engine="openpyxl")
-    except ImportError:
-        raise InputError(
-            f"{path.name}: reading a spreadsheet needs openpyxl, which is not installed.",
-            "pip install 'diffthrust[xlsx]'",
-        ) from None
     except Exception as error:  # a damaged file raises whatever the reader came across
         reason = " ".join(str(error).split())[:160] or type(error).__name__
         raise InputError(

@@ -9,7 +9,7 @@ import numpy as np
 
 
 @dataclass(frozen=True)
-class Field:
+class Space:
     """What a sequence may do.
 
     Args:
@@ -60,7 +60,7 @@ class Design:
     hold: float
     bias: float = 0.0
 
-    def levels(self, name: str, space: Field) -> tuple[float, float]:
+    def levels(self, name: str, space: Space) -> tuple[float, float]:
         """Lowest and highest value that an input takes (both the same where it is held)."""
         (low, high), rest = space.limits[name], space.resting(name)
         if name not in self.moved:
@@ -73,14 +73,14 @@ class Design:
             return bottom, rest
         return bottom, top
 
-    def changed(self, faster: float, larger: float, space: Field) -> Design:
+    def changed(self, faster: float, larger: float, space: Space) -> Design:
         """A neighbour: another time and another size, within what is possible."""
         timeless = self.kind in ("step up", "step down")
         hold = self.hold if timeless else _whole(self.hold / faster, space)
         return replace(self, hold=hold, share=float(np.clip(self.share * larger, 0.01, 1.0)))
 
 
-def sequence(design: Design, space: Field) -> dict[str, np.ndarray]:
+def sequence(design: Design, space: Space) -> dict[str, np.ndarray]:
     """The values of every moved input at the sample instants.
 
     The sequence keeps the limits and the rate limits exactly, and begins and ends at rest.
@@ -125,35 +125,35 @@ def _count(t: np.ndarray, hold: float) -> np.ndarray:
     return np.floor(t / hold + 1e-6).astype(int)
 
 
-def _up(t: np.ndarray, hold: float, space: Field) -> np.ndarray:
+def _up(t: np.ndarray, hold: float, space: Space) -> np.ndarray:
     return np.ones_like(t)
 
 
-def _down(t: np.ndarray, hold: float, space: Field) -> np.ndarray:
+def _down(t: np.ndarray, hold: float, space: Space) -> np.ndarray:
     return -np.ones_like(t)
 
 
-def _reversals(t: np.ndarray, hold: float, space: Field) -> np.ndarray:
+def _reversals(t: np.ndarray, hold: float, space: Space) -> np.ndarray:
     return np.where(_count(t, hold) % 2 == 0, 1.0, -1.0)
 
 
-def _pulses(t: np.ndarray, hold: float, space: Field) -> np.ndarray:
+def _pulses(t: np.ndarray, hold: float, space: Space) -> np.ndarray:
     """A pulse every four holds, to either side in turn."""
     k = _count(t, hold)
     return np.where(k % 4 == 0, np.where(k % 8 == 0, 1.0, -1.0), 0.0)
 
 
-def _staircase(t: np.ndarray, hold: float, space: Field) -> np.ndarray:
+def _staircase(t: np.ndarray, hold: float, space: Space) -> np.ndarray:
     """Nine levels from the middle up, down and up again."""
     return _triangle((_count(t, hold) % 16) / 16)
 
 
-def _random_staircase(t: np.ndarray, hold: float, space: Field) -> np.ndarray:
+def _random_staircase(t: np.ndarray, hold: float, space: Space) -> np.ndarray:
     levels = np.random.default_rng(space.seed).uniform(-1.0, 1.0, _count(t, hold).max() + 1)
     return levels[_count(t, hold)] / np.abs(levels).max()
 
 
-def _ramps(t: np.ndarray, hold: float, space: Field) -> np.ndarray:
+def _ramps(t: np.ndarray, hold: float, space: Space) -> np.ndarray:
     return _triangle((t / (4.0 * hold)) % 1.0)
 
 
@@ -162,7 +162,7 @@ def _triangle(turn: np.ndarray) -> np.ndarray:
     return 1.0 - np.abs(4.0 * ((turn + 0.75) % 1.0) - 2.0)
 
 
-def _chirp(t: np.ndarray, hold: float, space: Field) -> np.ndarray:
+def _chirp(t: np.ndarray, hold: float, space: Space) -> np.ndarray:
     """Exponential sweep from one period in the whole test to the shortest."""
     first, last = 1.0 / space.active, 0.5 / hold
     growth = max(last / first, 1.0 + 1e-6)
@@ -170,7 +170,7 @@ def _chirp(t: np.ndarray, hold: float, space: Field) -> np.ndarray:
     return np.sin(2.0 * np.pi * turns)
 
 
-def _multisine(t: np.ndarray, hold: float, space: Field) -> np.ndarray:
+def _multisine(t: np.ndarray, hold: float, space: Space) -> np.ndarray:
     """Eight harmonics, evenly spread on a logarithmic scale, with random phases."""
     highest = max(0.5 * space.active / hold, 1.0)
     harmonics = np.unique(np.round(np.geomspace(1.0, highest, 8)))
@@ -183,7 +183,7 @@ def _multisine(t: np.ndarray, hold: float, space: Field) -> np.ndarray:
 class Family:
     """A family of sequences: its shape, its words, and the shares of the test that it is held."""
 
-    shape: Callable[[np.ndarray, float, Field], np.ndarray]
+    shape: Callable[[np.ndarray, float, Space], np.ndarray]
     words: str
     holds: tuple[float, ...]
 
@@ -213,7 +213,7 @@ _FEWER = {
 """For several inputs, which take part in several ways: the held shares of the test by kind."""
 
 
-def grid(space: Field) -> list[Design]:
+def grid(space: Space) -> list[Design]:
     """The designs that are tried first: some 50 for one input, 80 for two."""
     names = tuple(space.limits)
     ways: list[tuple[Mapping[str, int], float]] = [({names[0]: 1}, 0.0)]
@@ -243,7 +243,7 @@ def design_key(design: Design) -> tuple[object, ...]:
     return (design.kind, moved, design.bias, round(design.share, 6), round(design.hold, 9))
 
 
-def _whole(hold: float, space: Field) -> float:
+def _whole(hold: float, space: Space) -> float:
     """A hold of whole samples, two at least."""
     samples = round(float(np.clip(hold, 0.0, space.active)) / space.step)
     return float(max(samples, 2) * space.step)

@@ -15,7 +15,7 @@ from diffthrust._support.names import listing, nearest
 from diffthrust.estimation._arguments import by_input, listed
 from diffthrust.estimation._result import Fit
 from diffthrust.experiments._confront import Conditions
-from diffthrust.experiments._designs import Design, Field, sequence
+from diffthrust.experiments._designs import Design, Space, sequence
 from diffthrust.experiments._rivals import Rival, models_of, names_of, rival_of
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
@@ -37,7 +37,7 @@ class Request:
 
     rivals: tuple[Rival, ...]
     names: tuple[str, ...]
-    space: Field
+    space: Space
     conditions: Conditions
     held: Mapping[str, float]
     units: Mapping[str, str]
@@ -77,7 +77,7 @@ def requested(
     sigma = _noise(rivals, models, noise)
     units = _units(models, runs)
     time = np.round(np.arange(round(duration / step) + 1) * step, 9)
-    space = Field(time, moved, rates, rest, seed)
+    space = Space(time, moved, rates, rest, seed)
     unsigned = frozenset(name for log in runs for name in log.unsigned if name in sigma)
     conditions = Conditions(
         time=time,
@@ -257,7 +257,7 @@ def _units(models: Sequence[Model], logs: Sequence[Log]) -> dict[str, str]:
 
 def _substeps(
     models: Sequence[Model],
-    space: Field,
+    space: Space,
     held: Mapping[str, float],
     noise: Mapping[str, float],
 ) -> int:

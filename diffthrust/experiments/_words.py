@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from diffthrust.experiments._designs import KINDS, Design, Field
+from diffthrust.experiments._designs import KINDS, Design, Space
 from diffthrust.experiments._result import Experiment
 
 
@@ -28,7 +28,7 @@ def promise_in_words(words: str, test: Experiment, imitator: str) -> str:
     return f"{words}: {channel} differs{between} by up to {size}; {ratio}."
 
 
-def in_words(design: Design, space: Field, units: Mapping[str, str]) -> str:
+def in_words(design: Design, space: Space, units: Mapping[str, str]) -> str:
     """A design in words.
 
     Example:
@@ -44,7 +44,7 @@ def in_words(design: Design, space: Field, units: Mapping[str, str]) -> str:
     return f"{text}, with {' and '.join(values)}" if values else text
 
 
-def _range(design: Design, name: str, space: Field, unit: str) -> str:
+def _range(design: Design, name: str, space: Space, unit: str) -> str:
     low, high = (_number(level, unit) for level in design.levels(name, space))
     if design.kind == "step down":
         low, high = high, low
@@ -53,7 +53,7 @@ def _range(design: Design, name: str, space: Field, unit: str) -> str:
     return f"between {low} and {high}"
 
 
-def _tempo(design: Design, space: Field) -> str:
+def _tempo(design: Design, space: Space) -> str:
     hold = f"{design.hold:.3g} s"
     return {
         "step up": "",

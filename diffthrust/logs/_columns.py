@@ -1,24 +1,18 @@
 """How columns of a file become the channels of a log."""
 
-import math
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from diffthrust._support.errors import InputError, Place
-from diffthrust.logs._log import Log
 from diffthrust.logs._units import convert
-from diffthrust.logs._validate import PlaceOf, check_hold, checked_fields
+from diffthrust.logs._validate import PlaceOf, check_hold, checked_fields, is_finite
 from diffthrust.logs._written import PWM, Written
 
 _SHARES = ("", "%", "percent", "pct", "dimensionless", "1", "effort")
-
-
-def is_finite(value: object) -> bool:
-    """Whether a value is a finite number."""
-    return isinstance(value, (int, float, np.number)) and math.isfinite(value)
 
 
 @dataclass(frozen=True)
@@ -38,6 +32,8 @@ class Column:
             where full astern is not as far from the stop. They become an effort, 1 at full; a
             servo's become an angle by ``scale=35, unit="deg"``, the angle at full.
         effort: the numbers are a share of the full effort: 1 (or 100 with ``unit="%"``) at full.
+        dates: for the time, how its dates are written where they do not begin with the year, as
+            Python's ``strptime`` has it: ``"%d.%m.%Y %H:%M:%S"``.
 
     Example:
         >>> Column("rpm", unit="rpm", unsigned=True).scale
@@ -55,6 +51,7 @@ class Column:
     offset: float = 0.0
     pwm: PWM | Mapping[str, float] | None = None
     effort: bool = False
+    dates: str = ""
 
     @property
     def kept_unit(self) -> str:
@@ -163,11 +160,17 @@ def each_column(
                 f"expected the name of a column or a Column, found {column!r}.",
                 f"write {what} = {{{key!r}: 'name of the column'}}.",
             )
+        if column.dates and key != "time":
+            raise InputError.at(
+                place,
+                f"expected a format of dates at the time alone, found dates = {column.dates!r}.",
+                "leave dates out, or give it with the time.",
+            )
         columns[key] = column.checked(place)
     return columns
 
 
-def log_of_columns(
+def fields_of_columns(
     columns: Mapping[str, Column],
     inputs: Collection[str],
     measured: Collection[str],
@@ -178,8 +181,8 @@ def log_of_columns(
     interpolate_inputs: bool,
     notes: Iterable[str],
     at: PlaceOf,
-) -> Log:
-    """The log of channels that were read from a file.
+) -> dict[str, Any]:
+    """The fields of a log of channels that were read from a file.
 
     Args:
         columns: the column of each channel.
@@ -197,19 +200,17 @@ def log_of_columns(
     """
     read = {key: column.read(values[key], at(key, None)) for key, column in columns.items()}
     scaled = {key: numbers for key, (numbers, _, _) in read.items()}
-    return Log.of_checked(
-        checked_fields(
-            time=time,
-            inputs={key: scaled[key] for key in inputs},
-            measured={key: scaled[key] for key in measured},
-            units={key: column.kept_unit for key, column in columns.items()},
-            unsigned=[key for key in measured if columns[key].unsigned],
-            noise={key: sigma for key in measured if (sigma := columns[key].noise) is not None},
-            hold={key: columns[key].hold for key in inputs},
-            name=name,
-            interpolate_inputs=interpolate_inputs,
-            notes=(*notes, *(note for _, _, note in read.values() if note)),
-            written={key: written for key, (_, written, _) in read.items()},
-            at=at,
-        )
+    return checked_fields(
+        time=time,
+        inputs={key: scaled[key] for key in inputs},
+        measured={key: scaled[key] for key in measured},
+        units={key: column.kept_unit for key, column in columns.items()},
+        unsigned=[key for key in measured if columns[key].unsigned],
+        noise={key: sigma for key in measured if (sigma := columns[key].noise) is not None},
+        hold={key: columns[key].hold for key in inputs},
+        name=name,
+        interpolate_inputs=interpolate_inputs,
+        notes=(*notes, *(note for _, _, note in read.values() if note)),
+        written={key: written for key, (_, written, _) in read.items()},
+        at=at,
     )

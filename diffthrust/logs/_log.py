@@ -1,6 +1,6 @@
 """One recorded experiment: time, inputs, measured channels and their units."""
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from types import MappingProxyType
@@ -10,6 +10,9 @@ import numpy as np
 
 from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import listing, nearest
+from diffthrust.logs._columns import Column
+from diffthrust.logs._tables.fields import TableRequest
+from diffthrust.logs._tables.frame import read_frame, time_of
 from diffthrust.logs._units import convert, convert_scale
 from diffthrust.logs._validate import checked_fields, window
 from diffthrust.logs._written import Written
@@ -109,6 +112,49 @@ class Log:
                     array.flags.writeable = False
             kept = MappingProxyType(dict(value)) if isinstance(value, Mapping) else value
             object.__setattr__(self, key, kept)
+
+    @classmethod
+    def from_dataframe(
+        cls,
+        frame: Any,
+        *,
+        time: str | Column | float | None = None,
+        inputs: Mapping[str, str | Column] | None = None,
+        measured: Mapping[str, str | Column] | None = None,
+        missing_values: Sequence[str | float] = (),
+        interpolate_inputs: bool = False,
+        start: float | None = None,
+        stop: float | None = None,
+        name: str = "log",
+    ) -> "Log":
+        """Make a log of a pandas DataFrame.
+
+        Args:
+            frame: a DataFrame, one sample a row.
+            time: the time column, or the name of the index; None for the index, which may hold
+                dates with a zone or without, durations, or seconds. A number is the step [s] of
+                samples that have no time.
+            inputs: the column of each input, by channel name.
+            measured: the column of each measured channel, by channel name.
+            missing_values: texts or numbers that mean missing.
+            interpolate_inputs: fill missing samples of inputs instead of refusing them.
+            start: first moment to keep, in seconds after the first.
+            stop: last moment to keep, in seconds after the first.
+            name: a name for messages and figures.
+
+        Raises:
+            InputError: as in `read_log`; or the index counts rows, which is no time.
+
+        Example:
+            >>> frame = pd.read_csv("run1.csv", parse_dates=["stamp"], index_col="stamp")
+            >>> log = Log.from_dataframe(frame, measured={"speed": Column("rpm", unit="rpm")})
+        """
+        source = read_frame(frame, name)
+        clock = time_of(frame, name) if time is None else time
+        request = TableRequest(
+            name, clock, inputs, measured, missing_values, interpolate_inputs, start, stop
+        )
+        return cls.of_checked(request.fields(source, name))
 
     @classmethod
     def of_checked(cls, fields: Mapping[str, Any]) -> "Log":

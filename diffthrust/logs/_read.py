@@ -4,51 +4,42 @@ from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 
-import numpy as np
-
-from diffthrust._support.errors import InputError, Place
-from diffthrust.logs._columns import (
-    Column,
-    channel_columns,
-    each_column,
-    is_finite,
-    log_of_columns,
-)
+from diffthrust._support.errors import InputError
+from diffthrust.logs._columns import Column
+from diffthrust.logs._kinds import kind_of
 from diffthrust.logs._log import Log
-from diffthrust.logs._tables.csv import read_csv
-from diffthrust.logs._tables.mat import read_mat
-from diffthrust.logs._tables.parquet import read_parquet
-from diffthrust.logs._tables.table import Table
-from diffthrust.logs._units import convert
-from diffthrust.logs._validate import others
-
-_TEXT = (".csv", ".txt", ".tsv")
-_SUFFIXES = (*_TEXT, ".parquet", ".mat")
+from diffthrust.logs._tables.fields import TableRequest
+from diffthrust.logs._tables.open import open_table
 
 
 def read_log(
     path: str | PathLike[str],
     *,
-    time: str | Column | None = "time",
+    time: str | Column | float | None = "time",
     inputs: Mapping[str, str | Column] | None = None,
     measured: Mapping[str, str | Column] | None = None,
-    missing_values: Sequence[str] = (),
+    sheet: str | None = None,
+    missing_values: Sequence[str | float] = (),
     interpolate_inputs: bool = False,
     start: float | None = None,
     stop: float | None = None,
     name: str | None = None,
 ) -> Log:
-    """Read a log from a CSV, Parquet or MATLAB file.
+    """Read a log from a file with a table: CSV, Excel, Parquet, MATLAB or HDF5.
 
-    Nothing is dropped silently: ``log.notes`` counts blank rows, missing samples, interpolated
-    inputs and what ``start`` and ``stop`` cut away.
+    What a file is, its content says and not its ending. Nothing is dropped silently: ``log.notes``
+    counts what was skipped above and below the header, blank rows, missing samples, interpolated
+    inputs and what ``start`` and ``stop`` cut away, and names the largest gaps.
 
     Args:
-        path: a file ending in .csv, .txt, .tsv, .parquet or .mat (MATLAB up to version 7).
+        path: a file of text (.csv, .tsv, .txt), of Excel (.xlsx), .parquet, .mat, or .h5.
         time: the time column, in seconds where no unit is given; dates become seconds after the
-            first. None for a static table, whose samples are then counted 0, 1, 2, ...
-        inputs: the column of each input, by channel name.
+            first. A number is the step [s] of samples that have no time. None for a static table,
+            whose samples are then counted 0, 1, 2, ...
+        inputs: the column of each input, by channel name. In MATLAB's files ``"run.speed"`` is a
+            field of a struct and ``"data(:,2)"`` a column of a matrix.
         measured: the column of each measured channel, by channel name; its empty cells become NaN.
+        sheet: the sheet of an Excel file; where None, the one that has the columns.
         missing_values: texts or numbers in the file that mean missing, such as ``"n/a"``.
         interpolate_inputs: fill missing samples of inputs instead of refusing them.
         start: first moment to keep, in seconds after the first time stamp.
@@ -71,91 +62,15 @@ def read_log(
         ... )  # doctest: +SKIP
     """
     file = Path(path)
-    columns = channel_columns(file, inputs, measured)
-    clock = None if time is None else each_column({"time": time}, file, "time")["time"]
-    if isinstance(missing_values, str):
-        missing_values = (missing_values,)
-    missing = frozenset(str(word).strip() for word in missing_values)
-    for word, value in (("start", start), ("stop", stop)):
-        if value is not None and not is_finite(value):
-            raise InputError(
-                f"{file.name}: expected {word} in seconds, found {value!r}.", "give a number."
-            )
-
-    wanted = list(dict.fromkeys(c.column for c in (clock, *columns.values()) if c is not None))
-    table = _load(file, wanted, None if clock is None else clock.column, missing)
-    table.mark_missing(missing)
-    table.drop_blank_rows()
-    stamps = _stamps(table, clock)
-    if start is not None or stop is not None:
-        stamps = table.cut(stamps, start, stop)
-
-    def at(channel: str, index: int | None) -> Place:
-        if channel == "time":
-            return table.place(clock.column if clock else None, index)
-        return table.place(columns[channel].column, index)
-
-    return log_of_columns(
-        columns,
-        inputs or {},
-        measured or {},
-        time=stamps,
-        values={key: table.columns[column.column] for key, column in columns.items()},
-        name=file.name if name is None else str(name),
-        interpolate_inputs=interpolate_inputs,
-        notes=table.notes,
-        at=at,
+    request = TableRequest(
+        file.name, time, inputs, measured, missing_values, interpolate_inputs, start, stop
     )
-
-
-def _load(file: Path, wanted: list[str], time: str | None, missing: frozenset[str]) -> Table:
-    suffix = file.suffix.lower()
-    if suffix not in _SUFFIXES:
+    kind = kind_of(file)
+    if kind.messages:
         raise InputError(
-            f"{file.name}: expected a file ending in {', '.join(_SUFFIXES)}, found {suffix!r}.",
-            "export the log in one of these forms; bags and ArduPilot logs are read by "
-            "read_robot_log.",
+            f"{file.name}: expected a table, found {kind.article}, whose messages have stamps of "
+            "their own.",
+            "read it with read_robot_log, and choose a time base: base = 'messages'.",
         )
-    try:
-        if file.stat().st_size == 0:
-            raise InputError(
-                f"{file.name}: expected a header and samples, found an empty file.",
-                "check that the recording was saved.",
-            )
-        if suffix in _TEXT:
-            return read_csv(file, wanted, time, missing)
-        if suffix == ".parquet":
-            return read_parquet(file, wanted, time, missing)
-        return read_mat(file, wanted)
-    except FileNotFoundError:
-        raise InputError(
-            f"{file}: expected a file, found none.", "check the folder and the name of the file."
-        ) from None
-    except IsADirectoryError:
-        raise InputError(f"{file}: expected a file, found a folder.", "name the file.") from None
-    except (OSError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(
-            f"{file}: the file cannot be opened ({error}).", "check its name and permissions."
-        ) from None
-
-
-def _stamps(table: Table, clock: Column | None) -> np.ndarray:
-    """Give the time stamps in seconds, finite."""
-    if clock is None:
-        return np.arange(table.rows.size, dtype=np.float64)
-    place = table.place(clock.column)
-    with np.errstate(all="ignore"):
-        stamps = table.columns[clock.column] * float(clock.scale)
-    unit = "s" if table.dates else clock.unit or "s"
-    stamps = convert(stamps, unit, "s", where=place)
-    bad = np.flatnonzero(~np.isfinite(stamps))
-    if bad.size:
-        found = "none" if np.isnan(stamps[bad[0]]) else str(stamps[bad[0]])
-        raise InputError.at(
-            table.place(clock.column, int(bad[0])),
-            f"expected a time stamp, found {found}{others(bad.size)}.",
-            "complete the time stamp, or remove the row.",
-        )
-    return stamps
+    source = open_table(file, kind, request.wanted, sheet)
+    return Log.of_checked(request.fields(source, file.name if name is None else str(name)))

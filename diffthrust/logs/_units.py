@@ -1,6 +1,7 @@
 """Units on the way in and out. Inside, every channel has one unit and numbers carry none."""
 
 import re
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
@@ -101,6 +102,45 @@ def _parsed(unit: str, where: Place | str) -> Any:
         return _parse(unit)
     except InputError as error:
         raise InputError.at(where, f"{error.problem}.", error.mend) from None
+
+
+_WRITTEN = re.compile(r"[\[(<{]\s*([^\[\](){}<>]+?)\s*[\])>}]\s*$|\s/\s*([^\s/]+)$")
+_SPELT = {
+    "1/min": "rpm", "min-1": "rpm", "min^-1": "rpm", "u/min": "rpm", "r/min": "rpm",
+    "µs": "us", "μs": "us", "µsec": "us", "usec": "us", "msec": "ms", "°": "deg", "°/s": "deg/s",
+    "°c": "degC", "%": "percent", "d": "day", "kg f": "kgf", "amps": "A", "lbs": "lbf",
+}  # fmt: skip
+
+
+def unit_in(header: str) -> str:
+    """The unit in the header of a column: ``speed (rpm)``, ``speed [rpm]`` or ``speed / rpm``.
+
+    Returns:
+        A unit that ``convert`` knows, or an empty string where there is none.
+
+    Example:
+        >>> unit_in("Thrust [kgf]"), unit_in("Motor (left)")
+        ('kgf', '')
+    """
+    match = _WRITTEN.search(header)
+    if match is None:
+        return ""
+    text = match[1] or match[2]
+    if len(text) > 12 or text.isdigit():
+        return ""
+    for spelling in (_SPELT.get(text.lower(), text), text.lower()):
+        with suppress(InputError):
+            _parse(spelling)
+            return spelling
+    return ""
+
+
+def same_unit(one: str, other: str) -> bool:
+    """Whether two units are one, however they are spelt; an unknown one is no other."""
+    try:
+        return bool(one and other) and bool(_parse(one) == _parse(other))
+    except InputError:
+        return False
 
 
 @lru_cache(maxsize=256)

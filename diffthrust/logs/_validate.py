@@ -1,5 +1,6 @@
 """The checks that every log passes, whether it came from arrays or from a file."""
 
+import math
 from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
@@ -13,6 +14,11 @@ from diffthrust.logs._written import Written
 
 # Names a place for a message: the channel (or "time"), and the sample where one is to blame.
 PlaceOf = Callable[[str, int | None], Place]
+
+
+def is_finite(value: object) -> bool:
+    """Whether a value is a finite number."""
+    return isinstance(value, (int, float, np.number)) and math.isfinite(value)
 
 
 def check_time(time: np.ndarray, at: PlaceOf) -> None:
@@ -142,6 +148,37 @@ def missing_note(values: np.ndarray, channel: str, at: PlaceOf) -> str | None:
     )
 
 
+_GAP = 10.0
+"""So many times the usual step is a gap."""
+
+
+def gap_note(time: np.ndarray) -> str | None:
+    """Tell the largest gaps in the time, with moment and length.
+
+    The usual step is one that nine in ten do not exceed: where messages of several senders are
+    merged, their median is a step between two of one moment.
+
+    Args:
+        time: time stamps [s], strictly increasing, shape (n,).
+
+    Returns:
+        A sentence, or None where no step is many times the usual one.
+    """
+    steps = np.diff(time)
+    if steps.size < 3:
+        return None
+    usual = float(np.quantile(steps, 0.9, method="lower"))
+    gaps = np.flatnonzero(steps > _GAP * usual)
+    if not gaps.size:
+        return None
+    largest = gaps[np.argsort(-steps[gaps], kind="stable")][:3]
+    told = ", ".join(f"{steps[k]:.3g} s after {time[k] - time[0]:.6g} s" for k in sorted(largest))
+    many = (
+        f"{gaps.size} gaps, the largest" if gaps.size > 3 else "gaps" if gaps.size > 1 else "a gap"
+    )
+    return f"time: {many} of {told} from the start; the usual step is {usual:.3g} s."
+
+
 def window(time: np.ndarray, start: float | None, stop: float | None) -> np.ndarray:
     """Mark the samples from start to stop, in seconds after the first time stamp.
 
@@ -204,7 +241,7 @@ def checked_fields(
     stored_units: dict[str, str] = {}
     stored: dict[str, np.ndarray] = {}
     sigmas: dict[str, float] = {}
-    sentences: list[str | None] = []
+    sentences: list[str | None] = [gap_note(stamps)]
     for key, samples in {**inputs, **measured}.items():
         where = at(key, None)
         numbers = numeric_vector(samples, where)

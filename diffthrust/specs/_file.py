@@ -46,7 +46,12 @@ def _as_noise_model(value: Any) -> Any:
 
 
 def _as_time(value: Any) -> Any:
-    return None if value is False else _as_column(value)
+    step = isinstance(value, int | float) and not isinstance(value, bool)
+    if value is False:
+        return None
+    if not isinstance(value, str | dict) and not (step and 0 < value < float("inf")):
+        raise ValueError("a column, a step in seconds above zero, or false")
+    return _as_column(value)
 
 
 def _as_value(value: Any) -> Any:
@@ -67,18 +72,23 @@ class _Part(BaseModel):
 
 
 class TimePart(_Part):
-    """The time column."""
+    """The time column; ``dates`` is the format of dates that do not begin with the year."""
 
     column: str
-    unit: str = "s"
+    unit: str = ""
+    dates: str = ""
 
 
 class LogsPart(_Part):
-    """``[logs]``: which files, and how they are read; ``base`` and below are of robots' logs."""
+    """``[logs]``: which files, and how they are read; ``base`` and below are of robots' logs.
+
+    ``time`` is a column, a step [s], or false; ``sheet`` is of Excel files.
+    """
 
     train: Annotated[list[str], BeforeValidator(_as_list), Field(min_length=1)]
     holdout: Annotated[list[str], BeforeValidator(_as_list)] = []
-    time: Annotated[TimePart | None, BeforeValidator(_as_time)] = TimePart(column="time")
+    time: Annotated[TimePart | float | None, BeforeValidator(_as_time)] = TimePart(column="time")
+    sheet: str | None = None
     missing_values: Annotated[list[str | float], BeforeValidator(_as_list)] = []
     interpolate_inputs: bool = False
     start: float | None = None
@@ -267,9 +277,9 @@ def _dotted(data: dict[str, Any]) -> None:
 
 
 def _refusal(problem: Mapping[str, Any], text: str, file: Path | str, more: int) -> InputError:
-    loc = tuple(part for part in problem["loc"] if not str(part).startswith("function-"))
-    if loc and loc[-1] in ("str", "bool", "int", "float"):  # a member of a union, not a key
-        loc = loc[:-1]
+    members = ("str", "bool", "int", "float", "TimePart")  # of a union, not keys
+    loc = tuple(p for p in problem["loc"] if not str(p).startswith("function-"))
+    loc = tuple(p for k, p in enumerate(loc) if k < 2 or p not in members)
     where = line_of(text, file, loc)
     parent, key = loc[:-1], str(loc[-1]) if loc else ""
     also = f" ({more} more after this one.)" if more else ""

@@ -13,10 +13,10 @@ from diffthrust._support.names import listing, nearest
 from diffthrust._support.progress import ProgressOption, part, progressing, teller
 from diffthrust._support.results import Brief
 from diffthrust.logs._columns import Column
+from diffthrust.logs._kinds import is_bag, kind_of
 from diffthrust.logs._log import Log
 from diffthrust.logs._read import read_log
-from diffthrust.logs._robots.read import is_robot_log, read_robot_log
-from diffthrust.logs._robots.rosbag import is_bag
+from diffthrust.logs._robots.read import read_robot_log
 from diffthrust.logs._units import si_unit
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Normal
@@ -26,6 +26,7 @@ from diffthrust.specs._file import (
     NAME,
     ParameterPart,
     SpecFile,
+    TimePart,
     parse_spec,
     read_spec_text,
 )
@@ -100,8 +101,8 @@ class Spec(Brief):
     def _reader(self, path: Path) -> tuple[Callable[..., Log], dict[str, Any]]:
         """What reads a file of that ending, and the keys of ``[logs]`` that only it knows."""
         logs = self.file.logs
-        robot = is_robot_log(path)
-        others = ("time",) if robot else ("base", "gap", "faster", "stamps")
+        robot = kind_of(path).messages
+        others = ("time", "sheet") if robot else ("base", "gap", "faster", "stamps")
         for key in others:
             if key in logs.model_fields_set:
                 raise InputError(
@@ -111,8 +112,7 @@ class Spec(Brief):
                     f"Remove {key}" + (", and choose a time base: base." if robot else "."),
                 )
         if not robot:
-            clock = Column(logs.time.column, unit=logs.time.unit) if logs.time else None
-            return read_log, {"time": clock}
+            return read_log, {"time": self._clock(), "sheet": logs.sheet}
         if logs.base is None:
             raise InputError(
                 f"{line_of(self.text, self.path, ('logs', 'base'))}: {path.name} has messages of "
@@ -121,6 +121,12 @@ class Spec(Brief):
                 "or base = 0.05 for a step.",
             )
         return read_robot_log, {k: getattr(logs, k) for k in ("base", "gap", "faster", "stamps")}
+
+    def _clock(self) -> Column | float | None:
+        time = self.file.logs.time
+        if isinstance(time, TimePart):
+            return Column(time.column, unit=time.unit, dates=time.dates)
+        return time
 
     def _check_units(self, log: Log) -> None:
         """Raise `InputError` for a channel whose unit is not of the model's kind."""
@@ -135,7 +141,8 @@ class Spec(Brief):
         place = error.place
         if place is None:
             return error
-        where = [(("logs", "time"), self.file.logs.time.column)] if self.file.logs.time else []
+        clock = self._clock()
+        where = [(("logs", "time"), clock.column)] if isinstance(clock, Column) else []
         where += [(("channels", n), part.column) for n, part in self.file.channels.items()]
         for loc, column in where:
             if column == place.column or loc[-1] == place.channel:

@@ -7,6 +7,7 @@ from hashlib import sha256
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import numpy as np
+import openpyxl
 import pytest
 from typer.testing import CliRunner
 
@@ -239,7 +240,6 @@ def test_splits_are_those_that_figures_refer_to(monkeypatch):
 
 
 def test_the_static_map_of_six_voltages(monkeypatch):
-    pytest.importorskip("openpyxl")
     monkeypatch.setenv("DIFFTHRUST_DATA", str(data_folder("t200").parent))
     runs = datasets.t200()
     assert list(runs.logs) == ["10V", "12V", "14V", "16V", "18V", "20V"]
@@ -254,7 +254,6 @@ def test_the_static_map_of_six_voltages(monkeypatch):
 
 
 def test_a_spreadsheet_of_another_kind(tmp_path, monkeypatch):
-    openpyxl = pytest.importorskip("openpyxl")
     monkeypatch.setenv("DIFFTHRUST_DATA", str(tmp_path))
     (tmp_path / "t200").mkdir()
     path = tmp_path / "t200" / "T200-Public-Performance-Data-10-20V-September-2019.xlsx"

@@ -13,7 +13,7 @@ import diffthrust as dft
 from diffthrust.experiments._designs import (  # private: every family within every limit
     KINDS,
     Design,
-    Field,
+    Space,
     design_key,
     grid,
     sequence,
@@ -245,7 +245,7 @@ def test_what_is_known_of_the_imitator_is_held_against_it(logs):
 def test_every_design_keeps_limits_rates_and_rests(limits, names, rate):
     rates = {name: rate for name in names if np.isfinite(rate)}
     time = np.round(np.arange(401) * 0.05, 9)
-    space = Field(time, dict.fromkeys(names, limits), rates, 1.0, seed=0)
+    space = Space(time, dict.fromkeys(names, limits), rates, 1.0, seed=0)
     designs = grid(space)
     assert 40 <= len(designs) <= 80
     assert {d.kind for d in designs} <= set(KINDS)
@@ -265,7 +265,7 @@ def test_every_design_keeps_limits_rates_and_rests(limits, names, rate):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_kind_uses_its_range(kind):
-    space = Field(np.arange(2001) * 0.05, {"command": (-4.0, 6.0)}, {}, 1.0, seed=0)
+    space = Space(np.arange(2001) * 0.05, {"command": (-4.0, 6.0)}, {}, 1.0, seed=0)
     design = Design(kind, {"command": 1}, 0.5, 2.0)
     (values,) = sequence(design, space).values()
     bottom, top = design.levels("command", space)
@@ -301,7 +301,7 @@ def test_the_suggestion_is_the_same_each_time_and_keeps_the_rate_limit():
 
 
 def test_no_design_is_tried_twice():
-    space = Field(np.arange(101) * 0.05, {"command": (-1.0, 1.0)}, {}, 0.0, seed=0)
+    space = Space(np.arange(101) * 0.05, {"command": (-1.0, 1.0)}, {}, 0.0, seed=0)
     keys = [design_key(design) for design in grid(space)]
     assert len(set(keys)) == len(keys)
 

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from diffthrust import Column, InputError, Log, Thruster, read_log, read_robot_log, simulate
+from diffthrust.logs._contents import contents  # private: what the survey of a file is built on
 from diffthrust.logs._robots.resample import resample  # private: series without a file
 from diffthrust.logs._robots.series import Series, series_of  # private: likewise
 from diffthrust.specs import load_spec
@@ -63,7 +64,7 @@ def test_a_bag_is_read_back(bag):
     assert log.name == bag.name
     base, command, surge = log.notes
     assert "the stamps of 'surge', 10 Hz, 11 samples" in base
-    assert "largest gap 0.39 s" in command
+    assert "largest gap 0.39 s at 0.31 s" in command
     assert "a change appears up to 0.1 s late" in command
     assert "held for 0.3 s after its last message" in command
     assert "jitter 0 ms; 0% of the samples are interpolated" in surge
@@ -172,7 +173,7 @@ def test_a_dataflash_log_is_read_back(dataflash):
     np.testing.assert_allclose(log.values("command", "us"), held, atol=1e-9)
     np.testing.assert_allclose(log.measured["supply_voltage"], 12.34)  # hundredths in the file
     assert log.unsigned == {"speed"}
-    assert any("largest gap 0.09 s, jitter" in note for note in log.notes)
+    assert any("largest gap 0.09 s at " in note for note in log.notes)
 
 
 @pytest.mark.parametrize(
@@ -386,10 +387,15 @@ def test_samples_are_put_in_order_and_doubles_taken_out():
 
 @pytest.mark.parametrize(
     ("name", "library", "extra"),
-    [("a.db3", "rosbags", "ros"), ("a.bin", "pymavlink", "ardupilot")],
+    [
+        ("a.db3", "rosbags", "ros"),
+        ("a.bin", "pymavlink", "ardupilot"),
+        ("a.tlog", "pymavlink", "ardupilot"),
+        ("a.ulg", "pyulog", "px4"),
+    ],
 )
 def test_a_library_that_is_not_installed(tmp_path, monkeypatch, name, library, extra):
-    (tmp_path / name).write_bytes(b"x" * 100)
+    (tmp_path / name).write_bytes(b"\0" * 100)
     real = builtins.__import__
 
     def without(wanted, *rest):
@@ -401,6 +407,8 @@ def test_a_library_that_is_not_installed(tmp_path, monkeypatch, name, library, e
     with pytest.raises(InputError, match=f"needs {library}") as caught:
         read_robot_log(tmp_path / name, base=0.1, measured={"speed": "A.b"})
     assert caught.value.mend == f"pip install 'diffthrust[{extra}]'"
+    with pytest.raises(InputError, match=f"needs {library}"):
+        contents(tmp_path / name)
 
 
 def test_no_change_of_a_byte_ends_in_a_traceback(tmp_path, capfd):
@@ -450,14 +458,14 @@ def test_damaged_files(tmp_path, name, content):
 
 
 def test_arguments_that_cannot_be_used(tmp_path):
-    (tmp_path / "a.bin").write_bytes(b"x")
+    (tmp_path / "a.bin").write_bytes(b"\xa3\x95\x80")
     (tmp_path / "empty.bin").write_bytes(b"")
     (tmp_path / "a.csv").write_text("t,u\n0,1\n")
     for more, words in [
-        ({"path": tmp_path / "b.bin"}, "expected a log, found none"),
+        ({"path": tmp_path / "b.bin"}, "expected a file, found none"),
         ({"path": tmp_path / "a.csv"}, "read by read_log"),
         ({"path": tmp_path / "empty.bin"}, "found an empty file"),
-        ({"path": tmp_path}, "a folder with a metadata.yaml"),
+        ({"path": tmp_path}, "found a folder"),
         ({"gap": -1}, "expected gap"),
         ({"faster": 0.5}, "expected faster as a number of at least 1"),
         ({"stamps": "message"}, "stamps 'recorder' or 'header'"),
@@ -469,8 +477,9 @@ def test_arguments_that_cannot_be_used(tmp_path):
         arguments = {"path": tmp_path / "a.bin", "base": 0.1, "measured": {"x": "A.b"}, **more}
         with pytest.raises(InputError, match=words):
             read_robot_log(**arguments)
-    with pytest.raises(InputError, match="read_robot_log"):
+    with pytest.raises(InputError, match="found an ArduPilot DataFlash log") as caught:
         read_log(tmp_path / "a.bin", measured={"x": "A.b"})
+    assert "read_robot_log" in caught.value.mend
 
 
 SPEC = """

@@ -21,8 +21,6 @@ from diffthrust.logs._robots.series import (
 )
 from diffthrust.logs._tables.table import damaged
 
-DATAFLASH, TELEMETRY = ".bin", ".tlog"
-
 # SYSTEM/COMPONENT/MESSAGE[INSTANCE], all but the message left out where there is one only
 _MESSAGE = re.compile(r"(?:(\d+)/)?(?:(\d+)/)?(\w+)(?:\[(\w+)\])?")
 _ELEMENT = re.compile(r"(\w+)(?:\[(\d+)\])?")
@@ -45,7 +43,7 @@ class _Target:
 
 
 def read_ardupilot(
-    path: Path, wanted: Sequence[str], missing: Sequence[float]
+    path: Path, binary: bool, wanted: Sequence[str], missing: Sequence[float]
 ) -> dict[str, Series]:
     """Read fields of a DataFlash or telemetry log.
 
@@ -54,7 +52,8 @@ def read_ardupilot(
     the message: they jitter with the link.
 
     Args:
-        path: a file ending in .bin or .tlog.
+        path: the file.
+        binary: it is a DataFlash log, not a telemetry log.
         wanted: columns such as ``"RCOU.C1"``, ``"ESC[0].RPM"``, ``"SERVO_OUTPUT_RAW.servo1_raw"``,
             or ``"1/ATTITUDE.yaw"`` where several systems send a message.
         missing: numbers that mean missing.
@@ -68,7 +67,6 @@ def read_ardupilot(
     """
     targets = [_target(path.name, column) for column in wanted]
     names = {target.name for target in targets}
-    binary = path.suffix.lower() == DATAFLASH
     try:
         with (dataflash if binary else telemetry)(path, names) as recording:
             if not recording.known:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass, field
 from functools import partial
@@ -13,7 +13,7 @@ from typing import Any
 from diffthrust._support.errors import InputError
 
 # A stamp beyond this many microseconds is no time since the start, nor one since 1970 [us].
-_LATEST = 2**53
+LATEST = 2**53
 
 
 @dataclass(frozen=True)
@@ -27,6 +27,7 @@ class Received:
         instance: which of several like it; empty where there is one.
         fields: the names of its fields.
         get: gives the value of a field.
+        units: what MAVLink says of the unit of a field.
     """
 
     stamp: int
@@ -35,6 +36,7 @@ class Received:
     instance: str
     fields: Sequence[str]
     get: Callable[[str], Any]
+    units: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -55,12 +57,6 @@ class Recording:
 @contextmanager
 def dataflash(path: Path, names: set[str]) -> Iterator[Recording]:
     """Open a DataFlash log; whatever pymavlink raises where it is damaged passes through."""
-    from pymavlink import DFReader
-
-    class Reader(DFReader.DFReader_binary):
-        def init_arrays_fast(self, progress_callback: Any = None) -> None:
-            self.init_arrays(progress_callback)  # the fast one writes past sys.stderr
-
     damages: list[str] = []
 
     def messages() -> Iterator[Received]:
@@ -75,7 +71,7 @@ def dataflash(path: Path, names: set[str]) -> Iterator[Recording]:
                     f"{path.name}: the message {message.get_type()!r} has no time stamp.",
                     "choose a message with a field TimeUS.",
                 )
-            if stamp > _LATEST:
+            if stamp > LATEST:
                 damages.append(f"a message {message.get_type()!r} with a time stamp of {stamp} us")
                 continue
             which = message.fmt.instance_field
@@ -84,6 +80,20 @@ def dataflash(path: Path, names: set[str]) -> Iterator[Recording]:
             yield Received(stamp * 1_000, message.get_type(), (), instance, named, get)
         damages.extend(said.getvalue().splitlines())
 
+    with indexed(path) as (log, said):
+        known = {name for name, number in log.name_to_id.items() if log.counts[number]}
+        yield Recording(known, messages(), damages)
+
+
+@contextmanager
+def indexed(path: Path) -> Iterator[tuple[Any, StringIO]]:
+    """Open a DataFlash log with pymavlink's reader: it, and what the library says of damages."""
+    from pymavlink import DFReader
+
+    class Reader(DFReader.DFReader_binary):
+        def init_arrays_fast(self, progress_callback: Any = None) -> None:
+            self.init_arrays(progress_callback)  # the fast one writes past sys.stderr
+
     said = StringIO()  # the library prints what it skips
     with ExitStack() as stack:
         stack.enter_context(redirect_stdout(said))
@@ -91,8 +101,7 @@ def dataflash(path: Path, names: set[str]) -> Iterator[Recording]:
         log: Any = object.__new__(Reader)
         stack.callback(_close, log)  # also where reading fails halfway through the constructor
         log.__init__(str(path))
-        known = {name for name, number in log.name_to_id.items() if log.counts[number]}
-        yield Recording(known, messages(), damages)
+        yield log, said
 
 
 def _close(log: Any) -> None:
@@ -103,8 +112,12 @@ def _close(log: Any) -> None:
 
 
 @contextmanager
-def telemetry(path: Path, names: set[str]) -> Iterator[Recording]:
+def telemetry(path: Path, names: set[str] | None) -> Iterator[Recording]:
     """Open a telemetry log: frames of MAVLink 1 and 2, each after the microsecond of its reception.
+
+    Args:
+        path: the file.
+        names: the messages to read; None for all.
 
     Raises:
         ValueError: there is no such frame in it.
@@ -122,7 +135,7 @@ def telemetry(path: Path, names: set[str]) -> Iterator[Recording]:
     def messages() -> Iterator[Received]:
         for stamp, number, begin, end in frames:
             name = kinds[number].msgname
-            if name not in names:
+            if names is not None and name not in names:
                 continue
             try:
                 message = decoder.decode(bytearray(data[begin:end]))
@@ -133,7 +146,8 @@ def telemetry(path: Path, names: set[str]) -> Iterator[Recording]:
             which = message.instance_field
             instance = "" if which is None else str(getattr(message, which))
             get = partial(getattr, message)
-            yield Received(stamp * 1_000, name, source, instance, message.fieldnames, get)
+            units = message.fieldunits_by_name
+            yield Received(stamp * 1_000, name, source, instance, message.fieldnames, get, units)
 
     yield Recording({kinds[number].msgname for _, number, _, _ in frames}, messages(), damages)
 
@@ -146,7 +160,7 @@ def _frames(data: bytes, damages: list[str]) -> Iterator[tuple[int, int, int, in
         begin = at + 8
         marker, length = data[begin], data[begin + 1]
         stamp = int.from_bytes(data[at:begin], "big")
-        if stamp > _LATEST:
+        if stamp > LATEST:
             marker = 0
         if marker == 0xFD and begin + 10 <= len(data):
             end = begin + length + 12 + (13 if data[begin + 2] & 1 else 0)

@@ -1,4 +1,4 @@
-"""Logs out of what marine robots record: ROS 2 bags, MCAP, DataFlash and telemetry files."""
+"""Logs out of what marine robots record: bags of ROS, ArduPilot's and PX4's logs."""
 
 from __future__ import annotations
 
@@ -10,20 +10,15 @@ import numpy as np
 
 from diffthrust._support.errors import InputError, Place
 from diffthrust.logs._channels import CHANNELS
-from diffthrust.logs._columns import Column, channel_columns, is_finite, log_of_columns
+from diffthrust.logs._columns import Column, channel_columns, fields_of_columns
+from diffthrust.logs._kinds import kind_of
 from diffthrust.logs._log import Log
-from diffthrust.logs._robots.ardupilot import DATAFLASH, TELEMETRY, read_ardupilot
+from diffthrust.logs._robots.open import series_in
 from diffthrust.logs._robots.resample import resample
-from diffthrust.logs._robots.rosbag import is_bag, read_bag
 from diffthrust.logs._robots.series import Series, column_place
-from diffthrust.logs._validate import window
+from diffthrust.logs._validate import is_finite, window
 
 _TURNS = {"rad": 2 * np.pi, "deg": 360.0}
-
-
-def is_robot_log(path: Path) -> bool:
-    """Whether `read_robot_log` reads a file or folder of that name."""
-    return path.suffix.lower() in (".mcap", ".db3", DATAFLASH, TELEMETRY) or is_bag(path)
 
 
 def read_robot_log(
@@ -41,7 +36,7 @@ def read_robot_log(
     stop: float | None = None,
     name: str | None = None,
 ) -> Log:
-    """Read a log from a ROS 2 bag, an MCAP file, or an ArduPilot DataFlash or telemetry log.
+    """Read a log from a bag of ROS, an MCAP file, a log of ArduPilot or one of PX4.
 
     Messages come at different rates, so one time base is chosen, by you. On ``"messages"`` nothing
     is made up: the log has the stamps of all messages, inputs change when they changed, and what is
@@ -57,11 +52,13 @@ def read_robot_log(
     you trust.
 
     Args:
-        path: the folder of a bag, or a file ending in .mcap, .db3 (both need ``pip install
-            'diffthrust[ros]'``), .bin or .tlog (``'diffthrust[ardupilot]'``).
+        path: the folder of a ROS 2 bag or a file ending in .mcap, .db3 or, of ROS 1, .bag (all need
+            ``pip install 'diffthrust[ros]'``), .bin or .tlog (``'diffthrust[ardupilot]'``), or .ulg
+            (``'diffthrust[px4]'``).
         base: ``"messages"``, the channel whose stamps are taken, or a step [s].
         inputs: message and field of each input, by channel name: ``"/cmd.data"``,
             ``"/rpm.data[0]"``, ``"RCOU.C1"``, ``"ESC[0].RPM"``, ``"1/ATTITUDE.yaw"`` (of system 1),
+            ``"actuator_outputs.output[0]"``, ``"esc_status[1].esc[0].esc_rpm"``,
             ``"/odom.pose.pose.orientation.heading"`` (rad, clockwise from north where x is east
             and y is north, as ROS has it).
         measured: message and field of each measured channel.
@@ -96,7 +93,13 @@ def read_robot_log(
     _check(file, gap, faster, stamps, start, stop)
     missing = _numbers(file, missing_values)
     wanted = list(dict.fromkeys(column.column for column in columns.values()))
-    fields = _fields(file, wanted, stamps, missing)
+    kind = kind_of(file)
+    if not kind.messages:
+        raise InputError(
+            f"{file.name}: expected messages with stamps of their own, found {kind.article}.",
+            "tables are read by read_log.",
+        )
+    fields = series_in(file, kind, wanted, stamps == "header", missing)
     series = {key: _unrolled(fields[c.column], c, key) for key, c in columns.items()}
     driving = frozenset(inputs or {})
     held = {key: key in driving and c.hold == "zero" for key, c in columns.items()}
@@ -118,7 +121,7 @@ def read_robot_log(
             return Place(file.name + moment)
         return column_place(file.name, columns[channel].column, moment)
 
-    return log_of_columns(
+    fields = fields_of_columns(
         columns,
         inputs or {},
         measured or {},
@@ -129,35 +132,7 @@ def read_robot_log(
         notes=notes,
         at=at,
     )
-
-
-def _fields(
-    file: Path, wanted: Sequence[str], stamps: str, missing: Sequence[float]
-) -> Mapping[str, Series]:
-    """What the wanted fields of a robot's log held, by the reader of its kind."""
-    if not file.exists():
-        raise InputError(
-            f"{file}: expected a log, found none.", "check the folder and the name of the file."
-        )
-    if file.is_file() and file.stat().st_size == 0:
-        raise InputError(
-            f"{file.name}: expected messages, found an empty file.",
-            "check that the recording was saved.",
-        )
-    if file.suffix.lower() in (DATAFLASH, TELEMETRY):
-        if stamps != "recorder":
-            raise InputError(
-                f"{file.name}: stamps of headers are known in ROS bags only.",
-                "leave stamps at 'recorder'.",
-            )
-        return read_ardupilot(file, wanted, missing)
-    if is_bag(file):
-        return read_bag(file, wanted, stamps == "header", missing)
-    raise InputError(
-        f"{file.name}: expected a bag (a folder with a metadata.yaml) or a file ending in "
-        f".mcap, .db3, {DATAFLASH} or {TELEMETRY}, found neither.",
-        "tables (.csv, .parquet, .mat) are read by read_log.",
-    )
+    return Log.of_checked(fields)
 
 
 def _check(

@@ -198,9 +198,10 @@ def _span(
 def _rate(one: Series) -> str:
     if one.time.size < 2:
         return "one message"
+    gap, moment = one.largest_gap
     return (
-        f"{one.time.size} messages at {1 / one.period:.4g} Hz, largest gap "
-        f"{one.largest_gap:.3g} s, jitter {round(one.jitter * 1e3, 3):.2g} ms"
+        f"{one.time.size} messages at {1 / one.period:.4g} Hz, largest gap {gap:.3g} s at "
+        f"{moment:.6g} s, jitter {round(one.jitter * 1e3, 3):.2g} ms"
     )
 
 

@@ -1,10 +1,11 @@
-"""Fields of ROS 2 bags (SQLite and MCAP), by topic and path."""
+"""Fields of ROS bags (ROS 2 in SQLite and MCAP, ROS 1), by topic and path."""
 
 from __future__ import annotations
 
 import math
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -27,23 +28,16 @@ _STEP = re.compile(r"(\w+)|\[(\d+)\]|(\.)")
 Steps = tuple[str | int, ...]
 
 
-def is_bag(path: Path) -> bool:
-    """Whether a path is a bag: a folder with its metadata, or one of its files."""
-    if path.suffix.lower() in (".mcap", ".db3"):
-        return path.exists()
-    return (path / "metadata.yaml").is_file()
-
-
 def read_bag(
     path: Path, wanted: Sequence[str], header: bool, missing: Sequence[float]
 ) -> dict[str, Series]:
-    """Read fields of a ROS 2 bag.
+    """Read fields of a ROS bag.
 
     The library builds classes from the message definitions that the bag holds: open bags of those
     whom you trust.
 
     Args:
-        path: the folder of a bag, or a file ending in .mcap or .db3.
+        path: the folder of a bag, or a file ending in .mcap, .db3 or, of ROS 1, .bag.
         wanted: columns such as ``"/odom.twist.twist.linear.x"`` or ``"/rpm.data[0]"``; of an
             orientation (x, y, z, w) also ``.yaw`` and ``.heading`` [rad].
         header: take the stamp of the message's header where it has one, not the recorder's.
@@ -56,12 +50,6 @@ def read_bag(
         InputError: rosbags is not installed, the bag is damaged, or a topic or field is absent or
             holds no numbers.
     """
-    try:
-        from rosbags.highlevel import AnyReader
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError as error:
-        raise lacking(path.name, "rosbags", "ros", error) from None
-
     targets: dict[str, list[tuple[str, Steps]]] = {}
     for column in wanted:
         topic, field = split_column(path.name, column)
@@ -69,30 +57,18 @@ def read_bag(
     ticks: dict[str, list[int]] = {column: [] for column in wanted}
     values: dict[str, list[float]] = {column: [] for column in wanted}
     stamped: dict[str, bool] = {}
-    try:
-        with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
-            for topic, columns in targets.items():
-                if topic not in reader.topics:
-                    raise no_message(path.name, columns[0][0], topic, reader.topics, "topic")
-            chosen = [c for c in reader.connections if c.topic in targets]
-            for connection, recorded, raw in reader.messages(chosen):
-                message = reader.deserialize(raw, connection.msgtype)
-                stamp = _header_stamp(message) if header else None
-                stamped[connection.topic] = stamp is not None
-                for column, steps in targets[connection.topic]:
-                    values[column].append(_number(path.name, column, message, steps))
-                    ticks[column].append(int(recorded) if stamp is None else stamp)
-    except InputError:
-        raise
-    except Exception as error:  # a damaged bag raises whatever the reader came across
-        # A recorder was switched off. The library has one exception for all defects of a file, and
-        # only its words tell this one; where they change, the message below is told instead.
-        if "end magic" in str(error):
-            raise InputError(
-                f"{path.name}: expected a whole MCAP file, found one that was cut off ({error}).",
-                "`mcap recover FILE -o NEW`, a tool of the MCAP project, saves what was written.",
-            ) from None
-        raise damaged(path, "ROS bag", error) from None
+    with opened(path) as reader:
+        for topic, columns in targets.items():
+            if topic not in reader.topics:
+                raise no_message(path.name, columns[0][0], topic, reader.topics, "topic")
+        chosen = [c for c in reader.connections if c.topic in targets]
+        for connection, recorded, raw in reader.messages(chosen):
+            message = reader.deserialize(raw, connection.msgtype)
+            stamp = _header_stamp(message) if header else None
+            stamped[connection.topic] = stamp is not None
+            for column, steps in targets[connection.topic]:
+                values[column].append(_number(path.name, column, message, steps))
+                ticks[column].append(int(recorded) if stamp is None else stamp)
     if header and not any(stamped.values()):
         raise InputError(
             f"{path.name}: expected a header with a time stamp in the messages, found none.",
@@ -106,6 +82,40 @@ def read_bag(
             for column, _ in columns:
                 series[column] = replace(series[column], notes=(*series[column].notes, note))
     return series
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[Any]:
+    """Open a bag with its reader.
+
+    Raises:
+        InputError: rosbags is not installed; or, also while it is read, the bag is damaged.
+    """
+    try:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError as error:
+        raise lacking(path.name, "rosbags", "ros", error) from None
+    store = Stores.ROS1_NOETIC if path.suffix.lower() == ".bag" else Stores.LATEST
+    try:
+        with AnyReader([path], default_typestore=get_typestore(store)) as reader:
+            yield reader
+    except InputError:
+        raise
+    except Exception as error:  # a damaged bag raises whatever the reader came across
+        # A recorder was switched off. The library has one exception for all defects of a file, and
+        # only its words tell these; where they change, the message below is told instead.
+        for words, tool in (
+            ("end magic", "`mcap recover FILE -o NEW`, a tool of the MCAP project,"),
+            ("not indexed", "`rosbag reindex FILE`, a tool of ROS 1,"),
+        ):
+            if words in str(error):
+                raise InputError(
+                    f"{path.name}: expected a whole recording, found one that was cut off "
+                    f"({error}).",
+                    f"{tool} saves what was written.",
+                ) from None
+        raise damaged(path, "ROS bag", error) from None
 
 
 def _steps(file: str, column: str, field: str) -> Steps:
@@ -142,7 +152,7 @@ def _number(file: str, column: str, message: Any, steps: Steps) -> float:
                 )
             value = value[step]
         elif step in ("yaw", "heading") and all(axis in known for axis in "xyzw"):
-            value = _angle(value, str(step))
+            value = angle_of(value, str(step))
         else:
             raise no_field(file, column, _written(steps), _leaves(message))
     if isinstance(value, bool | int | float | np.number | np.bool_):
@@ -156,7 +166,7 @@ def _number(file: str, column: str, message: Any, steps: Steps) -> float:
     raise InputError.at(column_place(file, column), f"expected a number, found {found}.", mend)
 
 
-def _angle(quaternion: Any, word: str) -> float:
+def angle_of(quaternion: Any, word: str) -> float:
     """The yaw of an orientation [rad], or the heading, as ROS counts them (REP 103).
 
     There x is east and y is north, and yaw runs from east to north; a heading runs from north to

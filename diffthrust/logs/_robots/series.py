@@ -36,9 +36,11 @@ class Series:
         return float(np.median(np.diff(self.time))) if self.time.size > 1 else float("inf")
 
     @property
-    def largest_gap(self) -> float:
-        """Largest time between messages [s]; zero for a single one."""
-        return float(np.diff(self.time).max()) if self.time.size > 1 else 0.0
+    def largest_gap(self) -> tuple[float, float]:
+        """Largest time between messages, and when it begins [s]; zero for a single one."""
+        steps = np.diff(self.time)
+        where = int(np.argmax(steps)) if steps.size else 0
+        return (float(steps[where]) if steps.size else 0.0), float(self.time[where])
 
     @property
     def jitter(self) -> float:

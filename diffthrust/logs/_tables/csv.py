@@ -1,23 +1,18 @@
-"""Columns of numbers out of text files, with the line of every number."""
+"""Columns out of text files, with the line of every cell."""
 
 import csv
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from io import StringIO
 from pathlib import Path
 
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust.logs._tables.table import (
-    BadCell,
-    Table,
-    absent_column,
-    cells_to_column,
-    not_a_number,
-    shown,
-    twice,
-)
+from diffthrust.logs._tables.cells import is_number, shown
+from diffthrust.logs._tables.placement import SEARCHED, Placement, locate, said
+from diffthrust.logs._tables.source import Cells, Source
 
 # Below this many cells Python reads the numbers sooner than pandas is imported.
 SMALL = 100_000
@@ -25,123 +20,91 @@ SMALL = 100_000
 # Bytes that no text has: their presence tells a picture or an archive from a table.
 _CONTROL = bytes([*range(9), *range(14, 32)])
 
+_UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+
+_DELIMITERS = (",", ";", "\t", " ")
+
 Splitter = Callable[[str], list[str]]
 
 
-@dataclass
-class _Text:
-    """The lines of a file that hold cells, and where they stand."""
-
-    file: str
-    header: list[str]
-    header_line: int
-    lines: list[str]
-    numbers: np.ndarray
-    delimiter: str
-    split: Splitter
-
-
-def read_csv(
-    path: Path, wanted: Sequence[str], time: str | None, missing: Collection[str]
-) -> Table:
-    """Read the wanted columns of a text file with a header.
+def read_csv(path: Path, wanted: Collection[str], strict: bool = True) -> Source:
+    """Open a text file with a table in it.
 
     Comma, semicolon, tab and blanks are known as delimiters, lines that begin with ``#`` are
-    comments, and a decimal comma is read where the delimiter is not a comma.
+    comments, lines above the header and a row of units below it are skipped and told, and a decimal
+    comma is read where the delimiter is not a comma.
 
     Args:
         path: the file.
-        wanted: names of the columns, exactly as in the header.
-        time: name of the time column, which may hold ISO dates.
-        missing: texts that mean missing.
+        wanted: names of the columns, exactly as in the header, by which it is found.
+        strict: refuse rows of another length than the header; they are else cut or filled up.
 
     Returns:
-        The table; a blank line gives a row of NaN.
+        The table; a blank line gives a row of empty cells.
 
     Raises:
-        InputError: the file is not a table of text, a column is absent or double, a row has too
-            few or too many cells, or a cell is not a number.
+        InputError: the file is not a table of text. Reading it, that a row has too few or too many
+            cells.
     """
-    text = _text(path, wanted)
-    indices = {}
-    for name in wanted:
-        if name not in text.header:
-            error = absent_column(text.file, name, text.header, "column")
-            if all(_is_number(cell) for cell in text.header):
-                error = InputError(
-                    f"{text.file}, line {text.header_line}: expected names of columns, "
-                    f"found numbers.",
-                    f"write a header line that names the columns, {name!r} among them.",
-                )
-            raise error
-        if text.header.count(name) > 1:
-            raise twice(text.file, name, "column")
-        indices[name] = text.header.index(name)
-    _check_cells(text)
-    if not text.lines:
-        raise InputError(
-            f"{text.file}: expected samples below the header in line {text.header_line}, "
-            "found none.",
-            "check that the recording was saved.",
-        )
-    table = Table(text.file, {}, text.numbers)
-    order = sorted(set(indices.values()))
-    fast = None
-    if len(text.lines) * len(order) > SMALL:
-        fast = _fast(text, order, missing)
-    if fast is not None:
-        table.columns = {name: fast[index] for name, index in indices.items()}
-        return table
-    cells = _cells(text, order)
-    for name, index in indices.items():
-        try:
-            table.columns[name], how = cells_to_column(
-                cells[index], missing, comma=text.delimiter != ",", is_time=name == time
-            )
-        except BadCell as bad:
-            raise not_a_number(table.place(name, bad.index), bad) from None
-        if how == "comma":
-            table.notes.append(f"column {name!r}: decimal commas were read as decimal points.")
-        elif how == "date":
-            table.say_dates()
-    return table
-
-
-def _text(path: Path, wanted: Sequence[str]) -> _Text:
-    raw = path.read_bytes()
+    whole_file = path.read_bytes()
+    raw = whole_file if whole_file[:2] in _UTF_16 else whole_file.rstrip(b"\0")
     everything = _decode(raw, path.name).replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    if not everything[-1]:  # the end of the last line, not a blank row
+    whole = not everything[-1]
+    if whole:  # the end of the last line, not a blank row
         everything.pop()
-    if "#" in raw[:1].decode("latin-1") or b"\n#" in raw or b"\r#" in raw or b" #" in raw:
-        kept = [i for i, line in enumerate(everything) if not line.lstrip().startswith("#")]
-    else:
-        kept = list(range(len(everything)))
-    top = next((k for k, i in enumerate(kept) if everything[i].strip()), None)
-    if top is None:
+    kept = list(range(len(everything)))
+    if b"#" in raw:
+        kept = [i for i in kept if not everything[i].lstrip().startswith("#")]
+    found = _find([everything[i] for i in kept], wanted)
+    if found is None:
         raise InputError(
             f"{path.name}: expected a header and samples, found an empty file.",
             "check that the recording was saved.",
         )
-    line_number = kept[top]
-    header_text, body = everything[line_number], kept[top + 1 :]
-    header, delimiter, split = _sniff(header_text, wanted)
-    above = everything[line_number - 1].lstrip() if line_number else ""
-    if above.startswith("#") and all(_is_number(cell) for cell in header):
+    placement, delimiter, rows = found
+    notes = said(placement, rows, [i + 1 for i in kept], "line")
+    if len(raw) < len(whole_file):  # a card in a boat whose power went
+        notes.append(f"{len(whole_file) - len(raw)} bytes of zeros at the end were skipped.")
+    top, first = kept[placement.header], placement.first
+    if all(map(is_number, placement.names)) and not set(wanted) & set(placement.names):
+        above = everything[top - 1].lstrip() if top else ""
+        named = _find([above.lstrip("# ")], wanted) if above.startswith("#") else None
+        if named is None or len(named[0].names) != len(placement.names):
+            names = ", ".join(map(repr, wanted))
+            raise InputError(
+                f"{path.name}, line {top + 1}: expected names of columns, found numbers.",
+                "write a header line that names the columns"
+                + (f", {names} among them." if names else "."),
+            )
         # numpy.savetxt writes its header as a comment.
-        commented, delimiter_, split_ = _sniff(above.lstrip("#").strip(), wanted)
-        if len(commented) == len(split_(header_text)):
-            header, delimiter, split = commented, delimiter_, split_
-            body = kept[top:]
-            line_number -= 1
-    lines = [everything[i] for i in body] if len(body) != len(everything) else everything
-    if delimiter == " ":
-        lines = [" ".join(line.split()) for line in lines]
-    numbers = np.asarray(body, dtype=np.int64) + 1
-    return _Text(path.name, header, line_number + 1, lines, numbers, delimiter, split)
+        placement = replace(placement, names=named[0].names, units=named[0].units)
+        top, first = top - 1, placement.header
+    body = kept[first:]
+    text = _Text(
+        path.name,
+        placement.names,
+        delimiter,
+        top + 1,
+        [everything[i] for i in body],
+        np.asarray(body, dtype=np.int64) + 1,
+    )
+    if not whole and text.cut_short():
+        notes.append(f"line {body[-1] + 1}, the last, was skipped: it is cut off.")
+    return Source(
+        path.name,
+        "CSV table",
+        placement.names,
+        partial(_read, text, strict=strict),
+        text.numbers,
+        row_word="line",
+        comma=delimiter != ",",
+        units=placement.units,
+        notes=notes,
+    )
 
 
 def _decode(raw: bytes, file: str) -> str:
-    if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):  # what Excel calls Unicode text
+    if raw[:2] in _UTF_16:  # what Excel calls Unicode text
         try:
             raw = raw.decode("utf-16").encode()
         except UnicodeError:
@@ -156,13 +119,32 @@ def _decode(raw: bytes, file: str) -> str:
 
 def _binary(file: str) -> InputError:
     return InputError(
-        f"{file}: expected a table of text, found binary data.",
-        "export the log as CSV, or name a Parquet file .parquet and a MATLAB file .mat.",
+        f"{file}: expected a table of text, found binary data.", "export the log as CSV."
     )
 
 
-def _split_by(delimiter: str) -> Splitter:
+def _find(
+    lines: Sequence[str], wanted: Collection[str]
+) -> tuple[Placement, str, list[list[str]]] | None:
+    """Where the table is, by which delimiter, and the top of the text cut into cells by it."""
+    found = []
+    for delimiter in _DELIMITERS:
+        split, rows = _splitter(delimiter), []
+        for line in lines[:SEARCHED]:
+            try:
+                rows.append([cell.strip() for cell in split(line)])
+            except csv.Error:
+                rows.append([line.strip()])
+        if placement := locate(rows, wanted):
+            found.append((placement, delimiter, rows))
+    # Blanks stand inside names too, so they count only where nothing else parts cells as well.
+    return max(found, key=lambda f: (*f[0].measure, f[1] != " ")) if found else None
+
+
+def _splitter(delimiter: str) -> Splitter:
     def split(line: str) -> list[str]:
+        if delimiter == " ":
+            line = " ".join(line.split())
         if '"' not in line:
             return line.split(delimiter)
         return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [""])
@@ -170,83 +152,109 @@ def _split_by(delimiter: str) -> Splitter:
     return split
 
 
-def _sniff(header: str, wanted: Sequence[str]) -> tuple[list[str], str, Splitter]:
-    """Take the delimiter by which most of the wanted columns are found in the header."""
-    best: tuple[tuple[int, int], list[str], str, Splitter] | None = None
-    for delimiter in (",", ";", "\t", " "):
-        split = _split_by(delimiter)
-        try:
-            cells = [cell.strip() for cell in split(header.strip() if delimiter == " " else header)]
-        except csv.Error:
-            cells = [header]
-        if delimiter == " " and '"' not in header:
-            cells = header.split()
-        # Blanks stand inside names too, so they count only where the names then match.
-        score = (len(set(cells) & set(wanted)), 0 if delimiter == " " else len(cells))
-        if best is None or score > best[0]:
-            best = (score, cells, delimiter, split)
-    assert best is not None
-    return best[1:]
+@dataclass
+class _Text:
+    """The lines of a file that hold cells, and where they stand."""
+
+    file: str
+    names: list[str]
+    delimiter: str
+    header_line: int
+    lines: list[str]
+    numbers: np.ndarray
+
+    @property
+    def split(self) -> Splitter:
+        """Gives the cells of a line; raises csv.Error where its quotes do not match."""
+        return _splitter(self.delimiter)
+
+    def cut_short(self) -> bool:
+        """Drop a last line that has too few cells; whether there was one."""
+        if len(self.lines) < 2 or not self.lines[-1].strip() or '"' in self.lines[-1]:
+            return False
+        short = len(self.split(self.lines[-1])) < len(self.names)
+        if short:
+            self.lines.pop()
+            self.numbers = self.numbers[:-1]
+        return short
 
 
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
+def _read(
+    text: _Text, wanted: Sequence[str], missing: Collection[str], *, strict: bool
+) -> dict[str, Cells]:
+    if not text.lines and strict:
+        raise InputError(
+            f"{text.file}: expected samples below the header in line {text.header_line}, "
+            "found none.",
+            "check that the recording was saved.",
+        )
+    lines = _even(text, strict)
+    indices = {name: text.names.index(name) for name in wanted}
+    order = sorted(set(indices.values()))
+    if len(lines) * len(order) > SMALL:
+        fast = _fast(lines, text.delimiter, order, missing)
+        if fast is not None:
+            return {name: fast[index] for name, index in indices.items()}
+    split = text.split
+    cells: dict[int, list[str]] = {index: [] for index in order}
+    for line in lines:
+        parts = split(line)
+        for index in order:
+            cells[index].append(parts[index] if index < len(parts) else "")
+    return {name: cells[index] for name, index in indices.items()}
 
 
-def _check_cells(text: _Text) -> None:
-    """Give blank lines their empty cells, and raise InputError where a row is ragged."""
-    expected, delimiter = len(text.header), text.delimiter
+def _even(text: _Text, strict: bool) -> list[str]:
+    """The lines with as many cells as the header each; blank ones get their empty cells."""
+    expected, delimiter, split = len(text.names), text.delimiter, text.split
     blank = delimiter * (expected - 1)
     nothing = delimiter + ' \t"\x0b\x0c'
-    for k, line in enumerate(text.lines):
+    even = text.lines
+    if delimiter == " ":
+        even = [" ".join(line.split()) for line in even]
+    even = even.copy()
+    for k, line in enumerate(even):
         if '"' not in line:
             found = line.count(delimiter) + 1
         else:
             try:
-                found = len(text.split(line)) if line.count('"') % 2 == 0 else -1
+                found = len(split(line)) if line.count('"') % 2 == 0 else -1
             except csv.Error:
                 found = -1
         if found == expected:
             continue
         if not line.strip(nothing):
-            text.lines[k] = blank
+            even[k] = blank
+            continue
+        while found > expected and line.endswith(delimiter):  # a delimiter behind the last cell
+            line, found = line[: -len(delimiter)], found - 1
+        even[k] = line
+        if found == expected:
             continue
         place = f"{text.file}, line {text.numbers[k]}"
-        if found < 0:
+        if not strict:
+            even[k] = line.replace('"', "")
+        elif found < 0:
             raise InputError(
                 f"{place}: expected quoted cells to end in their line, found {shown(line)}.",
                 "correct the quotes; a cell must not run over several lines.",
             )
-        cells = f"{expected} cell{'s' if expected != 1 else ''}"
-        raise InputError(
-            f"{place}: expected {cells} as in the header, found {found}.",
-            "complete the line or remove it"
-            + (
-                "; with decimal commas, separate the cells by semicolons."
-                if delimiter == "," and found > expected
-                else "."
-            ),
-        )
-
-
-def _cells(text: _Text, order: Sequence[int]) -> dict[int, list[str]]:
-    cells: dict[int, list[str]] = {index: [] for index in order}
-    for line in text.lines:
-        parts = text.split(line)
-        for index in order:
-            cells[index].append(parts[index])
-    return cells
+        else:
+            cells = f"{expected} cell{'s' if expected != 1 else ''}"
+            commas = delimiter == "," and found > expected
+            raise InputError(
+                f"{place}: expected {cells} as in the header, found {found}.",
+                "complete the line or remove it"
+                + ("; with decimal commas, separate the cells by semicolons." if commas else "."),
+            )
+    return even
 
 
 def _fast(
-    text: _Text, order: Sequence[int], missing: Collection[str]
+    lines: Sequence[str], delimiter: str, order: Sequence[int], missing: Collection[str]
 ) -> dict[int, np.ndarray] | None:
     """Read a large table of plain numbers; None where it holds anything else."""
-    joined = "\n".join(text.lines)
+    joined = "\n".join(lines)
     if '"' in joined or "\x0b" in joined or "\x0c" in joined:
         return None
     import pandas as pd
@@ -254,7 +262,7 @@ def _fast(
     try:
         frame = pd.read_csv(
             StringIO(joined),
-            sep=text.delimiter,
+            sep=delimiter,
             header=None,
             usecols=list(order),
             dtype="float64",
@@ -267,6 +275,6 @@ def _fast(
         )
     except Exception:  # some cell is not a number; the slow path finds and names it
         return None
-    if len(frame) != len(text.lines):
+    if len(frame) != len(lines):
         return None
     return {index: frame[index].to_numpy(dtype=np.float64) for index in order}

@@ -1,70 +1,76 @@
-"""Vectors of numbers out of MATLAB files."""
+"""Vectors of numbers out of MATLAB files, and out of HDF5 files of any origin."""
 
-from collections.abc import Sequence
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from diffthrust._support.errors import InputError, Place
 from diffthrust.logs._tables.mat5 import parse
-from diffthrust.logs._tables.table import Table, absent_column, damaged, twice
+from diffthrust.logs._tables.source import Cells, Other, Source
+from diffthrust.logs._tables.table import damaged
+
+_WIDEST = 64
+"""A matrix of more columns than this is no set of channels."""
 
 
-def read_mat(path: Path, wanted: Sequence[str]) -> Table:
-    """Read the wanted vectors of a MATLAB file (up to version 7); structs are reached as ``a.b``.
+def read_mat(path: Path) -> Source:
+    """Open a MATLAB file up to version 7; structs are reached as ``a.b``.
+
+    Raises:
+        InputError: the file is damaged.
+    """
+    try:
+        leaves = _leaves(parse(path.read_bytes()))
+    except (ValueError, OverflowError, MemoryError) as error:
+        raise damaged(path, "MATLAB", error) from None
+    return vectors(path, "MATLAB file", leaves)
+
+
+def vectors(path: Path, kind: str, leaves: Sequence[tuple[str, Any]]) -> Source:
+    """A table of the vectors among some variables.
 
     Args:
         path: the file.
-        wanted: names of the variables.
-
-    Returns:
-        The table.
-
-    Raises:
-        InputError: the file is damaged or of version 7.3, or a variable is absent, not a vector
-            of numbers, or of another length than the others.
+        kind: what it is, for people.
+        leaves: names and variables, each an array or words that say what else it is. Columns of a
+            matrix are named as MATLAB writes them, ``data(:,2)``.
     """
-    data = path.read_bytes()
-    if b"MATLAB 7.3" in data[:128] or data[:4] == b"\x89HDF" or data[512:516] == b"\x89HDF":
-        raise InputError(
-            f"{path.name}: expected a MATLAB file up to version 7, found version 7.3 (HDF5).",
-            "save it again in MATLAB with save(..., '-v7').",
-        )
-    try:
-        leaves = _leaves(parse(data))
-    except (ValueError, OverflowError, MemoryError) as error:
-        raise damaged(path, "MATLAB", error) from None
-    names = [name for name, _ in leaves]
-    columns: dict[str, np.ndarray] = {}
-    for name in wanted:
-        if name not in names:
-            raise absent_column(path.name, name, names, "variable")
-        if names.count(name) > 1:
-            raise twice(path.name, name, "variable")
-        place = Place(f"{path.name}, variable {name!r}", name)
-        columns[name] = _vector(leaves[names.index(name)][1], place)
-        size = columns[wanted[0]].size
-        if columns[name].size != size:
-            raise InputError.at(
-                place,
-                f"expected {size} samples as in {wanted[0]!r}, found {columns[name].size}.",
-                "save vectors of equal length.",
-            )
-    rows = np.arange(1, columns[wanted[0]].size + 1)
-    return Table(path.name, columns, rows, row_word="element", column_word="variable")
+    columns: list[tuple[str, Callable[[], Cells]]] = []
+    for name, value in leaves:
+        columns.append((name, partial(_vector, value)))
+        if isinstance(value, np.ndarray) and value.ndim == 2 and 1 < min(value.shape) <= _WIDEST:
+            tall = value.shape[0] >= value.shape[1]
+            for k, part in enumerate(value.T if tall else value):
+                own = f"{name}(:,{k + 1})" if tall else f"{name}({k + 1},:)"
+                columns.append((own, partial(_vector, part)))
+    found = dict(reversed(columns))
 
+    def read(wanted: Sequence[str], missing: Collection[str]) -> Mapping[str, Cells]:
+        return {name: found[name]() for name in wanted}
 
-def _vector(value: Any, place: Place) -> np.ndarray:
-    if isinstance(value, np.ndarray) and value.size and value.size == max(value.shape):
-        # An unsigned or single-precision vector is as good as a double one.
-        return value.reshape(-1).astype(np.float64)
-    found = value if isinstance(value, str) else f"an array of shape {value.shape}"
-    raise InputError.at(
-        place,
-        f"expected a vector of real numbers, found {found}.",
-        "save each channel as a numeric vector of its own; a timetable must be split.",
+    return Source(
+        path.name,
+        kind,
+        [name for name, _ in columns],
+        read,
+        row_word="element",
+        column_word="variable",
+        other="save each channel as a numeric vector, or as a column of a matrix; a timetable must "
+        "be split.",
     )
+
+
+def _vector(value: Any) -> Cells:
+    if isinstance(value, str):
+        return Other(value)
+    if not value.size or value.size != max(value.shape):
+        return Other(f"an array of shape {value.shape}")
+    # An unsigned or single-precision vector is as good as a double one.
+    return value.reshape(-1).astype(np.float64)
 
 
 def _leaves(variables: Sequence[tuple[str, Any]], prefix: str = "") -> list[tuple[str, Any]]:

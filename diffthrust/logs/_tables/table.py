@@ -1,19 +1,18 @@
-"""A table of numbers with the place of each, and the reading of cells that hold text."""
+"""A table of numbers with the place of each, and the errors of all that read one."""
 
 import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 
 from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import listing, nearest
+from diffthrust.logs._tables.cells import BadCell
 from diffthrust.logs._validate import window
 
-_DATE = re.compile(r"\d{4}-\d\d-\d\d")
-_DECIMAL_COMMA = re.compile(r"\s*[+-]?(\d+,\d*|,\d+)([eE][+-]?\d+)?\s*")
+_MARKED = re.compile(r"'[+-]?[\d.,]*\d,\d[\d.,]*'")
 
 
 @dataclass
@@ -118,15 +117,6 @@ class Table:
         return stamps[keep]
 
 
-@dataclass
-class BadCell(Exception):
-    """A cell that is not a number, by its row in the column at hand."""
-
-    index: int
-    found: str
-    expected: str = "a number"
-
-
 def absent_column(file: str, wanted: str, names: Sequence[str], word: str) -> InputError:
     """Make the error for a column that the file does not have."""
     near = nearest(wanted, names)
@@ -137,94 +127,14 @@ def absent_column(file: str, wanted: str, names: Sequence[str], word: str) -> In
     )
 
 
-def shown(cell: str) -> str:
-    """Quote a cell for a message, cut where it is long."""
-    return repr(cell if len(cell) <= 40 else cell[:37] + "...")
-
-
-def cells_to_numbers(
-    cells: Sequence[str | None], missing: Collection[str], decimal_comma: bool = False
-) -> np.ndarray:
-    """Read numbers cell by cell, to find the one that is not a number.
-
-    Args:
-        cells: text of the cells; empty text, ``nan`` and None are missing.
-        missing: further texts that mean missing.
-        decimal_comma: numbers are written as ``1,5``.
-
-    Returns:
-        Numbers with NaN where missing, shape (n,).
-
-    Raises:
-        BadCell: a cell is not a number.
-    """
-    out = np.full(len(cells), np.nan)
-    for index, cell in enumerate(cells):
-        text = cell.strip() if cell else ""
-        if not text or text in missing:
-            continue
-        number = text
-        if decimal_comma:
-            if "." in number:
-                raise BadCell(index, shown(text), "a number with a decimal comma, as before it")
-            number = number.replace(",", ".", 1)
-        try:
-            out[index] = float(number)
-        except ValueError:
-            raise BadCell(index, shown(text)) from None
-        if "_" in number or not number.isascii():  # Python reads 1_000, no other program does
-            raise BadCell(index, shown(text))
-    return out
-
-
-def cells_to_column(
-    cells: Sequence[str | None], missing: Collection[str], *, comma: bool, is_time: bool
-) -> tuple[np.ndarray, str | None]:
-    """Read a column of text: plain numbers, numbers with a decimal comma, or time stamps.
-
-    Args:
-        cells: text of the cells.
-        missing: texts that mean missing.
-        comma: a decimal comma is possible in this file.
-        is_time: the column holds the time, so dates are possible.
-
-    Returns:
-        Numbers, shape (n,), and how they were written: None, ``"comma"`` or ``"date"``.
-
-    Raises:
-        BadCell: a cell can be read in none of these ways.
-    """
-    try:
-        return cells_to_numbers(cells, missing), None
-    except BadCell as bad:
-        text = (cells[bad.index] or "").strip()
-        if comma and _DECIMAL_COMMA.fullmatch(text):
-            return cells_to_numbers(cells, missing, decimal_comma=True), "comma"
-        if is_time and _DATE.match(text):
-            return _dates_to_seconds(cells, missing), "date"
-        raise
-
-
-def _dates_to_seconds(cells: Sequence[str | None], missing: Collection[str]) -> np.ndarray:
-    out = np.full(len(cells), np.nan)
-    first: datetime | None = None
-    for index, cell in enumerate(cells):
-        text = cell.strip() if cell else ""
-        if not text or text in missing:
-            continue
-        try:
-            stamp = datetime.fromisoformat(text)
-            if stamp.tzinfo is None:
-                stamp = stamp.replace(tzinfo=UTC)
-            first = stamp if first is None else first
-            out[index] = (stamp - first).total_seconds()
-        except (ValueError, OverflowError):
-            raise BadCell(index, shown(text), "an ISO date and time") from None
-    return out
-
-
 def not_a_number(place: Place, bad: BadCell) -> InputError:
     """Make the error for a cell that is not a number."""
+    if _MARKED.fullmatch(bad.found):
+        return InputError.at(
+            place,
+            f"expected {bad.expected}, found {bad.found}, whose comma may mark thousands.",
+            "write numbers without marks between thousands, and with a decimal point.",
+        )
     return InputError.at(
         place,
         f"expected {bad.expected}, found {bad.found}.",
@@ -237,7 +147,7 @@ def damaged(path: Path, kind: str, error: Exception) -> InputError:
     reason = " ".join(str(error).split())[:160] or type(error).__name__
     return InputError(
         f"{path.name}: expected a {kind} file, found something that cannot be read ({reason}).",
-        "check that the file is complete and that its name ends as its content requires.",
+        "check that the file is complete, and that its name ends as its content requires.",
     )
 
 

@@ -1,0 +1,128 @@
+"""Everything that is in a file of a log, as far as it can be read: what `look` is built on."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing
+from diffthrust.logs._field import Field
+from diffthrust.logs._kinds import kind_of
+from diffthrust.logs._robots.open import all_fields
+from diffthrust.logs._tables.cells import BadCell
+from diffthrust.logs._tables.dates import OtherDate, seconds_of
+from diffthrust.logs._tables.open import open_table
+from diffthrust.logs._tables.source import Cells, Dates, Other, Source, text_numbers
+
+
+@dataclass(frozen=True)
+class Contents:
+    """What is in a file.
+
+    Args:
+        path: the file.
+        kind: what it is, for people: ``"CSV table"``, ``"ROS 2 bag"``.
+        messages: its fields have clocks of their own and are read by `read_robot_log`.
+        fields: its columns or fields, in the order of the file; those of a table have one length.
+        notes: sentences on what was left out or is damaged.
+        sheet: the sheet of an Excel file with several, which `read_log` must be told.
+    """
+
+    path: Path
+    kind: str
+    messages: bool
+    fields: tuple[Field, ...]
+    notes: tuple[str, ...] = ()
+    sheet: str = ""
+
+
+def contents(path: str | PathLike[str], sheet: str | None = None) -> Contents:
+    """List everything that is in a file of a log; what cannot be read is left out and told.
+
+    Args:
+        path: a file or folder that `read_log` or `read_robot_log` reads.
+        sheet: the sheet of an Excel file; the one with the largest table where None.
+
+    Raises:
+        InputError: there is no such file, or nobody reads it.
+    """
+    file = Path(path)
+    kind = kind_of(file)
+    if kind.messages:
+        fields, notes = all_fields(file, kind)
+        return Contents(file, kind.article.split(" ", 1)[1], True, fields, notes)
+    source = open_table(file, kind, (), sheet, strict=False)
+    said = list(source.notes)
+    columns = _columns(source, said)
+    if not any(np.isfinite(field.values).any() for field in columns):
+        found = next((note for note in said if note.startswith("left out")), "found none.")
+        raise InputError(
+            f"{source.file}: expected a table with numbers; {found}",
+            "check that it is a log, and that the recording was saved.",
+        )
+    return Contents(file, source.kind, False, columns, tuple(said), source.sheet)
+
+
+def _columns(source: Source, notes: list[str]) -> tuple[Field, ...]:
+    """The columns of a table that have numbers, dates or text; the rest is noted."""
+    word = source.column_word
+    counts = Counter(source.names)
+    double = [name for name, count in counts.items() if count > 1]
+    if double:
+        notes.append(f"several {word}s are named {listing(double, 5)}: only the first is listed.")
+    cells = source.read(list(counts), ())
+    others = {name: c.found for name, c in cells.items() if isinstance(c, Other)}
+    fields = [_field(source, name, c) for name, c in cells.items() if not isinstance(c, Other)]
+    sizes = Counter(field.values.size for field in fields)
+    size = max(sizes, key=lambda n: (n > 1, sizes[n], n), default=0)
+    others |= {f.name: f"{f.values.size} values" for f in fields if f.values.size != size}
+    matrices = {name.split("(")[0] for name in cells if name.endswith(")")}  # listed by columns
+    told = [f"{name!r} ({found})" for name, found in others.items() if name not in matrices]
+    if told:
+        more = f" and {len(told) - 8} more" if len(told) > 8 else ""
+        notes.append(f"left out: {', '.join(told[:8])}{more}.")
+    return tuple(field for field in fields if field.values.size == size)
+
+
+def _field(source: Source, name: str, cells: Cells) -> Field:
+    unit = source.units.get(name, "")
+    if isinstance(cells, Dates):
+        return Field(name, cells.seconds, unit="s", dates=True)
+    if isinstance(cells, np.ndarray):
+        return Field(name, cells, unit=unit)
+    return _text_field(name, cells, unit, source.comma)  # type: ignore[arg-type]
+
+
+def _text_field(name: str, cells: Sequence[str | None], unit: str, comma: bool) -> Field:
+    """A column of text: numbers with words among them, dates, or words alone."""
+    missing: set[str] = set()
+    text = ""
+    while True:
+        try:
+            values, dates, _ = text_numbers(cells, missing, comma, is_time=not missing)
+        except OtherDate as bad:
+            form = bad.formats[0]
+            return Field(
+                name,
+                seconds_of(cells, (), form),
+                unit="s",
+                dates=True,
+                date_formats=tuple(bad.formats),
+            )
+        except BadCell as bad:
+            found = (cells[bad.index] or "").strip()
+            text = text or found
+            missing.add(found)
+            if len(missing) > _WORDS:  # names, remarks, or numbers written in a way of their own
+                return Field(name, np.full(len(cells), np.nan), unit=unit, text=text)
+            continue
+        return Field(name, values, unit="s" if dates else unit, text=text, dates=dates)
+
+
+_WORDS = 50

@@ -1,0 +1,130 @@
+"""What kind of file a log is in: its first bytes say it, where they are silent its ending."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from zipfile import BadZipFile, ZipFile
+
+from diffthrust._support.errors import InputError
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of file.
+
+    Args:
+        word: a short name.
+        article: what it is called in a sentence.
+        messages: it holds messages with stamps of their own.
+        begins: the first bytes of such a file.
+        endings: of files that do not begin in a way of their own.
+    """
+
+    word: str
+    article: str
+    messages: bool = False
+    begins: tuple[bytes, ...] = ()
+    endings: tuple[str, ...] = ()
+
+
+TEXT = Kind("text", "a table of text")
+PARQUET = Kind("parquet", "a Parquet file", begins=(b"PAR1",), endings=(".parquet",))
+EXCEL = Kind("excel", "an Excel file", begins=(b"PK\x03\x04",), endings=(".xlsx", ".xlsm"))
+HDF5 = Kind("hdf5", "a MATLAB 7.3 or HDF5 file", begins=(b"\x89HDF\r\n\x1a\n", b"MATLAB 7.3"))
+MAT = Kind("mat", "a MATLAB file", begins=(b"MATLAB 5.0",), endings=(".mat",))
+BAG = Kind("bag", "a ROS 2 bag", True, (b"SQLite format 3\0",), (".db3",))
+MCAP = Kind("mcap", "an MCAP file", True, (b"\x89MCAP0\r\n",), (".mcap",))
+BAG_1 = Kind("bag1", "a ROS 1 bag", True, (b"#ROSBAG V2.0",), (".bag",))
+DATAFLASH = Kind("dataflash", "an ArduPilot DataFlash log", True, (b"\xa3\x95\x80",), (".bin",))
+TELEMETRY = Kind("telemetry", "a MAVLink telemetry log", True, endings=(".tlog",))
+ULOG = Kind("ulog", "a PX4 ULog", True, (b"ULog\x01\x12\x35",), (".ulg",))
+
+_KINDS = (PARQUET, EXCEL, HDF5, MAT, BAG, MCAP, BAG_1, DATAFLASH, TELEMETRY, ULOG)
+_READ = (
+    "tables (.csv and other text, .xlsx, .parquet, .mat, .h5) are read by read_log, bags of ROS, "
+    ".mcap, .bin, .tlog and .ulg by read_robot_log."
+)
+_STRANGE = {
+    b"\xd0\xcf\x11\xe0": ("an old Excel file (.xls)", "save it as .xlsx or CSV."),
+    b"\x1f\x8b": ("a compressed file (gzip)", "unpack it first."),
+    b"7z\xbc\xaf": ("a compressed file (7z)", "unpack it first."),
+    b"\x28\xb5\x2f\xfd": ("a compressed file (zstd)", "unpack it first."),
+    b"\x93NUMPY": ("an array of NumPy", "give its columns to dft.Log(time=..., inputs=...)."),
+    b"{": ("JSON", "give its numbers to dft.Log(time=..., inputs=...), or export a table."),
+    b"<": ("a page of HTML or XML", "export the log as a table, such as CSV."),
+}
+
+
+def is_bag(path: Path) -> bool:
+    """Whether a path is a folder with the metadata of a ROS 2 bag."""
+    return (path / "metadata.yaml").is_file()
+
+
+def kind_of(path: Path) -> Kind:
+    """What kind of log a file is.
+
+    Raises:
+        InputError: there is no such file, it is empty, or nobody reads it.
+    """
+    try:
+        if is_bag(path):
+            return BAG
+        if path.is_dir():
+            raise InputError(
+                f"{path}: expected a file, found a folder.",
+                "name the file; the folder of a ROS 2 bag has a metadata.yaml.",
+            )
+        with path.open("rb") as stream:
+            head = stream.read(4096)
+    except FileNotFoundError:
+        raise InputError(
+            f"{path}: expected a file, found none.", "check the folder and the name of the file."
+        ) from None
+    except (OSError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(
+            f"{path}: the file cannot be opened ({error}).", "check its name and permissions."
+        ) from None
+    if not head:
+        raise InputError(
+            f"{path.name}: expected a header and samples, found an empty file.",
+            "check that the recording was saved.",
+        )
+    if head.startswith(EXCEL.begins) and _is_other_archive(path):
+        raise InputError(
+            f"{path.name}: expected a log, found an archive (zip) that is no Excel file.",
+            "unpack it first; a spreadsheet of another kind is to be saved as .xlsx or CSV.",
+        )
+    for kind in _KINDS:
+        if head.startswith(kind.begins) or (kind is HDF5 and head[512:520] in kind.begins):
+            return kind
+    for begin, (what, mend) in _STRANGE.items():
+        if head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(begin):
+            raise InputError(f"{path.name}: expected a log, found {what}.", mend)
+    ending = path.suffix.lower()
+    # zeros behind a text were never written: the power went
+    text = head[:2] in (b"\xff\xfe", b"\xfe\xff") or not set(head.rstrip(b"\0") or head) & _CONTROL
+    for kind in _KINDS:
+        if ending in kind.endings and not (text and kind is not TELEMETRY):
+            return kind
+    if text:
+        return TEXT
+    if ending in (".csv", ".txt", ".tsv"):
+        return TEXT  # whose reader tells what it found
+    raise InputError(
+        f"{path.name}: expected a log, found binary data of no kind that is known.", _READ
+    )
+
+
+def _is_other_archive(path: Path) -> bool:
+    try:
+        with ZipFile(path) as archive:
+            return not any(name.startswith("xl/") for name in archive.namelist())
+    except (BadZipFile, OSError, ValueError):  # a damaged one, which its reader tells
+        return False
+
+
+# Bytes that no text has.
+_CONTROL = frozenset([*range(9), *range(14, 32)])

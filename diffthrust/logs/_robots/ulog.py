@@ -1,0 +1,153 @@
+"""Fields of PX4's ULog files (.ulg), by message and field."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import replace
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust.logs._robots.gathered import LONGEST, Gathered
+from diffthrust.logs._robots.series import (
+    Series,
+    column_place,
+    lacking,
+    no_field,
+    no_message,
+    series_of,
+    split_column,
+)
+from diffthrust.logs._tables.table import damaged
+
+_MESSAGE = re.compile(r"(\w+)(?:\[(\d+)\])?")
+_ELEMENT = re.compile(r"(.*)\[(\d+)\]")
+
+
+def read_ulog(path: Path, wanted: Sequence[str], missing: Sequence[float]) -> dict[str, Series]:
+    """Read fields of a ULog file; the stamps are the autopilot's time since it was switched on.
+
+    Args:
+        path: a file ending in .ulg.
+        wanted: columns such as ``"actuator_outputs.output[0]"``, and where a message has several
+            instances ``"esc_status[1].esc[0].esc_rpm"``.
+        missing: numbers that mean missing.
+
+    Returns:
+        The samples of each column.
+
+    Raises:
+        InputError: pyulog is not installed, the file is damaged, or a message or field is absent,
+            or comes in several instances.
+    """
+    targets = {}
+    for column in wanted:
+        message, key = split_column(path.name, column)
+        match = _MESSAGE.fullmatch(message)
+        if match is None:
+            raise InputError.at(
+                column_place(path.name, column),
+                "expected a message and one of its fields.",
+                "write it as 'actuator_outputs.output[0]' or 'esc_status[1].esc[0].esc_rpm'.",
+            )
+        targets[column] = (match[1], None if match[2] is None else int(match[2]), key)
+    log = _load(path, [name for name, _, _ in targets.values()])
+    datasets = {column: _dataset(path, log, column, *t[:2]) for column, t in targets.items()}
+    origin = min(int(data.data["timestamp"].min()) for data in datasets.values())
+    series = {}
+    for column, data in datasets.items():
+        key = targets[column][2]
+        if key not in data.data or key == "timestamp":
+            known = [name for name in data.data if name != "timestamp"]
+            raise no_field(path.name, column, key, known)
+        ticks = (data.data["timestamp"].astype(np.int64) * 1_000).tolist()
+        values = data.data[key].astype(np.float64)
+        series[column] = series_of(path.name, column, ticks, values, origin * 1_000, missing)
+    first = series[wanted[0]]
+    series[wanted[0]] = replace(first, notes=(*first.notes, *(n[:-1] for n in _damages(log))))
+    return series
+
+
+def ulog_fields(path: Path) -> tuple[list[Gathered], list[str]]:
+    """Read all numbers of a ULog file.
+
+    Returns:
+        The messages, several of one kind named ``esc_status[1]``, and sentences on damages.
+
+    Raises:
+        InputError: pyulog is not installed, or the file is damaged.
+    """
+    log = _load(path, None)
+    names = [data.name for data in log.data_list]
+    gathered = []
+    for data in log.data_list:
+        columns = {
+            key: values.astype(np.float64)
+            for key, values in data.data.items()
+            if key != "timestamp" and values.dtype.kind in "biuf" and not _is_long(key, data.data)
+        }
+        several = names.count(data.name) > 1
+        name = f"{data.name}[{data.multi_id}]" if several else data.name
+        gathered.append(Gathered(name, data.data["timestamp"].astype(np.int64) * 1_000, columns))
+    return gathered, _damages(log)
+
+
+def _is_long(key: str, data: dict[str, Any]) -> bool:
+    """Whether a field is an element of an array that is too long for channels."""
+    match = _ELEMENT.fullmatch(key)
+    return match is not None and f"{match[1]}[{LONGEST}]" in data
+
+
+def _load(path: Path, names: list[str] | None) -> Any:
+    try:
+        from pyulog import ULog
+    except ImportError as error:
+        raise lacking(path.name, "pyulog", "px4", error) from None
+    try:
+        said = StringIO()  # the library prints what it skips, and leaves a damaged file open
+        with path.open("rb") as stream, redirect_stdout(said), redirect_stderr(said):
+            log = ULog(stream, names)
+    except Exception as error:  # a damaged log raises whatever the reader came across
+        raise damaged(path, "ULog", error) from None
+    log.data_list[:] = [d for d in log.data_list if len(d.data.get("timestamp", ()))]
+    if names is None and not log.data_list:
+        raise damaged(path, "ULog", ValueError("it holds no message"))
+    return log
+
+
+def _dataset(path: Path, log: Any, column: str, name: str, instance: int | None) -> Any:
+    same = [data for data in log.data_list if data.name == name]
+    if not same:
+        known = {data.name for data in _load(path, None).data_list}
+        raise no_message(path.name, column, name, known, "message")
+    instances = sorted(data.multi_id for data in same)
+    if instance is None and len(same) > 1:
+        field = column.partition(".")[2]
+        raise InputError.at(
+            column_place(path.name, column),
+            f"the log has several {name!r}: {', '.join(map(str, instances))}.",
+            f"name one, such as {f'{name}[{instances[0]}].{field}'!r}.",
+        )
+    chosen = [data for data in same if instance in (None, data.multi_id)]
+    if not chosen:
+        raise InputError.at(
+            column_place(path.name, column),
+            f"expected an instance {instance} of {name!r}, found {', '.join(map(str, instances))}.",
+            "correct the number in the brackets.",
+        )
+    return chosen[0]
+
+
+def _damages(log: Any) -> list[str]:
+    notes = []
+    if log.file_corruption:
+        notes.append("the file is damaged, and what could be read is taken.")
+    if log.dropouts:
+        total = sum(d.duration for d in log.dropouts) / 1e3
+        notes.append(f"the recorder lost messages {len(log.dropouts)} times, {total:.3g} s in all.")
+    return notes

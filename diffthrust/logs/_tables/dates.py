@@ -1,0 +1,161 @@
+"""Dates and times of day in cells of text.
+
+What begins with the year is read as it is. Any other order is the writer's: 03/04/2025 is in April
+or in March, so it is read by a format that the user gives, and the message offers those that fit.
+"""
+
+import re
+from collections.abc import Collection, Sequence
+from datetime import UTC, datetime
+
+import numpy as np
+
+from diffthrust._support.errors import InputError, Place
+from diffthrust.logs._tables.cells import BadCell, shown
+
+_YEAR_FIRST = re.compile(r"(\d{4})([-/.])(\d\d?)\2(\d\d?)")
+_DAY = (
+    r"(?P<a>\d\d?)(?P<sep>[-/. ])(?P<b>\d\d?|[A-Za-z]{3})(?P=sep)(?P<year>\d{4}|\d\d)"
+    r"(?P<gap>[ T]|, )?"
+)
+_CLOCK = r"(?P<clock>\d\d?:\d\d(?P<seconds>:\d\d(?P<dot>[.,]\d+)?)?(?P<noon> ?[AaPp][Mm])?)"
+_OTHER = re.compile(f"(?:{_DAY})?(?:{_CLOCK})?")
+_FINE = re.compile(r"([.,]\d{6})\d+")  # a datetime counts microseconds
+_FRACTION = re.compile(r"[.,]%f")
+
+
+class OtherDate(BadCell):
+    """A date that does not begin with the year, by its row and the formats that fit."""
+
+    def __init__(self, index: int, found: str, formats: Sequence[str]) -> None:
+        super().__init__(index, found, "a number, or a date that begins with the year")
+        self.formats = formats
+
+
+def is_date(text: str) -> bool:
+    """Whether a cell begins with year, month and day."""
+    return _YEAR_FIRST.match(text) is not None
+
+
+def formats_of(cells: Sequence[str | None]) -> list[str]:
+    """The formats, as Python's ``strptime`` knows them, by which all cells can be read.
+
+    Args:
+        cells: text of the cells; empty ones say nothing.
+
+    Returns:
+        None where the first cell is no date, several where day and month cannot be told apart.
+    """
+    texts = [text for cell in cells if cell and (text := cell.strip())]
+    match = _OTHER.fullmatch(texts[0]) if texts and texts[0] else None
+    if match is None:
+        return []
+    fine = any(re.search(r":\d\d[.,]\d", text) for text in texts)
+    clock = ""
+    if match["clock"]:
+        mark = next((m[1] for t in texts if (m := re.search(r":\d\d([.,])\d", t))), ".")
+        clock = "%H:%M" + ":%S" * bool(match["seconds"])
+        if match["noon"]:
+            clock = clock.replace("%H", "%I") + " " * match["noon"].startswith(" ") + "%p"
+        elif fine:
+            clock += f"{mark}%f"
+    orders = [""]
+    if match["sep"]:
+        year = "%Y" if len(match["year"]) == 4 else "%y"
+        parts = [("%d", "%b", year)] if match["b"].isalpha() else [("%d", "%m", year)]
+        if parts[0][1] == "%m":
+            parts.append(("%m", "%d", year))
+            parts += [("%y", "%m", "%d")] if year == "%y" else []
+        orders = [match["sep"].join(part) + (match["gap"] or "") for part in parts]
+    formats = []
+    for order in orders:
+        try:
+            seconds_of(texts, (), order + clock)
+        except BadCell:
+            continue
+        formats.append(order + clock)
+    return formats
+
+
+def seconds_of(cells: Sequence[str | None], missing: Collection[str], form: str = "") -> np.ndarray:
+    """Read dates as seconds after the first.
+
+    Args:
+        cells: text of the cells; empty text and None are missing.
+        missing: further texts that mean missing.
+        form: how they are written, as for ``strptime``, where the year is not first.
+
+    Returns:
+        Seconds, ``(n,)``, NaN where missing.
+
+    Raises:
+        BadCell: a cell is no such date.
+    """
+    out = np.full(len(cells), np.nan)
+    first: datetime | None = None
+    for index, cell in enumerate(cells):
+        text = cell.strip() if cell else ""
+        if not text or text in missing:
+            continue
+        try:
+            stamp = _by_format(text, form) if form else _year_first(text)
+            if stamp.tzinfo is None:
+                stamp = stamp.replace(tzinfo=UTC)
+            first = stamp if first is None else first
+            out[index] = (stamp - first).total_seconds()
+        except (ValueError, OverflowError, re.error):
+            expected = f"a date as in {form!r}" if form else "an ISO date and time"
+            raise BadCell(index, shown(text), expected) from None
+    if (
+        form and not set(form) & set("djU") and np.isfinite(out).any()
+    ):  # times of day: past midnight
+        out[np.isfinite(out)] = np.unwrap(out[np.isfinite(out)], period=86_400.0)
+    return out
+
+
+def _year_first(text: str) -> datetime:
+    try:
+        return datetime.fromisoformat(text)
+    except ValueError:  # 2025/3/21, and a blank before the zone
+        match = _YEAR_FIRST.match(text)
+        if match is None:
+            raise
+        day = f"{match[1]}-{int(match[3]):02}-{int(match[4]):02}"
+        rest = re.sub(r"\s+(?=[Z+-])|\s*UTC$", "", text[match.end() :]).strip()
+        rest = re.sub(r"^T?(\d):", r"0\1:", rest)
+        return datetime.fromisoformat(f"{day}T{rest.lstrip('T')}" if rest else day)
+
+
+def _by_format(text: str, form: str) -> datetime:
+    text = _FINE.sub(r"\1", text)
+    try:
+        return datetime.strptime(text, form)
+    except ValueError:
+        if "%f" not in form:
+            raise
+        return datetime.strptime(text, _FRACTION.sub("", form))  # a whole second has no fraction
+
+
+def other_date(place: Place, bad: OtherDate) -> InputError:
+    """Make the error for a date whose order the file does not tell."""
+    column = place.column or "t"
+    first, *more = bad.formats
+    mend = f"give its format: time = Column({column!r}, dates={first!r})"
+    spec = f"in a spec file time = {{ column = {_toml(column)}, dates = {_toml(first)} }}"
+    if "%d" not in first:
+        problem = f"expected a number, or a date and time, found the time of day {bad.found}."
+    elif more:
+        problem = f"expected {bad.expected}, found {bad.found}, which may be several days."
+        mend += f" where the {_FIRST[first[:2]]} comes first"
+        mend += "".join(f", dates={form!r} where the {_FIRST[form[:2]]} does" for form in more)
+    else:
+        problem = f"expected {bad.expected}, found {bad.found}."
+    return InputError.at(place, problem, f"{mend}; {spec}.")
+
+
+_FIRST = {"%d": "day", "%m": "month", "%y": "year"}
+
+
+def _toml(text: str) -> str:
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"'

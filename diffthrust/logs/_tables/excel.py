@@ -1,0 +1,155 @@
+"""Columns out of Excel's .xlsx files."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Collection, Mapping, Sequence
+from datetime import date, datetime, time, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from diffthrust._support.errors import InputError, Place
+from diffthrust._support.names import listing, nearest
+from diffthrust.logs._tables.placement import SEARCHED, Placement, locate, said
+from diffthrust.logs._tables.source import Cells, Dates, Source
+from diffthrust.logs._tables.table import damaged
+
+_Row = Sequence[Any]
+
+
+def read_excel(path: Path, wanted: Collection[str], sheet: str | None = None) -> Source:
+    """Open a sheet of an Excel file.
+
+    Rows above the header and a row of units below it are skipped and told.
+
+    Args:
+        path: the file.
+        wanted: names of the columns, by which the sheet and its header are found.
+        sheet: name of the sheet; where None, the one that has the wanted columns.
+
+    Raises:
+        InputError: the file is damaged, there is no such sheet, or several have the columns.
+    """
+    sheets = _sheets(path)
+    if sheet is not None and sheet not in sheets:
+        near = nearest(sheet, sheets)
+        raise InputError(
+            f"{path.name}: expected a sheet {sheet!r}, found {listing(sheets)}.",
+            f"name a sheet of this file{'; ' + near if near else ''}.",
+        )
+    found = {}
+    for name, rows in sheets.items():
+        placement = locate([[_header(cell) for cell in row] for row in rows[:SEARCHED]], wanted)
+        if placement is not None:
+            found[name] = placement
+    chosen = sheet or _chosen(path, found, set(wanted))
+    if chosen not in found:
+        raise InputError(
+            f"{path.name}, sheet {chosen!r}: expected a header and samples, found an empty sheet.",
+            f"name another sheet; there are {listing(sheets)}.",
+        )
+    placement, rows = found[chosen], sheets[chosen]
+    top = [[_header(cell) for cell in row] for row in rows[:SEARCHED]]
+    notes = said(placement, top, range(1, len(rows) + 1), "row")
+    others = [name for name in found if name != chosen]
+    if others and sheet is None:
+        notes.append(f"sheet {chosen!r} was read; there are also {listing(others, 5)}.")
+    body = rows[placement.first :]
+
+    def read(names: Sequence[str], missing: Collection[str]) -> Mapping[str, Cells]:
+        if not body:
+            raise InputError(
+                f"{path.name}, sheet {chosen!r}: expected samples below the header in row "
+                f"{placement.header + 1}, found none.",
+                "check that the recording was saved.",
+            )
+        return {name: _column(path, chosen, placement, body, name) for name in names}
+
+    return Source(
+        f"{path.name}, sheet {chosen!r}",
+        f"Excel sheet {chosen!r}",
+        placement.names,
+        read,
+        np.arange(placement.first, len(rows)) + 1,
+        units=placement.units,
+        notes=notes,
+        sheet=chosen if others else "",
+    )
+
+
+def _sheets(path: Path, results: bool = True) -> dict[str, list[_Row]]:
+    """The rows of each sheet; of formulas their results, or their texts."""
+    from openpyxl import load_workbook
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # it leaves out drawings and the like, and says so
+            with path.open("rb") as stream:  # of a name it asks for its own endings
+                book = load_workbook(stream, read_only=True, data_only=results)
+                return {s.title: list(s.iter_rows(values_only=True)) for s in book.worksheets}
+    except Exception as error:  # a damaged file raises whatever the library came across
+        raise damaged(path, "spreadsheet (.xlsx)", error) from None
+
+
+def _chosen(path: Path, found: Mapping[str, Placement], wanted: set[str]) -> str:
+    if not found:
+        raise InputError(
+            f"{path.name}: expected a header and samples, found empty sheets.",
+            "check that the recording was saved.",
+        )
+    having = [name for name, placement in found.items() if wanted <= set(placement.names)]
+    if wanted and len(having) > 1:
+        raise InputError(
+            f"{path.name}: several sheets have the wanted columns: {listing(having)}.",
+            f"name one: sheet = {having[0]!r}.",
+        )
+    return max(having or found, key=lambda name: found[name].measure[1:])
+
+
+def _column(path: Path, sheet: str, placement: Placement, body: Sequence[_Row], name: str) -> Cells:
+    index = placement.names.index(name)
+    cells: list[Any] = [row[index] if index < len(row) else None for row in body]
+    cells = [None if isinstance(cell, str) and not cell.strip() else cell for cell in cells]
+    full = [cell for cell in cells if cell is not None]
+    if not full and _is_formula(path, sheet, placement, index):
+        raise InputError.at(
+            Place(f"{path.name}, sheet {sheet!r}, column {name!r}", name),
+            "expected numbers, found formulas whose results are not in the file.",
+            "open the file in a spreadsheet and save it, which writes the results.",
+        )
+    if all(isinstance(cell, int | float) for cell in full):
+        return np.array([np.nan if cell is None else float(cell) for cell in cells])
+    kinds = {type(_moment(cell)) for cell in full}
+    if kinds == {datetime} or kinds == {timedelta}:
+        first = _moment(full[0])
+        since = [None if cell is None else _moment(cell) - first for cell in cells]
+        return Dates(np.array([np.nan if s is None else s.total_seconds() for s in since]))
+    return [None if cell is None else _text(cell) for cell in cells]
+
+
+def _is_formula(path: Path, sheet: str, placement: Placement, index: int) -> bool:
+    body = _sheets(path, results=False)[sheet][placement.first :]
+    return any(index < len(row) and str(row[index]).startswith("=") for row in body)
+
+
+def _moment(cell: Any) -> Any:
+    """A cell as a moment that can be subtracted from another one, where it is one."""
+    if isinstance(cell, time):
+        return timedelta(hours=cell.hour, minutes=cell.minute, seconds=cell.second) + timedelta(
+            microseconds=cell.microsecond
+        )
+    if isinstance(cell, date) and not isinstance(cell, datetime):
+        return datetime(cell.year, cell.month, cell.day)
+    return cell
+
+
+def _header(cell: Any) -> str:
+    return "" if cell is None else _text(cell).strip()
+
+
+def _text(cell: Any) -> str:
+    if isinstance(cell, datetime | date):
+        return cell.isoformat()
+    return str(cell)

@@ -1,0 +1,203 @@
+"""The fields of a log out of an open table: its time, its channels, what was skipped."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from diffthrust._support.errors import InputError, Place
+from diffthrust.logs._channels import CHANNELS
+from diffthrust.logs._columns import Column, channel_columns, each_column, fields_of_columns
+from diffthrust.logs._tables.source import Source, table_of
+from diffthrust.logs._tables.table import Table
+from diffthrust.logs._units import convert, same_unit
+from diffthrust.logs._validate import is_finite, others
+
+# Where more of the stamps than this repeat the one before, the clock is coarser than the samples.
+_COARSE = 0.1
+
+
+class TableRequest:
+    """What is wanted of a table, checked before it is opened.
+
+    Args:
+        file: how messages name the table.
+        time: the time column, a step [s], or None where rows are counted.
+        inputs: the column of each input.
+        measured: the column of each measured channel.
+        missing_values: texts or numbers that mean missing.
+        interpolate_inputs: fill missing samples of inputs instead of refusing them.
+        start: first moment to keep [s after the first].
+        stop: last moment to keep [s after the first].
+
+    Raises:
+        InputError: a channel, a column or a number is ill described.
+    """
+
+    def __init__(
+        self,
+        file: str,
+        time: str | Column | float | None,
+        inputs: Mapping[str, str | Column] | None,
+        measured: Mapping[str, str | Column] | None,
+        missing_values: Sequence[str | float],
+        interpolate_inputs: bool,
+        start: float | None,
+        stop: float | None,
+    ) -> None:
+        self.columns = channel_columns(Path(file), inputs, measured)
+        self.inputs, self.measured = inputs or {}, measured or {}
+        self.clock: Column | None = None
+        self.step: float | None = None
+        if isinstance(time, int | float) and not isinstance(time, bool):
+            if not is_finite(time) or time <= 0:
+                raise InputError(
+                    f"{file}: expected a time column, or a step above zero, found {time!r}.",
+                    "give the name of the column, or the step in seconds.",
+                )
+            self.step = float(time)
+        elif time is not None:
+            named: dict[str, Any] = {"time": time}
+            self.clock = each_column(named, Path(file), "time")["time"]
+        words = (missing_values,) if isinstance(missing_values, str | float) else missing_values
+        self.missing = frozenset(str(word).strip() for word in words)
+        self.interpolate_inputs = interpolate_inputs
+        for word, value in (("start", start), ("stop", stop)):
+            if value is not None and not is_finite(value):
+                raise InputError(
+                    f"{file}: expected {word} in seconds, found {value!r}.", "give a number."
+                )
+        self.start, self.stop = start, stop
+
+    @property
+    def wanted(self) -> list[str]:
+        """The names of the columns, that of the time first."""
+        clock = () if self.clock is None else (self.clock,)
+        return list(dict.fromkeys(c.column for c in (*clock, *self.columns.values())))
+
+    def fields(self, source: Source, name: str) -> dict[str, Any]:
+        """The fields of the log.
+
+        Args:
+            source: the table.
+            name: of the log.
+
+        Raises:
+            InputError: a column is absent or holds no numbers, or the log would be refused.
+        """
+        table = table_of(source, self.wanted, self.clock, self.missing)
+        table.notes += self._units_told(table, source)
+        table.mark_missing(self.missing)
+        table.drop_blank_rows()
+        stamps = self._stamps(table)
+        if self.start is not None or self.stop is not None:
+            stamps = table.cut(stamps, self.start, self.stop)
+        stamps = _without_repeats(table, stamps, self.clock)
+
+        def at(channel: str, index: int | None) -> Place:
+            if channel == "time":
+                return table.place(self.clock.column if self.clock else None, index)
+            return table.place(self.columns[channel].column, index)
+
+        return fields_of_columns(
+            self.columns,
+            self.inputs,
+            self.measured,
+            time=stamps,
+            values={key: table.columns[column.column] for key, column in self.columns.items()},
+            name=name,
+            interpolate_inputs=self.interpolate_inputs,
+            notes=table.notes,
+            at=at,
+        )
+
+    def _units_told(self, table: Table, source: Source) -> list[str]:
+        """Sentences on units of the file that are read as other ones.
+
+        Raises:
+            InputError: no unit is given, and the file names another one than the channel's own.
+        """
+        notes = []
+        clock = {} if self.clock is None or table.dates else {"time": self.clock}
+        for channel, column in {**clock, **self.columns}.items():
+            said = source.units.get(column.column, "")
+            own = (
+                "s" if channel == "time" else CHANNELS[channel].unit if channel in CHANNELS else ""
+            )
+            given = column.kept_unit
+            if not said or same_unit(said, given or own) or given == "effort":
+                continue
+            if own and not given:
+                raise InputError.at(
+                    table.place(column.column),
+                    f"the file says {said!r}, no unit is given, and without one {channel!r} is "
+                    f"read in {own!r}.",
+                    f"give the unit of the numbers: Column({column.column!r}, unit={said!r}), in a "
+                    f"spec file unit = {said!r}.".replace("unit = '", 'unit = "').replace(
+                        "'.", '".'
+                    ),
+                )
+            read = f"read in {given!r}" if given else "and no unit is given"
+            notes.append(f"{channel!r}: the file says {said!r} of {column.column!r}, {read}.")
+        return notes
+
+    def _stamps(self, table: Table) -> np.ndarray:
+        """The time stamps in seconds, finite."""
+        if self.clock is None:
+            return np.arange(table.rows.size) * (self.step or 1.0)
+        place = table.place(self.clock.column)
+        stamps = table.columns[self.clock.column]
+        if not table.dates:
+            with np.errstate(all="ignore"):
+                stamps = stamps * float(self.clock.scale) + float(self.clock.offset)
+        unit = "s" if table.dates else self.clock.unit or "s"
+        stamps = convert(stamps, unit, "s", where=place)
+        bad = np.flatnonzero(~np.isfinite(stamps))
+        if bad.size:
+            found = "none" if np.isnan(stamps[bad[0]]) else str(stamps[bad[0]])
+            raise InputError.at(
+                table.place(self.clock.column, int(bad[0])),
+                f"expected a time stamp, found {found}{others(bad.size)}.",
+                "complete the time stamp, or remove the row.",
+            )
+        return stamps
+
+
+def _without_repeats(table: Table, stamps: np.ndarray, clock: Column | None) -> np.ndarray:
+    """Skip rows that were written twice, and tell a clock that is coarser than the samples.
+
+    Raises:
+        InputError: many stamps repeat the one before.
+    """
+    again = np.append(False, np.diff(stamps) == 0)
+    count = int(again.sum())
+    if clock is None or not count:
+        return stamps
+    if count > _COARSE * stamps.size and count > 1:
+        changes = np.flatnonzero(~again[1:]) + 1  # between them whole ticks of the clock
+        few = changes.size < 2
+        ends = (0, stamps.size - 1) if few else (changes[0], changes[-1])
+        step = float(stamps[ends[1]] - stamps[ends[0]]) / max(int(ends[1] - ends[0]), 1) or 0.1
+        raise InputError.at(
+            table.place(clock.column),
+            f"expected time stamps that increase, found {count} of {stamps.size} that repeat the "
+            "one before: the clock is coarser than the samples.",
+            f"where the samples are evenly spaced, give their step in seconds, such as "
+            f"time = {step:.3g}; otherwise log finer stamps.",
+        )
+    before = [np.append(np.nan, values[:-1]) for values in table.columns.values()]
+    same = [
+        (old == new) | (np.isnan(old) & np.isnan(new))
+        for old, new in zip(before, table.columns.values(), strict=True)
+    ]
+    double = again & np.logical_and.reduce(same)
+    if not double.any():
+        return stamps
+    table.keep(~double)
+    count = int(double.sum())
+    rows = "a row was" if count == 1 else f"{count} rows were"
+    table.notes.append(f"{rows} skipped: written twice.")
+    return stamps[~double]

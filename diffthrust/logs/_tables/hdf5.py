@@ -1,0 +1,79 @@
+"""Vectors out of HDF5 files: what MATLAB saves since '-v7.3', and what others write."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from diffthrust.logs._tables.mat import vectors
+from diffthrust.logs._tables.source import Source
+from diffthrust.logs._tables.table import damaged
+
+_NUMBERS = (
+    "double",
+    "single",
+    "logical",
+    *(f"{u}int{bits}" for u in ("", "u") for bits in (8, 16, 32, 64)),
+)
+_WORDS = {
+    "char": "text",
+    "cell": "a cell array",
+    "function_handle": "a function",
+    "table": "a table",
+    "timetable": "a timetable",
+    "datetime": "an array of datetime",
+}
+
+
+def read_hdf5(path: Path) -> Source:
+    """Open an HDF5 file; groups, which are MATLAB's structs, are reached as ``a.b``.
+
+    Raises:
+        InputError: the file is damaged.
+    """
+    import h5py
+
+    leaves: list[tuple[str, Any]] = []
+
+    def visit(group: Any, prefix: str, depth: int) -> bool:
+        matlab = False
+        for name in group:
+            node = group.get(name)
+            link = group.get(name, getlink=True)
+            if name.startswith("#") or node is None or not isinstance(link, h5py.HardLink):
+                continue  # MATLAB's own, a link to nowhere or to what is listed elsewhere
+            kind = node.attrs.get("MATLAB_class", b"")
+            kind = kind.decode("latin-1") if isinstance(kind, bytes) else str(kind)
+            matlab = matlab or bool(kind)
+            if isinstance(node, h5py.Group):
+                if "MATLAB_sparse" in node.attrs:
+                    leaves.append((prefix + name, "a sparse matrix"))
+                elif depth:
+                    matlab = visit(node, f"{prefix}{name}.", depth - 1) or matlab
+            elif isinstance(node, h5py.Dataset):
+                leaves.append((prefix + name, _value(node, kind)))
+        return matlab
+
+    try:
+        with h5py.File(path, "r") as file:
+            matlab = visit(file, "", 20)
+    except Exception as error:  # a damaged file raises whatever the library came across
+        raise damaged(path, "MATLAB 7.3 or HDF5", error) from None
+    return vectors(path, "MATLAB 7.3 file" if matlab else "HDF5 file", leaves)
+
+
+def _value(node: Any, kind: str) -> np.ndarray | str:
+    if kind and kind not in _NUMBERS:
+        return _WORDS.get(kind, f"an object of class {kind}")
+    if node.attrs.get("MATLAB_empty"):
+        return np.zeros((0, 0))
+    if node.dtype.kind == "O":
+        return "an array of structs or of objects" if kind == "" else "an array of references"
+    if node.dtype.names and set(node.dtype.names) == {"real", "imag"}:
+        return "complex numbers"
+    if node.dtype.kind not in "biuf" or node.shape is None:
+        return f"values of type {node.dtype}"
+    values = np.asarray(node[()])
+    return values.T if kind else values  # MATLAB counts the first axis fastest

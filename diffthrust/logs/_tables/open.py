@@ -1,0 +1,49 @@
+"""Files with tables, opened by their kind."""
+
+from collections.abc import Collection
+from pathlib import Path
+
+from diffthrust._support.errors import InputError
+from diffthrust.logs._kinds import EXCEL, HDF5, MAT, PARQUET, Kind
+from diffthrust.logs._tables.csv import read_csv
+from diffthrust.logs._tables.excel import read_excel
+from diffthrust.logs._tables.hdf5 import read_hdf5
+from diffthrust.logs._tables.mat import read_mat
+from diffthrust.logs._tables.parquet import read_parquet
+from diffthrust.logs._tables.source import Source
+
+
+def open_table(
+    path: Path, kind: Kind, wanted: Collection[str], sheet: str | None = None, strict: bool = True
+) -> Source:
+    """Open a file with a table.
+
+    Args:
+        path: the file.
+        kind: of it.
+        wanted: names of columns, by which a header is found.
+        sheet: the sheet of an Excel file.
+        strict: refuse rows that do not fit the header.
+
+    Raises:
+        InputError: the file is damaged, or a sheet is named of a file that has none.
+    """
+    if sheet is not None and kind is not EXCEL:
+        raise InputError(
+            f"{path.name}: a sheet is named, expected an Excel file, found {kind.article}.",
+            "leave the sheet out.",
+        )
+    try:
+        if kind is EXCEL:
+            return read_excel(path, wanted, sheet)
+        if kind is PARQUET:
+            return read_parquet(path)
+        if kind is HDF5:
+            return read_hdf5(path)
+        if kind is MAT:
+            return read_mat(path)
+        return read_csv(path, wanted, strict)
+    except OSError as error:
+        raise InputError(
+            f"{path}: the file cannot be opened ({error}).", "check its name and permissions."
+        ) from None

@@ -1,0 +1,47 @@
+"""Files of which bytes were changed or cut away: each is read or told, and none is a traceback."""
+
+from collections import Counter
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from diffthrust import InputError
+
+
+def outcomes(
+    path: Path, readers: Iterable[Callable[[Path], Any]], rounds: int, first: int = 0
+) -> Counter[str]:
+    """Damage a file in seeded ways and read it: how often it was read, told, and told unnamed.
+
+    Args:
+        path: a sound file, which is overwritten.
+        readers: what reads it.
+        rounds: how many damaged files to try.
+        first: the first byte that may be changed.
+    """
+    rng = np.random.default_rng(0)
+    good = path.read_bytes()
+    ended: Counter[str] = Counter()
+    for _ in range(rounds):
+        data = bytearray(good)
+        for _ in range(int(rng.integers(1, 6))):
+            data[int(rng.integers(first, len(data)))] = int(rng.integers(256))
+        if rng.random() < 0.2:
+            data = data[: int(rng.integers(max(first, 1), len(data)))]
+        path.write_bytes(data)
+        for reader in readers:
+            error = _error(reader, path)
+            ended["read" if error is None else "told"] += 1
+            if error is not None and (path.name not in error.problem or not error.mend):
+                ended["unnamed"] += 1
+    return ended
+
+
+def _error(reader: Callable[[Path], Any], path: Path) -> InputError | None:
+    try:
+        reader(path)
+    except InputError as error:
+        return error
+    return None
