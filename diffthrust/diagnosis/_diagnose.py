@@ -18,6 +18,7 @@ from diffthrust.diagnosis._search import SearchState, Tools, begun
 from diffthrust.diagnosis._stages import next_stage
 from diffthrust.diagnosis._trials import TrialFit
 from diffthrust.estimation._arguments import by_input, check_arguments, listed
+from diffthrust.estimation._origin import origin_of
 from diffthrust.estimation._result import Fit
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
@@ -91,7 +92,9 @@ def diagnose(
             before, known = known, next_stage(tools, known)
             if known.number == before.number:
                 break
-        return _reported(tools, known, first, unseen, limits, experiment)
+        found = _reported(tools, known, first, unseen, limits, experiment)
+    spec = fit.origin.spec if isinstance(fit, Fit) and fit.origin else None
+    return replace(found, origin=origin_of(train, unseen, spec))
 
 
 def _reported(

@@ -14,6 +14,7 @@ from diffthrust.logs._columns import (
     is_finite,
     log_of_columns,
 )
+from diffthrust.logs._identity import log_file
 from diffthrust.logs._log import Log
 from diffthrust.logs._tables.csv import read_csv
 from diffthrust.logs._tables.mat import read_mat
@@ -95,7 +96,7 @@ def read_log(
             return table.place(clock.column if clock else None, index)
         return table.place(columns[channel].column, index)
 
-    return log_of_columns(
+    log = log_of_columns(
         columns,
         inputs or {},
         measured or {},
@@ -106,6 +107,7 @@ def read_log(
         notes=table.notes,
         at=at,
     )
+    return log.replaced(file=log_file(file))
 
 
 def _load(file: Path, wanted: list[str], time: str | None, missing: frozenset[str]) -> Table:

@@ -11,6 +11,7 @@ import numpy as np
 from diffthrust._support.errors import InputError, Place
 from diffthrust.logs._channels import CHANNELS
 from diffthrust.logs._columns import Column, channel_columns, is_finite, log_of_columns
+from diffthrust.logs._identity import log_file
 from diffthrust.logs._log import Log
 from diffthrust.logs._robots.ardupilot import DATAFLASH, TELEMETRY, read_ardupilot
 from diffthrust.logs._robots.resample import resample
@@ -118,7 +119,7 @@ def read_robot_log(
             return Place(file.name + moment)
         return column_place(file.name, columns[channel].column, moment)
 
-    return log_of_columns(
+    log = log_of_columns(
         columns,
         inputs or {},
         measured or {},
@@ -129,6 +130,7 @@ def read_robot_log(
         notes=notes,
         at=at,
     )
+    return log.replaced(file=log_file(file))
 
 
 def _fields(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import inspect
 from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import replace
 from typing import Any, ClassVar, Self, TypeVar
@@ -77,6 +78,21 @@ class Component:
         return self._copy(
             _parameters={name: p.in_units(units) for name, p in self._parameters.items()}
         )
+
+    def as_plain(self) -> dict[str, Any]:
+        """What it takes to make it again, as data: class, options, and parameters as they are.
+
+        Raises:
+            InputError: an argument of the constructor that is not kept, or cannot be written down.
+        """
+        cls = type(self)
+        own = {"class": cls.__qualname__, "module": cls.__module__, "file": _file_of(cls)}
+        return {
+            "name": self.name,
+            "own": None if cls.library.get(self.name) is cls else own,
+            "options": _options_of(self),
+            "parameters": {k: p.with_value(getattr(self, k)) for k, p in self._parameters.items()},
+        }
 
     def __repr__(self) -> str:
         listed = ", ".join(f"{k}={getattr(self, k):.4g}" for k in self._parameters)
@@ -170,3 +186,35 @@ def changed(old: Parameter, new: float | Parameter | Mapping[str, Any]) -> Param
 def _hint(name: str, options: Iterable[str]) -> str:
     near = nearest(name, options)
     return f" ({near})" if near else ""
+
+
+def _file_of(cls: type) -> str | None:
+    """The script that defines a class: where its functions were written."""
+    functions = (f for f in vars(cls).values() if inspect.isfunction(f))
+    return next((f.__code__.co_filename for f in functions), None)
+
+
+_ABSENT = object()
+
+
+def _options_of(component: Component) -> dict[str, Any]:
+    """The arguments, besides parameters, that a component was made with."""
+    cls, out = type(component), {}
+    for name, p in inspect.signature(cls.__init__).parameters.items():
+        if name == "self" or p.kind in (p.VAR_POSITIONAL, p.VAR_KEYWORD) or name in cls.declared:
+            continue
+        value = getattr(component, name, _ABSENT)
+        if not _writable(value):
+            found = "which it does not keep" if value is _ABSENT else f"now {value!r:.60}"
+            raise InputError(
+                f"{cls.__name__} is made with the argument '{name}', {found}: it cannot be saved.",
+                f"Keep it as self.{name}: a number, a word, or a tuple of these.",
+            )
+        out[name] = value
+    return out
+
+
+def _writable(value: Any) -> bool:
+    if isinstance(value, tuple):
+        return all(map(_writable, value))
+    return value is None or isinstance(value, bool | int | float | str)
