@@ -48,8 +48,10 @@ def write_saved(path: Path | str, kind: str, origin: Any, result: Any) -> None:
 def _text(data: Any, depth: int = 0) -> str:
     """JSON with a line for each field; numbers and words of a list stand on one line."""
     inner = data.values() if isinstance(data, dict) else data
-    if not isinstance(data, dict | list) or not data or (
-        isinstance(data, list) and not any(isinstance(each, dict | list) for each in inner)
+    if (
+        not isinstance(data, dict | list)
+        or not data
+        or (isinstance(data, list) and not any(isinstance(each, dict | list) for each in inner))
     ):
         return json.dumps(data, allow_nan=False)
     parts = [_text(each, depth + 1) for each in inner]

@@ -217,6 +217,7 @@ class Findings(Brief):
         silent: effects that were tried, and promised nothing.
         one_step: standard deviation of the last stage's one-step errors, by channel.
         trained: the model as given and the last stage, held against the training logs.
+        notes: what the user should know besides.
         origin: when and with which versions it was made, and of which logs.
     """
 
@@ -239,6 +240,7 @@ class Findings(Brief):
     one_step: Mapping[str, float] = field(default_factory=dict)
     trained: tuple[Comparison, Comparison] | None = field(default=None, repr=False)
     left: tuple[Missing, ...] = ()
+    notes: tuple[str, ...] = ()
     origin: Origin | None = field(default=None, repr=False)
 
     @property

@@ -8,8 +8,10 @@ from datetime import UTC, datetime
 
 from diffthrust.logs._identity import LogIdentity
 from diffthrust.logs._log import Log
+from diffthrust.models._base.component import file_of
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
+from diffthrust.models._base.registry import catalogue
 
 _SHORT = 8
 """Digits of a hash that people compare."""
@@ -83,18 +85,56 @@ def effects_line(model: Model, more: Sequence[Effect] = ()) -> str:
     return f"effects = [{', '.join(map(_word, (*model.effects, *more)))}]"
 
 
-def closing(origin: Origin | None, model: Model, more: Sequence[Effect] = ()) -> tuple[str, ...]:
+def python_line(model: Model, more: Sequence[Effect] = ()) -> str:
+    """The line of Python that makes a model with its effects, to copy.
+
+    Example:
+        >>> python_line(dft.Vessel(drive="twin") + "wind")
+        'model = dft.Vessel(drive="twin") + ["wind"]'
+    """
+    told = ", ".join(f"{name}={_quoted(v)}" for name, v in model.arguments.items())
+    made = f"{'' if model.own else 'dft.'}{type(model).__name__}({told})"
+    every = (*model.effects, *more)
+    effects = [f'"{e.name}"' if _known(e) else f"{type(e).__name__}()" for e in every]
+    return f"model = {made} + [{', '.join(effects)}]" if effects else f"model = {made}"
+
+
+def closing(origin: Origin | None, model: Model) -> tuple[str, ...]:
     """The last lines of a report: where it comes from, and the effects, to copy."""
-    effects = (effects_line(model, more),) if model.effects or more else ()
+    effects = (effects_line(model),) if model.effects else ()
     return (*(origin.sentences if origin else ()), *effects)
 
 
+def same_logs(some: Sequence[LogIdentity], others: Sequence[LogIdentity]) -> bool:
+    """Whether logs say the same, in the same order."""
+    return [log.sha256 for log in some] == [log.sha256 for log in others]
+
+
+def taken_part(origin: Origin, logs: Sequence[LogIdentity]) -> str:
+    """Whether logs took part in a fit, in a sentence."""
+    theirs = {log.sha256 for log in origin.train}
+    part = [log.name for log in logs if log.sha256 in theirs]
+    told = f"The fit was made of {_listed(origin.train)}"
+    if len(part) == len(logs):
+        return f"{told}: these logs took part in it."
+    return f"{told}: {', '.join(part) or 'none of these logs'} took part in it."
+
+
+def _quoted(value: object) -> str:
+    return f'"{value}"' if isinstance(value, str) else repr(value)
+
+
+def _known(effect: Effect) -> bool:
+    """Whether a name is enough: for the library's effects, and those of installed packages."""
+    return catalogue().get(effect.name) is type(effect)
+
+
 def _word(effect: Effect) -> str:
-    own = effect.as_plain()["own"]
-    if own is None:
+    if _known(effect):
         return f'"{effect.name}"'
-    script = str(own["file"] or "script.py").replace("\\", "/").rpartition("/")[2]
-    return f'"{script}:{own["class"]}"'
+    cls = type(effect)
+    script = (file_of(cls) or "script.py").replace("\\", "/").rpartition("/")[2]
+    return f'"{script}:{cls.__name__}"'
 
 
 def _listed(logs: Iterable[LogIdentity]) -> str:

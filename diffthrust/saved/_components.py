@@ -41,7 +41,7 @@ def component_made(
     """The model without its effects, or the effect, that `Component.as_plain` tells of."""
     name, what = plain["name"], base.__name__.lower()
     cls = _class_of(base, plain, own)
-    thing = cls(**{key: _unlisted(value) for key, value in plain["options"].items()})
+    thing = cls(**{key: _unlisted(value) for key, value in plain["arguments"].items()})
     saved = {
         key: decoder.decoded(Parameter, described) for key, described in plain["parameters"].items()
     }
@@ -80,5 +80,5 @@ def _class_of(base: type[C], plain: dict[str, Any], own: Sequence[type]) -> type
 
 
 def _unlisted(value: Any) -> Any:
-    """Options are hashable: what JSON made a list was a tuple."""
+    """What JSON made a list was a tuple."""
     return tuple(_unlisted(each) for each in value) if isinstance(value, list) else value

@@ -21,12 +21,11 @@ from diffthrust.models._base.model import Model
 from diffthrust.saved._components import component_made, model_made
 from diffthrust.specs._scripts import own_class
 
+Classes = type[Component] | str | Sequence[type[Component] | str]
 _KINDS: dict[str, type] = {"fit": Fit, "diagnosis": Diagnosis}
 
 
-def load(
-    path: str | PathLike[str], *, classes: type[Component] | str | Sequence[type[Component] | str] = ()
-) -> Any:
+def load(path: str | PathLike[str], *, classes: Classes = ()) -> Any:
     """Make a result again that was saved: a fit, a diagnosis, or a posterior.
 
     A fit is equal to the one that was saved to the last digit, and takes its place everywhere: in
@@ -94,8 +93,8 @@ def _refuse_others(file: Path) -> None:
     """Raise `InputError` for files that tell something else by their ending."""
     mends = {
         ".html": "Load the file that diag.save('NAME.json') writes beside the page.",
-        ".h5": "A chain goes on, or is read, by dft.sample(fit, logs, file=...); save its posterior "
-        "by post.to_netcdf('posterior.nc').",
+        ".h5": "A chain is read by dft.sample(fit, logs, file=...), which goes on where it ended; "
+        "save its posterior by post.to_netcdf('posterior.nc').",
         ".toml": "Read a spec file by dft.load_spec(path), and fit it by .fit().",
     }
     mends |= {".htm": mends[".html"], ".hdf5": mends[".h5"]}

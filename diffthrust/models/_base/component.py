@@ -79,18 +79,38 @@ class Component:
             _parameters={name: p.in_units(units) for name, p in self._parameters.items()}
         )
 
+    @property
+    def own(self) -> bool:
+        """Whether it is of a class of the user's own, which spec files do not know by name."""
+        return self.library.get(self.name) is not type(self)
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The arguments, besides parameters, that it was made with, as far as they are kept."""
+        known = list(inspect.signature(type(self).__init__).parameters.values())[1:]
+        named = [p.name for p in known if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)]
+        return {k: getattr(self, k, _ABSENT) for k in named if k not in self.declared}
+
     def as_plain(self) -> dict[str, Any]:
-        """What it takes to make it again, as data: class, options, and parameters as they are.
+        """What it takes to make it again, as data: class, arguments, and parameters as they are.
 
         Raises:
             InputError: an argument of the constructor that is not kept, or cannot be written down.
         """
         cls = type(self)
-        own = {"class": cls.__qualname__, "module": cls.__module__, "file": _file_of(cls)}
+        for name, value in self.arguments.items():
+            if not _writable(value):
+                found = "which it does not keep" if value is _ABSENT else f"now {value!r:.60}"
+                raise InputError(
+                    f"{cls.__name__} is made with the argument '{name}', {found}: it cannot be "
+                    "saved.",
+                    f"Keep it as self.{name}: a number, a word, or a tuple of these.",
+                )
+        own = {"class": cls.__qualname__, "module": cls.__module__, "file": file_of(cls)}
         return {
             "name": self.name,
-            "own": None if cls.library.get(self.name) is cls else own,
-            "options": _options_of(self),
+            "own": own if self.own else None,
+            "arguments": self.arguments,
             "parameters": {k: p.with_value(getattr(self, k)) for k, p in self._parameters.items()},
         }
 
@@ -188,30 +208,13 @@ def _hint(name: str, options: Iterable[str]) -> str:
     return f" ({near})" if near else ""
 
 
-def _file_of(cls: type) -> str | None:
+def file_of(cls: type) -> str | None:
     """The script that defines a class: where its functions were written."""
     functions = (f for f in vars(cls).values() if inspect.isfunction(f))
     return next((f.__code__.co_filename for f in functions), None)
 
 
 _ABSENT = object()
-
-
-def _options_of(component: Component) -> dict[str, Any]:
-    """The arguments, besides parameters, that a component was made with."""
-    cls, out = type(component), {}
-    for name, p in inspect.signature(cls.__init__).parameters.items():
-        if name == "self" or p.kind in (p.VAR_POSITIONAL, p.VAR_KEYWORD) or name in cls.declared:
-            continue
-        value = getattr(component, name, _ABSENT)
-        if not _writable(value):
-            found = "which it does not keep" if value is _ABSENT else f"now {value!r:.60}"
-            raise InputError(
-                f"{cls.__name__} is made with the argument '{name}', {found}: it cannot be saved.",
-                f"Keep it as self.{name}: a number, a word, or a tuple of these.",
-            )
-        out[name] = value
-    return out
 
 
 def _writable(value: Any) -> bool:
