@@ -1,7 +1,7 @@
 """One recorded experiment: time, inputs, measured channels and their units."""
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from types import MappingProxyType
 from typing import Any
@@ -71,7 +71,7 @@ class Log:
     written: Mapping[str, Written]
     name: str
     notes: tuple[str, ...]
-    file: LogFile | None = None
+    file: LogFile | None = field(default=None, init=False)
 
     def __init__(
         self,

@@ -15,7 +15,7 @@ from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Parameter
 from diffthrust.models._base.registry import catalogue
 
-C = TypeVar("C", bound=Component)
+_C = TypeVar("_C", bound=Component)
 
 
 def model_made(decoder: Decoder, plain: dict[str, Any], own: Sequence[type]) -> Model:
@@ -36,8 +36,8 @@ def model_made(decoder: Decoder, plain: dict[str, Any], own: Sequence[type]) -> 
 
 
 def component_made(
-    base: type[C], decoder: Decoder, plain: dict[str, Any], own: Sequence[type]
-) -> C:
+    base: type[_C], decoder: Decoder, plain: dict[str, Any], own: Sequence[type]
+) -> _C:
     """The model without its effects, or the effect, that `Component.as_plain` tells of."""
     name, what = plain["name"], base.__name__.lower()
     cls = _class_of(base, plain, own)
@@ -55,7 +55,7 @@ def component_made(
     return thing._copy(_parameters=saved, **{key: p.value for key, p in saved.items()})
 
 
-def _class_of(base: type[C], plain: dict[str, Any], own: Sequence[type]) -> type[C]:
+def _class_of(base: type[_C], plain: dict[str, Any], own: Sequence[type]) -> type[_C]:
     name, told = plain["name"], plain["own"]
     known = MODELS if base is Model else catalogue()
     if told is None:
