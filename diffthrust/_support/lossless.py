@@ -117,8 +117,7 @@ class Decoder(NamedTuple):
         Raises:
             ValueError: data that are not of that kind; the message says which.
         """
-        if kind is Any:
-            return data
+        kind = NoneType if kind is None else kind
         base, inner = get_origin(kind) or kind, get_args(kind)
         if base in (Union, UnionType):
             return self._one_of(inner, data)

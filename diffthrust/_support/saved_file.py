@@ -93,10 +93,8 @@ def read_saved(path: Path | str) -> dict[str, Any]:
             "Save with fit.save(path), diag.save(path) or --save.",
         )
     if not isinstance(data["schema"], int) or data["schema"] > SCHEMA:
-        library = data.get("library")
-        theirs = library.get("diffthrust", "?") if isinstance(library, dict) else "?"
         raise InputError(
-            f"{path}: written by diffthrust {theirs} in schema {data['schema']}; this one reads "
+            f"{path}: written by diffthrust {version_of(data)} in schema {data['schema']}; this one reads "
             f"schemas up to {SCHEMA}.",
             "Update diffthrust, or save the result with this version.",
         )
@@ -108,6 +106,12 @@ def read_saved(path: Path | str) -> dict[str, Any]:
             again,
         )
     return data
+
+
+def version_of(document: Mapping[str, Any]) -> str:
+    """The version of the library that wrote a document, as far as that can be read."""
+    library = (document.get("origin") or {}).get("library") or {}
+    return str(library.get("diffthrust", "unknown"))
 
 
 def _hash(document: Mapping[str, Any]) -> str:

@@ -92,7 +92,9 @@ def python_line(model: Model, more: Sequence[Effect] = ()) -> str:
         >>> python_line(dft.Vessel(drive="twin") + "wind")
         'model = dft.Vessel(drive="twin") + ["wind"]'
     """
-    told = ", ".join(f"{name}={_quoted(v)}" for name, v in model.arguments.items())
+    usual = {} if model.own else type(model)().arguments
+    chosen = {name: v for name, v in model.arguments.items() if usual.get(name) != v}
+    told = ", ".join(f"{name}={_quoted(v)}" for name, v in chosen.items())
     made = f"{'' if model.own else 'dft.'}{type(model).__name__}({told})"
     every = (*model.effects, *more)
     effects = [f'"{e.name}"' if _known(e) else f"{type(e).__name__}()" for e in every]

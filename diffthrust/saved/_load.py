@@ -10,7 +10,7 @@ from typing import Any
 from diffthrust._support.errors import InputError
 from diffthrust._support.lossless import Decoder
 from diffthrust._support.names import listing
-from diffthrust._support.saved_file import read_saved
+from diffthrust._support.saved_file import read_saved, version_of
 from diffthrust.diagnosis._result import Diagnosis
 from diffthrust.estimation._result import Fit
 from diffthrust.experiments._result import Experiment
@@ -81,10 +81,9 @@ def load(path: str | PathLike[str], *, classes: Classes = ()) -> Any:
     except InputError as error:
         raise InputError(f"{file}: {error.problem}", error.mend) from None
     except (ValueError, TypeError, KeyError) as error:
-        theirs = (document.get("origin") or {}).get("library", {}).get("diffthrust", "?")
         raise InputError(
             f"{file}: this version of diffthrust cannot make a {kind} of it ({error}); it was "
-            f"written by version {theirs}.",
+            f"written by version {version_of(document)}.",
             "Load it with that version, or save the result again with this one.",
         ) from None
 
