@@ -94,8 +94,8 @@ def read_saved(path: Path | str) -> dict[str, Any]:
         )
     if not isinstance(data["schema"], int) or data["schema"] > SCHEMA:
         raise InputError(
-            f"{path}: written by diffthrust {version_of(data)} in schema {data['schema']}; this one reads "
-            f"schemas up to {SCHEMA}.",
+            f"{path}: written by diffthrust {version_of(data)} in schema {data['schema']}; this "
+            f"one reads schemas up to {SCHEMA}.",
             "Update diffthrust, or save the result with this version.",
         )
     mark = data.pop("sha256", None)

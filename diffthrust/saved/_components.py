@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar
 
 from diffthrust._support.errors import InputError
@@ -57,7 +57,7 @@ def component_made(
 
 def _class_of(base: type[_C], plain: dict[str, Any], own: Sequence[type]) -> type[_C]:
     name, told = plain["name"], plain["own"]
-    known = MODELS if base is Model else catalogue()
+    known: Mapping[str, Any] = MODELS if base is Model else catalogue()
     if told is None:
         if name in known:
             return known[name]

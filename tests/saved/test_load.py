@@ -223,9 +223,15 @@ def test_a_diagnosis_comes_back_with_its_runs(kind, tmp_path):
     assert bits(again.to_json()) == bits(diag.to_json())
     model = again.model + again.best
     assert bits(model) == bits(diag.model + diag.best)
-    assert again.save(tmp_path / "page.html") is None
-    diag.save(tmp_path / "other.html")
-    assert (tmp_path / "page.html").read_bytes() == (tmp_path / "other.html").read_bytes()
+
+
+def test_the_page_of_a_loaded_diagnosis_is_the_same(tmp_path):
+    diag = made.unexplained()
+    diag.save(tmp_path / "diag.json")
+    again = dft.load(tmp_path / "diag.json")
+    for one, name in ((diag, "one"), (again, "two")):
+        one.save(tmp_path / f"{name}.html")
+    assert (tmp_path / "one.html").read_bytes() == (tmp_path / "two.html").read_bytes()
 
 
 @pytest.mark.parametrize("seen", [True, False])
