@@ -55,9 +55,10 @@ def component_made(
     return thing._copy(_parameters=saved, **{key: p.value for key, p in saved.items()})
 
 
-def _class_of(base: type[_C], plain: dict[str, Any], own: Sequence[type]) -> type[_C]:
+def _class_of(base: type, plain: dict[str, Any], own: Sequence[type]) -> Any:
     name, told = plain["name"], plain["own"]
     known: Mapping[str, Any] = MODELS if base is Model else catalogue()
+    candidates: list[Any] = [*own, *known.values()]  # those of installed packages are known too
     if told is None:
         if name in known:
             return known[name]
@@ -65,7 +66,7 @@ def _class_of(base: type[_C], plain: dict[str, Any], own: Sequence[type]) -> typ
             f"The {base.__name__.lower()} '{name}' is not known to this version of diffthrust.",
             "Load it with the version that it was saved with; the file names that.",
         )
-    for cls in (*own, *known.values()):  # those of installed packages are known too
+    for cls in candidates:
         named = issubclass(cls, base) and cls.__qualname__ == told["class"]
         if named and (cls in own or cls.__module__ == told["module"]):
             return cls
