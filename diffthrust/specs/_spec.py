@@ -180,10 +180,10 @@ class Spec(Brief):
 
         unseen = self.holdout_logs() if holdout is None else holdout
         train = self.train_logs() if train is None else train
-        options = self.file.fit.model_dump(exclude_unset=True)
+        options, mark = self.file.fit.model_dump(exclude_unset=True), self.sha256
         found = fit(self.model, train, holdout=unseen or None, progress=progress, **options)
         assert found.origin is not None
-        return replace(found, origin=replace(found.origin, spec=self.sha256))
+        return replace(found, origin=replace(found.origin, spec=mark))
 
     @progressing
     def diagnose(

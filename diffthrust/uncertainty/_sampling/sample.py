@@ -117,7 +117,7 @@ def sample(
         "loss": fit.loss,
         "fit": mark_of(fit),
         "doubts": "\n".join(fit.doubts),
-        "origin": json.dumps(encoded(origin_of(logs), {})),
+        "origin": json.dumps(encoded(origin_of(logs, spec=fit.origin and fit.origin.spec), {})),
         **drawn.attrs,
     }
     post = inference_data(posterior, drawn, attrs)
