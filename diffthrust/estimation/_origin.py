@@ -90,7 +90,7 @@ def python_line(model: Model, more: Sequence[Effect] = ()) -> str:
 
     Example:
         >>> python_line(dft.Vessel(drive="twin") + "wind")
-        'model = dft.Vessel(drive="twin") + ["wind"]'
+        'model = dft.Vessel(drive="twin", command="N") + "wind"'
     """
     usual = {} if model.own else type(model)().arguments
     chosen = {name: v for name, v in model.arguments.items() if usual.get(name) != v}
@@ -98,7 +98,7 @@ def python_line(model: Model, more: Sequence[Effect] = ()) -> str:
     made = f"{'' if model.own else 'dft.'}{type(model).__name__}({told})"
     every = (*model.effects, *more)
     effects = [f'"{e.name}"' if _known(e) else f"{type(e).__name__}()" for e in every]
-    return f"model = {made} + [{', '.join(effects)}]" if effects else f"model = {made}"
+    return f"model = {' + '.join([made, *effects])}"
 
 
 def closing(origin: Origin | None, model: Model) -> tuple[str, ...]:
@@ -123,7 +123,10 @@ def taken_part(origin: Origin, logs: Sequence[LogIdentity]) -> str:
 
 
 def _quoted(value: object) -> str:
-    return f'"{value}"' if isinstance(value, str) else repr(value)
+    """A value as code; three dots for what cannot be written down."""
+    if isinstance(value, str):
+        return f'"{value}"'
+    return repr(value) if isinstance(value, bool | int | float | tuple | None) else "..."
 
 
 def _known(effect: Effect) -> bool:
