@@ -14,6 +14,7 @@ from . import many as many
 from . import models as models
 from . import papers as papers
 from . import plans as plans
+from . import saved as saved
 from . import simulation as simulation
 from . import specs as specs
 from . import uncertainty as uncertainty
@@ -42,8 +43,10 @@ from .models._linear_sensor import LinearSensor as LinearSensor
 from .models._speed_loop import SpeedLoopThruster as SpeedLoopThruster
 from .models._thruster import Thruster as Thruster
 from .models._vessel import Vessel as Vessel
+from .saved._load import load as load
 from .simulation._simulate import simulate as simulate
 from .simulation._step_size import CoarseStepWarning as CoarseStepWarning
+from .specs._spec import load_spec as load_spec
 from .uncertainty._intervals import intervals as intervals
 from .uncertainty._prediction.predict import predict as predict
 from .uncertainty._sampling.sample import sample as sample

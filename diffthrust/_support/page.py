@@ -20,6 +20,7 @@ table { border-collapse: collapse; margin: .5rem 0 1.5rem; }
 th, td { padding: .2rem .8rem; border-bottom: 1px solid #ddd; text-align: left; }
 .n { text-align: right; font-variant-numeric: tabular-nums; }
 .good { color: #00694d; } .bad { color: #b04a00; }
+.origin { color: #555; font-size: .9rem; margin: .2rem 0; }
 img { max-width: 100%; } pre { background: #f5f5f5; padding: .8rem; overflow-x: auto; }
 @media print {
   body { margin: 0; max-width: none; font-size: 10pt; } h2, h3 { break-after: avoid; }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from tomlkit.items import Item, Table
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
+from diffthrust.checks._marks import Marks
 from diffthrust.specs._file import ExpectedNumber, ExpectedPart, parse_toml
 
 if TYPE_CHECKING:
@@ -141,12 +143,12 @@ def found_numbers(fit: Fit) -> dict[str, FoundNumber]:
     return {name: number for name, number in out.items() if math.isfinite(number.value)}
 
 
-def updated(text: str, file: Path, expected: ExpectedPart | None, fit: Fit) -> str:
+def updated(text: str, file: Path, expected: ExpectedPart | None, fit: Fit, marks: Marks) -> str:
     """The text of the spec with its [expected] block brought up to a fit.
 
     Every byte outside the block stays, and so do its comments and the order of its keys. Numbers
     that still hold stay as they are, and so do tolerances; standard errors are added where there
-    are none.
+    are none. Of which data and spec it is, it says anew where that has changed.
 
     Raises:
         InputError: the block is written in a form that cannot be changed by itself.
@@ -156,13 +158,16 @@ def updated(text: str, file: Path, expected: ExpectedPart | None, fit: Fit) -> s
     old |= {key: getattr(kept, key) for key in _ERRORS}
     wanted = {key: _renewed(old.get(key), found) for key, found in found_numbers(fit).items()}
     held = {key: number for key, number in old.items() if number is not None}
-    if expected is not None and kept.status == fit.status.value and held == wanted:
+    same = expected is not None and kept.status == fit.status.value and held == wanted
+    if same and marks.of(kept):
         return text
-    return with_expected(text, file, fit.status.value, wanted)
+    return with_expected(text, file, fit.status.value, wanted, marks)
 
 
-def with_expected(text: str, file: Path, status: str, numbers: Mapping[str, ExpectedNumber]) -> str:
-    """The text of a spec with a status and numbers in its [expected] block.
+def with_expected(
+    text: str, file: Path, status: str, numbers: Mapping[str, ExpectedNumber], marks: Marks
+) -> str:
+    """The text of a spec with a status and numbers in its [expected] block, and of what they are.
 
     Raises:
         InputError: the block is written in a form that cannot be changed by itself.
@@ -183,11 +188,14 @@ def with_expected(text: str, file: Path, status: str, numbers: Mapping[str, Expe
     parameters = {
         key.removeprefix("parameters."): value for key, value in values.items() if key not in errors
     }
+    files = ", ".join(f"{json.dumps(file)} = {json.dumps(h)}" for file, h in marks.data.items())
+    words = {"status": tomlkit.item(status), **errors}
+    words |= {"library": tomlkit.item(marks.library), "spec": tomlkit.item(marks.spec)}
     if isinstance(table, Table):
-        _fill(table, {"status": tomlkit.item(status), **errors})
+        _fill(table, {**words, "data": tomlkit.value(f"{{ {files} }}")})
         _fill(table["parameters"], parameters)
     new = mark + tomlkit.dumps(document).replace("\n", line_ends)
-    block = {"status": status, **errors, "parameters": parameters}
+    block = {"status": status, **errors, **vars(marks), "parameters": parameters}
     if parse_toml(new, file) != {**before, "expected": block}:
         raise InputError(
             f"{file}: the expected values are not written as one [expected] table, so they cannot "

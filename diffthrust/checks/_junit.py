@@ -69,6 +69,7 @@ def _case(run: FitRun, group: str) -> TestCase:
         kind = Error if first.verdict == "not compared" else Failure
         result = kind(_plain(sentence(first) + more), first.verdict)
         lines = [str(run.file), *map(sentence, rows)]
+        lines += [run.since] * bool(run.since)
         lines += dict.fromkeys(f"Mend: {row.mend}" for row in rows if row.mend)
         result.text = _plain("\n".join(lines))
         case.result = [result]

@@ -24,6 +24,7 @@ class FitRun(Brief):
         updated: its [expected] block was written anew.
         seconds: how long it took.
         warnings: what the fit warned of.
+        since: where it failed, which of data, spec and library differ from when it was stored.
     """
 
     fit: str
@@ -32,6 +33,7 @@ class FitRun(Brief):
     updated: bool = False
     seconds: float = 0.0
     warnings: tuple[str, ...] = ()
+    since: str = ""
 
     @property
     def ok(self) -> bool:
@@ -46,6 +48,7 @@ class FitRun(Brief):
             "ok": self.ok,
             "updated": self.updated,
             "seconds": self.seconds,
+            "since": self.since,
         }
 
 

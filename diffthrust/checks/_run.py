@@ -15,6 +15,7 @@ from diffthrust._support._running.process import LineProcess, ProcessDied, Proce
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import write_whole
 from diffthrust.checks._expected import CheckRow, compared, updated
+from diffthrust.checks._marks import marks_of
 from diffthrust.checks._result import FitRun, not_run
 from diffthrust.specs._compile_key import compile_key
 from diffthrust.specs._spec import load_spec
@@ -33,11 +34,11 @@ def run_again(fit: str, file: Path, update: bool) -> FitRun:
     """
     from diffthrust.simulation._step_size import CoarseStepWarning
 
-    begin, new = time.perf_counter(), False
+    begin, new, since = time.perf_counter(), False, ""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", CoarseStepWarning)
         try:
-            rows, new = _rows(fit, file, update)
+            rows, new, since = _rows(fit, file, update)
         except InputError as error:
             rows = [not_run(fit, error.problem, error.mend)]
         except Exception as error:  # one defect must not hide what became of the other fits
@@ -47,29 +48,30 @@ def run_again(fit: str, file: Path, update: bool) -> FitRun:
             mend = f"Please report it, with what DIFFTHRUST_DEBUG=1 diffthrust fit {file} prints."
             rows = [not_run(fit, problem, mend)]
     coarse = tuple(str(w.message) for w in caught if issubclass(w.category, CoarseStepWarning))
-    return FitRun(fit, file, tuple(rows), new, time.perf_counter() - begin, coarse)
+    return FitRun(fit, file, tuple(rows), new, time.perf_counter() - begin, coarse, since)
 
 
-def _rows(name: str, path: Path, update: bool) -> tuple[list[CheckRow], bool]:
+def _rows(name: str, path: Path, update: bool) -> tuple[list[CheckRow], bool, str]:
     spec = load_spec(path)
     expected = spec.file.expected
     if expected is None and not update:
         mend = "Look at it with diffthrust fit, then write the block: diffthrust check --update."
-        return [CheckRow(name, "no [expected] block", None, None, None, False, mend)], False
+        return [CheckRow(name, "no [expected] block", None, None, None, False, mend)], False, ""
     fit = spec.fit()
+    marks = marks_of(spec, fit)
     if update:
-        text = updated(spec.text, path, expected, fit)
+        text = updated(spec.text, path, expected, fit, marks)
         if text != spec.text:
             write_whole(path, text.encode("utf-8"))
             expected = load_spec(path).file.expected
             assert expected is not None
-            return list(compared(name, expected, fit)), True
+            return list(compared(name, expected, fit)), True, ""
     assert expected is not None
     rows = list(compared(name, expected, fit))
     if not rows:
         mend = "Remove the empty [expected] block and run diffthrust check --update."
         rows = [CheckRow(name, "empty [expected] block", None, None, None, False, mend)]
-    return rows, False
+    return rows, False, "" if all(row.ok for row in rows) else marks.since(expected)
 
 
 class Task(NamedTuple):
@@ -106,6 +108,7 @@ def run_task(question: list[Any]) -> dict[str, Any]:
         "updated": run.updated,
         "seconds": run.seconds,
         "warnings": run.warnings,
+        "since": run.since,
     }
 
 
@@ -122,6 +125,5 @@ def _in_process(process: LineProcess, task: Task) -> FitRun:
         mend = f"Run diffthrust fit {task.file} alone; if memory was short, take fewer --jobs."
         return FitRun(task.fit, task.file, (not_run(task.fit, problem, mend),))
     rows = tuple(CheckRow(**row) for row in plain["rows"])
-    return FitRun(
-        task.fit, task.file, rows, plain["updated"], plain["seconds"], tuple(plain["warnings"])
-    )
+    rest = {**plain, "rows": rows, "warnings": tuple(plain["warnings"])}
+    return FitRun(task.fit, task.file, **rest)

@@ -37,6 +37,8 @@ class _Ran(Protocol):
     def fit(self) -> str: ...
     @property
     def ok(self) -> bool: ...
+    @property
+    def since(self) -> str: ...
 
 
 def check_table(checked: _Checked, everything: bool = False) -> RenderableType:
@@ -65,7 +67,8 @@ def check_table(checked: _Checked, everything: bool = False) -> RenderableType:
             Text(row.verdict, "green" if row.ok else "bold red"),
         )
     parts: list[RenderableType] = [table] if rows else []
-    return Group(*parts, *_remarks(rows), *_summary(checked))
+    since = [Text(f"{run.fit}: {run.since}") for run in checked.runs if run.since]
+    return Group(*parts, *_remarks(rows), *since, *_summary(checked))
 
 
 def by_size(rows: Iterable[CheckRow]) -> list[CheckRow]:

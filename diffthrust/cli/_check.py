@@ -70,8 +70,9 @@ def error_lines(checked: Checked) -> list[str]:
     lines = []
     for run in [run for run in checked.runs if not run.ok][:_ANNOTATIONS]:
         file, title = (_escaped(str(part), ":,") for part in (run.file, run.fit))
-        moved = "\n".join(map(sentence, by_size(row for row in run.rows if not row.ok)))
-        lines.append(f"::error file={file},title={title}::{_escaped(moved)}")
+        moved = [*map(sentence, by_size(row for row in run.rows if not row.ok))]
+        told = "\n".join(filter(None, [*moved, run.since]))
+        lines.append(f"::error file={file},title={title}::{_escaped(told)}")
     return lines
 
 

@@ -10,6 +10,7 @@ from diffthrust._support.files import write_json
 from diffthrust.cli._session import (
     JsonPath,
     ReportPath,
+    SavePath,
     SpecPath,
     effect_names,
     session,
@@ -30,6 +31,7 @@ def diagnose_command(
     ] = None,
     json: JsonPath = None,
     report: ReportPath = None,
+    save: SavePath = None,
 ) -> None:
     """Find what a model lacks: where it fails, which effect is missing, what cannot be told."""
     with session() as progress:
@@ -38,10 +40,12 @@ def diagnose_command(
 
         loaded = load_spec(spec)
         diagnosis = loaded.diagnose(progress=progress, candidates=effect_names(candidates))
+        if save:
+            diagnosis.save(save)
         if json:
             write_json(json, diagnosis.to_json())
         if report:
             diagnosis.save(report, title=f"Diagnosis: {loaded.name}", spec=loaded.text)
         table = diagnosis_table(diagnosis)
     show(table)
-    written(json, report)
+    written(json, report, save)

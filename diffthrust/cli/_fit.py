@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from diffthrust._support.files import write_json
-from diffthrust.cli._session import JsonPath, ReportPath, SpecPath, session, show, written
+from diffthrust.cli._session import JsonPath, ReportPath, SavePath, SpecPath, session, show, written
 
 
-def fit_command(spec: SpecPath, json: JsonPath = None, report: ReportPath = None) -> None:
+def fit_command(
+    spec: SpecPath, json: JsonPath = None, report: ReportPath = None, save: SavePath = None
+) -> None:
     """Estimate the free parameters of a model from logs, and try it on unseen ones."""
     with session() as progress:
         from diffthrust.comparison._page import comparisons_of, write_comparison_page
@@ -16,6 +18,8 @@ def fit_command(spec: SpecPath, json: JsonPath = None, report: ReportPath = None
         loaded = load_spec(spec)
         train, holdout = loaded.train_logs(), loaded.holdout_logs()
         fit = loaded.fit(progress=progress, train=train, holdout=holdout)
+        if save:
+            fit.save(save)
         if json:
             write_json(json, fit.to_json())
         if report:
@@ -24,4 +28,4 @@ def fit_command(spec: SpecPath, json: JsonPath = None, report: ReportPath = None
                 report, title=loaded.name, spec=loaded.text, comparisons=comparisons, fit=fit
             )
     show(fit_table(fit))
-    written(json, report)
+    written(json, report, save)

@@ -57,11 +57,21 @@ def sample_command(
     chains: Annotated[int, typer.Option("--chains", metavar="N", help="Chains of nuts.")] = 4,
     json: JsonPath = None,
     report: ReportPath = None,
+    save: Annotated[
+        Path | None,
+        typer.Option(
+            "--save",
+            metavar="FILE.nc",
+            help="Save the posterior as netCDF, for ArviZ; in Python dft.load(FILE) reads it.",
+            callback=file_type(".nc"),
+        ),
+    ] = None,
 ) -> None:
     """Draw from the posterior: what the logs say of each parameter, and how far to trust it."""
     with session() as progress:
         from diffthrust._support.progress import part, teller
         from diffthrust.specs._spec import load_spec
+        from diffthrust.uncertainty._sampling.arviz import write_posterior
         from diffthrust.uncertainty._sampling.page import write_posterior_page
         from diffthrust.uncertainty._sampling.sample import check_sampling, sample
         from diffthrust.uncertainty._sampling.summary import sampled
@@ -84,6 +94,8 @@ def sample_command(
             file=file,
             progress=part(tell, 0.2, 1.0),
         )
+        if save:
+            write_posterior(post, save)
         posterior = sampled(post, fit, train, unseen, seed=seed)
         if json:
             write_json(json, posterior.to_json())
@@ -93,4 +105,4 @@ def sample_command(
             )
         table = sample_table(posterior)
     show(table)
-    written(file, json, report)
+    written(file, json, report, save)

@@ -103,6 +103,17 @@ ReportPath = Annotated[
 ]
 
 
+SavePath = Annotated[
+    Path | None,
+    typer.Option(
+        "--save",
+        metavar="FILE.json",
+        help="Save the result whole; in Python dft.load(FILE) makes it again.",
+        callback=file_type(".json"),
+    ),
+]
+
+
 def effect_names(text: str | None) -> list[str] | None:
     """The names in ``a,b,c``."""
     if text is None:

@@ -19,6 +19,7 @@ from diffthrust.comparison._derived_signals import signals_of, units_of
 from diffthrust.comparison._noise_advice import NoiseAdvice, noise_advice
 from diffthrust.comparison._regimes import Regime, worst_regimes
 from diffthrust.comparison._residual_tests import ResidualTests, residual_tests
+from diffthrust.estimation._origin import Origin, closing, origin_of, taken_part
 from diffthrust.estimation._registry import LIKELIHOODS
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
@@ -46,6 +47,7 @@ class Comparison(Result):
         runs: one for each log, simulated over its whole length.
         errors: errors by channel, pooled over the runs.
         fit: the fit that the model is from, if it is from one.
+        origin: when and with which versions it was made, and of which logs.
 
     What takes longer is worked out when it is first asked for: ``tests`` of the residuals, the
     ``regimes`` in which the error sits, the ``agreement`` of measured and modelled, and ``hints``
@@ -56,6 +58,7 @@ class Comparison(Result):
     runs: tuple[Run, ...]
     errors: Errors
     fit: Fit | None = field(default=None, repr=False)
+    origin: Origin | None = field(default=None, repr=False)
 
     @cached_property
     def one_step(self) -> Errors | None:
@@ -225,12 +228,22 @@ class Comparison(Result):
         ]
         return [(heading, sentences) for heading, sentences in parts if sentences]
 
+    @property
+    def closing(self) -> tuple[str, ...]:
+        """The last lines of the report: date, versions, hashes, and which logs the fit knew."""
+        lines = closing(self.origin, self.model)
+        if self.origin and self.fit and self.fit.origin:
+            return (*lines, taken_part(self.fit.origin, self.origin.train))
+        return lines
+
     def table(self, title: str = "") -> RenderableType:
         """The report as a renderable of rich, with a title besides the name of the model."""
         from diffthrust.comparison._tables import comparison_table
 
         heading = f"{self.model}{f', {title}' if title else ''}"
-        return comparison_table(heading, self.model, self.runs, self.errors, self.findings)
+        return comparison_table(
+            heading, self.model, self.runs, self.errors, self.findings, self.closing
+        )
 
     def _line(self) -> str:
         each = ", ".join(f"{name} {e.nrmse:.3g}" for name, e in self.errors.channels.items())
@@ -286,4 +299,5 @@ def compare(
     model = fit if isinstance(fit, Model) else fit.model
     logs = (logs,) if isinstance(logs, Log) else tuple(logs)
     runs = runs_over(model, logs, initial=initial, substeps=substeps)
-    return Comparison(model, runs, pooled_errors(runs), None if isinstance(fit, Model) else fit)
+    source = None if isinstance(fit, Model) else fit
+    return Comparison(model, runs, pooled_errors(runs), source, origin_of(logs))

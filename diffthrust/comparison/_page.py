@@ -9,6 +9,7 @@ from diffthrust._support.files import write_page
 from diffthrust._support.page import STYLE, image
 from diffthrust._support.tables import number, with_error
 from diffthrust.comparison._compare import Comparison, compare
+from diffthrust.estimation._origin import closing
 from diffthrust.estimation._result import Fit
 from diffthrust.estimation._status import Status
 from diffthrust.logs._log import Log
@@ -61,6 +62,8 @@ model and 0 for one no better than the mean.</p>
 {% endfor %}
 </table>
 {% endif %}
+{% for line in closing %}<p class="origin">{{ line }}</p>
+{% endfor %}
 <h2>Spec</h2>
 <pre>{{ spec }}</pre>
 </html>
@@ -117,6 +120,7 @@ def write_comparison_page(
         notes=fit.notes if fit else (),
         figures=[(name, image(c.plot)) for name, c in comparisons.items()],
         checks=_checks(fit) if fit else [],
+        closing=_closing(comparisons, fit),
         spec=spec,
     )
     write_page(path, text)
@@ -136,6 +140,13 @@ def _errors(logs: str, error: Errors) -> Iterable[tuple[str, ...]]:
         yield logs, name, number(size), unit, number(e.nrmse), percent, str(e.samples)
     if len(error.channels) > 1:
         yield logs, "all", "", "", number(error.nrmse), "", ""
+
+
+def _closing(comparisons: Mapping[str, Comparison], fit: Fit | None) -> tuple[str, ...]:
+    """Where the page comes from: its fit, or where there was none the comparisons."""
+    if fit:
+        return closing(fit.origin, fit.model)
+    return tuple(dict.fromkeys(line for c in comparisons.values() for line in c.closing))
 
 
 def _checks(fit: Fit) -> list[tuple[str, str]]:

@@ -19,6 +19,7 @@ def comparison_table(
     runs: Sequence[Run],
     pooled: Errors,
     findings: Iterable[tuple[str, Iterable[str]]],
+    closing: Iterable[str] = (),
 ) -> RenderableType:
     """Errors of each run and pooled over the runs, then what was found, in sentences."""
     errors = [(run.name, run.errors) for run in runs]
@@ -31,4 +32,4 @@ def comparison_table(
     ]
     for name, sentences in findings:
         parts += [Text(name, style="bold"), *(Text(f"- {words}") for words in sentences), Text()]
-    return Group(*parts)
+    return Group(*parts, *(Text(line, style="dim") for line in closing))

@@ -18,6 +18,7 @@ from diffthrust.diagnosis._search import SearchState, Tools, begun
 from diffthrust.diagnosis._stages import next_stage
 from diffthrust.diagnosis._trials import TrialFit
 from diffthrust.estimation._arguments import by_input, check_arguments, listed
+from diffthrust.estimation._origin import origin_of, same_logs
 from diffthrust.estimation._result import Fit
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
@@ -91,7 +92,12 @@ def diagnose(
             before, known = known, next_stage(tools, known)
             if known.number == before.number:
                 break
-        return _reported(tools, known, first, unseen, limits, experiment)
+        found = _reported(tools, known, first, unseen, limits, experiment)
+    before = fit.origin if isinstance(fit, Fit) else None
+    origin, notes = origin_of(train, unseen, before.spec if before else None), ()
+    if before and found.stages[0].fit is not fit and not same_logs(before.train, origin.train):
+        notes = ("The fit that was given is of other logs: its model was fitted anew to these.",)
+    return replace(found, origin=origin, notes=notes)
 
 
 def _reported(

@@ -14,6 +14,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.results import Brief
 from diffthrust.comparison._compare import Comparison
 from diffthrust.diagnosis._headroom import Headroom, headroom_of
+from diffthrust.estimation._origin import Origin
 from diffthrust.estimation._result import Fit
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
@@ -216,6 +217,8 @@ class Findings(Brief):
         silent: effects that were tried, and promised nothing.
         one_step: standard deviation of the last stage's one-step errors, by channel.
         trained: the model as given and the last stage, held against the training logs.
+        notes: what the user should know besides.
+        origin: when and with which versions it was made, and of which logs.
     """
 
     verdict: Verdict
@@ -237,6 +240,8 @@ class Findings(Brief):
     one_step: Mapping[str, float] = field(default_factory=dict)
     trained: tuple[Comparison, Comparison] | None = field(default=None, repr=False)
     left: tuple[Missing, ...] = ()
+    notes: tuple[str, ...] = ()
+    origin: Origin | None = field(default=None, repr=False)
 
     @property
     def added(self) -> tuple[str, ...]:
@@ -256,10 +261,10 @@ class Findings(Brief):
         """
         if self.trained is None:
             return None
-        (learn, last), unseen = self.trained, self.before is not self.trained[0]
+        (learn, last), unseen = self.trained, self.stages[0].holdout is not None
         try:
             before = headroom_of(learn, self.before if unseen else None)
-            if last is learn:
+            if len(self.stages) == 1:
                 return before, before
             return before, headroom_of(last, self.after if unseen else None)
         except InputError:

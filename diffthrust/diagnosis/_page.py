@@ -21,6 +21,7 @@ from diffthrust.diagnosis._tables import (
 )
 from diffthrust.diagnosis._words import (
     caution_words,
+    closing_words,
     dropped_words,
     failure_words,
     group_words,
@@ -85,6 +86,7 @@ def page(diag: Findings, *, title: str = "", spec: str = "") -> str:
         closing=list(closing_tables(diag)),
         checks=check_rows(diag),
         notes=caution_words(diag),
+        origin=closing_words(diag),
         figures=_figures(diag),
         spec=spec,
     )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from diffthrust._support.figures import showing
 from diffthrust._support.results import Result
+from diffthrust._support.saved_file import write_saved
 from diffthrust.diagnosis._findings import Findings
 
 if TYPE_CHECKING:
@@ -45,20 +46,30 @@ class Diagnosis(Result, Findings):
         return stages_figure(self)
 
     def save(self, path: Path | str, *, title: str = "", spec: str = "") -> None:
-        """Write the report as one HTML file that can be read without the library.
+        """Write the report as a page to read, or the diagnosis itself, to `load` it again.
 
         Args:
-            path: the file to write.
+            path: the file to write: ``.html`` for one page that can be read without the library,
+                ``.json`` for all that was found, with the logs that it was held against.
             title: heading of the page; by default it names the model.
-            spec: text of a spec file, shown at the end.
+            spec: text of a spec file, shown at the end of the page.
 
         Raises:
-            InputError: a file that does not end in ``.html``, or cannot be written.
+            InputError: a file of another ending, or one that cannot be written.
+
+        Example:
+            >>> diag.save("diagnosis.html")
+            >>> diag.save("diagnosis.json")
+            >>> diag = dft.load("diagnosis.json")
         """
-        from diffthrust._support.files import write_page
+        from diffthrust._support.files import ending, write_page
         from diffthrust.diagnosis._page import page
 
-        write_page(Path(path), page(self, title=title, spec=spec))
+        path = Path(path)
+        if ending(path, ".html", ".htm", ".json") == ".json":
+            write_saved(path, "diagnosis", self.origin, self)
+        else:
+            write_page(path, page(self, title=title, spec=spec))
 
     def to_json(self) -> dict[str, Any]:
         """The diagnosis as plain data, in the form that ``diffthrust diagnose --json`` writes."""

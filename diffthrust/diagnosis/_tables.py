@@ -16,6 +16,7 @@ from diffthrust._support.words import percent, spelt
 from diffthrust.diagnosis._skeleton import HOW, skeleton
 from diffthrust.diagnosis._words import (
     caution_words,
+    closing_words,
     dropped_words,
     effects_known,
     failure_words,
@@ -29,6 +30,7 @@ from diffthrust.diagnosis._words import (
     summary,
     verdict_words,
 )
+from diffthrust.estimation._tables import closing_parts
 
 if TYPE_CHECKING:
     from diffthrust.diagnosis._findings import Findings, Stage
@@ -91,7 +93,8 @@ def diagnosis_table(diag: Findings) -> RenderableType:
         )
     for heading, rows in closing_tables(diag):
         parts += _section(heading, _rich(rows))
-    return Group(*parts, *(Text(f"Note: {note}") for note in caution_words(diag)))
+    notes = (Text(f"Note: {note}") for note in caution_words(diag))
+    return Group(*parts, *notes, *closing_parts(closing_words(diag)))
 
 
 def headroom_rows(diag: Findings) -> Rows:

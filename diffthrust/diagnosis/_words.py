@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from diffthrust._support.tables import number
 from diffthrust._support.words import an, apart, capitalised, joined, percent, probability, spelt
 from diffthrust.diagnosis._ports import words_and_unit
+from diffthrust.estimation._origin import effects_line, python_line
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
 
@@ -252,7 +253,17 @@ def caution_words(diag: Findings) -> list[str]:
         )
     for trained in (diag.trained or (diag.before,))[:1]:
         words += trained.outstanding
-    return [*words, *diag.fit.notes]
+    return [*words, *diag.notes, *diag.fit.notes]
+
+
+def closing_words(diag: Findings) -> list[str]:
+    """The last lines: date, versions, hashes, and the model with what was found, to copy."""
+    origin = diag.origin.sentences if diag.origin else ()
+    return [
+        *origin,
+        f"In a spec file: {effects_line(diag.model, diag.best)}",
+        f"In Python: {python_line(diag.model, diag.best)}",
+    ]
 
 
 def stage_words(diag: Findings, index: int) -> str:

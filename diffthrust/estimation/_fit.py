@@ -21,6 +21,7 @@ from diffthrust.estimation._insensitive import without_silent
 from diffthrust.estimation._likelihood import noise_levels
 from diffthrust.estimation._multistart import Search
 from diffthrust.estimation._notes import correlation_doubts
+from diffthrust.estimation._origin import origin_of
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._registry import likelihood_of
 from diffthrust.estimation._residuals import Likelihood
@@ -142,6 +143,7 @@ def fit(
     return Fit(
         holdout=pooled_errors(runs_over(optimum.model, unseen, substeps=steps)) if unseen else None,
         guess={name: p.value for name, p in model.parameters.items()},
+        origin=origin_of(logs, unseen),
         **words,
         **_judged(optimum, again),
         **_of_noise(optimum.problem, optimum.best),

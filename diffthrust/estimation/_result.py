@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from diffthrust._support.results import Result
+from diffthrust._support.saved_file import write_saved
 from diffthrust.estimation._estimate import Estimate
+from diffthrust.estimation._origin import Origin
 from diffthrust.estimation._status import Checks, Status
+from diffthrust.logs._identity import LogIdentity
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors
 
@@ -52,6 +56,7 @@ class Fit(Result):
         notes: what the user should know besides.
         doubts: those of them that say why standard errors, and all that follows from them, are too
             small.
+        origin: when and with which versions it was made, and of which logs.
     """
 
     model: Model
@@ -78,6 +83,12 @@ class Fit(Result):
     reach: float = 1.0
     guess: Mapping[str, float] = field(default_factory=dict, repr=False)
     doubts: tuple[str, ...] = field(default=(), repr=False)
+    origin: Origin | None = field(default=None, repr=False)
+
+    @property
+    def data(self) -> tuple[LogIdentity, ...]:
+        """The training logs, by name, length and hash."""
+        return self.origin.train if self.origin else ()
 
     @property
     def options(self) -> dict[str, Any]:
@@ -106,6 +117,22 @@ class Fit(Result):
         from diffthrust.estimation._tables import fit_table
 
         return fit_table(self)
+
+    def save(self, path: Path | str) -> None:
+        """Write the fit to a JSON file from which `load` makes it again, to the last digit.
+
+        Args:
+            path: the file to write, ending in ``.json``.
+
+        Raises:
+            InputError: another ending, a folder that cannot be written to, or a model of your own
+                with an argument that cannot be written down.
+
+        Example:
+            >>> fit.save("run1.fit.json")
+            >>> fit = dft.load("run1.fit.json")
+        """
+        write_saved(path, "fit", self.origin, self)
 
     def to_json(self) -> dict[str, Any]:
         """The fit as plain data, in the form that ``diffthrust fit --json`` writes."""

@@ -12,6 +12,7 @@ from rich.text import Text
 
 from diffthrust._support.tables import number, plain_table, with_error
 from diffthrust.estimation._estimate import Estimate
+from diffthrust.estimation._origin import Origin, closing
 from diffthrust.estimation._status import Status
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors
@@ -36,6 +37,8 @@ class _Reported(Protocol):
     def holdout(self) -> Errors | None: ...
     @property
     def notes(self) -> tuple[str, ...]: ...
+    @property
+    def origin(self) -> Origin | None: ...
 
 
 def fit_table(fit: _Reported) -> RenderableType:
@@ -54,8 +57,15 @@ def fit_table(fit: _Reported) -> RenderableType:
         Text(),
         error_table([("training", fit.train), ("unseen", fit.holdout)]),
         *(Text(f"Note: {note}") for note in fit.notes),
+        *closing_parts(closing(fit.origin, fit.model)),
     ]
     return Group(*parts)
+
+
+def closing_parts(lines: Iterable[str]) -> list[RenderableType]:
+    """The last lines of a report, apart from what stands above."""
+    texts: list[RenderableType] = [Text(line, style="dim") for line in lines]
+    return [Text(), *texts] if texts else []
 
 
 def _observer_parts(fit: _Reported) -> list[RenderableType]:

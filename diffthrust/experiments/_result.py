@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -30,7 +30,7 @@ class Trial(NamedTuple):
     """
 
     kind: str
-    parameters: dict[str, Any]
+    parameters: dict[str, tuple[float, float] | float]
     separation: float
     words: str
 

@@ -1,7 +1,7 @@
 """One recorded experiment: time, inputs, measured channels and their units."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from types import MappingProxyType
 from typing import Any
@@ -11,6 +11,7 @@ import numpy as np
 from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import listing, nearest
 from diffthrust.logs._columns import Column
+from diffthrust.logs._identity import LogFile, LogIdentity, content_hash
 from diffthrust.logs._tables.fields import TableRequest
 from diffthrust.logs._tables.frame import read_frame, time_of
 from diffthrust.logs._units import convert, convert_scale
@@ -45,6 +46,7 @@ class Log:
         written: for each channel in which unit the user wrote it, and the way back; tables and
             figures speak these units.
         notes: what was dropped, trimmed, missing or interpolated, one sentence each.
+        file: the file that it was read from, with its hash; ``None`` for a log of arrays.
 
     Raises:
         InputError: lengths differ, time does not increase, an input is missing a sample, a number
@@ -72,6 +74,7 @@ class Log:
     written: Mapping[str, Written]
     name: str
     notes: tuple[str, ...]
+    file: LogFile | None = field(default=None, init=False)
 
     def __init__(
         self,
@@ -193,6 +196,19 @@ class Log:
         """Whether samples are equally far apart, but for the rounding of the time stamps."""
         steps = np.diff(self.time)
         return bool(steps.size) and float(np.ptp(steps)) <= 1e-6 * self.step
+
+    @cached_property
+    def sha256(self) -> str:
+        """Hash of the content: time, and channels in the library's units, to the last bit.
+
+        Equal for logs that say the same, however they are named and wherever they were read.
+        """
+        return content_hash(self)
+
+    @property
+    def identity(self) -> LogIdentity:
+        """By what the log is known again: name, length, hash, and the file that it came from."""
+        return LogIdentity(self.name, len(self), self.duration, self.sha256, self.file)
 
     def values(self, channel: str, unit: str) -> np.ndarray:
         """Give the samples of a channel in the unit that a model wants.

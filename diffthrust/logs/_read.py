@@ -6,6 +6,7 @@ from pathlib import Path
 
 from diffthrust._support.errors import InputError
 from diffthrust.logs._columns import Column
+from diffthrust.logs._identity import log_file
 from diffthrust.logs._kinds import kind_of
 from diffthrust.logs._log import Log
 from diffthrust.logs._tables.fields import TableRequest
@@ -73,4 +74,5 @@ def read_log(
             "read it with read_robot_log, and choose a time base: base = 'messages'.",
         )
     source = open_table(file, kind, request.wanted, sheet)
-    return Log.of_checked(request.fields(source, file.name if name is None else str(name)))
+    fields = request.fields(source, file.name if name is None else str(name))
+    return Log.of_checked({**fields, "file": log_file(file)})

@@ -177,8 +177,11 @@ class ExpectedNumber(_Part):
 
 
 class ExpectedPart(_Part):
-    """``[expected]``: what `diffthrust check` compares with."""
+    """``[expected]``: what `diffthrust check` compares with, and of what it was found."""
 
+    library: str | None = None
+    spec: str | None = None
+    data: dict[str, str] = {}
     status: str | None = None
     train_nrmse: Annotated[ExpectedNumber | None, BeforeValidator(_as_value)] = None
     holdout_nrmse: Annotated[ExpectedNumber | None, BeforeValidator(_as_value)] = None

@@ -14,6 +14,7 @@ from typing import Any
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
 from diffthrust.models import MODELS
+from diffthrust.models._base.component import Component
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.registry import catalogue
@@ -27,6 +28,20 @@ def model_class(word: str, folder: Path) -> type[Model]:
 def effect_class(word: str, folder: Path) -> type[Effect]:
     """The class of an effect: a canonical name, or ``script.py:Class`` of the user's own."""
     return _class(word, folder, Effect, catalogue(), "effect")
+
+
+def own_class(word: str, folder: Path) -> type[Component]:
+    """The class that ``script.py:Class`` names: a model or an effect of the user's own.
+
+    Raises:
+        InputError: another word, no such script or class, or a script that fails.
+    """
+    if script_file(word, folder) is None:
+        raise InputError(
+            f"expected a class or 'script.py:Class', found {word!r}.",
+            "Give the class, or the path of its script and its name.",
+        )
+    return _class(word, folder, Component, {}, "class")
 
 
 def model_with(cls: type[Model], options: Mapping[str, Any]) -> Model:

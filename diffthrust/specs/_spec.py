@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from glob import glob, has_magic
+from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,10 +31,11 @@ from diffthrust.specs._file import (
     SpecFile,
     TimePart,
     parse_spec,
+    parse_toml,
     read_spec_text,
 )
 from diffthrust.specs._lines import line_of
-from diffthrust.specs._scripts import effect_class, model_class, model_with
+from diffthrust.specs._scripts import effect_class, model_class, model_with, script_file
 
 if TYPE_CHECKING:
     from diffthrust.diagnosis._result import Diagnosis
@@ -67,6 +71,19 @@ class Spec(Brief):
         """A name for people: the folder of a ``fit.toml``, the file's own name otherwise."""
         path = self.path.resolve()
         return path.parent.name if path.name == NAME else path.stem
+
+    @cached_property
+    def sha256(self) -> str:
+        """Hash of what the file says without [expected], and of the scripts that it names.
+
+        Comments, spaces and the order of keys do not count.
+        """
+        told = parse_toml(self.text, self.path)
+        told.pop("expected", None)
+        words = [self.file.model, *self.file.effects]
+        scripts = [script_file(word, self.path.parent) for word in words]
+        code = [sha256(script.read_bytes()).hexdigest() for script in scripts if script]
+        return sha256(json.dumps([told, code], sort_keys=True, default=str).encode()).hexdigest()
 
     def train_logs(self) -> tuple[Log, ...]:
         """The training logs, read now."""
@@ -170,8 +187,10 @@ class Spec(Brief):
 
         unseen = self.holdout_logs() if holdout is None else holdout
         train = self.train_logs() if train is None else train
-        options = self.file.fit.model_dump(exclude_unset=True)
-        return fit(self.model, train, holdout=unseen or None, progress=progress, **options)
+        options, mark = self.file.fit.model_dump(exclude_unset=True), self.sha256
+        found = fit(self.model, train, holdout=unseen or None, progress=progress, **options)
+        assert found.origin is not None
+        return replace(found, origin=replace(found.origin, spec=mark))
 
     @progressing
     def diagnose(

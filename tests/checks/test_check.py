@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 import shutil
 import warnings
 from pathlib import Path
 
+import jax
+import numpy as np
 import pytest
 from places import FITS
 
+import diffthrust
 from diffthrust import CoarseStepWarning, InputError
+from diffthrust._support.tables import rendered  # private: as text
 from diffthrust.checks import check
 from diffthrust.checks._check import tasks_in  # private: which fits are found
 from diffthrust.checks._expected import with_expected  # private: the text alone
+from diffthrust.checks._marks import Marks  # private: what a block says of its making
 from diffthrust.checks._run import run_again  # private: one fit, in another order
+from diffthrust.checks._tables import check_table  # private: what a terminal shows
 from diffthrust.specs import load_spec
 from diffthrust.specs._file import ExpectedNumber  # private: what a block holds
 
@@ -113,7 +120,14 @@ def test_a_block_that_cannot_be_replaced_is_refused(fits):
     assert path.read_bytes() == before
 
 
-TOP = 'status = "ok"\ntrain_nrmse = 2\n'
+MARKS = Marks("diffthrust 1.0", "5bec", {"a.csv": "da7a"})
+TOP = """\
+status = "ok"
+train_nrmse = 2
+library = "diffthrust 1.0"
+spec = "5bec"
+data = { "a.csv" = "da7a" }
+"""
 REST = '\n[expected.parameters]\np = { value = 1, std_error = 0.1 }\n"e.q" = 3\n'
 
 
@@ -147,7 +161,7 @@ def test_writing_the_block(text, result):
         "parameters.p": ExpectedNumber(value=1, std_error=0.1),
         "parameters.e.q": ExpectedNumber(value=3),
     }
-    assert with_expected(text, Path("fit.toml"), "ok", numbers) == result
+    assert with_expected(text, Path("fit.toml"), "ok", numbers, MARKS) == result
 
 
 def written(fits: Path, key: str) -> ExpectedNumber:
@@ -301,3 +315,100 @@ def test_no_fits(tmp_path):
         check(tmp_path)
     with pytest.raises(InputError, match="no such folder"):
         check(tmp_path / "nowhere")
+
+
+def fit_of(checked, name="depth_sensor"):
+    return next(run for run in checked.runs if run.fit == name)
+
+
+def test_a_block_says_of_which_data_spec_and_library_it_is(fits):
+    path = spec_of(fits)
+    assert load_spec(path).file.expected.data.keys() == {"train.csv", "holdout.csv"}
+    without_expected(path)
+    check(fits, update=True)
+    expected = load_spec(path).file.expected
+    bits = (fits / "depth_sensor" / "train.csv").read_bytes()
+    assert hashlib.sha256(bits).hexdigest().startswith(expected.data["train.csv"])
+    assert expected.library == ", ".join(
+        f"{name} {version}"
+        for name, version in (
+            *(("diffthrust", diffthrust.__version__), ("jax", jax.__version__)),
+            ("numpy", np.__version__),
+        )
+    )
+    assert fit_of(check(fits)).since == ""  # nothing to tell where nothing moved
+
+
+def moved(path: Path) -> None:
+    """Expect something else than this fit gives."""
+    path.write_text(path.read_text().replace("slope = { value = 0.159", "slope = { value = 0.259"))
+
+
+def altered_data(path: Path) -> None:
+    data = path.parent / "train.csv"
+    data.write_text(data.read_text().replace("1.622", "1.662"))
+
+
+def altered_spec(path: Path) -> None:
+    path.write_text(path.read_text().replace("[expected]", "[fit]\nstarts = 7\n\n[expected]", 1))
+
+
+def altered_library(path: Path) -> None:
+    path.write_text(
+        re.sub("library = .diffthrust [^,]+", 'library = "diffthrust 0.0.7', path.read_text())
+    )
+
+
+@pytest.mark.parametrize(
+    ("alterations", "words"),
+    [
+        ((), "Data, spec and versions are those that it was stored with"),
+        ((altered_data,), "the data (train.csv) changed; spec and library are the same."),
+        ((altered_spec,), "the spec changed; data and library are the same."),
+        ((altered_library,), "the library (it was diffthrust 0.0.7, "),
+        ((altered_data, altered_spec), "the data (train.csv) and the spec changed; library is"),
+    ],
+)
+def test_what_moved_is_told_beside_what_changed_since(fits, alterations, words, tmp_path):
+    for alter in (moved, *alterations):
+        alter(spec_of(fits))
+    checked = check(fits, junit=tmp_path / "out.xml")
+    assert not checked.ok
+    assert words in fit_of(checked).since
+    shown = " ".join(rendered(check_table(checked), 200).split())
+    assert words in shown
+    assert words in (tmp_path / "out.xml").read_text()
+    assert words in fit_of(checked).to_json()["since"]
+
+
+def test_what_says_nothing_of_its_making_still_compares(fits):
+    path = spec_of(fits)
+    path.write_text(re.sub("(library|spec|data) = [^\n]*\n", "", path.read_text()))
+    assert check(fits).ok
+    moved(path)
+    assert "--update writes that" in fit_of(check(fits)).since
+    path.write_text(path.read_text().replace("0.259", "0.159"))
+    assert check(fits, update=True).updated == ("depth_sensor",)  # for these lines alone
+    assert path.read_bytes() == (FITS / "depth_sensor" / "fit.toml").read_bytes()
+
+
+def test_comments_and_order_do_not_change_a_spec(fits):
+    path = spec_of(fits)
+    spec = load_spec(path)
+    path.write_text("# about the sensor\n" + path.read_text().replace(" = {", "={"))
+    assert load_spec(path).sha256 == spec.sha256
+    assert spec.fit().origin.spec == spec.sha256
+    altered_spec(path)
+    assert load_spec(path).sha256 != spec.sha256
+
+
+def test_a_script_that_a_spec_names_is_part_of_it(fits):
+    path = spec_of(fits)
+    script = path.parent / "own.py"
+    script.write_text(
+        "import diffthrust as dft\n\n\nclass Own(dft.LinearSensor):\n    name = 'own'\n"
+    )
+    path.write_text(path.read_text().replace('"linear_sensor"', '"own.py:Own"'))
+    before = load_spec(path).sha256
+    script.write_text(script.read_text() + "    horizon = 3.0\n")
+    assert load_spec(path).sha256 != before

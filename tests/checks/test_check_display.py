@@ -60,7 +60,7 @@ def test_the_json_of_a_check():
     assert [row["verdict"] for row in data["rows"][:4]] == [
         *("unchanged", "moved", "moved", "not compared")
     ]
-    assert set(data["fits"][0]) == {"fit", "file", "ok", "updated", "seconds"}
+    assert set(data["fits"][0]) == {"fit", "file", "ok", "updated", "seconds", "since"}
 
 
 def test_what_github_shows_at_the_spec_files():

@@ -11,6 +11,7 @@ import numpy as np
 from diffthrust._support.errors import InputError, Place
 from diffthrust.logs._channels import CHANNELS
 from diffthrust.logs._columns import Column, channel_columns, fields_of_columns
+from diffthrust.logs._identity import log_file
 from diffthrust.logs._kinds import kind_of
 from diffthrust.logs._log import Log
 from diffthrust.logs._robots.open import series_in
@@ -132,7 +133,7 @@ def read_robot_log(
         notes=notes,
         at=at,
     )
-    return Log.of_checked(fields)
+    return Log.of_checked({**fields, "file": log_file(file)})
 
 
 def _check(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import inspect
 from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import replace
 from typing import Any, ClassVar, Self, TypeVar
@@ -77,6 +78,41 @@ class Component:
         return self._copy(
             _parameters={name: p.in_units(units) for name, p in self._parameters.items()}
         )
+
+    @property
+    def own(self) -> bool:
+        """Whether it is of a class of the user's own, which spec files do not know by name."""
+        return self.library.get(self.name) is not type(self)
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The arguments, besides parameters, that it was made with, as far as they are kept."""
+        known = list(inspect.signature(type(self).__init__).parameters.values())[1:]
+        named = [p.name for p in known if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)]
+        return {k: getattr(self, k, _ABSENT) for k in named if k not in self.declared}
+
+    def as_plain(self) -> dict[str, Any]:
+        """What it takes to make it again, as data: class, arguments, and parameters as they are.
+
+        Raises:
+            InputError: an argument of the constructor that is not kept, or cannot be written down.
+        """
+        cls = type(self)
+        for name, value in self.arguments.items():
+            if not _writable(value):
+                found = "which it does not keep" if value is _ABSENT else f"now {value!r:.60}"
+                raise InputError(
+                    f"{cls.__name__} is made with the argument '{name}', {found}: it cannot be "
+                    "saved.",
+                    f"Keep it as self.{name}: a number, a word, or a tuple of these.",
+                )
+        own = {"class": cls.__qualname__, "module": cls.__module__, "file": file_of(cls)}
+        return {
+            "name": self.name,
+            "own": own if self.own else None,
+            "arguments": self.arguments,
+            "parameters": {k: p.with_value(getattr(self, k)) for k, p in self._parameters.items()},
+        }
 
     def __repr__(self) -> str:
         listed = ", ".join(f"{k}={getattr(self, k):.4g}" for k in self._parameters)
@@ -170,3 +206,18 @@ def changed(old: Parameter, new: float | Parameter | Mapping[str, Any]) -> Param
 def _hint(name: str, options: Iterable[str]) -> str:
     near = nearest(name, options)
     return f" ({near})" if near else ""
+
+
+def file_of(cls: type) -> str | None:
+    """The script that defines a class: where its functions were written."""
+    functions = (f for f in vars(cls).values() if inspect.isfunction(f))
+    return next((f.__code__.co_filename for f in functions), None)
+
+
+_ABSENT = object()
+
+
+def _writable(value: Any) -> bool:
+    if isinstance(value, tuple):
+        return all(map(_writable, value))
+    return value is None or isinstance(value, bool | int | float | str)

@@ -239,6 +239,10 @@ class Model(Component):
             )
         return self._copy(effects=kept)
 
+    def as_plain(self) -> dict[str, Any]:
+        """What it takes to make the model again, as data, with its effects."""
+        return {**super().as_plain(), "effects": [effect.as_plain() for effect in self.effects]}
+
     @property
     def structure(self) -> tuple[Hashable, ...]:
         """What fixes the compiled code: classes and options of the model and its effects."""

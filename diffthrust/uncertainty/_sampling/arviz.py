@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
+from diffthrust._support.errors import InputError
+from diffthrust._support.files import ending, write_whole
 from diffthrust.estimation._estimate import shown_unit
 from diffthrust.logs._written import ShownUnits, Size
 from diffthrust.uncertainty._sampling.ensemble import Chains
@@ -22,6 +26,46 @@ def arviz() -> Any:
         )
         import arviz
     return arviz
+
+
+def write_posterior(post: Any, path: Path | str) -> None:
+    """Write a posterior as ArviZ does (``post.to_netcdf``), whole or not at all.
+
+    Raises:
+        InputError: a file that does not end in ``.nc``, or cannot be written.
+    """
+    path = Path(path)
+    ending(path, ".nc")
+    with TemporaryDirectory() as folder:
+        made = Path(folder) / "posterior.nc"
+        post.to_netcdf(str(made))
+        write_whole(path, made.read_bytes())
+
+
+def read_posterior(path: Path) -> Any:
+    """A posterior out of the netCDF file of ArviZ.
+
+    Raises:
+        InputError: there is no such file, or it holds no posterior.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: expected a posterior, found no such file.", "Correct the name.")
+    try:
+        with arviz().rc_context({"data.load": "eager"}):
+            post = arviz().from_netcdf(str(path))
+        if not post.posterior.data_vars:
+            raise ValueError("its posterior is empty")
+    except Exception as error:  # of the libraries below: they have a dozen kinds
+        raise InputError(
+            f"{path}: expected a posterior in a netCDF file of ArviZ, found a file that is cut "
+            f"off, damaged or of another kind ({error}).",
+            "Save the posterior again: post.to_netcdf('posterior.nc').",
+        ) from None
+    for group in (post, *(post[name] for name in post.groups())):
+        group.attrs.update(
+            {k: v.item() for k, v in group.attrs.items() if isinstance(v, np.generic)}
+        )
+    return post
 
 
 def inference_data(posterior: Posterior, chains: Chains, attrs: Mapping[str, Any]) -> Any:

@@ -58,6 +58,7 @@ def write_posterior_page(
         left=shown[_MOST:],
         corner=image(lambda: plot_corner(sampled.post, sampled.fit, names=shown[:_MOST])),
         trace=image(lambda: plot_trace(sampled.post)),
+        closing=sampled.closing,
         spec=spec,
     )
     write_page(Path(path), text)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import operator
 import os
 from collections.abc import Sequence
@@ -9,8 +10,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.lossless import encoded
 from diffthrust._support.progress import ProgressOption, progressing, teller
 from diffthrust.estimation._arguments import listed
+from diffthrust.estimation._origin import origin_of
 from diffthrust.estimation._rebuild import mark_of
 from diffthrust.estimation._result import Fit
 from diffthrust.logs._log import Log
@@ -72,6 +75,7 @@ def sample(
         >>> post = dft.sample(fit, logs)
         >>> print(post.attrs["message"])
         >>> arviz.summary(post)
+        >>> post.to_netcdf("posterior.nc")  # dft.load("posterior.nc") reads it again
     """
     from diffthrust.uncertainty._sampling import (
         ensemble,
@@ -113,6 +117,7 @@ def sample(
         "loss": fit.loss,
         "fit": mark_of(fit),
         "doubts": "\n".join(fit.doubts),
+        "origin": json.dumps(encoded(origin_of(logs, spec=fit.origin and fit.origin.spec), {})),
         **drawn.attrs,
     }
     post = inference_data(posterior, drawn, attrs)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from diffthrust._support.lossless import Decoder
 from diffthrust._support.results import Brief
+from diffthrust.estimation._origin import Origin, closing
 from diffthrust.estimation._result import Fit
 from diffthrust.logs._log import Log
 from diffthrust.uncertainty._intervals import intervals
@@ -76,6 +79,13 @@ class Sampled(Brief):
     def method(self) -> str:
         """The sampler."""
         return str(posterior_data(self.post).attrs.get("method", ""))
+
+    @property
+    def closing(self) -> tuple[str, ...]:
+        """The last lines of the report: date, versions, hashes, and the effects, to copy."""
+        told = posterior_data(self.post).attrs.get("origin")
+        origin = Decoder({}, {}, {}).decoded(Origin, json.loads(told)) if told else None
+        return closing(origin, self.fit.model)
 
     @property
     def coverage(self) -> dict[str, float]:

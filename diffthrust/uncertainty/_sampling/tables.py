@@ -7,6 +7,7 @@ from rich.markup import escape
 from rich.text import Text
 
 from diffthrust._support.tables import plain_table, with_error
+from diffthrust.estimation._tables import closing_parts
 from diffthrust.uncertainty._prediction.tables import interval_text
 from diffthrust.uncertainty._sampling.summary import Sampled
 
@@ -47,4 +48,5 @@ def sample_table(sampled: Sampled) -> RenderableType:
         parts += [prediction.table(), Text()]
     if not sampled.predictions:
         parts.append(Text("There is no unseen log to hold the predictions against."))
-    return Group(*parts, *(Text(f"Note: {note}") for note in sampled.fit.notes))
+    notes = (Text(f"Note: {note}") for note in sampled.fit.notes)
+    return Group(*parts, *notes, *closing_parts(sampled.closing))

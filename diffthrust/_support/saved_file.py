@@ -1,0 +1,119 @@
+"""The file of a result: one JSON text, whole or refused."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.files import ending, write_whole
+from diffthrust._support.lossless import encoded
+
+SCHEMA = 1
+
+
+def write_saved(path: Path | str, kind: str, origin: Any, result: Any) -> None:
+    """Write a result so that it can be read back to the last digit.
+
+    Where it comes from stands first, where a person looks; the long arrays stand last, each once
+    and on one line; a hash of all the rest tells whether anything was changed.
+
+    Args:
+        path: the file to write, ending in ``.json``.
+        kind: what it is, such as "fit".
+        origin: where it comes from; ``None`` where that is not known.
+        result: what `encoded` takes; its own field ``origin`` is left out.
+
+    Raises:
+        InputError: another ending, a folder that cannot be written to, or a result that holds
+            something that cannot be saved.
+    """
+    path = Path(path)
+    ending(path, ".json")
+    arrays: dict[str, Any] = {}
+    fields = encoded(result, arrays)
+    fields.pop("origin", None)
+    head = encoded(origin, arrays)
+    document = {"schema": SCHEMA, "kind": kind, "origin": head, "result": fields}
+    document["sha256"] = _hash({**document, "arrays": arrays})
+    lines = (f'  "{name}": {json.dumps(array)}' for name, array in arrays.items())
+    table = ",\n".join(lines)
+    text = f'{_text(document)[:-2]},\n "arrays": {{\n{table}\n }}\n}}\n'
+    write_whole(path, text.encode())
+
+
+def _text(data: Any, depth: int = 0) -> str:
+    """JSON with a line for each field; numbers and words of a list stand on one line."""
+    inner = data.values() if isinstance(data, dict) else data
+    if (
+        not isinstance(data, dict | list)
+        or not data
+        or (isinstance(data, list) and not any(isinstance(each, dict | list) for each in inner))
+    ):
+        return json.dumps(data, allow_nan=False)
+    parts = [_text(each, depth + 1) for each in inner]
+    if isinstance(data, dict):
+        parts = [f"{json.dumps(key)}: {part}" for key, part in zip(data, parts, strict=True)]
+    left, right = "{}" if isinstance(data, dict) else "[]"
+    line = "\n" + " " * depth
+    return f"{left}{line} {f',{line} '.join(parts)}{line}{right}"
+
+
+def read_saved(path: Path | str) -> dict[str, Any]:
+    """The document in a file that `write_saved` has written.
+
+    Raises:
+        InputError: there is no such file, it is another one, damaged, or of a newer schema.
+    """
+    path = Path(path)
+    again = "Save the result again, or take a copy of the file as it was written."
+    try:
+        data = json.loads(path.read_bytes().decode("utf-8"))
+    except FileNotFoundError:
+        raise InputError(
+            f"{path}: expected a saved result, found no such file.", "Correct the name."
+        ) from None
+    except OSError as error:
+        raise InputError(
+            f"{path}: the file cannot be read ({error.strerror or error}).", "Name a file."
+        ) from None
+    except ValueError as error:  # JSON or UTF-8
+        raise InputError(
+            f"{path}: expected a saved result, found a file that is cut off, damaged or of "
+            f"another kind ({error}).",
+            again,
+        ) from None
+    if not isinstance(data, dict) or not {"schema", "kind"} <= set(data):
+        raise InputError(
+            f"{path}: expected a saved result, found other JSON. What --json writes are figures "
+            "for other programs; a fit cannot be made of them.",
+            "Save with fit.save(path), diag.save(path) or --save.",
+        )
+    if not isinstance(data["schema"], int) or data["schema"] > SCHEMA:
+        raise InputError(
+            f"{path}: written by diffthrust {version_of(data)} in schema {data['schema']}; this "
+            f"one reads schemas up to {SCHEMA}.",
+            "Update diffthrust, or save the result with this version.",
+        )
+    mark = data.pop("sha256", None)
+    if mark != _hash(data):
+        raise InputError(
+            f"{path}: its content is not what was saved: it does not agree with its hash. The "
+            "file was edited or damaged.",
+            again,
+        )
+    return data
+
+
+def version_of(document: Mapping[str, Any]) -> str:
+    """The version of the library that wrote a document, as far as that can be read."""
+    library = (document.get("origin") or {}).get("library") or {}
+    return str(library.get("diffthrust", "unknown"))
+
+
+def _hash(document: Mapping[str, Any]) -> str:
+    text = json.dumps(document, sort_keys=True, separators=(",", ":"))
+    return sha256(text.encode()).hexdigest()

@@ -1,0 +1,79 @@
+"""What a stored fit was made of: data, spec and library, by which to tell what has moved."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from diffthrust._support.words import joined
+from diffthrust.estimation._origin import versions
+from diffthrust.specs._file import ExpectedPart
+
+if TYPE_CHECKING:
+    from diffthrust.estimation._result import Fit
+    from diffthrust.specs._spec import Spec
+
+_DIGITS = 16
+"""Digits of a hash that are written: enough to tell files apart."""
+
+
+@dataclass(frozen=True)
+class Marks:
+    """What a fit was made of.
+
+    Args:
+        library: versions in words, such as "diffthrust 0.1.0, jax 0.10.2, numpy 2.4.6".
+        spec: hash of the spec without [expected].
+        data: hash of each file of logs, by its path as seen from the spec.
+    """
+
+    library: str
+    spec: str
+    data: dict[str, str]
+
+    def since(self, expected: ExpectedPart | None) -> str:
+        """What differs from when a block was written, in a sentence; "" where there is none."""
+        if expected is None:
+            return ""
+        if not (expected.library and expected.spec and expected.data):
+            return (
+                "Its [expected] block does not say of which data, spec and library it is: "
+                "diffthrust check --update writes that."
+            )
+        files = [f for f in {**expected.data, **self.data} if self._moved(expected, f)]
+        moved = [f"the data ({', '.join(files)})"] * bool(files)
+        moved += ["the spec"] * (expected.spec != self.spec)
+        if expected.library != self.library:
+            moved.append(f"the library (it was {expected.library}; now {self.library})")
+        if not moved:
+            return (
+                "Data, spec and versions are those that it was stored with: the code of diffthrust "
+                "or the machine has moved it."
+            )
+        same = [name for name in ("data", "spec", "library") if f"the {name}" not in "".join(moved)]
+        rest = f"; {joined(same)} {'is' if len(same) == 1 else 'are'} the same" if same else ""
+        return f"Since it was stored {joined(moved)} changed{rest}."
+
+    def _moved(self, expected: ExpectedPart, file: str) -> bool:
+        return expected.data.get(file) != self.data.get(file)
+
+    def of(self, expected: ExpectedPart) -> bool:
+        """Whether a block was written of the same data and spec, with whatever library."""
+        return bool(expected.library) and (expected.spec, expected.data) == (self.spec, self.data)
+
+
+def marks_of(spec: Spec, fit: Fit) -> Marks:
+    """The marks of a fit that a spec has made."""
+    assert fit.origin is not None
+    logs = (*fit.origin.train, *fit.origin.holdout)
+    files = (*spec.train, *spec.holdout)
+    return Marks(
+        library=", ".join(f"{name} {version}" for name, version in versions().items()),
+        spec=spec.sha256[:_DIGITS],
+        data={
+            os.path.relpath(file, spec.path.parent).replace(os.sep, "/"): log.file.sha256[:_DIGITS]
+            for file, log in zip(files, logs, strict=True)
+            if log.file is not None
+        },
+    )

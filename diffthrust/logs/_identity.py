@@ -1,0 +1,96 @@
+"""What makes a log that log: a hash of its content, and the file that it came from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from hashlib import file_digest, sha256
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class LogFile:
+    """The file that a log was read from.
+
+    Args:
+        name: the path as it was given.
+        sha256: of its bytes; of a folder, of the files in it.
+    """
+
+    name: str
+    sha256: str
+
+
+@dataclass(frozen=True)
+class LogIdentity:
+    """By what a log is known again.
+
+    Args:
+        name: of the log.
+        samples: how many.
+        duration: from the first to the last [s].
+        sha256: of its content; see `Log.sha256`.
+        file: where it was read from; ``None`` for a log of arrays.
+    """
+
+    name: str
+    samples: int
+    duration: float
+    sha256: str
+    file: LogFile | None = None
+
+
+class _Recorded(Protocol):
+    """What of a log is hashed."""
+
+    @property
+    def time(self) -> np.ndarray: ...
+    @property
+    def inputs(self) -> Mapping[str, np.ndarray]: ...
+    @property
+    def measured(self) -> Mapping[str, np.ndarray]: ...
+    @property
+    def units(self) -> Mapping[str, str]: ...
+    @property
+    def unsigned(self) -> frozenset[str]: ...
+    @property
+    def noise(self) -> Mapping[str, float]: ...
+    @property
+    def hold(self) -> Mapping[str, str]: ...
+
+
+def content_hash(log: _Recorded) -> str:
+    """The sha256 of what a log says: the bits of its numbers, in the library's units.
+
+    Names and notes do not count, nor the order of channels; all missing samples are alike.
+    """
+    digest = sha256()
+
+    def add(words: object, samples: np.ndarray) -> None:
+        numbers = np.where(np.isnan(samples), np.nan, samples)
+        digest.update(f"{words!r} {numbers.size}\n".encode())
+        digest.update(np.ascontiguousarray(numbers, "<f8").tobytes())
+
+    add("time", log.time)
+    for name, samples in sorted(log.inputs.items()):
+        add(("input", name, log.units[name], log.hold[name]), samples)
+    for name, samples in sorted(log.measured.items()):
+        sigma = float(log.noise.get(name, np.nan))
+        add(("measured", name, log.units[name], name in log.unsigned, sigma), samples)
+    return digest.hexdigest()
+
+
+def log_file(path: Path) -> LogFile:
+    """The file of a log with the hash of its bytes; for a folder, of its files by their names."""
+    files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
+    hashes = []
+    for file in files:
+        with file.open("rb") as opened:
+            hashes.append(file_digest(opened, "sha256").hexdigest())
+    if path.is_dir():
+        listed = [(f.relative_to(path).as_posix(), h) for f, h in zip(files, hashes, strict=True)]
+        return LogFile(path.as_posix(), sha256(repr(listed).encode()).hexdigest())
+    return LogFile(path.as_posix(), hashes[0])

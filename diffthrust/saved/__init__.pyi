@@ -1,0 +1,1 @@
+from ._load import load as load

@@ -1,0 +1,105 @@
+"""Results out of files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.lossless import Decoder
+from diffthrust._support.names import listing
+from diffthrust._support.saved_file import read_saved, version_of
+from diffthrust.diagnosis._result import Diagnosis
+from diffthrust.estimation._result import Fit
+from diffthrust.experiments._result import Experiment
+from diffthrust.logs._log import Log
+from diffthrust.models._base.component import Component
+from diffthrust.models._base.effect import Effect
+from diffthrust.models._base.model import Model
+from diffthrust.saved._components import component_made, model_made
+from diffthrust.specs._scripts import own_class
+
+Classes = type[Component] | str | Sequence[type[Component] | str]
+_KINDS: dict[str, type] = {"fit": Fit, "diagnosis": Diagnosis}
+
+
+def load(path: str | PathLike[str], *, classes: Classes = ()) -> Any:
+    """Make a result again that was saved: a fit, a diagnosis, or a posterior.
+
+    A fit is equal to the one that was saved to the last digit, and takes its place everywhere: in
+    `compare`, `intervals`, `sample`, `predict`, `diagnose`. Nothing is run that you did not ask
+    for: a model or an effect of your own is made only of the classes that you give.
+
+    Args:
+        path: what ``fit.save`` or ``diag.save`` has written (``.json``), or a posterior as ArviZ
+            writes it, ``post.to_netcdf("posterior.nc")``.
+        classes: models and effects of your own: classes, or ``"script.py:Class"``, whose script is
+            then run.
+
+    Returns:
+        `Fit`, `Diagnosis`, or `arviz.InferenceData`.
+
+    Raises:
+        InputError: there is no such file, it is damaged, of a newer version, or of another kind; a
+            class of your own is missing, or has changed.
+
+    Example:
+        >>> fit = dft.load("run1.fit.json")
+        >>> dft.compare(fit, unseen).errors.nrmse
+    """
+    file = Path(path)
+    if file.suffix.lower() == ".nc":
+        from diffthrust.uncertainty._sampling.arviz import read_posterior
+
+        return read_posterior(file)
+    _refuse_others(file)
+    document = read_saved(file)
+    kind = document["kind"]
+    if kind not in _KINDS:
+        raise InputError(
+            f"{file}: expected a saved {listing(_KINDS)}, found the kind {kind!r}.",
+            "Load it with the version of diffthrust that wrote it.",
+        )
+    own = tuple(
+        own_class(each, Path()) if isinstance(each, str) else each
+        for each in ([classes] if isinstance(classes, str | type) else classes)
+    )
+    decoder = Decoder(
+        arrays=document["arrays"],
+        makers={
+            Model: lambda d, plain: model_made(d, plain, own),
+            Effect: lambda d, plain: component_made(Effect, d, plain, own),
+            Log: lambda d, plain: Log.of_checked(d.fields_of(Log, plain)),
+        },
+        names={"Fit": Fit, "Experiment": Experiment},
+    )
+    try:
+        result = {**document["result"], "origin": document["origin"]}
+        return decoder.decoded(_KINDS[kind], result)
+    except InputError as error:
+        raise InputError(f"{file}: {error.problem}", error.mend) from None
+    except (ValueError, TypeError, KeyError) as error:
+        raise InputError(
+            f"{file}: this version of diffthrust cannot make a {kind} of it ({error}); it was "
+            f"written by version {version_of(document)}.",
+            "Load it with that version, or save the result again with this one.",
+        ) from None
+
+
+def _refuse_others(file: Path) -> None:
+    """Raise `InputError` for files that tell something else by their ending."""
+    mends = {
+        ".html": "Load the file that diag.save('NAME.json') writes beside the page.",
+        ".h5": "A chain is read by dft.sample(fit, logs, file=...), which goes on where it ended; "
+        "save its posterior by post.to_netcdf('posterior.nc').",
+        ".toml": "Read a spec file by dft.load_spec(path), and fit it by .fit().",
+    }
+    mends |= {".htm": mends[".html"], ".hdf5": mends[".h5"]}
+    if file.suffix.lower() in mends:
+        raise InputError(
+            f"{file}: expected a saved result (.json, or .nc for a posterior), found "
+            f"{file.suffix.lower()}.",
+            mends[file.suffix.lower()],
+        )

@@ -1,0 +1,62 @@
+"""Results of the command line, saved, are those that Python loads."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from places import FITS
+from typer.testing import CliRunner
+
+import diffthrust as dft
+from diffthrust.cli._app import app  # private: the command line as a test calls it
+
+SPEC = FITS / "depth_sensor"
+
+
+@pytest.fixture(autouse=True)
+def _no_cache(monkeypatch):
+    monkeypatch.setenv("DIFFTHRUST_CACHE", "off")
+
+
+def run(*words):
+    done = CliRunner().invoke(app, [str(word) for word in words])
+    assert done.exit_code == 0, done.output
+    return done.output
+
+
+def test_a_fit_is_saved_and_loaded(tmp_path):
+    path = tmp_path / "depth.json"
+    output = run("fit", SPEC, "--save", path)
+    fit = dft.load(path)
+    spec = dft.load_spec(SPEC)
+    assert fit.origin.spec == spec.sha256
+    assert [log.sha256 for log in fit.data] == [log.sha256 for log in spec.train_logs()]
+    assert f"Spec {spec.sha256[:8]}." in output
+    assert f"Written: {path}" in output
+    assert fit.parameters == spec.fit().parameters
+
+
+def test_a_diagnosis_is_saved_and_loaded(tmp_path):
+    path = tmp_path / "depth.json"
+    run("diagnose", SPEC, "--save", path)
+    diag = dft.load(path)
+    assert diag.verdict in ("adequate", "effects_found", "unexplained")
+    assert diag.origin.spec == dft.load_spec(SPEC).sha256
+    assert diag.report().splitlines()[-1].startswith("In Python: model = dft.LinearSensor()")
+
+
+def test_a_posterior_is_saved_and_loaded(tmp_path):
+    path = tmp_path / "depth.nc"
+    run("sample", SPEC, "--draws", 20, "--warmup", 10, "--save", path)
+    post = dft.load(path)
+    fit = dft.load_spec(SPEC).fit()
+    draws = dft.predict(post, fit, dft.load_spec(SPEC).holdout_logs()[0])
+    assert np.isfinite(draws.channels["reading"].median).all()
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(("command", "name"), [("fit", "a.toml"), ("sample", "a.json")])
+def test_another_ending_is_refused_before_the_work(command, name, tmp_path):
+    done = CliRunner().invoke(app, [command, str(SPEC), "--save", str(tmp_path / name)])
+    assert done.exit_code == 2
+    assert list(tmp_path.iterdir()) == []

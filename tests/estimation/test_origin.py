@@ -1,0 +1,128 @@
+"""The last lines of a report: when, with what and of which logs, and the model to copy."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import pytest
+import short_logs as short
+
+import diffthrust as dft
+from diffthrust.estimation._origin import (  # private: the lines alone
+    Origin,
+    effects_line,
+    origin_of,
+    python_line,
+)
+
+VERSIONS = {"diffthrust": "1.2.3", "jax": "0.10.2", "numpy": "2.4.6"}
+
+
+class OwnEffect(dft.Effect):
+    name = "own_effect"
+    port = "shaft"
+
+    def __call__(self, value, s):
+        return value
+
+
+class OwnModel(dft.LinearSensor):
+    name = "own_model"
+
+    def __init__(self, table=None, slow=False, **values):
+        self._set(slow=slow)
+        super().__init__(**values)
+
+
+def log(seed=0):
+    return short.made_log(seed, name=f"run{seed}.csv")
+
+
+def origin(train, holdout=(), spec=None):
+    created = "2026-11-22T16:05:00+00:00"
+    return Origin(
+        created, VERSIONS, *(tuple(x.identity for x in y) for y in (train, holdout)), spec
+    )
+
+
+def test_the_sentences_name_date_versions_and_hashes():
+    a, b = log(0), log(1)
+    made, told = origin([a], [b], "abcdef0123456789").sentences
+    assert made == "Made 2026-11-22 16:05 UTC by diffthrust 1.2.3 (jax 0.10.2, numpy 2.4.6)."
+    assert told == (
+        f"Logs: run0.csv {a.sha256[:8]}; unseen: run1.csv {b.sha256[:8]}. Spec abcdef01."
+    )
+    assert origin([a] * 9).sentences[1].endswith("and 3 more.")
+    assert len(origin([]).sentences) == 1
+
+
+def test_a_result_is_made_now():
+    told = origin_of([log()])
+    age = datetime.now(UTC) - datetime.fromisoformat(told.created)
+    assert timedelta(0) <= age < timedelta(minutes=5)
+    assert told.library["numpy"] == np.__version__
+    assert told.library["diffthrust"] == dft.__version__
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        dft.Thruster(),
+        dft.Thruster(command="effort") + "command_deadband" + "actuator_lag",
+        dft.Vessel(drive="twin") + "wind",
+        dft.Vessel(drive="twin", command="effort"),
+        dft.LinearSensor(),
+        dft.DCMotorThruster() + dft.effects.CoulombFriction(),
+        dft.Thruster() + OwnEffect(),
+    ],
+    ids=str,
+)
+def test_the_lines_can_be_copied(model):
+    known = {"dft": dft, "OwnEffect": OwnEffect}
+    exec(python_line(model), known)
+    assert known["model"].structure == model.structure
+    names = tomllib.loads(effects_line(model))["effects"]
+    assert [word.rpartition(":")[2] for word in names] == [
+        "OwnEffect" if e.own else e.name for e in model.effects
+    ]
+
+
+def test_only_what_was_chosen_is_written():
+    assert python_line(dft.Thruster()) == "model = dft.Thruster()"
+    assert python_line(dft.Vessel(drive="twin")).startswith('model = dft.Vessel(drive="twin"')
+    assert python_line(OwnModel(slow=True)) == "model = OwnModel(table=..., slow=True)"
+    assert effects_line(dft.Thruster() + OwnEffect()) == ('effects = ["test_origin.py:OwnEffect"]')
+
+
+def test_reports_end_with_where_they_come_from():
+    a, b = log(0), log(1)
+    fit = dft.fit(short.MODEL + "actuator_lag", a, holdout=b, starts=1)
+    assert fit.data == (a.identity,)
+    lines = fit.report().splitlines()[-3:]
+    assert lines == [*fit.origin.sentences, 'effects = ["actuator_lag"]']
+    seen = dft.compare(fit, [a]).report().splitlines()[-1]
+    assert seen == f"The fit was made of run0.csv {a.sha256[:8]}: these logs took part in it."
+    unseen = dft.compare(fit, b).report().splitlines()[-1]
+    assert unseen.endswith(": none of these logs took part in it.")
+    both = dft.compare(fit, [a, b])
+    assert both.closing[-1].endswith(": run0.csv took part in it.")
+    assert re.match("Made .* by diffthrust", both.closing[0])
+    assert "The fit was made" not in dft.compare(short.MODEL, a).report()
+
+
+def test_a_diagnosis_tells_that_a_fit_is_of_other_logs():
+    a, b = log(0), log(1)
+    fit = short.fitted(a)
+    options = {"candidates": ["actuator_lag"], "experiment": False}
+    other = dft.diagnose(fit, b, **options)
+    assert other.notes == (
+        "The fit that was given is of other logs: its model was fitted anew to these.",
+    )
+    assert other.notes[0] in " ".join(other.report().split())
+    same = dft.diagnose(fit, a, **options)
+    assert same.notes == ()
+    assert same.origin.train == fit.origin.train
+    assert same.report().splitlines()[-1] == "In Python: model = dft.Thruster()"
