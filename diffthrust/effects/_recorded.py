@@ -1,7 +1,7 @@
 """What effects with memory do to a recorded series: delay, rate limit, first-order lag.
 
 All work on any increasing time stamps; a stamp that repeats (a log padded at its end) changes
-nothing.
+nothing. Each is compiled under its own name, by which an export to other languages knows it.
 """
 
 import jax
@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from diffthrust.models._base.signals import Signal
 
 
+@jax.jit
 def delayed(time: Signal, series: Signal, delay: Signal | float) -> Signal:
     """A series ``delay`` seconds later, ``(T,)``: linear between samples, the first value before.
 
@@ -25,6 +26,7 @@ def delayed(time: Signal, series: Signal, delay: Signal | float) -> Signal:
     return jnp.where(at > time[0], between, series[0])
 
 
+@jax.jit
 def rate_limited(time: Signal, series: Signal, rate: Signal | float) -> Signal:
     """A series followed at no more than ``rate`` per second, ``(T,)``; all of it where infinite."""
     gap = jnp.diff(time)
@@ -39,6 +41,7 @@ def rate_limited(time: Signal, series: Signal, rate: Signal | float) -> Signal:
     return jnp.concatenate([series[:1], after])
 
 
+@jax.jit
 def lagged(time: Signal, series: Signal, time_constant: Signal | float) -> Signal:
     """The first-order lag of a series that is linear between samples, ``(T,)``, settled at first.
 

@@ -31,6 +31,7 @@ from diffthrust.logs._log import Log
 from diffthrust.logs._written import ShownUnits
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._commands import adopted
+from diffthrust.simulation._inputs import input_ranges
 from diffthrust.simulation._runs import Run, pooled_errors, runs_over, shown_of
 from diffthrust.simulation._step_size import CoarseStepWarning, fewest_steps
 
@@ -142,6 +143,8 @@ def fit(
     return Fit(
         holdout=pooled_errors(runs_over(optimum.model, unseen, substeps=steps)) if unseen else None,
         guess={name: p.value for name, p in model.parameters.items()},
+        ranges=input_ranges(model, logs),
+        written={name: way for log in reversed(logs) for name, way in log.written.items()},
         **words,
         **_judged(optimum, again),
         **_of_noise(optimum.problem, optimum.best),
