@@ -51,7 +51,7 @@ def export_command(
     with session() as progress:
         from diffthrust.specs._spec import load_spec
 
-        exported = load_spec(fit).fit(progress).export(to.value, output, limits=limits)
+        exported = load_spec(fit).fit(progress=progress).export(to.value, output, limits=limits)
     if output is None:
         typer.echo(exported.text)
     for note in exported.notes:

@@ -201,6 +201,17 @@ def test_effects_and_models_of_ones_own(tmp_path, monkeypatch):
     assert "register_; /* [1] */" in text
 
 
+def test_numbers_of_numpy_are_taken_as_well():
+    model = dft.Thruster() + "command_deadband" + "actuator_lag"
+    log = exciting_log(["command"], duration=2.0)
+    scope: dict = {}
+    exec(export_model(model, "python").text, scope)
+    program = scope["Thruster"]()
+    program.reset(log.inputs["command"][0])
+    out = program.step(np.float64(0.04), log.inputs["command"][1])
+    assert out["speed"] == pytest.approx(dft.simulate(model, log)["speed"][1], rel=1e-12)
+
+
 def test_an_operation_without_translation_is_named():
     class Sorted(dft.Effect):
         name = "sorted"
