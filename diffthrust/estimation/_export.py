@@ -51,6 +51,11 @@ class Fitted(Protocol):
         ...
 
     @property
+    def hold(self) -> Mapping[str, str]:
+        """How these ran between samples."""
+        ...
+
+    @property
     def written(self) -> Mapping[str, Written]:
         """How these wrote their channels."""
         ...
@@ -71,6 +76,7 @@ def exported_fit(
         fit.model,
         read_inputs(fit.model, fit.ranges),
         ranges=fit.ranges,
+        linear=tuple(name for name, way in fit.hold.items() if way == "linear"),
         substeps=fit.substeps,
         errors={name: e.std_error for name, e in fit.parameters.items() if e.std_error is not None},
         told=(f"Fit: {fit.message}",),

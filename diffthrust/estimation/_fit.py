@@ -143,7 +143,8 @@ def fit(
     return Fit(
         holdout=pooled_errors(runs_over(optimum.model, unseen, substeps=steps)) if unseen else None,
         guess={name: p.value for name, p in model.parameters.items()},
-        ranges=input_ranges(model, logs),
+        ranges=(ranges := input_ranges(model, logs)),
+        hold={name: logs[0].hold[name] for name in ranges},
         written={name: way for log in reversed(logs) for name, way in log.written.items()},
         **words,
         **_judged(optimum, again),

@@ -57,6 +57,7 @@ class Fit(Result):
         notes: what the user should know besides.
         ranges: the smallest and largest value of each input in the training logs, in the model's
             units.
+        hold: how each of them ran between the samples, "zero" or "linear".
         written: how the training logs wrote each channel that the model reads or gives.
         doubts: those of them that say why standard errors, and all that follows from them, are too
             small.
@@ -87,6 +88,7 @@ class Fit(Result):
     guess: Mapping[str, float] = field(default_factory=dict, repr=False)
     doubts: tuple[str, ...] = field(default=(), repr=False)
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict, repr=False)
+    hold: Mapping[str, str] = field(default_factory=dict, repr=False)
     written: Mapping[str, Written] = field(default_factory=dict, repr=False)
 
     @property

@@ -31,6 +31,7 @@ def export_model(
     *,
     limits: tuple[float, float] | None = None,
     ranges: Mapping[str, tuple[float, float]] | None = None,
+    hold: str | Mapping[str, str] = "zero",
     substeps: int = 1,
 ) -> Exported:
     """Take a model with its effects to another program; ``fit.export`` does so with a fit.
@@ -45,6 +46,7 @@ def export_model(
         limits: lowest and highest command, for the table and the simulators.
         ranges: the inputs that the model reads, with their smallest and largest value, in the
             model's units; by default those that it needs.
+        hold: how inputs run between samples, "zero" or "linear", as of a `Log`.
         substeps: integrator steps per call, for "python" and "c".
 
     Returns:
@@ -61,10 +63,13 @@ def export_model(
     """
     from diffthrust import __version__
 
+    inputs = read_inputs(model, ranges or {})
+    ways = dict.fromkeys(inputs, hold) if isinstance(hold, str) else hold
     source = Source(
         model,
-        read_inputs(model, ranges or {}),
+        inputs,
         ranges=dict(ranges or {}),
+        linear=tuple(name for name in inputs if ways.get(name) == "linear"),
         substeps=substeps,
         version=__version__,
     )

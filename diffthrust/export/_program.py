@@ -55,6 +55,7 @@ class Program:
             language=self.language,
             prefix=self.language.prefix,
             name=self.language.name,
+            linear=[self.language.name(name) for name in self.source.linear],
             words=[self.language.name(name) for name in inputs],
             title=wrap(str(model), 90),
             told=[line for text in self.source.head for line in wrap(text, 90)],

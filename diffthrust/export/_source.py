@@ -19,6 +19,7 @@ class Source:
         model: the model with its effects, at the values that go into the file.
         inputs: the inputs that it reads, name to unit.
         ranges: the smallest and largest value of each input in the logs, in these units.
+        linear: inputs that run straight from sample to sample; the others are held.
         substeps: integrator steps per sample.
         errors: standard errors of the parameters, by full name, where they are known.
         told: sentences on where the values come from, for the head of the file.
@@ -29,6 +30,7 @@ class Source:
     model: Model
     inputs: Mapping[str, str]
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    linear: tuple[str, ...] = ()
     substeps: int = 1
     errors: Mapping[str, float] = field(default_factory=dict)
     told: tuple[str, ...] = ()

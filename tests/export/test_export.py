@@ -41,6 +41,9 @@ def fit(tmp_path_factory) -> dft.Fit:
 def test_a_fit_knows_its_inputs_and_how_they_were_written(fit):
     assert fit.ranges["command"] == pytest.approx((-5 / 6, 0.875))
     assert fit.written["thrust"].unit == "kgf"
+    assert fit.hold == {"command": "zero"}
+    straight = replace(fit, hold={"command": "linear"}).export("c").text
+    assert "but for command: straight" in straight
     exported = fit.export("python")
     assert isinstance(exported, Exported)
     assert str(exported) == exported.text

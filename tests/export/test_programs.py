@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -57,17 +58,21 @@ GROUPS = (
 )  # fmt: skip
 
 
-def check_both(model, folder, *, even=True, substeps=1, inputs=None, start=None, **log):
+def check_both(
+    model, folder, *, even=True, substeps=1, inputs=None, start=None, hold="zero", **log
+):
     """Compare both languages with `simulate`; the state is given by name."""
     needs = [name for effect in model.effects for name in effect.needs]
     names = inputs or list(dict.fromkeys([*model.inputs, *needs]))
     ranges = dict.fromkeys(names, (-1.0, 1.0))
-    recorded = exciting_log(names, even=even, **log)
+    recorded = replace(exciting_log(names, even=even, **log), hold=hold)
     wanted = dft.simulate(model, recorded, initial=start, substeps=substeps)
     states = [name for name in model.all_states if name not in names]
     given = [start.get(name) for name in states] if start else None
     texts = {
-        to: export_model(model, to, folder / f"made{suffix}", ranges=ranges, substeps=substeps).text
+        to: export_model(
+            model, to, folder / f"made{suffix}", ranges=ranges, hold=hold, substeps=substeps
+        ).text
         for to, suffix in (("python", ".py"), ("c", ".h"))
     }
     # a program takes its inputs in the order that it tells
@@ -127,6 +132,15 @@ def test_a_speed_that_is_given_and_states_that_are(tmp_path):
     check_both(dft.Thruster() + "cavitation", tmp_path, inputs=["speed"])
     check_both(dft.Thruster() + "actuator_lag", tmp_path, start={"speed": 12.0})
     check_both(dft.DCMotorThruster(), tmp_path, start={"current": -0.4}, even=False)
+
+
+@needs_compiler
+def test_inputs_that_run_straight_between_samples(tmp_path):
+    check_both(dft.Thruster(), tmp_path, hold="linear", even=False, substeps=2)
+    model = dft.DCMotorThruster() + "command_delay"
+    check_both(model, tmp_path, hold="linear", substeps=2)
+    mixed = {"propeller_speed": "zero", "rudder_angle": "linear"}
+    check_both(dft.Vessel(), tmp_path, hold=mixed)
 
 
 @needs_compiler
