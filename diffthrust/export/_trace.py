@@ -12,6 +12,7 @@ from jax.ad_checkpoint import checkpoint_name
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
+from diffthrust.effects._recorded import marked
 from diffthrust.export._operations import Operations, traced
 from diffthrust.models._base.effect import Effect, Ports
 from diffthrust.models._base.model import Model
@@ -137,13 +138,14 @@ def traced_model(model: Model, inputs: Mapping[str, str]) -> Traced:
     def read(given: Mapping[str, Any]) -> Mapping[str, Any]:
         return read_out(model.bind(given), Signals(signals(given, inputs, states)))
 
-    return Traced(
-        model,
-        inputs,
-        states,
-        arrive=traced(arrive, many, where),
-        start=traced(start, one, where),
-        rates=traced(rates, one, where),
-        decays=traced(decays, one, where),
-        read=traced(read, many, where),
-    )
+    with marked():
+        return Traced(
+            model,
+            inputs,
+            states,
+            arrive=traced(arrive, many, where),
+            start=traced(start, one, where),
+            rates=traced(rates, one, where),
+            decays=traced(decays, one, where),
+            read=traced(read, many, where),
+        )
