@@ -146,7 +146,7 @@ def _within(term: Term, rank: int) -> str:
 
 
 Remember = Callable[[Operation, list[Term]], str]
-"""The call that hands a value on to what remembers it, for a operation of `MEMORY`."""
+"""The call that hands a value on to what remembers it, for an operation of `MEMORY`."""
 
 
 def lines_of(
@@ -234,7 +234,7 @@ def _value(operand: Any, known: Mapping[Any, float]) -> float | None:
 
 
 def _worked_out(operation: Operation, known: Mapping[Any, float]) -> float | None:
-    """What a operation gives where it reads nothing but parameters, to see whether that is zero."""
+    """What an operation gives where it reads parameters alone: to see whether that is zero."""
     values = [_value(operand, known) for operand in operation.operands]
     numbers = [value for value in values if value is not None]
     if operation.name not in _ARITHMETIC or len(numbers) < len(values):

@@ -35,7 +35,7 @@ class Rotor:
         low: lowest command, in the model's unit.
         high: highest command.
         unit: of the command.
-        full: the largest speed that the commands lead to [rad/s].
+        ends: the speeds that the lowest and the highest command lead to [rad/s].
         coefficients: force over speed |speed|, ahead and astern [N s^2/rad^2].
         quadratic: whether the force is proportional to it.
         speeds: at which the force is tabulated [rad/s], ``(n,)``.
@@ -49,7 +49,7 @@ class Rotor:
     low: float
     high: float
     unit: str
-    full: float
+    ends: tuple[float, float]
     coefficients: tuple[float, float]
     quadratic: bool
     speeds: np.ndarray
@@ -61,6 +61,11 @@ class Rotor:
     def largest(self) -> float:
         """The command that is furthest from zero."""
         return max(abs(self.low), abs(self.high))
+
+    @property
+    def full(self) -> float:
+        """The largest speed that the commands lead to [rad/s]."""
+        return max(map(abs, self.ends))
 
 
 def rotor_of(source: Source, limits: tuple[float, float] | None) -> Rotor:
@@ -82,13 +87,7 @@ def rotor_of(source: Source, limits: tuple[float, float] | None) -> Rotor:
             "Export it to python or to c.",
         )
     low, high = command_limits(source, channel, limits)
-    left = []
-    for effect in model.effects:
-        if all(port in model.outputs for port in effect.ports):
-            continue  # what only a sensor does is no part of a thruster
-        taken = effect.name in ("linear_damping", "command_saturation")
-        if not (taken or _of_speed(model, effect)):
-            left.append(effect)
+    left = _without_place(model)
     plain = model
     for effect in left:
         plain = plain - effect.name
@@ -104,7 +103,8 @@ def rotor_of(source: Source, limits: tuple[float, float] | None) -> Rotor:
     reached = steady_output(plain, {channel: np.array([low, high])}, "speed")
     power = numbers.pop("exponent", 1.0)
     low, high = (float(np.sign(c) * abs(c) ** power) for c in (low, high))
-    full = float(np.max(np.abs(reached)))
+    ends = float(reached[0]), float(reached[1])
+    full = max(map(abs, ends))
     speeds = np.linspace(-full, full, _POINTS)
     forces = _force(plain, speeds)
     shape = speeds * np.abs(speeds)
@@ -117,7 +117,7 @@ def rotor_of(source: Source, limits: tuple[float, float] | None) -> Rotor:
         low,
         high,
         source.inputs[channel],
-        full,
+        ends,
         (ahead, astern),
         off <= _PROPORTIONAL,
         speeds,
@@ -127,18 +127,27 @@ def rotor_of(source: Source, limits: tuple[float, float] | None) -> Rotor:
     )
 
 
-def _of_speed(model: Model, effect: Effect) -> bool:
+def _without_place(model: Model) -> list[Effect]:
+    """The effects that simulators do not know."""
+    left: list[Effect] = []
+    for effect in reversed(model.effects):
+        if all(port in model.outputs for port in effect.ports):
+            continue  # what only a sensor does is no part of a thruster
+        # simulators clamp what they are sent, after all that is done to it before
+        last = not any("command" in other.ports for other in left)
+        taken = effect.name == "linear_damping" or (effect.name == "command_saturation" and last)
+        if not (taken or _of_speed(effect)):
+            left.insert(0, effect)
+    return left
+
+
+def _of_speed(effect: Effect) -> bool:
     """Whether an effect changes the force by the present speed, and by nothing else."""
-    return (
-        effect.ports == ("propeller",) and not effect.states and _reads_speed_alone(model, effect)
-    )
-
-
-def _reads_speed_alone(model: Model, effect: Effect) -> bool:
-    """Whether it can be worked out from a force and a speed."""
+    if effect.ports != ("propeller",) or effect.states:
+        return False
     try:
         effect.at("propeller", jnp.asarray(1.0), Signals({"speed": jnp.asarray(1.0)}))
-    except InputError:  # it reads another signal
+    except (InputError, KeyError):  # it reads another signal
         return False
     return True
 

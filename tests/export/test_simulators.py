@@ -132,6 +132,9 @@ def test_gz_gives_the_force_of_a_speed():
     thrust = coefficient * diameter**4 * np.abs(speed) * speed * density
     assert thrust == pytest.approx(wanted["thrust"], rel=1e-12)
     assert plugin.find("use_angvel_cmd").text == "true"
+    plugin = xml_of(export_model(model, "gz", limits=(-1.0, 2.0))).find("plugin")
+    low, high = (float(plugin.find(f"{end}_thrust_cmd").text) for end in ("min", "max"))
+    assert (low, high) == pytest.approx((-np.sqrt(42.0 / 0.037), np.sqrt(84.0 / 0.037)))
 
 
 def test_what_has_no_place_is_told_in_the_notes_and_in_the_file():
@@ -147,6 +150,16 @@ def test_what_has_no_place_is_told_in_the_notes_and_in_the_file():
                 assert "before you send it" in told[0]
         assert f"{name} has no place" in exported.notes[-2 if target == "uuv" else -1]
         xml_of(exported)
+
+
+def test_a_limit_before_a_dead_band_is_not_that_of_the_simulator():
+    first = dft.Thruster() + CommandSaturation(limit=1.2) + "command_deadband"
+    notes = export_model(first, "uuv", limits=LIMITS).notes
+    assert any("'command_saturation'" in note for note in notes)
+    last = dft.Thruster() + "command_deadband" + CommandSaturation(limit=1.2)
+    exported = export_model(last, "uuv", limits=LIMITS)
+    assert not any("'command_saturation'" in note for note in exported.notes)
+    assert "<clampMax>1.2</clampMax>" in exported.text
 
 
 def test_the_clock_of_uuv_simulator_is_told():
