@@ -54,6 +54,15 @@ def test_fit_thruster(tmp_path):
     assert figure(tmp_path, "jason_unseen.png").stat().st_size < 150_000
 
 
+def test_export(tmp_path):
+    text = run("export", tmp_path)
+    off = re.search(r"The module is within (\S+) of simulate, over 60 s", text).group(1)
+    assert float(off) < 1e-12
+    assert "uuv_simulator has no place for the effect 'command_deadband'" in text
+    files = {path.suffix for path in (tmp_path / "figures").iterdir()}
+    assert files == {".py", ".h", ".csv", ".sdf", ".xacro", ".scn"}
+
+
 @pytest.mark.slow
 def test_campaign(tmp_path):
     text = run("campaign", tmp_path)

@@ -13,6 +13,7 @@ from diffthrust.cli._datasets import datasets_command
 from diffthrust.cli._demo import demo_command
 from diffthrust.cli._diagnose import diagnose_command
 from diffthrust.cli._effects import effects_command
+from diffthrust.cli._export import export_command
 from diffthrust.cli._fit import fit_command
 from diffthrust.cli._map import map_command
 from diffthrust.cli._new import new_command
@@ -55,6 +56,7 @@ for _command in (
     campaign_command,
     datasets_command,
     map_command,
+    export_command,
     check_command,
     new_command,
     demo_command,

@@ -4,12 +4,42 @@ All work on any increasing time stamps; a stamp that repeats (a log padded at it
 nothing.
 """
 
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import wraps
+
 import jax
 import jax.numpy as jnp
 
 from diffthrust.models._base.signals import Signal
 
+_marked: ContextVar[bool] = ContextVar("marked", default=False)
 
+
+@contextmanager
+def marked() -> Iterator[None]:
+    """Within it, what is traced calls these functions by their names, as an export needs it."""
+    token = _marked.set(True)
+    try:
+        yield
+    finally:
+        _marked.reset(token)
+
+
+def _recognisable(function: Callable[..., Signal]) -> Callable[..., Signal]:
+    named = jax.jit(function)
+
+    @wraps(function)
+    def called(time: Signal, series: Signal, number: Signal | float) -> Signal:
+        return (named if _marked.get() else function)(time, series, number)
+
+    return called
+
+
+@_recognisable
 def delayed(time: Signal, series: Signal, delay: Signal | float) -> Signal:
     """A series ``delay`` seconds later, ``(T,)``: linear between samples, the first value before.
 
@@ -25,6 +55,7 @@ def delayed(time: Signal, series: Signal, delay: Signal | float) -> Signal:
     return jnp.where(at > time[0], between, series[0])
 
 
+@_recognisable
 def rate_limited(time: Signal, series: Signal, rate: Signal | float) -> Signal:
     """A series followed at no more than ``rate`` per second, ``(T,)``; all of it where infinite."""
     gap = jnp.diff(time)
@@ -39,6 +70,7 @@ def rate_limited(time: Signal, series: Signal, rate: Signal | float) -> Signal:
     return jnp.concatenate([series[:1], after])
 
 
+@_recognisable
 def lagged(time: Signal, series: Signal, time_constant: Signal | float) -> Signal:
     """The first-order lag of a series that is linear between samples, ``(T,)``, settled at first.
 

@@ -32,6 +32,7 @@ from diffthrust.logs._log import Log
 from diffthrust.logs._written import ShownUnits
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._commands import adopted
+from diffthrust.simulation._inputs import input_ranges
 from diffthrust.simulation._runs import Run, pooled_errors, runs_over, shown_of
 from diffthrust.simulation._step_size import CoarseStepWarning, fewest_steps
 
@@ -144,6 +145,9 @@ def fit(
         holdout=pooled_errors(runs_over(optimum.model, unseen, substeps=steps)) if unseen else None,
         guess={name: p.value for name, p in model.parameters.items()},
         origin=origin_of(logs, unseen),
+        ranges=(ranges := input_ranges(model, logs)),
+        hold={name: logs[0].hold[name] for name in ranges},
+        written={name: way for log in reversed(logs) for name, way in log.written.items()},
         **words,
         **_judged(optimum, again),
         **_of_noise(optimum.problem, optimum.best),

@@ -12,9 +12,13 @@ import numpy as np
 from diffthrust._support.results import Result
 from diffthrust._support.saved_file import write_saved
 from diffthrust.estimation._estimate import Estimate
+from diffthrust.estimation._export import exported_fit
 from diffthrust.estimation._origin import Origin
 from diffthrust.estimation._status import Checks, Status
+from diffthrust.export._export import ExportTo
+from diffthrust.export._exported import Exported
 from diffthrust.logs._identity import LogIdentity
+from diffthrust.logs._written import Written
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors
 
@@ -54,6 +58,10 @@ class Fit(Result):
         reach: errors of more than so many times these sizes correct the states no further.
         guess: the values from which the search began, by full name.
         notes: what the user should know besides.
+        ranges: the smallest and largest value of each input in the training logs, in the model's
+            units.
+        hold: how each of them ran between the samples, "zero" or "linear".
+        written: how the training logs wrote each channel that the model reads or gives.
         doubts: those of them that say why standard errors, and all that follows from them, are too
             small.
         origin: when and with which versions it was made, and of which logs.
@@ -84,6 +92,9 @@ class Fit(Result):
     guess: Mapping[str, float] = field(default_factory=dict, repr=False)
     doubts: tuple[str, ...] = field(default=(), repr=False)
     origin: Origin | None = field(default=None, repr=False)
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict, repr=False)
+    hold: Mapping[str, str] = field(default_factory=dict, repr=False)
+    written: Mapping[str, Written] = field(default_factory=dict, repr=False)
 
     @property
     def data(self) -> tuple[LogIdentity, ...]:
@@ -133,6 +144,38 @@ class Fit(Result):
             >>> fit = dft.load("run1.fit.json")
         """
         write_saved(path, "fit", self.origin, self)
+
+    def export(
+        self,
+        to: ExportTo,
+        path: Path | str | None = None,
+        *,
+        limits: tuple[float, float] | None = None,
+    ) -> Exported:
+        """Take the fitted model with its effects to another program.
+
+        Args:
+            to: "python" (a module that needs nothing but ``math``) or "c" (a C99 header), each
+                with a ``reset`` and a ``step`` that give what `simulate` gives; "lut" (a table of
+                force and command in the steady state, as CSV or as a C header, by the ending of
+                ``path``); "gz" (gz-sim), "uuv" (uuv_simulator) or "stonefish": the thruster as
+                these describe it.
+            path: the file to write, or ``None``. Names inside begin with its name.
+            limits: lowest and highest command of the table, and of the simulators' thrusters, in
+                the unit of the logs; by default as in the training logs.
+
+        Returns:
+            An `Exported`: ``text``, and ``notes`` on what the target cannot express.
+
+        Raises:
+            InputError: an unknown target, another ending of the file, a failed fit, an operation of
+                the model without a translation, or a model that the target has no place for.
+
+        Example:
+            >>> fit.export("c", "thruster.h").notes
+            ()
+        """
+        return exported_fit(self, to, path, limits)
 
     def to_json(self) -> dict[str, Any]:
         """The fit as plain data, in the form that ``diffthrust fit --json`` writes."""

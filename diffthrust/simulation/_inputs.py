@@ -57,6 +57,19 @@ def inputs_of(model: Model, log: Log) -> dict[str, np.ndarray]:
     return {name: log.values(name, unit) for name, unit in {**units, **extra}.items()}
 
 
+def input_ranges(model: Model, logs: Sequence[Log]) -> dict[str, tuple[float, float]]:
+    """The smallest and largest value of each input that a model reads from logs, in its units."""
+    every = [inputs_of(model, log) for log in logs]
+    return {
+        name: (
+            float(min(np.nanmin(inputs[name]) for inputs in every)),
+            float(max(np.nanmax(inputs[name]) for inputs in every)),
+        )
+        for name in every[0]
+        if all(name in inputs for inputs in every)
+    }
+
+
 def measured_outputs(model: Model, logs: Sequence[Log]) -> tuple[str, ...]:
     """The outputs of a model that any of the logs measures."""
     return tuple(n for n in model.outputs if any(n in log.measured for log in logs))

@@ -166,7 +166,7 @@ class _Stage:
 
 
 _TERMS = range(3, 19)
-_SERIES = {
+SERIES = {
     "first": [4 / math.factorial(k) - 3 / math.factorial(k - 1) + 1 / math.factorial(k - 2)
               for k in _TERMS],
     "both": [-2 / math.factorial(k) + 1 / math.factorial(k - 1) for k in _TERMS],
@@ -176,7 +176,8 @@ _SERIES = {
     "mean": [1.5 * (-1) ** k * (1 / math.factorial(k + 1) - (4 / 2**k + 1) / 6 / math.factorial(k))
              for k in range(4, 19)],
 }  # fmt: skip
-_TURN = 3.0**4
+"""Coefficients of the weights where the step is short beside the time constant, by name."""
+TURN = 3.0**4
 """The step over the time constant, to the fourth, where the start of a step loses its weight."""
 
 
@@ -194,7 +195,7 @@ def exponential_weights(h: Any, decay: Any) -> dict[str, Any]:
 
     def either(name: str, argument: Any, direct: Any) -> Any:
         series = jnp.zeros_like(r)
-        for coefficient in reversed(_SERIES[name]):
+        for coefficient in reversed(SERIES[name]):
             series = series * argument + coefficient
         return jnp.where(small, series, direct)
 
@@ -202,7 +203,7 @@ def exponential_weights(h: Any, decay: Any) -> dict[str, Any]:
     grown = jnp.where(tiny, 1.0 - 0.25 * r, -jnp.expm1(-0.5 * r) / jnp.where(tiny, 1.0, 0.5 * r))
     ramp = 6 * (-0.5 / z - 1 / z**2 - (1 - e) / z**3) + 2 * (1 - eh) / z
     mean = either("mean", near, 1.5 * ((e - 1) / z - simpson) / (-z) ** 4)
-    unseen = 1.0 / (_TURN + r**4)  # the old value's weight at the start is 81 / (81 + r^4)
+    unseen = 1.0 / (TURN + r**4)  # the old value's weight at the start is 81 / (81 + r^4)
     return {
         "decay": jnp.broadcast_to(decay, r.shape),
         "kept": jnp.exp(-r),

@@ -213,3 +213,21 @@ def test_the_demo_finds_what_is_missing(tmp_path):
     told = " ".join(run("demo", "--missing", "--output", tmp_path / "out").stdout.split())
     assert "lacks a command dead band of 0.250 V and a reverse thrust asymmetry of" in told
     assert (tmp_path / "out" / "diagnosis.html").is_file()
+
+
+def test_export_writes_a_file_and_tells_what_is_left_out(tmp_path):
+    path = tmp_path / "jason.xacro"
+    result = run("export", FITS / "jason_thruster", "--to", "uuv", "--output", path)
+    assert f"Written: {path}" in result.stdout
+    assert "<type>Yoerger</type>" in path.read_text()
+    assert "Note: uuv_simulator" in result.stderr
+
+
+def test_export_prints_where_no_file_is_named():
+    options = ("--to", "lut", "--limits", "-1", "1.5")
+    result = run("export", FITS / "jason_thruster", *options)
+    rows = result.stdout.strip().splitlines()
+    assert rows[0] == "thrust [N],command [V]"
+    assert [float(rows[i].split(",")[1]) for i in (1, -1)] == [-1.0, 1.5]
+    result = run("export", FITS / "depth_sensor", "--to", "gz", status=2)
+    assert "expected a thruster" in result.stderr

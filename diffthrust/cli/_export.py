@@ -1,0 +1,59 @@
+"""The command ``diffthrust export``: a fit taken to another program."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from diffthrust.cli._session import SpecPath, session, written
+
+
+class ExportTarget(StrEnum):
+    """Where a fit can go, by the names of the option."""
+
+    python = "python"
+    c = "c"
+    lut = "lut"
+    gz = "gz"
+    uuv = "uuv"
+    stonefish = "stonefish"
+
+
+def export_command(
+    fit: SpecPath,
+    to: Annotated[
+        ExportTarget,
+        typer.Option(
+            "--to",
+            help="A module of plain Python, a C99 header, a table of force and command in the "
+            "steady state, or the thruster as gz-sim, uuv_simulator or Stonefish describe it.",
+        ),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", metavar="PATH", help="The file to write; without it, standard output."
+        ),
+    ] = None,
+    limits: Annotated[
+        tuple[float, float] | None,
+        typer.Option(
+            "--limits",
+            metavar="LOW HIGH",
+            help="Lowest and highest command, in the unit of the logs; by default theirs.",
+        ),
+    ] = None,
+) -> None:
+    """Take a fit to another program: firmware, a thrust allocation, a simulator of vehicles."""
+    with session() as progress:
+        from diffthrust.specs._spec import load_spec
+
+        exported = load_spec(fit).fit(progress=progress).export(to.value, output, limits=limits)
+    if output is None:
+        typer.echo(exported.text)
+    for note in exported.notes:
+        typer.echo(f"Note: {note}", err=True)
+    written(output)

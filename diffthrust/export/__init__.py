@@ -1,0 +1,5 @@
+"""Models taken to other programs: plain Python, C99, tables, simulators of vehicles."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

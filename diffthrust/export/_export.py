@@ -1,0 +1,118 @@
+"""A model taken to another program: its language, a table, or a simulator."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Literal, get_args
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.files import ending
+from diffthrust._support.names import listing, nearest
+from diffthrust.export._c import C99
+from diffthrust.export._exported import ENDINGS, Exported, write_exported
+from diffthrust.export._program import HISTORY, Program
+from diffthrust.export._python import Python
+from diffthrust.export._simulators import to_gz, to_stonefish, to_uuv
+from diffthrust.export._source import Source
+from diffthrust.export._table import to_table
+from diffthrust.export._trace import read_inputs
+from diffthrust.models._base.model import Model
+
+ExportTo = Literal["python", "c", "lut", "gz", "uuv", "stonefish"]
+TARGETS: tuple[str, ...] = get_args(ExportTo)
+
+
+def export_model(
+    model: Model,
+    to: ExportTo,
+    path: Path | str | None = None,
+    *,
+    limits: tuple[float, float] | None = None,
+    ranges: Mapping[str, tuple[float, float]] | None = None,
+    hold: str | Mapping[str, str] = "zero",
+    substeps: int = 1,
+) -> Exported:
+    """Take a model with its effects to another program; ``fit.export`` does so with a fit.
+
+    Args:
+        model: the model with its effects, at the values that go along.
+        to: "python" (a module that needs nothing but ``math``) or "c" (a C99 header), each with a
+            ``reset`` and a ``step`` that give what `simulate` gives; "lut" (a table of force and
+            command in the steady state, as CSV or as a C header, by the ending of ``path``); "gz"
+            (gz-sim), "uuv" (uuv_simulator) or "stonefish": the thruster as these describe it.
+        path: the file to write, or ``None``. Names inside begin with its name.
+        limits: lowest and highest command, for the table and the simulators.
+        ranges: the inputs that the model reads, with their smallest and largest value, in the
+            model's units; by default those that it needs.
+        hold: how inputs run between samples, "zero" or "linear", as of a `Log`.
+        substeps: integrator steps per call, for "python" and "c".
+
+    Returns:
+        The text, and notes on what the target cannot express.
+
+    Raises:
+        InputError: an unknown target, another ending of the file, an operation of the model without
+            a translation, or a model that the target has no place for.
+
+    Example:
+        >>> exported = dft.export.export_model(dft.Thruster(), "c", "thruster.h")
+        >>> exported.notes
+        ()
+    """
+    from diffthrust import __version__
+
+    inputs = read_inputs(model, ranges or {})
+    ways = dict.fromkeys(inputs, hold) if isinstance(hold, str) else hold
+    source = Source(
+        model,
+        inputs,
+        ranges=dict(ranges or {}),
+        linear=tuple(name for name in inputs if ways.get(name) == "linear"),
+        substeps=substeps,
+        version=__version__,
+    )
+    return exported(source, to, path, limits)
+
+
+def exported(
+    source: Source,
+    to: str,
+    path: Path | str | None = None,
+    limits: tuple[float, float] | None = None,
+) -> Exported:
+    """As `export_model`, of what is already gathered."""
+    if to not in TARGETS:
+        near = nearest(str(to), TARGETS)
+        raise InputError(
+            f"to: expected one of {listing(TARGETS)}, found {to!r}{'; ' + near if near else ''}.",
+            "Correct the target.",
+        )
+    file = None if path is None else Path(path)
+    suffix = ENDINGS[to][0] if file is None else ending(file, *ENDINGS[to])
+    words = re.sub(r"\W", "_", source.model.name if file is None else file.stem)
+    name = f"m{words}" if words[:1].isdigit() or not words else words
+    text, notes = _made(source, to, name, suffix, limits)
+    if file is not None:
+        write_exported(file, to, text)
+    return Exported(to, text, tuple(notes), file)
+
+
+def _made(
+    source: Source, to: str, name: str, suffix: str, limits: tuple[float, float] | None
+) -> tuple[str, list[str]]:
+    """The text of a target, and its notes."""
+    if to == "lut":
+        return to_table(source, name, suffix, limits)
+    if to in ("python", "c"):
+        title = "".join(word.capitalize() for word in name.split("_"))
+        program = Program(source, C99(name) if to == "c" else Python(title))
+        text = program.text()
+        late = to == "c" and "delayed" in program.memories.values()
+        notes = [
+            f"A delay remembers {HISTORY} samples: where it is longer than so many calls, it is "
+            f"cut; #define {name.upper()}_HISTORY before the #include gives it more room."
+        ] * late
+        return text, notes
+    return {"gz": to_gz, "uuv": to_uuv, "stonefish": to_stonefish}[to](source, name, limits)

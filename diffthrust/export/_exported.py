@@ -1,0 +1,49 @@
+"""What an export gives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from diffthrust._support.files import ending, write_whole
+
+
+@dataclass(frozen=True)
+class Exported:
+    """A fit in the language of another program.
+
+    Args:
+        target: for which it was made.
+        text: what goes into the file; ``str(exported)`` gives it too.
+        notes: what the target cannot express, and what to mind.
+        path: the file that was written, or ``None``.
+    """
+
+    target: str
+    text: str = field(repr=False)
+    notes: tuple[str, ...] = ()
+    path: Path | None = None
+
+    def __str__(self) -> str:
+        return self.text
+
+
+ENDINGS = {
+    "python": (".py",),
+    "c": (".h",),
+    "lut": (".csv", ".h"),
+    "gz": (".sdf", ".xml"),
+    "uuv": (".xacro", ".urdf", ".xml"),
+    "stonefish": (".scn", ".xml"),
+}
+"""How the files of each target may end, the usual one first."""
+
+
+def write_exported(path: Path, target: str, text: str) -> None:
+    """Write a file for a target.
+
+    Raises:
+        InputError: another ending, or a folder that cannot be written to.
+    """
+    ending(path, *ENDINGS[target])
+    write_whole(path, text.encode())

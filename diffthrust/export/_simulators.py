@@ -1,0 +1,117 @@
+"""A thruster as simulators of vehicles describe it: gz-sim, uuv_simulator, Stonefish.
+
+What each of them works out, with the source that was read for it:
+
+- gz-sim, ``src/systems/thruster/Thruster.cc`` (commit 6a9a7cb): the force is
+  thrust_coefficient fluid_density propeller_diameter^4 w |w| of the commanded speed w [rad/s].
+- uuv_simulator, ``Dynamics.cc``, ``ThrusterConversionFcn.cc`` and ``ThrusterPlugin.cc`` (commits
+  b2f9e58, 668e4ff, 1fab55a): the command, held within clampMin and clampMax and times gain, drives
+  a first-order state, of which a conversion gives the force.
+- Stonefish, ``ActuatorDynamics.h`` and ``Thruster.cpp`` (of 2024 and later): the same, and the
+  speed is held within twice ``max_setpoint``, whatever its unit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from textwrap import wrap
+from typing import Any
+
+from diffthrust._support.tables import number
+from diffthrust._support.words import spelt
+from diffthrust.export._rendered import filled_in
+from diffthrust.export._rotor import Rotor, rotor_of
+from diffthrust.export._source import Source
+
+DENSITY, DIAMETER = 1000.0, 0.1
+"""[kg/m^3] and [m] by which gz-sim's coefficient is made; only their product with it counts."""
+_STUCK_CLOCK = (
+    "uuv_simulator as published never moves on the clock of its Yoerger and Bessa dynamics, so "
+    "that their steps grow with the time: add 'prevTime = _t;' before 'return state;' to both "
+    "update() in Dynamics.cc."
+)
+
+
+def to_gz(source: Source, name: str, limits: tuple[float, float] | None) -> tuple[str, list[str]]:
+    """The thrust law as a plugin of gz-sim, and what that leaves out.
+
+    Raises:
+        InputError: the model is no thruster, or the range of its command is not known.
+    """
+    rotor = rotor_of(source, limits)
+    ahead, astern = rotor.coefficients
+    notes = [
+        "gz-sim has no rotor dynamics: the speed follows at once. Send it the speed that this "
+        "model, exported to c or python, gives, on .../cmd_vel.",
+    ]
+    if ahead != astern:
+        notes.append(
+            f"gz-sim has one coefficient for both directions: astern the force is "
+            f"{number(astern / ahead, 3)} times that of the plugin."
+        )
+    if not rotor.quadratic:
+        notes.append("The force is not proportional to speed |speed|, as gz-sim takes it to be.")
+    notes += _left_out(rotor, "gz-sim")
+    return _text("gz.sdf", source, name, notes, rotor, ct=ahead, density=DENSITY, diameter=DIAMETER)
+
+
+def to_uuv(source: Source, name: str, limits: tuple[float, float] | None) -> tuple[str, list[str]]:
+    """The thruster as a plugin of uuv_simulator, and what that leaves out.
+
+    Raises:
+        InputError: as `to_gz`.
+    """
+    rotor = rotor_of(source, limits)
+    notes = _left_out(rotor, "uuv_simulator")
+    notes += [_STUCK_CLOCK] if rotor.dynamics != "first_order" else []
+    return _text("uuv.xacro", source, name, [*rotor.notes, *notes], rotor)
+
+
+def to_stonefish(
+    source: Source, name: str, limits: tuple[float, float] | None
+) -> tuple[str, list[str]]:
+    """The thruster as an actuator of Stonefish, and what that leaves out.
+
+    Raises:
+        InputError: as `to_gz`.
+    """
+    rotor = rotor_of(source, limits)
+    notes = [
+        f"A set point of 1 stands for {number(rotor.largest, 4)} {rotor.unit}: Stonefish holds the "
+        "speed within twice max_setpoint, whatever its unit, so that this is the speed at full "
+        "command.",
+        *_left_out(rotor, "Stonefish"),
+    ]
+    if abs(rotor.low + rotor.high) > 1e-9 * rotor.largest:
+        notes.append(
+            f"Stonefish takes set points as far astern as ahead: keep the command from "
+            f"{number(rotor.low, 4)} to {number(rotor.high, 4)} {rotor.unit} yourself."
+        )
+    return _text("stonefish.scn", source, name, [*rotor.notes, *notes], rotor)
+
+
+def _text(
+    template: str, source: Source, name: str, notes: Sequence[str], rotor: Rotor, **more: Any
+) -> tuple[str, list[str]]:
+    """The file, with its notes as comments, and the notes."""
+    lines = [wrap(note, 90) for note in notes]
+    parts: Mapping[str, Any] = {
+        "name": name,
+        "model": source.model,
+        "rotor": rotor,
+        "told": [line for text in source.head for line in wrap(text, 90)],
+        "notes": lines,
+        "version": source.version,
+        **more,
+    }
+    return filled_in(template, **parts), list(notes)
+
+
+def _left_out(rotor: Rotor, target: str) -> list[str]:
+    """A sentence on each effect that has no place."""
+    told = {False: "it is left out.", True: "do it to the command before you send it."}
+    return [
+        f"{target} has no place for the effect '{effect.name}' ({spelt(effect.name)}): "
+        + told["command" in effect.ports]
+        for effect in rotor.left_out
+    ]

@@ -1,0 +1,83 @@
+"""What is exported: a model at its values, and what is known of the logs it was fitted to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from diffthrust.logs._written import PWM, ShownUnits
+from diffthrust.models._base.model import Model
+
+
+@dataclass(frozen=True)
+class Source:
+    """What is exported.
+
+    Args:
+        model: the model with its effects, at the values that go into the file.
+        inputs: the inputs that it reads, name to unit.
+        ranges: the smallest and largest value of each input in the logs, in these units.
+        linear: inputs that run straight from sample to sample; the others are held.
+        substeps: integrator steps per sample.
+        errors: standard errors of the parameters, by full name, where they are known.
+        told: sentences on where the values come from, for the head of the file.
+        version: of the library.
+        units: how the logs wrote each channel, where that is known.
+    """
+
+    model: Model
+    inputs: Mapping[str, str]
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    linear: tuple[str, ...] = ()
+    substeps: int = 1
+    errors: Mapping[str, float] = field(default_factory=dict)
+    told: tuple[str, ...] = ()
+    version: str = ""
+    units: ShownUnits = field(default_factory=ShownUnits)
+
+    def unit(self, channel: str, unit: str) -> str:
+        """The unit in which the logs wrote a channel whose numbers are in ``unit``."""
+        return self.units.unit(channel, unit)
+
+    def shown(self, channel: str, numbers: np.ndarray, unit: str) -> np.ndarray:
+        """Numbers that are in ``unit``, as the logs would write them."""
+        return self.units.values(channel, numbers, unit)
+
+    def stored(self, channel: str, limits: tuple[float, float], unit: str) -> tuple[float, float]:
+        """A range that is given as the logs would write it, in ``unit``."""
+        pulses = self.pulses(channel)
+        if pulses is not None:
+            low, high = sorted(float(effort) for effort in pulses.effort(limits))
+            return low, high
+        zero, one = self.shown(channel, np.array([0.0, 1.0]), unit)
+        low, high = ((limit - zero) / (one - zero) for limit in limits)
+        return float(low), float(high)
+
+    def pulses(self, channel: str) -> PWM | None:
+        """What widths of pulses mean, where the logs have a channel as such."""
+        way = self.units.written.get(channel)
+        return None if way is None else way.pwm
+
+    @property
+    def conversions(self) -> list[str]:
+        """A sentence on each channel that the logs have in another unit."""
+        told = []
+        for name, unit in {**self.inputs, **self.model.outputs}.items():
+            pulses, theirs = self.pulses(name), self.unit(name, unit)
+            if pulses is not None:
+                told.append(
+                    f"The {name} is an effort here; the logs have pulses, stop {pulses.stop:g}, "
+                    f"full {pulses.full:g}, astern {pulses.astern:g} {theirs}."
+                )
+            elif theirs != unit:
+                zero, one = self.stored(name, (0.0, 1.0), unit)
+                each = f"{one - zero:.9g}"
+                told.append(f"The {name} is in {unit} here; of the logs, 1 {theirs} is {each}.")
+        return told
+
+    @property
+    def head(self) -> list[str]:
+        """What stands at the head of a file, sentence by sentence."""
+        return [*self.told, *self.conversions]

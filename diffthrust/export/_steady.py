@@ -1,0 +1,94 @@
+"""Where a model settles under inputs that stay as they are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust.models._base.model import Model
+from diffthrust.simulation._bare import bare
+from diffthrust.simulation._trajectory import Grid, Key, trajectory
+
+_STEPS = 1000
+"""Operations of integration between two looks at whether the model has settled."""
+_LOOKS = 60
+"""After so many looks it never will."""
+_TOGETHER = 64
+"""Sets of inputs are simulated in multiples of so many, so that few programs are compiled."""
+_SETTLED = 1e-10
+"""An output has settled where it moves less than this share of all that is found."""
+
+
+def steady_output(model: Model, inputs: Mapping[str, np.ndarray], output: str) -> np.ndarray:
+    """The output that a model settles at from rest, under each set of constant inputs.
+
+    Args:
+        model: the model with its effects; those of sensors are left out.
+        inputs: values of each input, ``(n,)``, in the model's units.
+        output: which one.
+
+    Returns:
+        The output, ``(n,)``, in the model's unit.
+
+    Raises:
+        InputError: it does not settle.
+    """
+    plain = bare(model)
+    step = min(0.02, 4 * model.time_scales[0] or 0.02)
+    for _ in range(4):
+        found = _run(plain, inputs, output, step)
+        if found is not None:
+            return found
+        step /= 4  # friction and small inertias are stiff
+    raise InputError(
+        f"The model '{model}' does not settle under constant inputs.",
+        "A table needs a steady state; export the model itself, to python or to c.",
+    )
+
+
+_Static = tuple[Key, Grid, str, float]
+
+
+@partial(jax.jit, static_argnums=0)
+def _on(static: _Static, numbers: Any) -> Any:
+    """The output, and the states, so many steps later."""
+    key, grid, output, step = static
+    values, start, inputs, begin = numbers
+    time = start + step * jnp.arange(_STEPS + 1.0)
+
+    def one(value: Mapping[str, jax.Array], states: Mapping[str, jax.Array]) -> Any:
+        series = {name: jnp.full(time.shape, v) for name, v in value.items()}
+        model = key.model.bind(values)
+        outputs, path = trajectory(model, grid, time, series, states, {})
+        return outputs[output][-1], {name: p[-1] for name, p in path.items()}
+
+    return jax.vmap(one)(inputs, begin)
+
+
+def _run(
+    model: Model, inputs: Mapping[str, np.ndarray], output: str, step: float
+) -> np.ndarray | None:
+    """The steady output with steps of this length, or None where it does not settle."""
+    count = len(next(iter(inputs.values())))
+    padded = {n: np.pad(v, (0, -count % _TOGETHER), "edge") for n, v in inputs.items()}
+    size = len(next(iter(padded.values())))
+    grid = Grid(tuple((name, "zero") for name in sorted(inputs)), uniform=True)
+    static = (Key(model), grid, output, step)
+    values = {name: np.float64(p.value) for name, p in model.parameters.items()}
+    begin = {name: np.zeros(size) for name in model.states if name not in inputs}
+    last, states = _on(static, (values, 0.0, padded, begin))
+    for look in range(1, _LOOKS if states else 1):
+        now, states = _on(static, (values, look * _STEPS * step, padded, states))
+        if not np.all(np.isfinite(now)):
+            return None
+        span = float(np.max(np.abs(now))) or 1.0
+        if float(np.max(np.abs(now - last))) <= _SETTLED * span:
+            return np.asarray(now)[:count]
+        last = now
+    return None if states else np.asarray(last)[:count]

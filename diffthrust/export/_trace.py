@@ -1,0 +1,151 @@
+"""A model with its effects, traced as the four functions by which `simulate` runs it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jax.ad_checkpoint import checkpoint_name
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing
+from diffthrust.effects._recorded import marked
+from diffthrust.export._operations import Operations, traced
+from diffthrust.models._base.effect import Effect, Ports
+from diffthrust.models._base.model import Model
+from diffthrust.models._base.signals import Relaxing, Signal, Signals
+from diffthrust.simulation._trajectory import arriving, equations_of, read_out, starting_point
+
+_SAMPLES = 3
+"""How long the example series are by which effects on whole series are traced."""
+
+
+@dataclass(frozen=True)
+class Traced:
+    """What a model does at each sample and within a step, as elementary steps.
+
+    Args:
+        model: the model with its effects.
+        inputs: what it reads, name to unit.
+        states: what it integrates, name to unit.
+        arrive: from the recorded inputs to those that reach the model.
+        start: from the first inputs and the states as given ("given speed") to all states.
+        rates: from states and inputs to the rate of each state.
+        decays: from the same to the decay of each state that relaxes.
+        read: from states and inputs to what the sensors report.
+    """
+
+    model: Model
+    inputs: Mapping[str, str]
+    states: Mapping[str, str]
+    arrive: Operations
+    start: Operations
+    rates: Operations
+    decays: Operations
+    read: Operations
+
+
+class _Naming(Ports):
+    """Ports that leave the name of each port, and of each effect there, in what is traced."""
+
+    def __call__(self, port: str, value: Signal) -> Signal:
+        return super().__call__(port, checkpoint_name(value, port))
+
+    def _through(self, effect: Effect, port: str, value: Signal) -> Signal:
+        name = effect.name.removeprefix(f"{port}_")
+        return checkpoint_name(super()._through(effect, port, value), f"{port} after {name}")
+
+    def tell(self, **signals: Signal | float) -> None:
+        super().tell(**{name: checkpoint_name(value, name) for name, value in signals.items()})
+
+
+def read_inputs(model: Model, known: Mapping[str, Any]) -> dict[str, str]:
+    """The inputs that a model and its effects read, with units.
+
+    Args:
+        model: the model with its effects.
+        known: names of the inputs that the logs have; empty where that is not known.
+
+    Raises:
+        InputError: a name that the model cannot read.
+    """
+    possible = {**model.inputs, **model.optional_inputs, **model.states}
+    possible |= {name: "" for effect in model.effects for name in effect.needs} | possible
+    needs = [name for effect in model.effects for name in effect.needs]
+    names = list(known) or list(dict.fromkeys([*model.inputs, *needs]))
+    unknown = [name for name in names if name not in possible]
+    if unknown:
+        raise InputError(
+            f"The model '{model}' does not read {listing(unknown)}; it reads {listing(possible)}.",
+            "Correct the names of the inputs.",
+        )
+    return {name: unit for name, unit in possible.items() if name in names}
+
+
+def traced_model(model: Model, inputs: Mapping[str, str]) -> Traced:
+    """Trace a model that reads the given inputs.
+
+    Raises:
+        InputError: an operation without a translation, by its name.
+    """
+    where = f"The model '{model}'"
+    states = {name: unit for name, unit in model.all_states.items() if name not in inputs}
+    values = {name: np.float64(p.value) for name, p in model.parameters.items()}
+    one = {**values, "time": 0.5, **dict.fromkeys((*inputs, *states), np.float64(0.5))}
+    many = {
+        name: value if name in values else np.linspace(0.5, 1.0, _SAMPLES)
+        for name, value in one.items()
+    }
+
+    def signals(given: Mapping[str, Any], *kinds: Mapping[str, str]) -> dict[str, Any]:
+        return {"time": given["time"], **{n: given[n] for kind in kinds for n in kind}}
+
+    def arrive(given: Mapping[str, Any]) -> Mapping[str, Any]:
+        return arriving(model.bind(given), given["time"], signals(given, inputs, {}))
+
+    def start(given: Mapping[str, Any]) -> Mapping[str, Any]:
+        first = Signals(signals(given, inputs))
+        bound = model.bind(given)
+        own = bound.initial(first) if any(n in model.states for n in states) else {}
+        chosen = {
+            name: jnp.where(jnp.isnan(given[name]), own.get(name, 0.0), given[name])
+            for name in model.states
+            if name in states
+        }
+        every = starting_point(bound, first, chosen)
+        return {
+            name: value
+            if name in model.states
+            else jnp.where(jnp.isnan(given[name]), value, given[name])
+            for name, value in every.items()
+        }
+
+    def slopes(given: Mapping[str, Any]) -> dict[str, Any]:
+        bound, s = model.bind(given), Signals(signals(given, inputs, states))
+        port = _Naming(bound.effects, s)
+        own, _ = equations_of(bound, s, port)
+        return {name: {**own, **port.rates}[name] for name in states}
+
+    def rates(given: Mapping[str, Any]) -> Mapping[str, Any]:
+        return {n: k.rate if isinstance(k, Relaxing) else k for n, k in slopes(given).items()}
+
+    def decays(given: Mapping[str, Any]) -> Mapping[str, Any]:
+        return {n: k.decay for n, k in slopes(given).items() if isinstance(k, Relaxing)}
+
+    def read(given: Mapping[str, Any]) -> Mapping[str, Any]:
+        return read_out(model.bind(given), Signals(signals(given, inputs, states)))
+
+    with marked():
+        return Traced(
+            model,
+            inputs,
+            states,
+            arrive=traced(arrive, many, where),
+            start=traced(start, one, where),
+            rates=traced(rates, one, where),
+            decays=traced(decays, one, where),
+            read=traced(read, many, where),
+        )
