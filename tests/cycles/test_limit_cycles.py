@@ -324,7 +324,7 @@ def test_no_cycle_one_and_several_are_answered_in_words():
     assert "oscillations grow" in grows.sentence
     two = found_in(NAMES.index("relay with dead zone: two cycles"))
     assert two.sentence.startswith("2 limit cycles")
-    assert repr(two) == f"LimitCycles: {two.sentence}"
+    assert repr(two) == f"LimitCycles({two.sentence})"
     assert "unstable" in two.sentence
     assert "dies out" in two.report()
     assert "come back to it" in two.report()
