@@ -20,6 +20,8 @@ WIDEST = 100
 _GAP = 2
 _PROSE = 20
 """Words in a column are not squeezed below so many characters while the table can be divided."""
+_WORD = 30
+"""Longer words, such as paths, may be broken."""
 
 
 def rendered(thing: RenderableType) -> str:
@@ -68,7 +70,7 @@ class FittedTable(Table):
         if column.justify == "right":
             least = max([head.minimum, *(cell.maximum for cell in cells)])
             return least, least, widest
-        least = max([head.minimum, *(cell.minimum for cell in cells)])
+        least = min(max([head.minimum, *(cell.minimum for cell in cells)]), _WORD)
         return least, max(least, min(widest, _PROSE)), widest
 
 
