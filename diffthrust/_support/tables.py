@@ -136,7 +136,7 @@ def _html(thing: RenderableType) -> str:
     if isinstance(thing, Table):
         return _html_table(thing)
     if isinstance(thing, Text):
-        return f'<div style="white-space: pre-wrap">{_marked(thing)}</div>' if thing else ""
+        return f'<div style="white-space: pre-wrap; min-height: .6em">{_marked(thing)}</div>'
     return f"<pre>{escape(str(thing))}</pre>"
 
 
