@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import shutil
+import textwrap
 from collections.abc import Iterable, Iterator
 from copy import copy
 from dataclasses import replace
@@ -27,12 +28,12 @@ _WORD = 30
 def rendered(thing: RenderableType) -> str:
     """A table as plain text, without colours; as wide as the terminal, and at most `WIDEST`.
 
-    Text is taken as it is.
+    Of a text only lines that are too long are broken.
     """
-    if isinstance(thing, str):
-        return thing
-    out = StringIO()
     width = min(WIDEST, shutil.get_terminal_size((WIDEST, 24)).columns)
+    if isinstance(thing, str):
+        return "\n".join(textwrap.fill(line, width) or line for line in thing.split("\n"))
+    out = StringIO()
     # in a notebook rich would print past the file
     console = Console(
         file=out, width=width, force_terminal=False, force_jupyter=False, color_system=None
