@@ -98,7 +98,7 @@ def bar(begin: str = "working") -> Iterator[Progress | None]:
 
 
 def _line(message: str, share: float, seconds: float) -> str:
-    """What is done, how much of it, and for how long: as wide as the terminal, and at most `_WIDEST`."""
+    """What is done, how much of it, and for how long, as wide as the terminal."""
     clock = f"{int(seconds) // 60:02d}:{int(seconds) % 60:02d}"
     room = min(_WIDEST, shutil.get_terminal_size().columns) - 1
     words = message[: room // 2]

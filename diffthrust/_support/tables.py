@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import shutil
+import textwrap
 from collections.abc import Iterable, Iterator
 from copy import copy
 from dataclasses import replace
@@ -20,17 +21,19 @@ WIDEST = 100
 _GAP = 2
 _PROSE = 20
 """Words in a column are not squeezed below so many characters while the table can be divided."""
+_WORD = 30
+"""Longer words, such as paths, may be broken."""
 
 
 def rendered(thing: RenderableType) -> str:
     """A table as plain text, without colours; as wide as the terminal, and at most `WIDEST`.
 
-    Text is taken as it is.
+    Of a text only lines that are too long are broken.
     """
-    if isinstance(thing, str):
-        return thing
-    out = StringIO()
     width = min(WIDEST, shutil.get_terminal_size((WIDEST, 24)).columns)
+    if isinstance(thing, str):
+        return "\n".join(textwrap.fill(line, width) or line for line in thing.split("\n"))
+    out = StringIO()
     # in a notebook rich would print past the file
     console = Console(
         file=out, width=width, force_terminal=False, force_jupyter=False, color_system=None
@@ -68,7 +71,7 @@ class FittedTable(Table):
         if column.justify == "right":
             least = max([head.minimum, *(cell.maximum for cell in cells)])
             return least, least, widest
-        least = max([head.minimum, *(cell.minimum for cell in cells)])
+        least = min(max([head.minimum, *(cell.minimum for cell in cells)]), _WORD)
         return least, max(least, min(widest, _PROSE)), widest
 
 
@@ -134,7 +137,7 @@ def _html(thing: RenderableType) -> str:
     if isinstance(thing, Table):
         return _html_table(thing)
     if isinstance(thing, Text):
-        return f'<div style="white-space: pre-wrap">{_marked(thing)}</div>' if thing else ""
+        return f'<div style="white-space: pre-wrap; min-height: .6em">{_marked(thing)}</div>'
     return f"<pre>{escape(str(thing))}</pre>"
 
 

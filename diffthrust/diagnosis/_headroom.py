@@ -105,7 +105,8 @@ class Headroom(Result):
                       "worth": self.worth, "channels": channels})  # fmt: skip
 
     def _line(self) -> str:
-        return self.summary
+        shares = ", ".join(f"{name} {_share(c.share)}" for name, c in self.channels.items())
+        return f"{self.model}: of the squared error could be explained: {shares}"
 
 
 def headroom(

@@ -234,6 +234,8 @@ def _pass(task: _Task, model: Model, substeps: int, shares: tuple[float, float])
     It is told as the progress from one of the ``shares`` to the other.
     """
     horizons, notes = task.horizons, ()
+    tell = part(task.tell, *shares)
+    tell("compiling", 0.0)
     arrange = partial(
         build,
         logs=task.logs,
@@ -249,9 +251,7 @@ def _pass(task: _Task, model: Model, substeps: int, shares: tuple[float, float])
     begin = horizons[0] is None
     problem, silent, first = without_silent(problem, arrange, task.rng, begin)
     hold = task.initial == "auto"
-    search, final = through(
-        problem, horizons, hold, task.starts, task.rng, part(task.tell, *shares), first
-    )
+    search, final = through(problem, horizons, hold, task.starts, task.rng, tell, first)
     length = horizons[-1]
     if task.automatic and horizons != (None,):
         search, final, length, notes = whole_runs(search, final, length)

@@ -107,7 +107,8 @@ class Experiment(Result):
         write_whole(Path(path), ("\n".join(lines) + "\n").encode())
 
     def _line(self) -> str:
-        return self.sentence
+        promise = "decisive" if self.decisive else "not decisive"
+        return f"{' or '.join(self.rivals)}: {promise}, separation {self.separation:.3g}"
 
     def _told(self) -> RenderableType:
         from diffthrust._support.tables import number, texts_table, together

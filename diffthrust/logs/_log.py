@@ -16,7 +16,7 @@ from diffthrust.logs._tables.fields import TableRequest
 from diffthrust.logs._tables.frame import read_frame, time_of
 from diffthrust.logs._units import convert, convert_scale
 from diffthrust.logs._validate import checked_fields, window
-from diffthrust.logs._written import Written
+from diffthrust.logs._written import ShownUnits, Written
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
@@ -330,13 +330,19 @@ class Log:
         )
 
     def __repr__(self) -> str:
+        shown = ShownUnits([self.written])
+
         def described(channels: Mapping[str, np.ndarray]) -> str:
             texts = []
             for key, samples in channels.items():
                 about = [f"{n} missing"] if (n := int(np.isnan(samples).sum())) else []
                 about += ["unsigned"] if key in self.unsigned else []
-                unit = f" [{self.units[key]}]" if self.units[key] else ""
-                texts.append(key + unit + (f" ({', '.join(about)})" if about else ""))
+                unit = shown.unit(key, self.units[key])
+                texts.append(
+                    key
+                    + (f" [{unit}]" if unit else "")
+                    + (f" ({', '.join(about)})" if about else "")
+                )
             return ", ".join(texts) or "none"
 
         return (
@@ -347,13 +353,14 @@ class Log:
     def _repr_html_(self) -> str:
         from diffthrust._support.tables import html, number, texts_table, together
 
-        rows = []
+        shown, rows = ShownUnits([self.written]), []
         for name, samples in {**self.inputs, **self.measured}.items():
-            seen = samples[np.isfinite(samples)]
+            unit = shown.unit(name, self.units[name])
+            seen = shown.values(name, samples[np.isfinite(samples)], self.units[name])
             ends = [number(float(pick(seen)), 4) for pick in (np.min, np.mean, np.max)]
             kind = "input" if name in self.inputs else "measured"
             kind += ", unsigned" * (name in self.unsigned)
-            rows.append((name, kind, *ends, self.units[name], str(samples.size - seen.size)))
+            rows.append((name, kind, *ends, unit, str(samples.size - seen.size)))
         headings = ("Channel", "", "Least", "Mean", "Greatest", "Unit", "Missing")
         size = f"Log {self.name!r}: {len(self)} samples over {self.duration:.6g} s, "
         size += f"a sample every {self.step:.4g} s"

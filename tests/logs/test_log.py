@@ -148,7 +148,7 @@ def test_none_and_columns_of_other_types_are_read():
 
 def test_repr_says_what_is_inside():
     text = repr(make())
-    for word in ("'run1'", "4 samples", "0.2 s", "command", "speed [rad/s] (1 missing, unsigned)"):
+    for word in ("'run1'", "4 samples", "0.2 s", "command", "speed [rpm] (1 missing, unsigned)"):
         assert word in text
 
 
