@@ -117,7 +117,9 @@ def _draw(axes: Axes, panel: Panel) -> bool:
     known = np.isfinite(panel.values)
     gaps = _gaps(panel.time)
     for k in gaps:
-        axes.axvspan(panel.time[k], panel.time[k + 1], color=_SHADE, alpha=0.25, linewidth=0)
+        axes.axvspan(
+            float(panel.time[k]), float(panel.time[k + 1]), color=_SHADE, alpha=0.25, linewidth=0
+        )
     if not known.any():
         return bool(gaps.size)
     time, values = panel.time, panel.values

@@ -11,7 +11,7 @@ from diffthrust.logs._channels import CHANNELS
 from diffthrust.logs._contents import Contents, Field
 from diffthrust.logs._units import convert, same_quantity
 from diffthrust.survey._guess import LIKELY, PERHAPS, SURE, Meaning, meanings, plain_command
-from diffthrust.survey._moves import difference, together, turning
+from diffthrust.survey._moves import correlated, difference, turning
 from diffthrust.survey._values import numbers_of, one_sided, two_sided, varies
 
 _RANK = {SURE: 0, LIKELY: 1, PERHAPS: 2}
@@ -262,7 +262,7 @@ def _propeller(pool: _Pool, motion: dict[str, Pick]) -> _Drive | None:
     if len(drive) < 2:
         return None
     rudder, rate = drive["rudder_angle"], motion.get("yaw_rate")
-    if rate is not None and together(rudder.field, rate.field) * rate.meaning.scale > _FIRMLY:
+    if rate is not None and correlated(rudder.field, rate.field) * rate.meaning.scale > _FIRMLY:
         rudder = replace(rudder, meaning=replace(rudder.meaning, scale=-rudder.meaning.scale))
         rudder = rudder.doubted(
             "Turned round by scale: here a positive angle turns to starboard, in the model to port."
@@ -296,7 +296,7 @@ def _thruster(pool: _Pool, plain: Choice) -> Choice | None:
     speed, thrust = measured["speed"], measured["thrust"]
     speed = replace(speed, role="input")
     if one_sided(speed.field.values) and not one_sided(thrust.field.values):
-        if together(speed.field, thrust.field) < -_FIRMLY:
+        if correlated(speed.field, thrust.field) < -_FIRMLY:
             speed = replace(speed, meaning=replace(speed.meaning, scale=-speed.meaning.scale))
             speed = speed.doubted(
                 "It has no sign; turned round by scale, as the thrust falls where it rises."
@@ -354,8 +354,8 @@ def _picked(
 def _follows(command: tuple[Field, Meaning], answer: tuple[Field, Meaning]) -> float:
     """How firmly an answer follows a command, with the sign or without."""
     zero = command[1].pwm.stop if command[1].pwm else 0.0
-    signed = together(command[0], answer[0], zero=zero)
-    return max(abs(signed), together(command[0], answer[0], zero=zero, sizes=True))
+    signed = correlated(command[0], answer[0], zero=zero)
+    return max(abs(signed), correlated(command[0], answer[0], zero=zero, sizes=True))
 
 
 def _axis_vehicle(pool: _Pool, plain: Choice) -> Choice | None:

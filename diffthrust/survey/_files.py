@@ -50,7 +50,7 @@ class Files:
         return tuple(suited[:-1]), (suited[-1],), (*apart, *self.refused)
 
 
-def gathered(paths: Sequence[Path]) -> Files:
+def files_at(paths: Sequence[Path]) -> Files:
     """Read what is in some files, and in those of folders.
 
     Raises:

@@ -11,7 +11,7 @@ import numpy as np
 from diffthrust.logs._contents import Field
 from diffthrust.logs._units import same_quantity
 from diffthrust.logs._written import PWM
-from diffthrust.survey._names import side_of, units_of, words_of
+from diffthrust.survey._names import named_units, side_of, words_of
 from diffthrust.survey._rules import (
     UNIT_OF,
     named_pwm,
@@ -104,7 +104,7 @@ def _meaning(field: Field, speeds: dict[str, str]) -> Meaning:
         return Meaning("", why="no numbers")
     if counts(field.values) and words in _ROW_NUMBERS and field.time is None:
         return Meaning("derived", why="row numbers")
-    units = units_of(field.name, field.unit)
+    units = named_units(field.name, field.unit)
     named = iter([speeds[words]]) if words in speeds else quantities_of(words)
     if field.time is None:  # what a struct calls its member
         named = chain(named, quantities_of(words_of(field.name.rsplit(".", 1)[-1])))

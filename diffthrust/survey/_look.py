@@ -14,7 +14,7 @@ from diffthrust._support.files import ending, write_whole
 from diffthrust._support.results import Result
 from diffthrust.survey._choice import Choice, choice_of
 from diffthrust.survey._draft import drafted
-from diffthrust.survey._files import gathered
+from diffthrust.survey._files import files_at
 from diffthrust.survey._rows import ColumnRow, rows_of
 
 if TYPE_CHECKING:
@@ -96,6 +96,10 @@ class Look(Result):
         write_whole(target, self._drafted(target.parent).encode())
         return target
 
+    def _line(self) -> str:
+        model = self.model or "no model"
+        return f"{self.path.name!r}: {self.kind}, {len(self.columns)} columns, {model}"
+
     def _told(self) -> RenderableType:
         from diffthrust.survey._tables import look_table
 
@@ -155,7 +159,7 @@ def look(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Look:
         'thruster'
     """
     several = [Path(path)] if isinstance(path, str | PathLike) else [Path(one) for one in path]
-    files = gathered(several)
+    files = files_at(several)
     choice = choice_of(files.contents)
     train, holdout, apart = files.split(choice)
     return Look(files.contents.path, choice, rows_of(choice), train, holdout, apart)

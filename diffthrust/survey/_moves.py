@@ -10,7 +10,7 @@ _POINTS, _LAGS, _SHARE = 2000, 20, 0.05
 """Points of the common grid, lags tried, and the share of the log that they reach across."""
 
 
-def together(first: Field, second: Field, *, zero: float = 0.0, sizes: bool = False) -> float:
+def correlated(first: Field, second: Field, *, zero: float = 0.0, sizes: bool = False) -> float:
     """The correlation of two columns, where the second may follow the first.
 
     Args:

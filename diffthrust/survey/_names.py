@@ -66,7 +66,7 @@ def words_of(name: str) -> str:
     return " ".join(re.findall(r"[^\W_]+|%|°", name.lower()))
 
 
-def units_of(name: str, said: str = "") -> tuple[str, ...]:
+def named_units(name: str, said: str = "") -> tuple[str, ...]:
     """The units that a name ends in, or that the file says; several where a spelling has several.
 
     Args:
@@ -74,7 +74,7 @@ def units_of(name: str, said: str = "") -> tuple[str, ...]:
         said: the unit that the file gives for it.
 
     Example:
-        >>> units_of("thrust_kgf"), units_of("speed_ms"), units_of("tach_rad_s"), units_of("t")
+        >>> named_units("thrust_kgf"), named_units("speed_ms"), named_units("tach_rad_s"), named_units("t")
         (('kgf',), ('m/s', 'ms'), ('rad/s',), ())
     """
     bracket = _BRACKETS.search(name)

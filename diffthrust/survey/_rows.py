@@ -33,7 +33,7 @@ class ColumnRow:
         high: largest number.
         rate: samples a second, by its own stamps or those of the table; NaN where not known.
         gap: largest step between two stamps [s].
-        remark: what is odd about it, in words.
+        remarks: what is odd about it, in words.
     """
 
     name: str
@@ -49,7 +49,7 @@ class ColumnRow:
     high: float
     rate: float
     gap: float
-    remark: str
+    remarks: tuple[str, ...]
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
@@ -100,11 +100,11 @@ def _row(
         high=float(numbers.max()) if numbers.size else math.nan,
         rate=sampled[0],
         gap=sampled[1],
-        remark=_remark(field, pick, *sampled),
+        remarks=_remarks(field, pick, *sampled),
     )
 
 
-def _remark(field: Field, pick: Pick | None, rate: float, gap: float) -> str:
+def _remarks(field: Field, pick: Pick | None, rate: float, gap: float) -> tuple[str, ...]:
     numbers = numbers_of(field.values)
     told = []
     if not numbers.size:
@@ -119,4 +119,4 @@ def _remark(field: Field, pick: Pick | None, rate: float, gap: float) -> str:
         told.append("turned round")
     if field.time is not None and gap * rate > _WIDE:
         told.append(f"a gap of {gap:.3g} s")
-    return ", ".join(told)
+    return tuple(told)

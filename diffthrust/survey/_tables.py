@@ -65,6 +65,8 @@ def look_table(seen: Looked, *, all: bool = False) -> RenderableType:
         rest = [row for row in rows if row not in shown]
     parts: list[RenderableType] = [Text(_first_line(seen)), Text()]
     parts.append(_table(shown, messages))
+    if remarks := _remarks(shown):
+        parts += [Text(), _listed(remarks)]
     if rest:
         parts += [Text(), Text(f"{len(rest)} more fields (--all shows them): {_grouped(rest)}")]
     parts += [Text(), Text(_model_line(seen))]
@@ -76,10 +78,7 @@ def look_table(seen: Looked, *, all: bool = False) -> RenderableType:
 def _table(rows: Sequence[ColumnRow], messages: bool) -> Table:
     headings = ["Column", "Taken for", "Unit", "From", "To"]
     headings += ["Hz"] if messages else []
-    remarks = any(map(_remark, rows))
-    table = plain_table(
-        *headings, *(["Remark"] if remarks else []), numbers=range(3, len(headings))
-    )
+    table = plain_table(*headings, numbers=range(3, len(headings)))
     table.columns[0].no_wrap = max((len(row.name) for row in rows), default=0) <= _NAME
     before = None
     for row in rows:
@@ -89,13 +88,18 @@ def _table(rows: Sequence[ColumnRow], messages: bool) -> Table:
         cells = [f"  {row.name or '(no name)'}", _taken(row), row.unit]
         cells += [number(row.low, 3), number(row.high, 3)]
         cells += [number(row.rate, 3)] if messages else []
-        table.add_row(*map(Text, [*cells, *([_remark(row)] if remarks else [])]))
+        table.add_row(*map(Text, cells))
     return table
 
 
-def _remark(row: ColumnRow) -> str:
-    missing = f"{percent(row.missing)} missing" if 0 < row.missing < 1 else ""
-    return ", ".join(word for word in (row.remark, missing) if word)
+def _remarks(rows: Sequence[ColumnRow]) -> list[str]:
+    """What is odd, and of which columns."""
+    told: dict[str, list[str]] = {}
+    for row in rows:
+        missing = [f"{percent(row.missing)} missing"] if 0 < row.missing < 1 else []
+        for remark in (*row.remarks, *missing):
+            told.setdefault(remark, []).append(row.name)
+    return [f"{remark}: {', '.join(names)}" for remark, names in told.items()]
 
 
 def _taken(row: ColumnRow) -> str:
