@@ -12,10 +12,11 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
 from diffthrust._support.files import ending, write_whole
 from diffthrust._support.results import Result
-from diffthrust.survey._choice import Choice, choice_of
+from diffthrust.survey._choice import Choice
 from diffthrust.survey._draft import drafted
 from diffthrust.survey._files import files_at
 from diffthrust.survey._rows import ColumnRow, rows_of
+from diffthrust.survey._suited import choice_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -74,8 +74,8 @@ def named_units(name: str, said: str = "") -> tuple[str, ...]:
         said: the unit that the file gives for it.
 
     Example:
-        >>> named_units("thrust_kgf"), named_units("speed_ms"), named_units("tach_rad_s"), named_units("t")
-        (('kgf',), ('m/s', 'ms'), ('rad/s',), ())
+        >>> named_units("thrust_kgf"), named_units("speed_ms"), named_units("t")
+        (('kgf',), ('m/s', 'ms'), ())
     """
     bracket = _BRACKETS.search(name)
     for text in (said, bracket[1] if bracket else ""):

@@ -7,9 +7,9 @@ import pytest
 
 from diffthrust._support.tables import rendered  # private: as the terminal has it
 from diffthrust.logs._contents import Contents, Field  # private: what files hold, made up here
-from diffthrust.survey._choice import choice_of  # private: which model suits them
 from diffthrust.survey._guess import meanings  # private: the guesses themselves
 from diffthrust.survey._rows import rows_of  # private: the rows that a table shows
+from diffthrust.survey._suited import choice_of  # private: which model suits them
 from diffthrust.survey._tables import look_table  # private: shown at 80 columns
 
 WAVE = np.sin(np.linspace(0, 20, 400))
