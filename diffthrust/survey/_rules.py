@@ -46,7 +46,10 @@ _RULES: tuple[tuple[str, str], ...] = (
         r"gyro xyz 2|angular( velocity)? z|w z|omega z|wz|heading rate|turn rate|rate of turn|rot|"
         r"angular velocity xyz 2|r (rad|deg))\b|^r$",
     ),
-    ("derived", r"\b(linear z|angular [xy]|gyro? [xy]|v ?z|orientation|quaternion|q [wxyz])\b"),
+    (
+        "derived",
+        r"\b(linear z|angular [xy]|xyz [01]|gyro? [xy]|v ?z|orientation|quaternion|q [wxyz])\b",
+    ),
     ("derived", r"\b(dot|acc|accel|acceleration|jerk|delta v|local position v[xyz]?)\b"),
     ("supply_voltage", r"\b(bat|batt|battery|supply|bus|pack)\b.*\b(volts?|voltage|v|u)\b"),
     ("supply_voltage", r"\b(v ?(bat|batt|supply|bus|cc|in|dc)|u (bat|batt|supply|dc))\b"),

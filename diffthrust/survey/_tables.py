@@ -12,6 +12,7 @@ from rich.text import Text
 
 from diffthrust._support.tables import number, plain_table
 from diffthrust._support.words import percent, spelt
+from diffthrust.survey._rules import NO_CHANNEL, UNIT_OF
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -61,7 +62,7 @@ def look_table(seen: Looked, *, all: bool = False) -> RenderableType:
     order = list(_ROLES)
     shown, rest = sorted(rows, key=lambda row: order.index(row.role)), []
     if len(rows) > _WIDE and not all:
-        shown = [row for row in shown if row.channel or row.quantity in _used(choice)][:_WIDE]
+        shown = [row for row in shown if row.channel or _usable(row)][:_WIDE]
         rest = [row for row in rows if row not in shown]
     parts: list[RenderableType] = [Text(_first_line(seen)), Text()]
     parts.append(_table(shown, messages))
@@ -149,10 +150,10 @@ def _model_line(seen: Looked) -> str:
     return told
 
 
-def _used(choice: Choice) -> set[str]:
-    from diffthrust.survey._rules import NO_CHANNEL
-
-    return {m.quantity for m in choice.meanings} - {"", "time", *NO_CHANNEL}
+def _usable(row: ColumnRow) -> bool:
+    """Whether a model might use it."""
+    known = row.quantity in UNIT_OF and row.quantity not in NO_CHANNEL
+    return known and row.low < row.high
 
 
 def _grouped(rows: Iterable[ColumnRow]) -> str:
