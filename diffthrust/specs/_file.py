@@ -210,7 +210,7 @@ def read_spec_text(path: Path) -> str:
     Raises:
         InputError: there is no such file, it is a log, or it is not UTF-8 text.
     """
-    if path.is_file() and path.suffix.lower() != ".toml" and is_log(path):
+    if path.is_file() and is_log(path) and not _is_toml(path):
         raise InputError(
             f"{path}: expected a spec file (TOML), found a log ({kind_of(path).article}).",
             _look(path),
@@ -225,7 +225,9 @@ def read_spec_text(path: Path) -> str:
         ) from None
     except OSError as error:
         folder = path.parent
-        if path.name == NAME and folder.is_dir() and any(map(is_log, sorted(folder.iterdir()))):
+        inside = sorted(folder.iterdir()) if path.name == NAME and folder.is_dir() else []
+        others = any(file.suffix.lower() == ".toml" for file in inside)
+        if not others and any(map(is_log, inside)):
             raise InputError(
                 f"{folder}: expected a {NAME} in this folder, found logs alone.", _look(folder)
             ) from None
@@ -233,6 +235,15 @@ def read_spec_text(path: Path) -> str:
             f"{path}: the spec file cannot be read ({error.strerror or error}).",
             f"Name a TOML file, or a folder that holds a {NAME}.",
         ) from None
+
+
+def _is_toml(path: Path) -> bool:
+    if path.suffix.lower() == ".toml":
+        return True
+    try:
+        return bool(tomllib.loads(path.read_text("utf-8")))
+    except ValueError:  # of TOML and of UTF-8
+        return False
 
 
 def _look(path: Path) -> str:

@@ -59,6 +59,13 @@ def test_a_log_given_for_a_spec_points_to_look(command, run1):
     assert f"diffthrust look {run1} --spec fit.toml, then diffthrust fit fit.toml" in told
 
 
+def test_a_spec_may_have_any_ending(run1, tmp_path):
+    spec = tmp_path / "fit.txt"
+    run("look", run1, "--spec", tmp_path / "fit.toml")
+    (tmp_path / "fit.toml").rename(spec)
+    assert "thruster" in run("fit", spec).stdout
+
+
 def test_a_folder_of_logs_alone_points_to_look(run1):
     told = run("fit", run1.parent, status=2).output
     assert "found logs alone" in told
