@@ -18,6 +18,7 @@ from . import plans as plans
 from . import saved as saved
 from . import simulation as simulation
 from . import specs as specs
+from . import survey as survey
 from . import uncertainty as uncertainty
 from ._support.errors import InputError as InputError
 from .comparison._compare import Comparison as Comparison
@@ -48,6 +49,7 @@ from .saved._load import load as load
 from .simulation._simulate import simulate as simulate
 from .simulation._step_size import CoarseStepWarning as CoarseStepWarning
 from .specs._spec import load_spec as load_spec
+from .survey._look import look as look
 from .uncertainty._intervals import intervals as intervals
 from .uncertainty._prediction.predict import predict as predict
 from .uncertainty._sampling.sample import sample as sample

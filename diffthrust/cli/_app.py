@@ -15,6 +15,7 @@ from diffthrust.cli._diagnose import diagnose_command
 from diffthrust.cli._effects import effects_command
 from diffthrust.cli._export import export_command
 from diffthrust.cli._fit import fit_command
+from diffthrust.cli._look import look_command
 from diffthrust.cli._map import map_command
 from diffthrust.cli._new import new_command
 from diffthrust.cli._sample import sample_command
@@ -49,6 +50,7 @@ def _start(
 
 
 for _command in (
+    look_command,
     fit_command,
     compare_command,
     diagnose_command,

@@ -118,6 +118,18 @@ def kind_of(path: Path) -> Kind:
     )
 
 
+def is_log(path: Path) -> bool:
+    """Whether a file is a log, as far as its first bytes and the ending of a text tell."""
+    try:
+        kind = kind_of(path)
+    except InputError:
+        return False
+    return kind is not TEXT or path.suffix.lower() in _TEXT
+
+
+_TEXT = (".csv", ".tsv", ".txt", ".dat")
+
+
 def _is_other_archive(path: Path) -> bool:
     try:
         with ZipFile(path) as archive:

@@ -4,11 +4,12 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from diffthrust._support.errors import InputError, Place
+from diffthrust._support.figures import showing
 from diffthrust._support.names import listing, nearest
 from diffthrust.logs._columns import Column
 from diffthrust.logs._identity import LogFile, LogIdentity, content_hash
@@ -17,6 +18,9 @@ from diffthrust.logs._tables.frame import read_frame, time_of
 from diffthrust.logs._units import convert, convert_scale
 from diffthrust.logs._validate import checked_fields, window
 from diffthrust.logs._written import ShownUnits, Written
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
@@ -328,6 +332,20 @@ class Log:
             hold=dict.fromkeys(self.hold, "linear"),
             notes=(*self.notes, f"{samples} samples each were averaged into one."),
         )
+
+    @showing
+    def plot(self) -> "Figure":
+        """Draw all channels over time, below each other: inputs on top, gaps in time shaded.
+
+        Returns:
+            The figure; its time begins with the first sample, as ``start`` and ``stop`` do.
+
+        Example:
+            >>> log.plot().savefig("run1.png")  # doctest: +SKIP
+        """
+        from diffthrust.logs._figures import log_figure
+
+        return log_figure(self)
 
     def __repr__(self) -> str:
         shown = ShownUnits([self.written])

@@ -22,6 +22,7 @@ from pydantic import (
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
 from diffthrust.logs._columns import Column
+from diffthrust.logs._kinds import is_log, kind_of
 from diffthrust.logs._written import PWM
 from diffthrust.specs._lines import line_of
 
@@ -207,8 +208,13 @@ def read_spec_text(path: Path) -> str:
     """The text of a spec file, line ends untouched.
 
     Raises:
-        InputError: there is no such file, or it is not UTF-8 text.
+        InputError: there is no such file, it is a log, or it is not UTF-8 text.
     """
+    if path.is_file() and is_log(path) and not _is_toml(path):
+        raise InputError(
+            f"{path}: expected a spec file (TOML), found a log ({kind_of(path).article}).",
+            _look(path),
+        )
     try:
         return path.read_bytes().decode("utf-8")
     except UnicodeDecodeError as error:
@@ -218,10 +224,33 @@ def read_spec_text(path: Path) -> str:
             "Save the file as UTF-8.",
         ) from None
     except OSError as error:
+        folder = path.parent
+        inside = sorted(folder.iterdir()) if path.name == NAME and folder.is_dir() else []
+        others = any(file.suffix.lower() == ".toml" for file in inside)
+        if not others and any(map(is_log, inside)):
+            raise InputError(
+                f"{folder}: expected a {NAME} in this folder, found logs alone.", _look(folder)
+            ) from None
         raise InputError(
             f"{path}: the spec file cannot be read ({error.strerror or error}).",
             f"Name a TOML file, or a folder that holds a {NAME}.",
         ) from None
+
+
+def _is_toml(path: Path) -> bool:
+    if path.suffix.lower() == ".toml":
+        return True
+    try:
+        return bool(tomllib.loads(path.read_text("utf-8")))
+    except ValueError:  # of TOML and of UTF-8
+        return False
+
+
+def _look(path: Path) -> str:
+    return (
+        f"Have a spec drafted, read it, then fit: diffthrust look {path} --spec {NAME}, then "
+        f"diffthrust fit {NAME}."
+    )
 
 
 def parse_toml(text: str, file: Path | str) -> dict[str, Any]:

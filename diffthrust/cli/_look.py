@@ -1,0 +1,66 @@
+"""The command ``diffthrust look``: what is in a file, and a spec file to begin with."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from diffthrust._support.files import write_json
+from diffthrust.cli._session import (
+    FIGURE_TYPES,
+    JsonPath,
+    file_type,
+    session,
+    show,
+    write_figure,
+    written,
+)
+
+
+def look_command(
+    files: Annotated[
+        list[Path],
+        typer.Argument(metavar="FILE...", help="A log, several of one kind, or a folder of them."),
+    ],
+    figure: Annotated[
+        Path | None,
+        typer.Option(
+            "--figure",
+            metavar="FILE.png",
+            help="Draw the channels over time (.png, .svg, .pdf).",
+            callback=file_type(*FIGURE_TYPES),
+        ),
+    ] = None,
+    spec: Annotated[
+        Path | None,
+        typer.Option(
+            "--spec",
+            metavar="FILE.toml",
+            help="Write the draft of a spec file.",
+            callback=file_type(".toml"),
+        ),
+    ] = None,
+    json: JsonPath = None,
+    all: Annotated[bool, typer.Option("--all", help="Show every field of a robot's log.")] = False,
+) -> None:
+    """Say what is in a log, and draft a spec file for a first fit."""
+    with session():
+        from diffthrust.survey._look import look
+        from diffthrust.survey._tables import look_table
+
+        seen = look(files)
+        if spec:
+            seen.save_spec(spec)
+        if json:
+            write_json(json, seen.to_json())
+        if figure:
+            write_figure(figure, seen.plot)
+        show(look_table(seen, all=all))
+    written(spec, json, figure)
+    if spec and seen.model:
+        typer.echo(f"Next: read the doubts in {spec}, then diffthrust fit {spec}")
+    elif not spec:
+        names = " ".join(map(str, files))
+        typer.echo(f"Next: diffthrust look {names} --spec fit.toml drafts a spec file")

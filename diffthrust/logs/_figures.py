@@ -1,0 +1,144 @@
+"""Channels over time, below each other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from diffthrust._support.figures import BLUE, literal, styled, thinned
+from diffthrust.logs._written import ShownUnits, Written
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_FEW = 150
+"""Samples up to which each has a mark."""
+_GAP = 5.0
+"""A step of so many median ones is a gap."""
+_MOST = 200
+"""Gaps that are shaded."""
+_SPARSE = 0.6
+"""A channel with fewer samples is one of several rates: what lies between them is no gap."""
+_SHADE = "#E69F00"
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One channel.
+
+    Args:
+        label: its name.
+        unit: of its numbers.
+        time: stamps [s], ``(n,)``.
+        values: ``(n,)``; NaN where missing.
+        driving: an input.
+        steps: it keeps its value until the next sample.
+    """
+
+    label: str
+    unit: str
+    time: np.ndarray
+    values: np.ndarray
+    driving: bool = False
+    steps: bool = False
+
+
+class Recorded(Protocol):
+    """What of a log is drawn."""
+
+    @property
+    def time(self) -> np.ndarray: ...
+
+    @property
+    def inputs(self) -> Mapping[str, np.ndarray]: ...
+
+    @property
+    def measured(self) -> Mapping[str, np.ndarray]: ...
+
+    @property
+    def units(self) -> Mapping[str, str]: ...
+
+    @property
+    def hold(self) -> Mapping[str, str]: ...
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def written(self) -> Mapping[str, Written]: ...
+
+
+def log_figure(log: Recorded) -> Figure:
+    """The inputs of a log on top, what it measured below, in the units in which it was written."""
+    panels = []
+    told, stored = ShownUnits([log.written]), log.units
+    for channels in (log.inputs, log.measured):
+        for name, values in channels.items():
+            driving = channels is log.inputs
+            steps = driving and log.hold.get(name) == "zero"
+            unit, shown = told.unit(name, stored[name]), told.values(name, values, stored[name])
+            panels.append(Panel(name, unit, log.time, shown, driving, steps))
+    return panels_figure(panels, log.name)
+
+
+def panels_figure(
+    panels: Sequence[Panel], title: str, along: str = "time from the first sample [s]"
+) -> Figure:
+    """Panels below each other, on one time axis.
+
+    Args:
+        panels: the channels, inputs first.
+        title: of the figure.
+        along: label of the time axis.
+    """
+    from matplotlib.figure import Figure
+
+    count = max(1, len(panels))
+    tall = 1.7 if count < 6 else 1.25
+    figure = Figure(figsize=(9.0, 0.8 + tall * count), layout="constrained")
+    grid = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+    start = min((float(panel.time[0]) for panel in panels if panel.time.size), default=0.0)
+    shaded = False
+    for axes, panel in zip(grid, panels, strict=False):
+        shaded |= _draw(axes, replace(panel, time=panel.time - start))
+    grid[-1].set_xlabel(along + "; shaded: no samples" * shaded, fontsize=9)
+    figure.suptitle(literal(title), x=0.01, ha="left", fontsize=11, fontweight="bold")
+    return figure
+
+
+def _draw(axes: Axes, panel: Panel) -> bool:
+    """One panel; whether there is a gap in it."""
+    unit = f" [{panel.unit}]" if panel.unit else ""
+    styled(axes, literal(f"{panel.label}{unit}"), "", "")
+    known = np.isfinite(panel.values)
+    gaps = _gaps(panel.time)
+    for k in gaps:
+        axes.axvspan(
+            float(panel.time[k]), float(panel.time[k + 1]), color=_SHADE, alpha=0.25, linewidth=0
+        )
+    if not known.any():
+        return bool(gaps.size)
+    time, values = panel.time, panel.values
+    if known.mean() < _SPARSE:
+        time, values = time[known], values[known]
+    elif not panel.steps:  # nothing was measured between
+        time, values = np.insert(time, gaps + 1, time[gaps]), np.insert(values, gaps + 1, np.nan)
+    style: dict[str, Any] = {"marker": "o", "markersize": 2.5} if known.sum() <= _FEW else {}
+    t, y = thinned(time, values)
+    style["drawstyle"] = "steps-post" if panel.steps and t.size == time.size else "default"
+    axes.plot(t, y, color="0.2" if panel.driving else BLUE, linewidth=1.0, **style)
+    if np.ptp(values[np.isfinite(values)]) == 0:
+        axes.margins(y=0.3)
+    return bool(gaps.size)
+
+
+def _gaps(time: np.ndarray) -> np.ndarray:
+    """The samples before steps many times the median one."""
+    steps = np.diff(time)
+    if steps.size < 3:
+        return np.zeros(0, int)
+    return np.flatnonzero(steps > _GAP * np.median(steps))[:_MOST]

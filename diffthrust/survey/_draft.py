@@ -1,0 +1,166 @@
+"""The draft of a spec file: what was guessed as keys, what is in doubt as comments."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator, Sequence
+from os.path import commonpath, relpath
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomlkit
+
+from diffthrust.survey._choice import Choice, Pick
+
+_WIDTH = 96
+_ROLES = {"input": " # an input", "measured": " # measured", "": ""}
+
+
+def drafted(
+    choice: Choice, train: Sequence[Path], holdout: Sequence[Path], folder: Path, apart: str = ""
+) -> str:
+    """The text of a spec file.
+
+    Args:
+        choice: the model and its channels.
+        train: the logs to fit.
+        holdout: the logs that are not fitted.
+        folder: where the file will lie; its paths are relative to it.
+        apart: sentences on files that were left out.
+    """
+    lines = [*_head(choice, train, apart), ""]
+    if choice.model is None:
+        lines += ['# model = "thruster" # diffthrust new --help lists the models', ""]
+    else:
+        lines += [*_model(choice), "effects = [] # diffthrust effects lists them", ""]
+    lines += _logs(choice, train, holdout, folder)
+    for name, pick in choice.channels.items():
+        lines += ["", *_channel(name, pick)]
+    if choice.held:
+        lines += ["", "[parameters]", *(f"{name} = {{ fixed = true }}" for name in choice.held)]
+    if choice.model == "vessel":
+        lines += ["", "[parameters]", "lever_arm = { value = 0.5 } # [m], not in a log: measure it"]
+    if choice.spare:
+        lines += ["", *_comment("Also in the file. Remove the # to use one:")]
+        for name, pick in choice.spare.items():
+            lines += ["#", *(f"# {line}" if line else "#" for line in _channel(name, pick))]
+    unused = _unused(choice)
+    if unused:
+        lines += ["", *_comment(f"Not used: {unused}.")]
+    return "\n".join(lines) + "\n"
+
+
+def _model(choice: Choice) -> Iterator[str]:
+    command = choice.channels.get("command")
+    yield f'model = "{choice.model}"'
+    if choice.model == "thruster" and command is not None:
+        if command.meaning.unit == "V":
+            yield '# or "dc_motor_thruster", with the currents and voltages of its motor'
+        else:
+            yield '# or "speed_loop_thruster", where the motor controller (ESC) holds a speed'
+    if choice.model == "speed_loop_thruster":
+        yield "# the command is the set point of a speed"
+
+
+def _head(choice: Choice, train: Sequence[Path], apart: str) -> Iterator[str]:
+    names = train[0].name if len(train) == 1 else f"{train[0].name} and {len(train) - 1} more"
+    yield from _comment(
+        f"Drafted from {names} ({choice.contents.kind}). What is in doubt stands in comments: read "
+        "them, correct the keys, and run diffthrust fit on this file."
+    )
+    for doubt in (*choice.doubts, apart):
+        if doubt:
+            yield "#"
+            yield from _comment(doubt)
+
+
+def _logs(
+    choice: Choice, train: Sequence[Path], holdout: Sequence[Path], folder: Path
+) -> Iterator[str]:
+    def files(paths: Sequence[Path]) -> str:
+        names = [_toml(_as_seen(path.resolve(), folder.resolve())) for path in paths]
+        one = f"[{', '.join(names)}]"
+        return one if len(one) < 80 else "[\n" + "".join(f"    {name},\n" for name in names) + "]"
+
+    yield "[logs]"
+    yield f"train = {files(train)}"
+    if holdout:
+        yield f"holdout = {files(holdout)} # never fitted: it shows what the fit is worth"
+    else:
+        yield '# holdout = ["..."] # another log, never fitted, shows what the fit is worth'
+    if choice.contents.messages:
+        yield 'base = "messages" # all stamps as they are; or a step in seconds, such as 0.1'
+    elif choice.step is not None:
+        yield f"time = {choice.step:g} # [s] a row"
+    elif choice.time is None:
+        yield "time = 0.5 # [s] a row" if choice.held else "time = false # a table without time"
+    else:
+        yield from _doubts(choice.time)
+        clock = choice.time.field
+        unit = f", unit = {_toml(choice.time.meaning.unit)}"
+        if clock.dates:
+            unit = f", dates = {_toml(clock.date_formats[0])}" if clock.date_formats else ""
+        yield f"time = {{ column = {_toml(clock.name)}{unit} }}"
+    if choice.contents.sheet:
+        yield f"sheet = {_toml(choice.contents.sheet)}"
+    used = [*choice.channels.values()]
+    texts = list(dict.fromkeys(p.field.text for p in used if p.field.text))
+    if texts:
+        yield f"missing_values = [{', '.join(map(_toml, texts))}] # these cells hold no number"
+    if used and not choice.contents.messages:
+        known = np.array([np.isfinite(p.field.values) for p in used])
+        driving = np.array([p.role == "input" for p in used])
+        if (known.any(axis=0) & ~known[driving].all(axis=0)).any():  # blank rows are dropped
+            yield "interpolate_inputs = true # an input has missing samples"
+
+
+def _as_seen(path: Path, folder: Path) -> str:
+    """A path as seen from a folder; whole where nothing but the root holds both."""
+    apart = Path(commonpath((path, folder))) == Path(path.anchor)
+    return path.as_posix() if apart else Path(relpath(path, folder)).as_posix()
+
+
+def _channel(name: str, pick: Pick) -> Iterator[str]:
+    yield f"[channels.{name}]{_ROLES[pick.role]}"
+    yield from _doubts(pick)
+    yield f"column = {_toml(pick.field.name)}"
+    if pick.others:
+        few = ", ".join(_toml(other) for other in pick.others[:4])
+        yield from _comment(f"or one of {few}" if len(pick.others) > 1 else f"or {few}")
+    meaning = pick.meaning
+    if meaning.pwm is not None:
+        widths = meaning.pwm
+        reverse = "" if widths.reverse is None else f", reverse = {widths.reverse:g}"
+        yield f"pwm = {{ stop = {widths.stop:g}, full = {widths.full:g}{reverse} }}"
+    elif meaning.unit:
+        yield f"unit = {_toml(meaning.unit)}"
+        if meaning.unit == "percent":
+            yield "effort = true # 100 at full drive"
+    if pick.unsigned:
+        yield "unsigned = true"
+    if meaning.scale != 1:
+        yield f"scale = {meaning.scale:.10g}"
+    if meaning.offset:
+        yield f"offset = {meaning.offset:.10g}"
+
+
+def _doubts(pick: Pick) -> Iterator[str]:
+    for doubt in pick.doubts:
+        yield from _comment(doubt)
+
+
+def _comment(words: str) -> list[str]:
+    return [f"# {line}" for line in textwrap.wrap(words, _WIDTH - 2, break_long_words=False)]
+
+
+def _toml(value: Any) -> str:
+    return tomlkit.item(value).as_string()
+
+
+def _unused(choice: Choice, limit: int = 12) -> str:
+    used = {p.field.name for p in (*choice.channels.values(), *choice.spare.values())}
+    used |= {choice.time.field.name} if choice.time else set()
+    names = [f.name for f in choice.contents.fields if f.name and f.name not in used]
+    more = len(names) - limit
+    return ", ".join(names[:limit]) + (f" and {more} more" if more > 0 else "")

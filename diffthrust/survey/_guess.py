@@ -1,0 +1,231 @@
+"""What a column may be: its quantity, its unit, how sure that is, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+
+import numpy as np
+
+from diffthrust.logs._contents import Field
+from diffthrust.logs._units import same_quantity
+from diffthrust.logs._written import PWM
+from diffthrust.survey._names import named_units, side_of, words_of
+from diffthrust.survey._rules import (
+    UNIT_OF,
+    named_pwm,
+    quantities_of,
+    takes_any_unit,
+)
+from diffthrust.survey._values import (
+    angle_unit,
+    counts,
+    increases,
+    is_pwm,
+    numbers_of,
+    pulses,
+    time_unit,
+    varies,
+)
+
+SURE, LIKELY, PERHAPS = "sure", "likely", "perhaps"
+_TURNS = {"heading": 6.2832, "rudder_angle": 1.571, "wind_direction": 6.2832, "yaw_rate": 3.5}
+"""What an angle in radians (a rate in rad/s) does not go beyond."""
+_ROW_NUMBERS = ("", "index", "row", "nr", "no", "sample", "unnamed", "unnamed 0", "0")
+_COMMAND_UNITS = ("V", "mV", "percent", "us")
+_BY_UNIT = {"rad/s": "speed", "N": "thrust", "V": "command", "m/s": "velocity", "s": "time"}
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """What a column is taken for.
+
+    Args:
+        quantity: name of a channel, or another word for what it is; empty where nothing tells.
+        unit: in which its numbers are; ``"effort"`` and ``"percent"`` of a command.
+        pwm: its pulse widths, of a command in microseconds.
+        side: "left" or "right" where the name says so.
+        sure: "sure", "likely" or "perhaps".
+        why: what tells.
+        doubts: what else it may be, one sentence each.
+        scale: what its numbers are multiplied by, such as -1 where its axis points the other way.
+        offset: what is added then.
+    """
+
+    quantity: str
+    unit: str = ""
+    pwm: PWM | None = None
+    side: str = ""
+    sure: str = PERHAPS
+    why: str = ""
+    doubts: tuple[str, ...] = ()
+    scale: float = 1.0
+    offset: float = 0.0
+
+    @property
+    def effort(self) -> bool:
+        """Whether it is a command as a share of full drive."""
+        return self.pwm is not None or self.unit in ("effort", "percent")
+
+
+def meanings(fields: Sequence[Field], ros: bool = False) -> tuple[Meaning, ...]:
+    """What each column or field may be.
+
+    Args:
+        fields: everything that is in a file.
+        ros: the axes are those of ROS: y to port, and turns to port are positive.
+    """
+    names = {words_of(field.name) for field in fields}
+    # u, v and r together are the speeds of a vessel; u alone is what drives something
+    speeds = {"u": "surge", "v": "sway"} if {"u", "v", "r"} <= names else {}
+    turned = {field.name[:-1] for field in fields if field.name.endswith(".w")}  # quaternions
+    found = [
+        Meaning("derived") if field.name[:-1] in turned else _meaning(field, speeds)
+        for field in fields
+    ]
+    if ros:
+        found = [
+            replace(one, scale=-1.0, doubts=(*one.doubts, "ROS counts it positive to port."))
+            if one.quantity in ("sway", "yaw_rate")
+            else one
+            for one in found
+        ]
+    return tuple(found)
+
+
+def _meaning(field: Field, speeds: dict[str, str]) -> Meaning:
+    words, side = words_of(field.name), side_of(field.name)
+    if field.dates:
+        others = field.date_formats[1:]
+        doubts = [f"Day and month cannot be told apart: the dates may be {o!r}." for o in others]
+        return Meaning("time", "s", sure=SURE, why="dates", doubts=tuple(doubts))
+    if not numbers_of(field.values).size:
+        return Meaning("", why="no numbers")
+    if counts(field.values) and words in _ROW_NUMBERS and field.time is None:
+        return Meaning("derived", why="row numbers")
+    units = named_units(field.name, field.unit)
+    named = iter([speeds[words]]) if words in speeds else quantities_of(words)
+    if field.time is None:  # what a struct calls its member
+        named = chain(named, quantities_of(words_of(field.name.rsplit(".", 1)[-1])))
+    for quantity in named:
+        if takes_any_unit(quantity):
+            unit = units[0] if units else "rpm" if "rpm" in words.split() else ""
+            return Meaning(quantity, unit, side=side, sure=LIKELY)
+        if quantity == "time" and field.time is None and not increases(field.values):
+            continue
+        if quantity == "command":
+            if not units or any(unit in _COMMAND_UNITS for unit in units):
+                return replace(_command(field.values, words, units), side=side)
+            continue
+        fitting = [unit for unit in units if same_quantity(unit, UNIT_OF[quantity])]
+        if units and not fitting:
+            continue
+        one = _named(quantity, field, fitting, short=len(words) < 2)
+        return replace(one, side=side)
+    return replace(_unnamed(field, units), side=side)
+
+
+def _named(quantity: str, field: Field, units: Sequence[str], *, short: bool) -> Meaning:
+    if units:
+        return Meaning(quantity, units[0], sure=LIKELY if short else SURE, why="name and unit")
+    numbers = numbers_of(field.values)
+    largest = float(np.abs(numbers).max())
+    words = words_of(field.name).split()
+    unit, why, doubts = UNIT_OF[quantity], "name", []
+    if quantity == "time":
+        unit, why, doubted = time_unit(field.values)
+        doubts = [f"No unit is named; taken for {unit} because {why}."] if doubted else []
+    elif quantity in _TURNS:
+        unit, doubted = angle_unit(field.values, _TURNS[quantity])
+        if quantity == "yaw_rate":
+            unit += "/s"
+            doubts = ["No unit is named: it may be deg/s."] if doubted else []
+        else:
+            doubts = ["No unit is named: it may be deg."] if doubted else []
+    elif quantity == "speed":
+        unit, doubts = _speed_unit(words, largest)
+    elif quantity == "thrust":
+        doubts = ["No unit is named: it may be kgf, lbf or kN."]
+    elif quantity in ("latitude", "longitude"):
+        unit = "deg"
+    elif quantity == "supply_voltage" and largest > 1000:
+        unit = "mV"
+    return Meaning(quantity, unit, sure=PERHAPS if short else LIKELY, why=why, doubts=tuple(doubts))
+
+
+def _speed_unit(words: Sequence[str], largest: float) -> tuple[str, list[str]]:
+    """The unit of a shaft's speed, by its name where it says so, else by its size."""
+    if "erpm" in words:
+        return "rpm", ["Electrical turns: write scale = 1 / (pairs of poles)."]
+    if "rpm" in words or "rpms" in words:
+        return "rpm", []
+    counted = words[0] == "n"  # n stands for revolutions
+    unit = "rps" if counted and largest < 150 else "rpm" if counted or largest > 700 else "rad/s"
+    others = " or ".join(other for other in ("rad/s", "rpm", "rps") if other != unit)
+    return unit, [f"No unit is named: it may be {others}."]
+
+
+def _command(values: np.ndarray, words: str, units: Sequence[str]) -> Meaning:
+    """A command, in the unit that its name, else its numbers, tell."""
+    named = next((unit for unit in units if unit in _COMMAND_UNITS), "")
+    largest = float(np.abs(numbers_of(values)).max())
+    pulsed = is_pwm(values)
+    if pulsed and named in ("", "us"):
+        widths = pulses(values)
+        doubts = [
+            f"Pulse widths: {widths.stop:g} is taken for stop, {widths.full:g} for full ahead; "
+            "your controller's settings say."
+        ]
+        return Meaning("command", "us", widths, sure=LIKELY, why="pulse widths", doubts=(*doubts,))
+    if named and named != "us":
+        return Meaning("command", named, sure=SURE, why="name and unit")
+    if named_pwm(words) and not pulsed and largest > 1.05 and largest <= 255:
+        doubt = "Called a pulse width, with numbers that are none: taken as counts to 255."
+        return Meaning("command", "effort", why="numbers", doubts=(doubt,), scale=1 / 255)
+    if largest <= 1.05:
+        doubt = "Nothing beyond 1: taken for a share of full drive; it may be volts."
+        return Meaning("command", "effort", sure=LIKELY, why="numbers", doubts=(doubt,))
+    if largest <= 60 and "thr" not in words and "duty" not in words:
+        doubt = "No unit is named: taken for volts; it may be percent."
+        return Meaning("command", "V", why="numbers", doubts=(doubt,))
+    if largest <= 105:
+        doubt = "No unit is named: taken for percent of full drive."
+        return Meaning("command", "percent", why="numbers", doubts=(doubt,))
+    doubt = f"No unit is named, and numbers up to {largest:.4g} tell none."
+    return Meaning("command", "", why="name", doubts=(doubt,))
+
+
+def _unnamed(field: Field, units: Sequence[str]) -> Meaning:
+    """What unit and numbers say where the name says nothing."""
+    for unit in units:
+        for known, quantity in _BY_UNIT.items():
+            if not same_quantity(unit, known) or (
+                quantity == "time" and not increases(field.values)
+            ):
+                continue
+            if quantity == "command":
+                return replace(_command(field.values, "", (unit,)), sure=PERHAPS, why="unit")
+            return Meaning(quantity, unit, why="unit", doubts=("Its name says nothing.",))
+    if "percent" in units:
+        return replace(_command(field.values, "", units), sure=PERHAPS, why="unit")
+    if (not units or "us" in units) and field.time is None and _whole_pulses(field.values):
+        return replace(_command(field.values, "", ()), sure=PERHAPS)
+    return Meaning("", units[0] if units else "", why="")
+
+
+def _whole_pulses(values: np.ndarray) -> bool:
+    """Whether unnamed numbers are pulse widths: whole, about 1500, and moving."""
+    numbers = numbers_of(values)
+    return is_pwm(values) and varies(values) and bool(np.all(numbers == np.round(numbers)))
+
+
+def plain_command(meaning: Meaning) -> Meaning:
+    """A command as plain numbers, for a model that takes none: an effort from -1 to 1, or as is."""
+    if meaning.pwm is not None:
+        reach = meaning.pwm.full - meaning.pwm.stop
+        scaled = replace(meaning, scale=1 / reach, offset=-meaning.pwm.stop / reach)
+        return replace(scaled, unit="", pwm=None)
+    return replace(
+        meaning, unit="", scale=meaning.scale * (0.01 if meaning.unit == "percent" else 1)
+    )

@@ -1,0 +1,166 @@
+"""What is in a file, before anything is fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.figures import showing
+from diffthrust._support.files import ending, write_whole
+from diffthrust._support.results import Result
+from diffthrust.survey._choice import Choice
+from diffthrust.survey._draft import drafted
+from diffthrust.survey._files import files_at
+from diffthrust.survey._rows import ColumnRow, rows_of
+from diffthrust.survey._suited import choice_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from rich.console import RenderableType
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Look(Result):
+    """What is in a log's file, what it may be, and a spec file to begin with.
+
+    Args:
+        path: the file, or the first of several of one kind.
+        choice: the model that suits it, and its channels.
+        columns: a row for each column, or field of a message, in the order of the file.
+        train: the files that the drafted spec fits.
+        holdout: the one that it keeps unseen; empty where there is one file.
+        apart: sentences on files that were left out.
+
+    Example:
+        >>> seen = dft.look("run1.csv")
+        >>> print(seen.report())  # doctest: +SKIP
+        >>> seen.save_spec("fit.toml")  # doctest: +SKIP
+    """
+
+    path: Path
+    choice: Choice = field(repr=False)
+    columns: tuple[ColumnRow, ...] = field(repr=False)
+    train: tuple[Path, ...]
+    holdout: tuple[Path, ...] = ()
+    apart: tuple[str, ...] = ()
+
+    @property
+    def kind(self) -> str:
+        """What the file is, such as ``"CSV table"``."""
+        return self.choice.contents.kind
+
+    @property
+    def model(self) -> str | None:
+        """The model that suits it, as `spec` names it; None where none does."""
+        return self.choice.model
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What is to be settled by who knows the test, one sentence each."""
+        choice = self.choice
+        where: dict[str, list[str]] = {}
+        picks = {**({"time": choice.time} if choice.time else {}), **choice.channels}
+        for name, pick in picks.items():
+            for word in pick.doubts:
+                where.setdefault(word, []).append(name)
+        own = [f"{', '.join(names)}: {word}" for word, names in where.items()]
+        return (*choice.doubts, *own, *self.apart)
+
+    @property
+    def spec(self) -> str:
+        """The drafted spec file (TOML), its paths relative to the present folder."""
+        return self._drafted(Path())
+
+    def _drafted(self, folder: Path) -> str:
+        return drafted(self.choice, self.train, self.holdout, folder, " ".join(self.apart))
+
+    def save_spec(self, path: str | PathLike[str]) -> Path:
+        """Write the drafted spec file, its paths relative to where it lies.
+
+        Args:
+            path: ending in .toml; never over another file.
+
+        Raises:
+            InputError: there is a file of that name, or it cannot be written.
+        """
+        target = Path(path)
+        ending(target, ".toml")
+        if target.exists():
+            raise InputError(
+                f"{target}: expected a new name, found a file; nothing is overwritten.",
+                "Take another name.",
+            )
+        write_whole(target, self._drafted(target.parent).encode())
+        return target
+
+    def _line(self) -> str:
+        model = self.model or "no model"
+        return f"{self.path.name!r}: {self.kind}, {len(self.columns)} columns, {model}"
+
+    def _told(self) -> RenderableType:
+        from diffthrust.survey._tables import look_table
+
+        return look_table(self)
+
+    def report(self, *, all: bool = False) -> str:
+        """What is in the file, as a table and sentences.
+
+        Args:
+            all: every field of a robot's log, and not only those that a model may use.
+        """
+        from diffthrust._support.tables import rendered
+        from diffthrust.survey._tables import look_table
+
+        return rendered(look_table(self, all=all))
+
+    @showing
+    def plot(self) -> Figure:
+        """The channels of the drafted spec over time, or all columns where it has none."""
+        from diffthrust.survey._figures import look_figure
+
+        return look_figure(self.choice, self.path.name)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data: what stands in the report, and the drafted spec."""
+        return {
+            "schema": 1,
+            "path": str(self.path),
+            "kind": self.kind,
+            "model": self.model,
+            "columns": [row.to_json() for row in self.columns],
+            "doubts": [*self.doubts],
+            "train": [str(path) for path in self.train],
+            "holdout": [str(path) for path in self.holdout],
+            "spec": self.spec,
+        }
+
+
+def look(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Look:
+    """Say what is in a log's file, and draft a spec file for a first fit.
+
+    Quantities, units and roles are guessed from names, from what the file says, and from the
+    numbers; what is not certain is told as a doubt. Nothing is fitted.
+
+    Args:
+        path: a file that `read_log` or `read_robot_log` reads, several of one kind, or a folder of
+            them. Of several the last by name is kept unseen in the draft.
+
+    Returns:
+        The columns, the doubts and the draft.
+
+    Raises:
+        InputError: there is no such file, or nobody reads it.
+
+    Example:
+        >>> dft.look("run1.csv").model  # doctest: +SKIP
+        'thruster'
+    """
+    several = [Path(path)] if isinstance(path, str | PathLike) else [Path(one) for one in path]
+    files = files_at(several)
+    choice = choice_of(files.contents)
+    train, holdout, apart = files.split(choice)
+    return Look(files.contents.path, choice, rows_of(choice), train, holdout, apart)

@@ -1,0 +1,106 @@
+"""What the name of a column says: its words, its unit and its side."""
+
+from __future__ import annotations
+
+import re
+from functools import lru_cache
+
+# As names spell them, at their end or in brackets; a spelling of several units fits one quantity.
+_SPELLINGS: dict[str, tuple[str, ...]] = {
+    "rad/s": ("rad/s", "rad s", "rads", "radps", "rad per s", "rad s 1", "rad sec"),
+    "deg/s": ("deg/s", "deg s", "degps", "dps", "deg per s", "deg sec"),
+    "m/s": ("m/s", "m s", "mps", "ms", "m per s", "m s 1"),
+    "km/h": ("km/h", "kmh", "km h", "kph"),
+    "knot": ("knot", "knots", "kn", "kt", "kts"),
+    "rpm": ("rpm", "rev/min", "r/min", "u/min", "1/min", "min 1"),
+    "rps": ("rps", "rev/s", "rev s", "1/s"),
+    "kgf": ("kgf", "kg", "kg f", "kilograms"),
+    "gf": ("gf", "g", "grams", "gram"),
+    "ozf": ("ozf", "oz"),
+    "lbf": ("lbf", "lbs", "lb", "lb f"),
+    "kN": ("kn",),
+    "N": ("n", "newton", "newtons"),
+    "N*m": ("nm", "n m", "n*m", "newton meters"),
+    "V": ("v", "volt", "volts"),
+    "mV": ("mv", "millivolt", "millivolts"),
+    "A": ("a", "amp", "amps", "ampere"),
+    "mA": ("ma", "milliamps"),
+    "W": ("w", "watt", "watts"),
+    "percent": ("%", "pct", "percent", "perc", "prozent"),
+    "deg": ("deg", "degree", "degrees", "°", "degheading"),
+    "rad": ("rad", "radian", "radians"),
+    "us": ("us", "usec", "µs", "μs", "micros", "microseconds"),
+    "ms": ("ms", "msec", "millis", "milliseconds"),
+    "ns": ("ns", "nsec", "nanoseconds", "nanosec"),
+    "min": ("min", "minutes"),
+    "h": ("h", "hours"),
+    "s": ("s", "sec", "secs", "second", "seconds"),
+    "mm": ("mm",),
+    "cm": ("cm",),
+    "m": ("m", "meter", "meters", "metre", "metres"),
+}
+_UNITS: dict[str, tuple[str, ...]] = {}
+for _unit, _words in _SPELLINGS.items():
+    for _word in _words:
+        _UNITS[_word] = (*_UNITS.get(_word, ()), _unit)
+
+_BRACKETS = re.compile(r"[\[(]([^\])]*[^\])\d][^\])]*)[\])]\s*$")  # [0] is no unit
+_SIDES = {
+    "left": r"left|port|l|backbord|lhs|stb left",
+    "right": r"right|starboard|stbd|r|steuerbord|rhs",
+}
+
+
+@lru_cache(maxsize=4096)
+def words_of(name: str) -> str:
+    """A name in small words with blanks between, the unit in brackets left out.
+
+    Example:
+        >>> words_of("ESC[0].RPM"), words_of("leftThrust_kgf"), words_of("speed (rad/s)")
+        ('esc 0 rpm', 'left thrust kgf', 'speed')
+    """
+    bracket = _BRACKETS.search(name)
+    if bracket and bracket.start():
+        name = name[: bracket.start()]
+    name = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Za-z])(?=\d)|(?<=\d)(?=[A-Za-z])", " ", name)
+    return " ".join(re.findall(r"[^\W_]+|%|°", name.lower()))
+
+
+def named_units(name: str, said: str = "") -> tuple[str, ...]:
+    """The units that a name ends in, or that the file says; several where a spelling has several.
+
+    Args:
+        name: of the column.
+        said: the unit that the file gives for it.
+
+    Example:
+        >>> named_units("thrust_kgf"), named_units("speed_ms"), named_units("t")
+        (('kgf',), ('m/s', 'ms'), ())
+    """
+    bracket = _BRACKETS.search(name)
+    for text in (said, bracket[1] if bracket else ""):
+        text = text.strip()
+        if text:
+            spelt = _UNITS.get(text.lower()) or _UNITS.get(words_of(text))
+            return spelt or (text,)
+    words = words_of(name.rsplit(".", 1)[-1]).split()  # the x of a message's field is no unit
+    for count in (3, 2, 1):
+        if len(words) > count or (len(words) == count == 1 and len(words[0]) > 1):
+            found = _UNITS.get(" ".join(words[-count:]))
+            if found:
+                return found
+    return ()
+
+
+def side_of(name: str) -> str:
+    """Give "left" or "right" where the name says so.
+
+    Example:
+        >>> side_of("thr_left"), side_of("PortThrust"), side_of("rpm")
+        ('left', 'left', '')
+    """
+    words = f" {words_of(name)} "
+    for side, pattern in _SIDES.items():
+        if re.search(rf" ({pattern}) ", words):
+            return side
+    return ""

@@ -1,0 +1,102 @@
+"""The channels of a thruster among the columns of a file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from diffthrust.logs._contents import Field
+from diffthrust.logs._units import same_quantity
+from diffthrust.survey._choice import FIRMLY, Choice, Pick, Pool
+from diffthrust.survey._guess import Meaning
+from diffthrust.survey._moves import correlated
+from diffthrust.survey._values import one_sided, two_sided
+
+
+def thruster_choice(pool: Pool, plain: Choice) -> Choice | None:
+    """A thruster with its command, or its thrust by its speed alone; None where it is none."""
+    measured = pool.picks(("speed", "thrust"), "measured")
+    spare = pool.picks(("inflow", "supply_voltage"), "input")
+    if not measured:
+        return None
+    commands = pool.all("command", moving=True)
+    if any(meaning.effort for _, meaning in commands):
+        volts = [p for p in commands if not p[1].effort]
+        commands = [p for p in commands if p[1].effort]
+        if volts and "supply_voltage" not in spare:
+            one, meaning = volts[0]
+            spare["supply_voltage"] = Pick(
+                one, replace(meaning, quantity="supply_voltage"), "input"
+            )
+    if commands:
+        chosen = _driven(pool, commands, measured)
+        return replace(plain, model="thruster", channels=chosen, spare=spare)
+    targets = [p for p in pool.all("set_point", moving=True) if same_quantity(p[1].unit, "rad/s")]
+    if targets and "speed" in measured:
+        chosen = _driven(pool, targets, measured)
+        return replace(plain, model="speed_loop_thruster", channels=chosen, spare=spare)
+    if len(measured) < 2:
+        return None
+    speed, thrust = measured["speed"], measured["thrust"]
+    speed = replace(speed, role="input")
+    if one_sided(speed.field.values) and not one_sided(thrust.field.values):
+        if correlated(speed.field, thrust.field) < -FIRMLY:
+            speed = replace(speed, meaning=replace(speed.meaning, scale=-speed.meaning.scale))
+            speed = speed.doubted(
+                "It has no sign; turned round by scale, as the thrust falls where it rises."
+            )
+        else:
+            speed = speed.doubted("It has no sign, and the thrust goes both ways: which, is open.")
+    word = "No command was found: with the speed as input the thrust part alone is fitted."
+    channels = {"speed": speed, "thrust": thrust}
+    return replace(
+        plain, model="thruster", channels=channels, spare=spare, doubts=(*plain.doubts, word)
+    )
+
+
+def _driven(
+    pool: Pool, commands: Sequence[tuple[Field, Meaning]], measured: Mapping[str, Pick]
+) -> dict[str, Pick]:
+    """The command, speed and thrust of one thruster: of several, those that move together."""
+    best: tuple[float, tuple[Field, Meaning], dict[str, tuple[Field, Meaning]]] | None = None
+    lead = next(iter(measured))
+    for command in commands:
+        for answer in pool.all(lead, moving=True):
+            tied = _follows(command, answer)
+            if best is None or tied > best[0] + 0.01:
+                best = (tied, command, {lead: answer})
+    assert best is not None
+    _, command, answers = best
+    for name in measured:
+        if name not in answers:
+            rivals = pool.all(name, moving=True)
+            answers[name] = max(rivals, key=lambda rival: _follows(command, rival))
+    chosen = {"command": _picked(command, "input", commands)}
+    zero = command[1].pwm.stop if command[1].pwm else 0.0
+    for name in ("speed", "thrust"):
+        if name not in answers:
+            continue
+        pick = _picked(answers[name], "measured", pool.all(name, moving=True))
+        both_ways = two_sided(command[0].values - zero)
+        if name == "speed" and both_ways and one_sided(pick.field.values):
+            word = "Never negative under a command that goes both ways: it has no sign."
+            pick = replace(pick.doubted(word), unsigned=True)
+        chosen[name] = pick
+    if best[0] < FIRMLY and command[0].values.size > 2:
+        word = f"It hardly moves with '{command[0].name}' (correlation {best[0]:.2f})."
+        chosen[lead] = chosen[lead].doubted(word)
+    return chosen
+
+
+def _picked(
+    pair: tuple[Field, Meaning], role: str, rivals: Sequence[tuple[Field, Meaning]]
+) -> Pick:
+    others = tuple(rival.name for rival, _ in rivals if rival is not pair[0])
+    return Pick(pair[0], pair[1], role, doubts=pair[1].doubts, others=others)
+
+
+def _follows(command: tuple[Field, Meaning], answer: tuple[Field, Meaning]) -> float:
+    """How firmly an answer follows a command, with the sign or without."""
+    zero = command[1].pwm.stop if command[1].pwm else 0.0
+    signed = correlated(command[0], answer[0], zero=zero)
+    return max(abs(signed), correlated(command[0], answer[0], zero=zero, sizes=True))

@@ -1,0 +1,113 @@
+"""What the numbers of a column say: how it is sampled, and of which unit they can be."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from diffthrust.logs._written import PWM
+
+_PWM = (800.0, 2200.0)
+"""Pulse widths that motor controllers read, with a margin [us]."""
+_STEPS = (("ns", 2e6), ("us", 2e3), ("ms", 2.0), ("s", 0.0))
+"""A log's median step is below two seconds: from which number on it is of which unit."""
+_EPOCHS = (("ns", 1e17), ("us", 1e14), ("ms", 1e11), ("s", 1e8))
+"""Stamps counted from 1970, likewise."""
+
+
+def numbers_of(values: np.ndarray) -> np.ndarray:
+    """The numbers among the samples."""
+    return values[np.isfinite(values)]
+
+
+def varies(values: np.ndarray) -> bool:
+    """Whether there are at least two different numbers."""
+    numbers = numbers_of(values)
+    return numbers.size > 1 and bool(np.ptp(numbers) > 0)
+
+
+def increases(values: np.ndarray) -> bool:
+    """Whether nearly no sample lies before the one above it, and few are missing."""
+    numbers = numbers_of(values)
+    if numbers.size < 2 or numbers.size < 0.9 * values.size:
+        return False
+    return bool(numbers[-1] > numbers[0] and np.mean(np.diff(numbers) >= 0) > 0.9)
+
+
+def counts(values: np.ndarray) -> bool:
+    """Whether the samples are row numbers: 0, 1, 2, ... or 1, 2, 3, ..."""
+    numbers = numbers_of(values)
+    steps = np.diff(numbers)
+    return numbers.size > 2 and numbers[0] in (0.0, 1.0) and bool(np.all(steps == 1.0))
+
+
+def is_pwm(values: np.ndarray) -> bool:
+    """Whether the numbers can be pulse widths [us]: 0 (no pulse) is one."""
+    numbers = numbers_of(values)
+    pulses = numbers[numbers != 0]
+    if not pulses.size:
+        return False
+    low, high = float(pulses.min()), float(pulses.max())
+    # a shaft passes through all speeds; a pulse width stays on its two sides of 1500
+    return _PWM[0] <= low and high <= _PWM[1] and low <= 1600 and high >= 1400
+
+
+def pulses(values: np.ndarray) -> PWM:
+    """At which width the drive rests, and how far it goes; 1500 and 400 where nothing else shows.
+
+    The width at rest is the first one where that lies near 1500 and a twentieth of the samples has
+    it: most logs begin at rest.
+    """
+    numbers = numbers_of(values)
+    numbers = numbers[numbers != 0]
+    first = float(numbers[0])
+    rests = abs(first - 1500) <= 40 and np.mean(np.abs(numbers - first) < 1) >= 0.05
+    stop = round(first) if rests else 1500.0
+    stop = 1500.0 if abs(stop - 1500) < 3 else stop
+    span = float(max(numbers.max() - 1500, 1500 - numbers.min(), 0.0))
+    reach = 400.0 if span <= 410 else 500.0 if span <= 510 else 100 * math.ceil(span / 100)
+    return PWM(stop, 1500 + reach, None if stop == 1500 else 1500 - reach)
+
+
+def time_unit(values: np.ndarray) -> tuple[str, str, bool]:
+    """The unit of time stamps by their numbers: unit, why, and whether it is in doubt."""
+    numbers = numbers_of(values)
+    first, steps = abs(float(numbers[0])), np.diff(numbers)
+    step = float(np.median(steps)) or float(np.mean(steps))  # a clock may be coarser than the rows
+    for unit, least in _EPOCHS:
+        if first > least and (unit != "s" or first > 1e9):
+            return unit, "its stamps count from 1970", False
+    for unit, least in _STEPS:
+        if step >= least:
+            sure = 2e-4 <= step <= 0.5 or 5 <= step <= 500 or 5e3 <= step <= 5e5
+            return unit, f"its step is {step:.4g}", not sure
+    return "s", f"its step is {step:.4g}", True
+
+
+def angle_unit(values: np.ndarray, turn: float) -> tuple[str, bool]:
+    """``"deg"`` where the numbers go beyond what radians do (``turn``), and whether in doubt."""
+    numbers = numbers_of(values)
+    largest = float(np.abs(numbers).max()) if numbers.size else 0.0
+    return ("deg", False) if largest > 1.05 * turn else ("rad", True)
+
+
+def one_sided(values: np.ndarray) -> bool:
+    """Whether there is movement, and none of it negative (but for noise about zero)."""
+    numbers = numbers_of(values)
+    return bool(numbers.size and numbers.max() > 0 and numbers.min() >= -0.02 * numbers.max())
+
+
+def two_sided(values: np.ndarray) -> bool:
+    """Whether the numbers go well to both sides of zero."""
+    numbers = numbers_of(values)
+    return bool(numbers.size and min(numbers.max(), -numbers.min()) > 0.1 * np.abs(numbers).max())
+
+
+def sampling(time: np.ndarray) -> tuple[float, float]:
+    """Samples in a second and the largest step [s]; NaN where there are not two."""
+    steps = np.diff(numbers_of(time))
+    steps = steps[steps > 0]
+    if not steps.size:
+        return math.nan, math.nan
+    return 1 / float(np.median(steps)), float(steps.max())

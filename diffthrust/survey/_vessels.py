@@ -1,0 +1,112 @@
+"""The channels of a vessel among the columns of a file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from diffthrust.survey._choice import FIRMLY, Choice, Pick, Pool
+from diffthrust.survey._guess import SURE
+from diffthrust.survey._moves import correlated, difference, turning
+
+MOTION = ("surge", "sway", "yaw_rate")
+PLACE = ("north", "east", "heading")
+
+
+def vessel_choice(pool: Pool, plain: Choice) -> Choice | None:
+    """A vessel with two thrusters, or with a propeller and a rudder; None where it is none."""
+    motion = pool.picks(MOTION, "measured")
+    if "surge" not in motion and (speed := pool.pick("velocity", "measured")) is not None:
+        motion = {"surge": speed.doubted("Taken for the speed ahead."), **motion}
+    place = pool.picks(PLACE, "measured")
+    if not motion and not place:
+        return None
+    turns = _turning(motion, place, plain)
+    if "yaw_rate" in motion:
+        motion["yaw_rate"] = _known_unit(motion["yaw_rate"], *turns)
+    found = _twin(pool, motion, turns[0]) or _propeller(pool, motion)
+    if found is None:
+        return None
+    drive, motion = found
+    winds = pool.picks(("wind_speed", "wind_direction"), "input")
+    arm = "lever_arm is not in a log: measure it on the vessel, and write it under [parameters]."
+    return replace(
+        plain,
+        model="vessel",
+        channels={**drive, **(motion or place)},
+        spare={**(place if motion else {}), **winds},
+        doubts=(*plain.doubts, arm),
+    )
+
+
+def _turning(
+    motion: Mapping[str, Pick], place: Mapping[str, Pick], plain: Choice
+) -> tuple[float, float]:
+    """How firmly the heading turns at the yaw rate, and how many times as fast [rad/s]."""
+    if "yaw_rate" not in motion or "heading" not in place:
+        return 0.0, np.nan
+    rate, heading = motion["yaw_rate"], place["heading"]
+    clock = heading.field.time if plain.contents.messages else plain.seconds
+    if clock is None:
+        return 0.0, np.nan
+    turn = 360.0 if heading.meaning.unit == "deg" else 2 * np.pi
+    together, times = turning(heading.field, clock, turn, rate.field)
+    return together * np.sign(rate.meaning.scale), times
+
+
+def _known_unit(rate: Pick, together: float, times: float) -> Pick:
+    """The yaw rate in the unit that the heading tells, where its name tells none."""
+    for unit, factor in (("rad/s", 1.0), ("deg/s", np.pi / 180)):
+        if abs(together) > FIRMLY and 0.7 < abs(times) / factor < 1.4 and rate.meaning.doubts:
+            told = replace(rate.meaning, unit=unit, sure=SURE, why="heading", doubts=())
+            return replace(rate, meaning=told, doubts=())
+    return rate
+
+
+_Drive = tuple[dict[str, Pick], dict[str, Pick]]
+"""What drives a vessel, and its motion."""
+
+
+def _twin(pool: Pool, motion: dict[str, Pick], turns: float) -> _Drive | None:
+    """The forces or commands of two thrusters."""
+    pair = pool.sides("thrust") or pool.sides("command")
+    rate = motion.get("yaw_rate")
+    if pair is None:
+        moving = pool.all("command", moving=True)
+        if len(moving) != 2 or rate is None or pool.all("speed", moving=True):
+            return None
+        left, right = (Pick(f, m, "input", doubts=m.doubts) for f, m in moving)
+        word = "Which is left is guessed from the yaw rate: exchange the two columns if it is not."
+        if _turned(left, right, rate) < 0:
+            left, right = right, left
+        return {"left_force": left.doubted(word), "right_force": right}, motion
+    left, right = pair
+    if rate is None or _turned(left, right, rate) > -FIRMLY:
+        return {"left_force": left, "right_force": right}, motion
+    against = "The vessel turns to port where left exceeds right: "
+    if turns > FIRMLY:
+        word = f"{against}exchanged here, as the heading turns at the yaw rate."
+        return {"left_force": right.doubted(word), "right_force": left.doubted(word)}, motion
+    word = f"{against}turned round by scale; it may be that left and right are exchanged."
+    around = replace(rate, meaning=replace(rate.meaning, scale=-rate.meaning.scale))
+    drive = {"left_force": left, "right_force": right}
+    return drive, {**motion, "yaw_rate": around.doubted(word)}
+
+
+def _turned(left: Pick, right: Pick, rate: Pick) -> float:
+    return difference(left.field, right.field, rate.field) * float(np.sign(rate.meaning.scale))
+
+
+def _propeller(pool: Pool, motion: dict[str, Pick]) -> _Drive | None:
+    drive = pool.picks(("speed", "rudder_angle"), "input")
+    if len(drive) < 2:
+        return None
+    rudder, rate = drive["rudder_angle"], motion.get("yaw_rate")
+    if rate is not None and correlated(rudder.field, rate.field) * rate.meaning.scale > FIRMLY:
+        rudder = replace(rudder, meaning=replace(rudder.meaning, scale=-rudder.meaning.scale))
+        rudder = rudder.doubted(
+            "Turned round by scale: here a positive angle turns to starboard, in the model to port."
+        )
+    return {"propeller_speed": drive["speed"], "rudder_angle": rudder}, motion

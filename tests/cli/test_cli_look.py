@@ -1,0 +1,84 @@
+"""``diffthrust look``, and where the other commands point to it."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from survey.strange_logs import thruster, write_table
+from typer.testing import CliRunner
+
+from diffthrust.cli import _app  # private: the app that the command runs
+
+
+@pytest.fixture(autouse=True)
+def _no_cache(monkeypatch):
+    monkeypatch.setenv("DIFFTHRUST_CACHE", "off")
+
+
+@pytest.fixture
+def run1(tmp_path):
+    log = thruster()
+    table = {"t": log["time"], "pwm": 1500 + 400 * log["effort"], "rpm": 9.549 * log["speed"]}
+    return write_table(tmp_path / "run1.csv", table)
+
+
+def run(*words, status=0):
+    result = CliRunner().invoke(_app.app, [str(word) for word in words])
+    assert result.exit_code == status, result.output
+    return result
+
+
+def test_look_prints_and_writes_a_spec_that_fits(run1, tmp_path):
+    spec, data, figure = (tmp_path / name for name in ("fit.toml", "look.json", "look.png"))
+    told = run("look", run1, "--spec", spec, "--json", data, "--figure", figure).stdout
+    for word in ("pwm", "rpm", "Model: thruster", f"Written: {spec}", f"diffthrust fit {spec}"):
+        assert word in told
+    assert json.loads(data.read_text())["spec"].count("[channels.") == 2
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    assert "per full effort" in run("fit", spec).stdout
+
+
+def test_look_alone_says_how_to_go_on(run1):
+    assert f"diffthrust look {run1} --spec fit.toml" in run("look", run1).stdout
+
+
+def test_look_writes_nothing_where_the_spec_is_taken(run1, tmp_path):
+    spec, data = tmp_path / "fit.toml", tmp_path / "look.json"
+    spec.write_text("# mine\n")
+    told = run("look", run1, "--spec", spec, "--json", data, status=2).output
+    assert "nothing is overwritten" in told
+    assert spec.read_text() == "# mine\n"
+    assert not data.exists()
+
+
+@pytest.mark.parametrize("command", ["fit", "compare", "diagnose", "sample"])
+def test_a_log_given_for_a_spec_points_to_look(command, run1):
+    told = run(command, run1, status=2).output
+    assert "expected a spec file (TOML), found a log" in told
+    assert f"diffthrust look {run1} --spec fit.toml, then diffthrust fit fit.toml" in told
+
+
+def test_a_spec_may_have_any_ending(run1, tmp_path):
+    spec = tmp_path / "fit.txt"
+    run("look", run1, "--spec", tmp_path / "fit.toml")
+    (tmp_path / "fit.toml").rename(spec)
+    assert "thruster" in run("fit", spec).stdout
+
+
+def test_a_folder_of_logs_alone_points_to_look(run1):
+    told = run("fit", run1.parent, status=2).output
+    assert "found logs alone" in told
+    assert f"diffthrust look {run1.parent} --spec fit.toml" in told
+
+
+def test_a_folder_without_anything_does_not(tmp_path):
+    assert "look" not in run("fit", tmp_path, status=2).output
+
+
+def test_what_is_no_log_is_told_with_what_is_read(tmp_path):
+    (tmp_path / "x.bin").write_bytes(bytes(range(256)))
+    assert "Mend:" in run("look", tmp_path / "x.bin", status=2).output
+    assert "found none" in run("look", tmp_path / "absent.csv", status=2).output
+    (tmp_path / "empty").mkdir()
+    assert "expected a folder with logs" in run("look", tmp_path / "empty", status=2).output
