@@ -15,6 +15,7 @@ from . import models as models
 from . import papers as papers
 from . import plans as plans
 from . import simulation as simulation
+from . import soundness as soundness
 from . import specs as specs
 from . import uncertainty as uncertainty
 from ._support.errors import InputError as InputError

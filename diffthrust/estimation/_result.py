@@ -13,6 +13,7 @@ from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._status import Checks, Status
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors
+from diffthrust.soundness._doubt import Doubt
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -50,8 +51,10 @@ class Fit(Result):
         reach: errors of more than so many times these sizes correct the states no further.
         guess: the values from which the search began, by full name.
         notes: what the user should know besides.
-        doubts: those of them that say why standard errors, and all that follows from them, are too
-            small.
+        correlation: those of them that say why standard errors, and all that follows from them,
+            are too small.
+        doubts: what in the logs is probably not what its name, unit or clock says
+            (`diffthrust.soundness.doubts`), and channels of which the fit explains little.
     """
 
     model: Model
@@ -77,7 +80,8 @@ class Fit(Result):
     limits: Mapping[str, float] | None = field(default=None, repr=False)
     reach: float = 1.0
     guess: Mapping[str, float] = field(default_factory=dict, repr=False)
-    doubts: tuple[str, ...] = field(default=(), repr=False)
+    correlation: tuple[str, ...] = field(default=(), repr=False)
+    doubts: tuple[Doubt, ...] = field(default=(), repr=False)
 
     @property
     def options(self) -> dict[str, Any]:
@@ -118,4 +122,5 @@ class Fit(Result):
             "train": self.train.to_json(),
             "holdout": self.holdout.to_json() if self.holdout else None,
             "checks": dict(vars(self.checks)),
+            "doubts": [doubt.to_json() for doubt in self.doubts],
         }

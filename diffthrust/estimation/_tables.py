@@ -15,6 +15,7 @@ from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._status import Status
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors
+from diffthrust.soundness._doubt import Doubt
 
 
 class _Reported(Protocol):
@@ -36,16 +37,19 @@ class _Reported(Protocol):
     def holdout(self) -> Errors | None: ...
     @property
     def notes(self) -> tuple[str, ...]: ...
+    @property
+    def doubts(self) -> tuple[Doubt, ...]: ...
 
 
 def fit_table(fit: _Reported) -> RenderableType:
-    """Status, parameters with their uncertainty, errors on training and unseen logs, notes."""
+    """Doubts, status, parameters with their uncertainty, errors on logs, notes."""
     status = Text.assemble(
         ("Status: ", "bold"),
         (fit.status.value, "bold green" if fit.status.ok else "bold red"),
     )
     parts: list[RenderableType] = [
         Text(str(fit.model), style="bold"),
+        *doubt_lines(fit.doubts),
         status,
         Text(fit.message),
         Text(),
@@ -56,6 +60,17 @@ def fit_table(fit: _Reported) -> RenderableType:
         *(Text(f"Note: {note}") for note in fit.notes),
     ]
     return Group(*parts)
+
+
+def doubt_lines(doubts: Iterable[Doubt]) -> list[RenderableType]:
+    """What to look at before anything else; mostly nothing."""
+    return [
+        Text.assemble(
+            (f"Doubt: {doubt.channel} ({doubt.kind}): ", "bold yellow"),
+            f"{doubt.evidence}\nMend: {doubt.mend}",
+        )
+        for doubt in doubts
+    ]
 
 
 def _observer_parts(fit: _Reported) -> list[RenderableType]:

@@ -112,7 +112,7 @@ def sample(
         "likelihood": fit.likelihood,
         "loss": fit.loss,
         "fit": mark_of(fit),
-        "doubts": "\n".join(fit.doubts),
+        "doubts": "\n".join(fit.correlation),
         **drawn.attrs,
     }
     post = inference_data(posterior, drawn, attrs)
