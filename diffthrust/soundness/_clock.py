@@ -40,7 +40,7 @@ def misclocked(log: Log, model: Model | None) -> Iterator[Doubt]:
         edges = np.flatnonzero(np.diff(np.concatenate([[0], lost.astype(int), [0]])))
         lengths = edges[1::2] - edges[::2]
         inside = lengths[(edges[::2] > 0) & (edges[1::2] < values.size)]
-        usual = float(np.median(lengths))
+        usual = float(np.median(lengths)) if lengths.size > 4 else 1.0
         if inside.size and inside.max() > max(20, 10 * usual, 0.03 * values.size):
             yield Doubt(
                 channel,

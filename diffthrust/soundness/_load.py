@@ -51,7 +51,8 @@ def misloaded(log: Log) -> Iterator[Doubt]:
         f"{number(1 / load, 2)} rad once let go (alpha = {number(load, 2)} +- {number(error, 1)} "
         f"1/rad, which is free of a thruster's size; known ones have {low} to {high}); in {unit} "
         f"in {number(1 / turned, 2)} rad.",
-        unit_line("speed", unit),
+        f"{unit_line('speed', unit)} Or the controller holds the speed, whatever the load: "
+        "dft.SpeedLoopThruster().",
     )
 
 

@@ -80,7 +80,7 @@ def record(log: Log) -> Record | None:
                 turns[name] = turn
                 # a wrong unit is told by the jumps, and so mended for what follows
                 here = np.unwrap(here, period=TURNS[turn]) * (TURNS["rad"] / TURNS[turn])
-        if len(log) > 2 * _POINTS:  # means, not samples, so that noise falls as it should
+        if time.size > 2 * _POINTS:  # means, not samples, so that noise falls as it should
             kept = time.size // (time.size // _POINTS) * (time.size // _POINTS)
             blocks = (-1, time.size // _POINTS)
             time, here = (x[:kept].reshape(blocks).mean(axis=1) for x in (time, here))

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import diffthrust as dft
+from diffthrust.logs import Written
 
 from . import measured
 from .measured import MODELS, changed
@@ -147,6 +148,25 @@ def spiked(v: np.ndarray) -> np.ndarray:
     return v + hit * rng.choice([-1.0, 1.0], v.size) * rng.uniform(1.5, 4.0, v.size) * np.ptp(v)
 
 
+def named(channel: str, column: str) -> Alter:
+    """The numbers of another unit, whose column says so, under the unit of before."""
+
+    def alter(log: dft.Log) -> dft.Log:
+        written = Written(log.units[channel], column)
+        return log.replaced(written={**log.written, channel: written})
+
+    return alter
+
+
+def both(*alters: Alter) -> Alter:
+    def alter(log: dft.Log) -> dft.Log:
+        for one in alters:
+            log = one(log)
+        return log
+
+    return alter
+
+
 def gapped(log: dft.Log) -> dft.Log:
     """A third of the log was lost."""
     n = len(log)
@@ -203,6 +223,20 @@ MISTAKES = (
     Mistake("speed: rpm called rad/s", "unit", ("speed",), scaled("speed", 30 / PI), T),
     Mistake("speed: Hz called rad/s", "unit", ("speed",), scaled("speed", 0.5 / PI), T),
     Mistake("thrust: kgf called N", "unit", ("thrust",), scaled("thrust", 1 / 9.80665), T),
+    Mistake(
+        "thrust: kgf called N, the column is called thrust_kgf",
+        "unit",
+        ("thrust",),
+        both(scaled("thrust", 1 / 9.80665), named("thrust", "thrust_kgf")),
+        T,
+    ),
+    Mistake(
+        "speed: rpm called rad/s, the column is called rpm",
+        "unit",
+        ("speed",),
+        both(scaled("speed", 30 / PI), named("speed", "rpm")),
+        T,
+    ),
     Mistake("yaw rate: deg/s called rad/s", "unit", ("yaw_rate",), scaled("yaw_rate", 180 / PI), E),
     Mistake("yaw rate: rad/s called deg/s", "unit", ("yaw_rate",), scaled("yaw_rate", PI / 180), B),
     Mistake("heading: deg called rad", "unit", ("heading",), scaled("heading", 180 / PI), B),
@@ -349,7 +383,7 @@ def table(tallies: dict[str, Tally]) -> str:
 
 
 def main() -> None:
-    from .sound import false_alarms, real_defects
+    from .sound import false_alarms, false_alarms_of_sets, real_defects
 
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--data", type=Path, default=Path(os.environ.get("DIFFTHRUST_DATA", "")))
@@ -360,6 +394,10 @@ def main() -> None:
     print(table(study(chosen.data, names=OTHERS)))
     alarms, count = false_alarms(chosen.data, chosen.sound, chosen.seed)
     print(f"\nSound logs: {count}, with false alarms: {len(alarms)}")
+    for line in alarms:
+        print(f"  {line}")
+    alarms, count = false_alarms_of_sets(chosen.data, chosen.sound // 2, chosen.seed)
+    print(f"\nSets of sound logs: {count}, with false alarms: {len(alarms)}")
     for line in alarms:
         print(f"  {line}")
     print("\nReal defects of the logs as published:")

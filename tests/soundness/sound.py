@@ -84,6 +84,31 @@ def false_alarms(root: Path, count: int, seed: int = 0) -> tuple[list[str], int]
     return lines, count
 
 
+def false_alarms_of_sets(root: Path, count: int, seed: int = 0) -> tuple[list[str], int]:
+    """The same for so many sets of three to six logs of one system, held against each other."""
+    rng = np.random.default_rng(seed)
+    logs = {name: measured.logs(root, name) for name in ("ngs_thruster", "blueboat", "esso_osaka")}
+    names, lines = tuple(logs), []
+    for k in range(count):
+        if k % 2:
+            drawn = draw(KINDS[k // 2 % len(KINDS)], int(rng.integers(1 << 30)))
+            chosen, model = [worn(rng, log) for log in (*drawn.train, drawn.unseen)], drawn.model
+        else:
+            name = names[k // 2 % 3]
+            picked = rng.choice(len(logs[name]), int(rng.integers(3, 7)), replace=False)
+            begins = rng.uniform(0.0, 0.4, picked.size)
+            whole = [logs[name][i] for i in picked]
+            chosen = [
+                log.slice(b * log.duration, (b + 0.6) * log.duration)
+                for log, b in zip(whole, begins, strict=True)
+            ]
+            model = MODELS[name]
+        found = dft.soundness.doubts(chosen, model)
+        if found:
+            lines.append(f"{', '.join(log.name for log in chosen)}: {' / '.join(map(str, found))}")
+    return lines, count
+
+
 def real_defects(root: Path) -> list[str]:
     """What is told of the logs as they were published."""
     lines = []
