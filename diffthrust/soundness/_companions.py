@@ -16,8 +16,8 @@ _FIRM = 0.8
 """Correlation from which on the ratio of two channels means something."""
 _ODD = {DRIVE: 7.0, PHYSICS: 1.8}
 """Ratio of a log's gain to that of its companions from which on it is odd. What follows a drive by
-a lag has a gain that depends on how it was driven (by a factor of up to 5.3 in the runs of one boat),
-the thrust of a speed has not."""
+a lag has a gain that depends on how it was driven (by a factor of up to 5.3 between the runs of one
+boat), the thrust of a speed has not."""
 _SPREAD = 4.0
 """And so many times as far from their middle (as a logarithm) as the farthest of them."""
 _KNOWN = 0.15

@@ -48,11 +48,8 @@ def boat():
     }
     record = vessel.simulate(time, forces, parameters=vessel.SIRAMDASU, method="rk4")
     names = ("surge", "sway", "yaw_rate", "heading", "north", "east")
-    measured = {
-        name: record.truth[name]
-        + 0.005 * np.ptp(record.truth[name]) * rng.standard_normal(time.size)
-        for name in names
-    }
+    noise = {name: 0.005 * rng.standard_normal(time.size) for name in names}
+    measured = {n: v + noise[n] * np.ptp(v) for n, v in record.truth.items() if n in names}
     return dft.Log(time, forces, measured, name="boat")
 
 
