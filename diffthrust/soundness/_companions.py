@@ -56,12 +56,13 @@ def unlike(records: Sequence[Record], found: Sequence[Sequence[Tie]]) -> Iterato
 
 
 def _turned(r: Record, tie: Tie) -> Doubt:
+    line = sign_line(tie.channel, r.scales.get(tie.channel, 1.0))
     return Doubt(
         tie.channel,
         "sign",
         f"{r.name}: {tie.channel} goes the other way with {tie.words} (correlation "
         f"{tie.together:+.2f}) than in every other log.",
-        f"for this log alone: {sign_line(tie.channel)} Or of {' or '.join(tie.others)}.",
+        f"for this log alone: {line} Or of {' or '.join(tie.others)}.",
     )
 
 

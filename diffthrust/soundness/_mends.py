@@ -76,7 +76,8 @@ def signs(r: Record) -> Iterator[Mend]:
     for channel in SIGNED:
         if r.has(channel) and channel not in r.unsigned:
             changed = r.taking(**{channel: -r.values[channel]})
-            yield Mend("sign", (channel,), sign_line(channel), changed)
+            line = sign_line(channel, r.scales.get(channel, 1.0))
+            yield Mend("sign", (channel,), line, changed)
 
 
 def exchanges(r: Record) -> Iterator[Mend]:
@@ -124,9 +125,9 @@ def _scaled(r: Record, channel: str, unit: str, scale: float) -> Mend:
     return Mend("unit", (channel,), unit_line(channel, unit), changed)
 
 
-def sign_line(channel: str) -> str:
-    """What turns a sign round."""
-    return f"[channels.{channel}] scale = -1, or Column(..., scale=-1)."
+def sign_line(channel: str, scale: float = 1.0) -> str:
+    """What turns the sign of a channel round, whose column is scaled already."""
+    return f"[channels.{channel}] scale = {-scale:g}, or Column(..., scale={-scale:g})."
 
 
 def exchange_line(one: str, two: str) -> str:

@@ -31,6 +31,7 @@ class Record:
         inputs: names of the channels that drive.
         unsigned: names of the channels without a sign.
         turns: of each angle that jumps, the size of its jumps as a word of ``TURNS``.
+        scales: what the columns of channels were multiplied by.
     """
 
     name: str
@@ -39,6 +40,7 @@ class Record:
     inputs: frozenset[str]
     unsigned: frozenset[str]
     turns: Mapping[str, str]
+    scales: Mapping[str, float]
 
     @property
     def size(self) -> int:
@@ -94,6 +96,7 @@ def record(log: Log) -> Record | None:
         inputs=frozenset(log.inputs),
         unsigned=frozenset(log.unsigned),
         turns=turns,
+        scales={name: way.scale for name, way in log.written.items()},
     )
 
 

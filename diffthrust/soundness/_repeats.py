@@ -11,6 +11,7 @@ from diffthrust._support.correlation import lag_one
 from diffthrust._support.tables import number
 from diffthrust.logs._log import Log
 from diffthrust.soundness._doubt import Doubt
+from diffthrust.soundness._shown import shown, shown_width, width_as_written
 
 _LEAST = 20
 """Samples of one value from which on a sensor may be stuck or clipped."""
@@ -45,7 +46,7 @@ def repeating(log: Log) -> Iterator[Doubt]:
                 yield Doubt(
                     channel,
                     "silent",
-                    f"{log.name}: {channel} is {number(values[0])} in every sample, while "
+                    f"{log.name}: {channel} is {shown(log, channel, values[0])} throughout, while "
                     f"{', '.join(c for c in moving if c in log.inputs)} moves.",
                     f"look whether the sensor of {channel} was on, or take the channel out.",
                 )
@@ -114,14 +115,14 @@ def _coarse(log: Log, channel: str, values: np.ndarray) -> Doubt | None:
     share = float(np.mean(values[1:] == values[:-1]))
     if share < 0.5:
         return None
-    unit = f" {log.units[channel]}".rstrip()
     return Doubt(
         channel,
         "stuck",
-        f"{log.name}: {channel} has {levels.size} levels only, {number(step, 3)}{unit} apart over "
-        f"a range of {number(span, 3)}{unit}: it is read too coarsely for a fit of its course.",
+        f"{log.name}: {channel} has {levels.size} levels only, {shown_width(log, channel, step)} "
+        f"apart over a range of {shown_width(log, channel, span)}: it is read too coarsely for a "
+        "fit of its course.",
         f"log {channel} with more digits; or give its noise: [channels.{channel}] noise = "
-        f"{number(step / 12**0.5, 2)}.",
+        f"{number(width_as_written(log, channel, step) / 12**0.5, 2)}.",
     )
 
 
@@ -143,13 +144,12 @@ def _clipped(
             continue
         if long.size == 1 and not _others_moved(others, at):
             continue
-        unit = f" {log.units[channel]}".rstrip()
         return Doubt(
             channel,
             "saturated",
             f"{log.name}: {count} samples of {channel} stand exactly at its {word} value, "
-            f"{number(float(extreme))}{unit}, in {long.size} stretches: the sensor's range ends "
-            "there.",
+            f"{shown(log, channel, float(extreme))}, in {long.size} stretches: there the sensor's "
+            "range ends.",
             f"leave these samples of {channel} empty (nan), or choose a larger range.",
         )
     return None
@@ -173,12 +173,11 @@ def _stuck(
     resting = abs(value) < 0.02 * np.quantile(np.abs(values), 0.95)
     if not _others_moved(others, during) or (resting and not _driven_hard(log, during)):
         return None
-    unit = f" {log.units[channel]}".rstrip()
     first = float(log.time[np.flatnonzero(np.isfinite(log.measured[channel]))[begin]])
     return Doubt(
         channel,
         "stuck",
-        f"{log.name}: {channel} stays at {number(value)}{unit} for {length} samples from "
+        f"{log.name}: {channel} stays at {shown(log, channel, value)} for {length} samples from "
         f"t = {number(first)} s on, while other channels move.",
         f"leave these samples of {channel} empty (nan), or cut the log there.",
     )
@@ -210,7 +209,7 @@ def _only_noise(log: Log, values: np.ndarray) -> bool:
     Of white noise one log in a thousand has block means that vary by 2.3 times what is due; what
     answers to a drive, or rings, has stretches, or neighbours, that differ far more.
     """
-    smooth = [v for v in log.inputs.values() if np.ptp(v) > 0 and lag_one([v]) > 0.8]
+    smooth = [v for v in log.inputs.values() if _swings(v) and lag_one([v]) > 0.8]
     if values.size < 100 or not smooth:
         return False
     x = values - values.mean()
@@ -219,6 +218,12 @@ def _only_noise(log: Log, values: np.ndarray) -> bool:
     means = x[: 20 * length].reshape(20, length).mean(axis=1)
     excess = float(np.var(means, ddof=1)) * length / float(np.var(x))
     return abs(neighbours) < 3 / np.sqrt(values.size) and excess < 2.3
+
+
+def _swings(values: np.ndarray) -> bool:
+    """Whether an input moves for a good part of the log, by a good part of its size."""
+    low, high = np.quantile(values, (0.05, 0.95))
+    return bool(high - low > 0.2 * np.abs(values).max())
 
 
 def _span(values: np.ndarray) -> float:

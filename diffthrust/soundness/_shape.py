@@ -21,33 +21,36 @@ _NEGATIVE = 0.2
 
 def misshaped(r: Record) -> Iterator[Doubt]:
     """Doubts on speed and thrust, by the law between them and by what has no sign."""
-    told = False
-    if r.has("speed", "thrust"):
-        evidence = _exchanged(r)
-        if evidence:
-            told = True
-            mend = exchange_line("speed", "thrust")
-            yield Doubt("speed", "exchanged", f"{r.name}: {evidence}", mend)
     for channel in r.unsigned:
-        if not told and channel in r.values and _negative(r.values[channel]):
-            yield Doubt(
-                channel,
-                "sign",
-                f"{r.name}: {channel} is said to have no sign, but goes from "
-                f"{r.values[channel].min():.3g} to {r.values[channel].max():.3g}.",
-                f"take unsigned out of [channels.{channel}] (Column(..., unsigned=False)), or look "
-                "whether it is the right column.",
-            )
+        if channel in r.values and _negative(r.values[channel]):
+            yield _signed(r, channel)
+            return
+    evidence = _exchanged(r) if r.has("speed", "thrust") else ""
+    if evidence:
+        line = exchange_line("speed", "thrust")
+        yield Doubt("speed", "exchanged", f"{r.name}: {evidence}", line)
+
+
+def _signed(r: Record, channel: str) -> Doubt:
+    """A channel that has a sign and should have none, and perhaps the one that it belongs to."""
+    low, high = r.values[channel].min(), r.values[channel].max()
+    evidence = f"{r.name}: {channel} is said to have no sign, but goes from {low:.3g} to {high:.3g}"
+    for other in ("thrust", "command"):
+        if other != channel and r.has(other) and r.values[other].min() >= 0:
+            evidence += f", while {other} is never below {r.values[other].min():.3g}."
+            return Doubt(channel, "exchanged", evidence, exchange_line(channel, other))
+    return Doubt(
+        channel,
+        "sign",
+        f"{evidence}.",
+        f"take unsigned out of [channels.{channel}] (Column(..., unsigned=False)), or look whether "
+        "it is the right column.",
+    )
 
 
 def _exchanged(r: Record) -> str:
     speed, thrust = r.values["speed"], r.values["thrust"]
     if "speed" in r.unsigned:
-        if _negative(speed) and not _negative(thrust):
-            return (
-                f"speed is said to have no sign, but falls to {speed.min():.3g}, while thrust "
-                f"never goes below {thrust.min():.3g}."
-            )
         if not r.has("command"):
             return ""
         speed = np.abs(speed) * np.sign(r.values["command"])

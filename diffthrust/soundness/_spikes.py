@@ -9,6 +9,7 @@ import numpy as np
 from diffthrust._support.tables import number
 from diffthrust.logs._log import Log
 from diffthrust.soundness._doubt import Doubt
+from diffthrust.soundness._shown import as_written, shown_width
 
 _CODES = (
     *(-1.0, -9.0, -99.0, -999.0, -9999.0, -99999.0, -32768.0, -2147483648.0),
@@ -52,9 +53,8 @@ def _jumps(
     usual = 5 * float(np.quantile(np.abs(np.diff(values)), 0.7))
     high = height > max(_FAR * span, usual)
     levels, counts = np.unique(values[high], return_counts=True)
-    unit = f" {log.units[channel]}".rstrip()
     for value, count in zip(levels, counts, strict=True):
-        written = _as_written(log, channel, float(value))
+        written = _coded(log, channel, float(value))
         beyond = height[high & (values == value)].min() > 2 * max(span, 1e-12)
         coded = any(abs(written - code) < 1e-6 * abs(code) for code in _CODES) and beyond
         # zeros and other repeated numbers: sensors do not jump there and back, commands may
@@ -81,9 +81,9 @@ def _jumps(
             channel,
             "outliers",
             f"{log.name}: {int(gross.sum())} samples of {channel} stand alone, "
-            f"{number(float(height[gross].max()), 3)}{unit} and less from their neighbours, where "
-            f"all others lie within {number(span, 3)}{unit}; the first at "
-            f"t = {number(_first(log, where, gross))} s.",
+            f"{shown_width(log, channel, float(height[gross].max()))} and less from their "
+            f"neighbours, where all others lie within {shown_width(log, channel, span)}; the first "
+            f"at t = {number(_first(log, where, gross))} s.",
             'leave them empty (nan), or fit with loss = "student_t", which forgives them.',
         )
 
@@ -111,12 +111,10 @@ def _alone(values: np.ndarray, height: np.ndarray, k: int) -> bool:
     return bool(height[k] > _LOUD * np.quantile(steps[:-2], 0.75))
 
 
-def _as_written(log: Log, channel: str, value: float) -> float:
-    """A stored number as the user's file has it, where the log can tell."""
-    written, stored = log.written.get(channel), log.units[channel]
-    if written is None or not stored or not written.unit:
-        return value
-    return float(written.values([value], stored, channel)[0]) / written.scale
+def _coded(log: Log, channel: str, value: float) -> float:
+    """A stored number as it stands in the column."""
+    way = log.written.get(channel)
+    return as_written(log, channel, value) / (way.scale if way is not None else 1.0)
 
 
 def _first(log: Log, where: np.ndarray, chosen: np.ndarray) -> float:

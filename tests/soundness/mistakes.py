@@ -205,6 +205,13 @@ MISTAKES = (
         T,
     ),
     Mistake(
+        "command and speed exchanged",
+        "exchanged",
+        ("command", "speed"),
+        exchanged("command", "speed"),
+        T,
+    ),
+    Mistake(
         "left and right exchanged",
         "exchanged",
         ("left_force", "right_force"),
