@@ -31,6 +31,19 @@ KINDS = (
 )
 
 
+def unknown(found: tuple[dft.soundness.Doubt, ...]) -> list[dft.soundness.Doubt]:
+    """Doubts but for one that is true of a part of sound logs.
+
+    The yaw rate of the Esso Osaka's berthing runs is filtered: it follows the rate of the heading
+    after 0.6 to 1.0 s in all three (and the speeds follow the track after 0.6 to 0.9 s).
+    """
+    return [
+        d
+        for d in found
+        if not ((d.channel, d.kind) == ("yaw_rate", "lag") and d.evidence.startswith("berthing"))
+    ]
+
+
 def parts(root: Path, rng: np.random.Generator) -> Iterator[tuple[dft.Log, dft.Model]]:
     """Parts of measured logs without end: a random log, a random stretch of it."""
     sets = {name: measured.logs(root, name) for name in MODELS}
@@ -77,7 +90,7 @@ def false_alarms(root: Path, count: int, seed: int = 0) -> tuple[list[str], int]
     lines = []
     for k in range(count):
         log, model = next(sources[k % 2])
-        found = dft.soundness.doubts(log, model)
+        found = unknown(dft.soundness.doubts(log, model))
         if found:
             span = f"{log.time[0]:.1f} to {log.time[-1]:.1f} s"
             lines.append(f"{log.name} ({span}): " + " / ".join(map(str, found)))
@@ -103,7 +116,7 @@ def false_alarms_of_sets(root: Path, count: int, seed: int = 0) -> tuple[list[st
                 for log, b in zip(whole, begins, strict=True)
             ]
             model = MODELS[name]
-        found = dft.soundness.doubts(chosen, model)
+        found = unknown(dft.soundness.doubts(chosen, model))
         if found:
             lines.append(f"{', '.join(log.name for log in chosen)}: {' / '.join(map(str, found))}")
     return lines, count
