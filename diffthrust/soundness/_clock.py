@@ -53,9 +53,9 @@ def misclocked(log: Log, model: Model | None) -> Iterator[Doubt]:
 def _base(log: Log, model: Model | None) -> Iterator[Doubt]:
     """Milliseconds called seconds, or the reverse."""
     if model is not None and all(name in log.inputs for name in model.states):
-        model = None  # nothing is integrated, so any rate will do
+        return  # nothing is integrated, so any rate will do
     fastest, slowest = model.time_scales if model else (0.0, np.inf)
-    shortest, longest = max(STEPS[0], fastest / 50), min(STEPS[1], slowest / 4)
+    shortest, longest = (fastest / 50, slowest / 4) if model else STEPS
     if log.step >= longest:
         unit, limit = "ms", f"at most {number(longest, 2)} s"
     elif log.step < shortest or log.duration < fastest:

@@ -76,14 +76,8 @@ def _scaled(
         size = beside[worst] / power
         misfit = sum(abs(off - gains[k].powers.get(channel, 0) * size) for k, off in beside.items())
         # where nothing tells them apart, a known factor, and the channel before what it follows
-        rated.append(
-            (
-                misfit - 0.3 * bool(_known(channel, size)),
-                channel != gains[worst].channel,
-                channel,
-                size,
-            )
-        )
+        misfit -= 0.3 if _known(channel, size) else 0.0
+        rated.append((misfit, channel != gains[worst].channel, channel, size))
     _, _, channel, size = min(rated)
     named = _known(channel, size)
     tie, off = gains[worst], beside[worst]

@@ -43,7 +43,11 @@ def doubts(logs: Log | Sequence[Log], model: Model | None = None) -> tuple[Doubt
     logs = (logs,) if isinstance(logs, Log) else tuple(logs)
     found: list[Doubt] = []
     records, tied = [], []
+    timeless = model is not None and not model.states
     for log in logs:
+        if timeless:  # a table of readings, in any order
+            found += missized(log, None)
+            continue
         seen, r = [*misclocked(log, model), *jumping(log)], record(log)
         coded = [doubt.channel for doubt in seen if doubt.kind == "sentinel"]
         seen += [doubt for doubt in repeating(log) if doubt.channel not in coded]

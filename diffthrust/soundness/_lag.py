@@ -42,8 +42,8 @@ def lagging(r: Record, found: Sequence[Tie]) -> Iterator[Doubt]:
     yield Doubt(
         channel,
         "lag",
-        f"{r.name}: {channel} comes {seconds} s ({samples} samples) after {against}, with which "
-        f"it must move (correlation {tie.together:.2f}, without the lag {after:.2f}): its clock "
+        f"{r.name}: {channel} comes {seconds} s after {against}, with which it "
+        f"must move (correlation {tie.together:.2f}, without the lag {after:.2f}): its clock "
         "is behind, or a filter delays it.",
         f"shift {channel} by -{seconds} s before the log is made, or take the stamps of one clock.",
     )
@@ -59,14 +59,8 @@ def _shift(tie: Tie) -> tuple[int, float]:
     shift = int(np.argmax(crossed)) - reach
     if abs(shift) < _LEAST or abs(shift) == reach:
         return 0, tie.together
-    seen, due = (
-        (tie.seen[shift:], tie.due[:-shift])
-        if shift > 0
-        else (
-            tie.seen[:shift],
-            tie.due[-shift:],
-        )
-    )
+    late, early = max(shift, 0), max(-shift, 0)
+    seen, due = tie.seen[late : tie.seen.size - early], tie.due[early : tie.due.size - late]
     after = float(np.corrcoef(seen, due)[0, 1])
     before = float(np.corrcoef(tie.seen, tie.due)[0, 1]) if tie.kind == DRIVE else tie.together
     clear = after > (_CLEAR if tie.kind != GEOMETRY else 0.95)

@@ -75,7 +75,7 @@ def _jumps(
         return
     height = _heights(values, 1)
     gross = high & (height > _GROSS * span)
-    gross[gross] = [_alone(values, height, k) for k in np.flatnonzero(gross)]
+    gross[gross] = [_alone(values, height, int(k)) for k in np.flatnonzero(gross)]
     if measured and gross.sum() >= 3 and gross.sum() < 0.1 * values.size and span > 0:
         yield Doubt(
             channel,

@@ -166,7 +166,7 @@ def test_a_lag_is_told_in_seconds(log):
     late = changed(log, thrust=lambda v: np.interp(log.time - 0.5, log.time, v)).slice(1.0, None)
     (doubt,) = doubts(late)
     assert (doubt.channel, doubt.kind) == ("thrust", "lag")
-    assert "0.50 s (10 samples)" in doubt.evidence
+    assert "comes 0.50 s after the square of the speed" in doubt.evidence
 
 
 def frozen(v):
@@ -215,6 +215,12 @@ def test_a_sentinel_is_told_as_the_file_has_it(tmp_path, log):
     read = dft.read_log(path, time="t", inputs={"command": "u"}, measured=measured)
     (doubt,) = doubts(read)
     assert 'missing_values = ["-9999"]' in doubt.mend
+
+
+def test_a_table_of_readings_has_no_clock_to_be_doubted():
+    depth = np.repeat(np.linspace(0.0, 50.0, 20), 5)
+    log = dft.Log(10.0 * np.arange(100), {"depth": depth}, {"voltage": 0.02 * depth})
+    assert dft.soundness.doubts(log, dft.LinearSensor()) == ()
 
 
 def test_commands_may_hold_and_jump(log):
