@@ -15,9 +15,9 @@ from diffthrust.soundness._ties import DRIVE, PHYSICS, Tie
 _FIRM = 0.8
 """Correlation from which on the ratio of two channels means something."""
 _ODD = {DRIVE: 7.0, PHYSICS: 1.8}
-"""Ratio of a log's gain to that of its companions from which on it is odd. What follows a drive by
-a lag has a gain that depends on how it was driven (by a factor of up to 5.3 between the runs of one
-boat), the thrust of a speed has not."""
+"""Ratio of a log's gain to that of its companions from which on it is odd. What follows a command
+by a lag has a gain that depends on how it was driven, the thrust of a speed has not. Of boats it
+depends too much (by a factor of up to 15 between runs of one boat): their drives are not compared."""
 _SPREAD = 4.0
 """And so many times as far from their middle (as a logarithm) as the farthest of them."""
 _KNOWN = 0.15
@@ -30,7 +30,7 @@ def unlike(records: Sequence[Record], found: Sequence[Sequence[Tie]]) -> Iterato
     """Doubts on single logs of three and more, by ratios of channels that they share."""
     if len(records) < 3:
         return
-    gains = [{(t.channel, t.words): t for t in each if abs(t.together) > _FIRM} for each in found]
+    gains = [{(t.channel, t.words): t for t in each if _comparable(t)} for each in found]
     for i, r in enumerate(records):
         beside: dict[tuple[str, str], float] = {}
         odd = False
@@ -53,6 +53,10 @@ def unlike(records: Sequence[Record], found: Sequence[Sequence[Tie]]) -> Iterato
             yield _scaled(r, gains[i], beside)
         else:
             yield from _shifted(r, gains, i)
+
+
+def _comparable(tie: Tie) -> bool:
+    return abs(tie.together) > _FIRM and (tie.kind != DRIVE or tie.others == ("command",))
 
 
 def _turned(r: Record, tie: Tie) -> Doubt:

@@ -14,6 +14,7 @@ import numpy as np
 
 from diffthrust._support.tables import number
 from diffthrust.logs._log import Log
+from diffthrust.logs._units import convert
 from diffthrust.soundness._doubt import Doubt
 from diffthrust.soundness._mends import unit_line
 from diffthrust.soundness._record import Record, record
@@ -38,22 +39,29 @@ def misloaded(log: Log) -> Iterator[Doubt]:
     if not load > _SURE * error:
         return
     low, high = _RANGE
-    if load + 2 * error < low:
-        unit, turned = "rpm", load * 30 / np.pi
-    elif load - 2 * error > high:
-        unit, turned = "Hz or rev/s", load * 0.5 / np.pi
-    else:
+    if low <= load + 2 * error and load - 2 * error <= high:
+        return
+    way = log.written.get("speed")
+    said = (way.unit if way is not None else "") or "rad/s"
+    # the numbers as they stand, were they in another unit: the load goes with its inverse
+    loads = {unit: load * float(convert(1.0, said, unit, where="speed")) for unit in _UNITS}
+    unit = min(loads, key=lambda name: abs(np.log(loads[name] / (low * high) ** 0.5)))
+    if not low < loads[unit] < high:
         return
     yield Doubt(
         "speed",
         "unit",
-        f"{r.name}: with the speed in rad/s the shaft would lose half of it in "
+        f"{r.name}: with the speed in {said} the shaft would lose half of it in "
         f"{number(1 / load, 2)} rad once let go (alpha = {number(load, 2)} +- {number(error, 1)} "
         f"1/rad, which is free of a thruster's size; known ones have {low} to {high}); in {unit} "
-        f"in {number(1 / turned, 2)} rad.",
+        f"in {number(1 / loads[unit], 2)} rad.",
         f"{unit_line('speed', unit)} Or the controller holds the speed, whatever the load: "
         "dft.SpeedLoopThruster().",
     )
+
+
+_UNITS = ("rad/s", "rpm", "rev/s")
+"""What tachometers write."""
 
 
 def _alpha(r: Record) -> tuple[float, float]:

@@ -128,6 +128,19 @@ def test_the_load_of_the_propeller_tells_the_unit_of_its_speed(log, factor, unit
     assert "alpha" in doubt.evidence
 
 
+def test_the_unit_to_write_is_that_of_the_numbers_in_the_file(log):
+    """Numbers in rad/s that are called rpm: neither what they are called nor what is stored."""
+    called = dft.Log(
+        log.time,
+        dict(log.inputs),
+        dict(log.measured),
+        units={"command": "V", "speed": "rpm", "thrust": "N"},
+    )
+    (doubt,) = doubts(called)
+    assert (doubt.channel, doubt.kind) == ("speed", "unit")
+    assert 'unit = "rad/s"' in doubt.mend
+
+
 def test_a_column_that_is_called_rpm_is_not_in_rad_per_second(tmp_path, log):
     path = tmp_path / "run.csv"
     rpm = log.measured["speed"] * 30 / np.pi
