@@ -17,6 +17,7 @@ from . import papers as papers
 from . import plans as plans
 from . import saved as saved
 from . import simulation as simulation
+from . import soundness as soundness
 from . import specs as specs
 from . import survey as survey
 from . import uncertainty as uncertainty

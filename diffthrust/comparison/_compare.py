@@ -221,7 +221,9 @@ class Comparison(Result):
         )
         if advice and not followed and not (fit and LIKELIHOODS[fit.likelihood].corrects):
             noise.append(advice.sentence)
+        doubts = [str(doubt) for doubt in fit.doubts] if fit else []
         parts = [
+            ("Doubts about the logs of the fit", doubts),
             ("What does not fit together", [*self.hints, *self.outstanding]),
             ("Where the error sits (inputs as recorded, other signals as modelled)", regimes),
             ("Is the residual noise?", noise),
@@ -266,6 +268,7 @@ class Comparison(Result):
             "agreement": {name: a.to_json() for name, a in self.agreement.items()},
             "hints": [*self.hints, *self.outstanding],
             "noise": self.noise_advice.to_json() if self.noise_advice else None,
+            "doubts": [doubt.to_json() for doubt in self.fit.doubts] if self.fit else [],
         }
 
 

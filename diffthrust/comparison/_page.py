@@ -26,6 +26,10 @@ _PAGE = """<!doctype html>
 <h1>{{ title }}</h1>
 <p>Model: <b>{{ model }}</b></p>
 {% if fit %}
+{% for doubt in fit.doubts %}
+<p><b class="bad">Doubt: {{ doubt.channel }} ({{ doubt.kind }}).</b> {{ doubt.evidence }}
+<br>Mend: {{ doubt.mend }}</p>
+{% endfor %}
 <p>Status: <b class="{{ 'good' if fit.status.ok else 'bad' }}">{{ fit.status.value }}</b>.
 {{ fit.message }}</p>
 <h2>Parameters</h2>

@@ -25,7 +25,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
-from diffthrust.estimation._noise import WHITE, Doubt, NoiseModel
+from diffthrust.estimation._noise import WHITE, NoiseModel, Whiteness
 from diffthrust.estimation._numbers import AnyArray, Batch, ProblemNumbers
 from diffthrust.models._base.parameter import Parameter
 
@@ -147,9 +147,9 @@ class AR1(NoiseModel):
             total += float(numbers.counts[i]) * (1 - kept) / (1 + kept)
         return max(total, 2.0)
 
-    def doubt(self, tables: bool) -> Doubt:
+    def whiteness(self, tables: bool) -> Whiteness:
         """What is new has no reason to be correlated."""
-        return Doubt(
+        return Whiteness(
             WHITE,
             "What is new in the noise at each sample is still correlated with the sample before "
             "({}): the noise is of another kind, or something is missing from the model. The "

@@ -15,12 +15,13 @@ from diffthrust._support.warned import warn
 from diffthrust.estimation._arguments import check_arguments, listed
 from diffthrust.estimation._arrange import build
 from diffthrust.estimation._estimate import Estimate, shown_unit
+from diffthrust.estimation._explained import explained
 from diffthrust.estimation._horizons import schedule, through, whole_runs
 from diffthrust.estimation._innovations import disturbance_of, limits_of, refined
 from diffthrust.estimation._insensitive import without_silent
 from diffthrust.estimation._likelihood import noise_levels
 from diffthrust.estimation._multistart import Search
-from diffthrust.estimation._notes import correlation_doubts
+from diffthrust.estimation._notes import correlation_notes
 from diffthrust.estimation._origin import origin_of
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._registry import likelihood_of
@@ -35,6 +36,8 @@ from diffthrust.simulation._commands import adopted
 from diffthrust.simulation._inputs import input_ranges
 from diffthrust.simulation._runs import Run, pooled_errors, runs_over, shown_of
 from diffthrust.simulation._step_size import CoarseStepWarning, fewest_steps
+from diffthrust.soundness._doubt import Doubt
+from diffthrust.soundness._doubts import doubts as doubts_of
 
 
 @progressing
@@ -51,6 +54,7 @@ def fit(
     noise_model: str = "white",
     initial: Literal["auto", "estimate", "measured"] = "auto",
     substeps: int | None = None,
+    doubts: bool = True,
     progress: ProgressOption = None,
 ) -> Fit:
     """Estimate the free parameters of a model from logs.
@@ -89,10 +93,11 @@ def fit(
             estimates it for whole runs and takes it as measured for segments, all of which then
             begin alike: a model that lacks something would abuse free initial states to hide it.
         substeps: integrator steps per sample; chosen by halving the step where ``None``.
+        doubts: look whether the training logs are sound, by `diffthrust.soundness.doubts`.
         progress: True for a bar, or a function of a message and the share done.
 
     Returns:
-        A `Fit`. Look at ``status`` first: it is earned by checks, not assumed.
+        A `Fit`. Look at ``doubts`` and ``status`` first: they are earned by checks, not assumed.
 
     Raises:
         InputError: a log that does not fit the model, or arguments out of range.
@@ -149,7 +154,7 @@ def fit(
         hold={name: logs[0].hold[name] for name in ranges},
         written={name: way for log in reversed(logs) for name, way in log.written.items()},
         **words,
-        **_judged(optimum, again),
+        **_judged(optimum, again, doubts_of(logs, model) if doubts else ()),
         **_of_noise(optimum.problem, optimum.best),
     )
 
@@ -265,14 +270,16 @@ def _pass(task: _Task, model: Model, substeps: int, shares: tuple[float, float])
     return _Optimum(search, final, length, silent, model, states, runs, substeps, needed, notes)
 
 
-def _judged(optimum: _Optimum, again: tuple[str, ...]) -> dict[str, Any]:
+def _judged(optimum: _Optimum, again: tuple[str, ...], doubts: tuple[Doubt, ...]) -> dict[str, Any]:
     """What a fit reports of its optimum; ``again`` is the note on a refit."""
     search, problem, best = optimum.search, optimum.problem, optimum.best
     local, cost = examine(problem, best.z, best.quadratic), float(best.quadratic.cost)
     agreeing = search.agreeing_on(problem)
     status, message = judge(local, cost, search.begun, agreeing, search.rivals(problem))
     figures = (local.gradient, local.rank, local.columns, local.condition)
-    doubts = correlation_doubts(problem, best.z, optimum.runs)
+    correlated = correlation_notes(problem, best.z, optimum.runs)
+    train = pooled_errors(optimum.runs)
+    little, doubts = explained(train, doubts)
     of_logs = [f"{run.name}: {note}" for run in optimum.runs for note in run.log.notes]
     return {
         "model": optimum.released,
@@ -280,15 +287,16 @@ def _judged(optimum: _Optimum, again: tuple[str, ...]) -> dict[str, Any]:
         "covariance": local.covariance,
         "free": problem.own,
         "status": status,
-        "message": message,
+        "message": message + little,
         "checks": Checks(*figures, search.begun, agreeing),
-        "train": pooled_errors(optimum.runs),
+        "train": train,
         "log_likelihood": -cost,
         "initial": optimum.states,
         "horizon": optimum.horizon,
         "held": problem.held,
         "substeps": optimum.substeps,
-        "notes": (*optimum.notes, *again, *optimum.unmoved, *optimum.coarse, *doubts, *of_logs),
+        "notes": (*optimum.notes, *again, *optimum.unmoved, *optimum.coarse, *correlated, *of_logs),
+        "correlation": correlated,
         "doubts": doubts,
     }
 

@@ -23,7 +23,7 @@ _CORRELATED = 0.5
 """The same for residuals of a simulation, which always are a little."""
 
 
-class Doubt(NamedTuple):
+class Whiteness(NamedTuple):
     """Where errors are correlated that a likelihood takes as white.
 
     Args:
@@ -88,7 +88,7 @@ class NoiseModel(ABC):
         return float(np.sum(numbers.counts))
 
     @abstractmethod
-    def doubt(self, tables: bool) -> Doubt:
+    def whiteness(self, tables: bool) -> Whiteness:
         """What is said where the residuals are not of this kind.
 
         Args:
@@ -103,9 +103,9 @@ class White(NoiseModel):
     word: ClassVar[str] = "white"
     lasts: ClassVar[bool] = False
 
-    def doubt(self, tables: bool) -> Doubt:
+    def whiteness(self, tables: bool) -> Whiteness:
         """Residuals of a simulation are seldom white: a little correlation is no news."""
-        return Doubt(
+        return Whiteness(
             _CORRELATED,
             "Residuals are correlated from sample to sample ({}): something is missing from the "
             "model, or the noise is coloured. The standard errors assume white noise and are too "

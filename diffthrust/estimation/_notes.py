@@ -12,7 +12,7 @@ from diffthrust.estimation._problem import Problem
 from diffthrust.simulation._runs import Run, are_tables
 
 
-def correlation_doubts(problem: Problem, z: np.ndarray, runs: Sequence[Run]) -> tuple[str, ...]:
+def correlation_notes(problem: Problem, z: np.ndarray, runs: Sequence[Run]) -> tuple[str, ...]:
     """A sentence where errors are correlated that the likelihood takes as white.
 
     Args:
@@ -20,13 +20,13 @@ def correlation_doubts(problem: Problem, z: np.ndarray, runs: Sequence[Run]) -> 
         z: its optimum.
         runs: the fit over its training logs.
     """
-    doubt = problem.layout.likelihood.doubt(are_tables(problem.model, runs))
-    if doubt.whole_runs:
+    white = problem.layout.likelihood.whiteness(are_tables(problem.model, runs))
+    if white.whole_runs:
         errors = [{n: t.residual for n, t in run.channels.items()} for run in runs]
     else:
         errors = errors_at(problem, z)
-    lags = _correlated(errors, doubt.limit)
-    return (doubt.sentence.format(lags),) if lags else ()
+    lags = _correlated(errors, white.limit)
+    return (white.sentence.format(lags),) if lags else ()
 
 
 def _correlated(runs: Sequence[Mapping[str, np.ndarray]], limit: float) -> str:

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import Float
 
 from diffthrust.estimation._laws import Gaussian, Law
-from diffthrust.estimation._noise import WHITE, Doubt, NoiseModel, White
+from diffthrust.estimation._noise import WHITE, NoiseModel, White, Whiteness
 from diffthrust.estimation._numbers import Batch, ProblemNumbers
 from diffthrust.estimation._observer import Limits, Observer, guesses, innovations, observer_for
 from diffthrust.logs._log import Log
@@ -88,9 +88,9 @@ class Likelihood(ABC):
             states: the initial ones.
         """
 
-    def doubt(self, tables: bool) -> Doubt:
+    def whiteness(self, tables: bool) -> Whiteness:
         """What a fit says where its errors are not what they are taken for."""
-        return self.noise.doubt(tables)
+        return self.noise.whiteness(tables)
 
 
 @dataclass(frozen=True)
@@ -181,9 +181,9 @@ class Innovations(Likelihood):
         limits = Limits(numbers.clip, numbers.reach)
         return innovations(self.observer, model, grid, values, log, states, limits)[0]
 
-    def doubt(self, tables: bool) -> Doubt:
+    def whiteness(self, tables: bool) -> Whiteness:
         """Nothing in them has a reason to be correlated."""
-        return Doubt(
+        return Whiteness(
             WHITE,
             "One-step errors are correlated from sample to sample ({}): something is missing from "
             "the model. The standard errors assume that nothing is and are too small.",

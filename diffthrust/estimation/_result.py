@@ -21,6 +21,7 @@ from diffthrust.logs._identity import LogIdentity
 from diffthrust.logs._written import Written
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors
+from diffthrust.soundness._doubt import Doubt
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -62,9 +63,11 @@ class Fit(Result):
             units.
         hold: how each of them ran between the samples, "zero" or "linear".
         written: how the training logs wrote each channel that the model reads or gives.
-        doubts: those of them that say why standard errors, and all that follows from them, are too
-            small.
         origin: when and with which versions it was made, and of which logs.
+        correlation: those of them that say why standard errors, and all that follows from them,
+            are too small.
+        doubts: what in the logs is probably not what its name, unit or clock says
+            (`diffthrust.soundness.doubts`), and channels of which the fit explains little.
     """
 
     model: Model
@@ -90,11 +93,12 @@ class Fit(Result):
     limits: Mapping[str, float] | None = field(default=None, repr=False)
     reach: float = 1.0
     guess: Mapping[str, float] = field(default_factory=dict, repr=False)
-    doubts: tuple[str, ...] = field(default=(), repr=False)
     origin: Origin | None = field(default=None, repr=False)
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict, repr=False)
     hold: Mapping[str, str] = field(default_factory=dict, repr=False)
     written: Mapping[str, Written] = field(default_factory=dict, repr=False)
+    correlation: tuple[str, ...] = field(default=(), repr=False)
+    doubts: tuple[Doubt, ...] = field(default=(), repr=False)
 
     @property
     def data(self) -> tuple[LogIdentity, ...]:
@@ -188,4 +192,5 @@ class Fit(Result):
             "train": self.train.to_json(),
             "holdout": self.holdout.to_json() if self.holdout else None,
             "checks": dict(vars(self.checks)),
+            "doubts": [doubt.to_json() for doubt in self.doubts],
         }

@@ -16,6 +16,7 @@ from diffthrust.estimation._origin import Origin, closing
 from diffthrust.estimation._status import Status
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors
+from diffthrust.soundness._doubt import Doubt
 
 
 class _Reported(Protocol):
@@ -39,16 +40,19 @@ class _Reported(Protocol):
     def notes(self) -> tuple[str, ...]: ...
     @property
     def origin(self) -> Origin | None: ...
+    @property
+    def doubts(self) -> tuple[Doubt, ...]: ...
 
 
 def fit_table(fit: _Reported) -> RenderableType:
-    """Status, parameters with their uncertainty, errors on training and unseen logs, notes."""
+    """Doubts, status, parameters with their uncertainty, errors on logs, notes."""
     status = Text.assemble(
         ("Status: ", "bold"),
         (fit.status.value, "bold green" if fit.status.ok else "bold red"),
     )
     parts: list[RenderableType] = [
         Text(str(fit.model), style="bold"),
+        *doubt_lines(fit.doubts),
         status,
         Text(fit.message),
         Text(),
@@ -66,6 +70,17 @@ def closing_parts(lines: Iterable[str]) -> list[RenderableType]:
     """The last lines of a report, apart from what stands above."""
     texts: list[RenderableType] = [Text(line, style="dim") for line in lines]
     return [Text(), *texts] if texts else []
+
+
+def doubt_lines(doubts: Iterable[Doubt]) -> list[RenderableType]:
+    """What to look at before anything else; mostly nothing."""
+    return [
+        Text.assemble(
+            (f"Doubt: {doubt.channel} ({doubt.kind}): ", "bold yellow"),
+            f"{doubt.evidence}\nMend: {doubt.mend}",
+        )
+        for doubt in doubts
+    ]
 
 
 def _observer_parts(fit: _Reported) -> list[RenderableType]:

@@ -112,7 +112,8 @@ class Column:
         plain = (self.scale, self.offset) == (1.0, 0.0)
         if isinstance(self.pwm, PWM) and self.kept_unit == "effort" and plain:
             return numbers, Written(self.unit or "us", self.column, self.pwm), note
-        return numbers, Written(self.unit or self.kept_unit, self.column), note
+        shown, scale = self.unit or self.kept_unit, float(self.scale)
+        return numbers, Written(shown, self.column, scale=scale), note
 
 
 def channel_columns(

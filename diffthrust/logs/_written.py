@@ -129,6 +129,7 @@ class Written:
         unit: the unit to read the channel in; empty where none was given.
         column: the column that it came from; empty without a file.
         pwm: what its widths of pulses mean, where it was one.
+        scale: what the numbers of the column were multiplied by.
 
     Example:
         >>> Written("rpm").values([1.0], "rev/s", "channel 'propeller_speed'")
@@ -138,6 +139,7 @@ class Written:
     unit: str = ""
     column: str = ""
     pwm: PWM | None = None
+    scale: float = 1.0
 
     def values(self, numbers: Any, unit: str, where: Place | str) -> np.ndarray:
         """Numbers of this channel that are in ``unit``, as the user would write them."""

@@ -46,6 +46,7 @@ def test_fit_prints_and_writes(sensor, tmp_path):
     data = json.loads(out.read_text())
     assert list(data) == [
         "schema", "model", "effects", "status", "parameters", "train", "holdout", "checks",
+        "doubts",
     ]  # fmt: skip
     assert data["schema"] == 1
     assert data["model"] == "linear_sensor"

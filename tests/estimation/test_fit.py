@@ -307,7 +307,7 @@ def test_json_has_the_contract_and_the_report_is_readable():
     fit = dft.fit(dft.Thruster(), log_of(record()), holdout=log_of(record(seed=1)))
     data = fit.to_json()
     assert set(data) == {
-        "schema", "model", "effects", "status", "parameters", "train", "holdout", "checks"
+        "schema", "model", "effects", "status", "parameters", "train", "holdout", "checks", "doubts"
     }  # fmt: skip
     assert set(data["parameters"]["alpha"]) == {"value", "std_error", "unit", "fixed", "at_bound"}
     assert set(data["train"]["channels"]["speed"]) == {"rmse", "nrmse", "fit_percent", "samples"}

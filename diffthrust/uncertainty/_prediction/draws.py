@@ -111,7 +111,7 @@ def _of_fit(fit: Fit, model: Model, count: int, rng: np.random.Generator) -> Dra
             fit.message,
         )
     held = [n for n in fit.free if n not in names]
-    notes = fit.doubts if fit.status.ok else (f"The fit is to be doubted. {fit.message}",)
+    notes = fit.correlation if fit.status.ok else (f"The fit is to be doubted. {fit.message}",)
     if held:
         has, is_held, it = ("have", "are held at their values", "them")
         if len(held) == 1:

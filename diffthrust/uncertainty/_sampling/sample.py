@@ -116,8 +116,8 @@ def sample(
         "likelihood": fit.likelihood,
         "loss": fit.loss,
         "fit": mark_of(fit),
-        "doubts": "\n".join(fit.doubts),
         "origin": json.dumps(encoded(origin_of(logs, spec=fit.origin and fit.origin.spec), {})),
+        "doubts": "\n".join(fit.correlation),
         **drawn.attrs,
     }
     post = inference_data(posterior, drawn, attrs)

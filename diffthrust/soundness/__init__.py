@@ -1,0 +1,5 @@
+"""Is a log sound? Doubts about channels, before anything is fitted to them."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

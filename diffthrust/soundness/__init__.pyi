@@ -1,0 +1,2 @@
+from ._doubt import Doubt as Doubt
+from ._doubts import doubts as doubts

@@ -1,0 +1,146 @@
+"""Single mistakes, and what undoes them: a sign, an exchange, the unit of a channel or a clock."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from diffthrust.soundness._record import Record
+
+FACTORS: dict[str, tuple[tuple[str, float], ...]] = {
+    "rad/s": (("deg/s", np.pi / 180), ("rpm", np.pi / 30), ("Hz or rev/s", 2 * np.pi)),
+    "rev/s": (("rpm", 1 / 60), ("rad/s", 0.5 / np.pi)),
+    "rad": (("deg", np.pi / 180),),
+    "N": (("kgf", 9.80665), ("lbf", 4.4482216), ("kN", 1e3), ("gf", 9.80665e-3)),
+    "V": (("mV", 1e-3),),
+    "m/s": (("knot", 0.514444), ("km/h", 1 / 3.6), ("mm/s", 1e-3), ("cm/s", 1e-2)),
+    "m": (("mm", 1e-3), ("cm", 1e-2), ("ft", 0.3048), ("km", 1e3)),
+    "s": (("ms", 1e-3), ("min", 60.0)),
+}
+"""Units that are mistaken for the one a channel has, and what one of each is in it."""
+UNITS = {
+    "command": "V",
+    "speed": "rad/s",
+    "thrust": "N",
+    "force": "N",
+    "propeller_speed": "rev/s",
+    "rudder_angle": "rad",
+    "left_force": "N",
+    "right_force": "N",
+    "surge": "m/s",
+    "sway": "m/s",
+    "yaw_rate": "rad/s",
+    "north": "m",
+    "east": "m",
+    "heading": "rad",
+    "position": "m",
+    "velocity": "m/s",
+    "time": "s",
+}
+"""In which unit the checks take each channel."""
+PAIRS = (
+    ("left_force", "right_force"),
+    ("north", "east"),
+    ("surge", "sway"),
+    ("position", "velocity"),
+)
+"""Channels that are exchanged by mistake."""
+SIGNED = (
+    *("rudder_angle", "yaw_rate", "thrust", "surge", "sway", "heading", "north", "east"),
+    *("velocity", "position", "speed", "command", "force", "propeller_speed"),
+)
+"""Channels whose sign may be another convention's; where two would do, the first is named."""
+
+
+@dataclass(frozen=True)
+class Mend:
+    """What undoes one mistake.
+
+    Args:
+        kind: of the doubt.
+        channels: that are wrong; the first is named.
+        line: what to write.
+        record: as it would be without the mistake.
+    """
+
+    kind: str
+    channels: tuple[str, ...]
+    line: str
+    record: Record
+
+
+def signs(r: Record) -> Iterator[Mend]:
+    """One channel with the other sign."""
+    for channel in SIGNED:
+        if r.has(channel) and channel not in r.unsigned:
+            changed = r.taking(**{channel: -r.values[channel]})
+            line = sign_line(channel, r.scales.get(channel, 1.0))
+            yield Mend("sign", (channel,), line, changed)
+
+
+def exchanges(r: Record) -> Iterator[Mend]:
+    """Two channels in each other's place."""
+    for one, two in PAIRS:
+        if one in r.values and two in r.values:
+            changed = r.taking(**{one: r.values[two], two: r.values[one]})
+            yield Mend("exchanged", (one, two), exchange_line(one, two), changed)
+
+
+STEPS = (1e-4, 2.0)
+"""Steps [s] beyond which logs of thrusters and vessels are not taken."""
+
+
+def clocks(r: Record, ratio: float) -> Iterator[Mend]:
+    """Time that runs ``ratio`` times too fast, where its true step is one of a log."""
+    step = r.step * ratio
+    if not STEPS[0] <= step <= STEPS[1]:
+        return
+    for unit, scale in FACTORS["s"]:
+        if abs(np.log(ratio / scale)) < 0.15:
+            yield _scaled(r, "time", unit, scale)
+            return
+        if abs(np.log(ratio * scale)) < 0.15:
+            yield _scaled(r, "time", f"s, not {unit}", 1 / scale)
+            return
+    line = f"Column(..., scale={ratio:.3g}) for the time, or the true rate of the samples."
+    yield Mend("time_base", ("time",), line, replace(r, step=step))
+
+
+def rescaled(r: Record) -> Iterator[Mend]:
+    """One channel in another unit; and the reverse, a unit given that it has not."""
+    for channel in r.values:
+        for true, factor in FACTORS.get(UNITS.get(channel, ""), ()):
+            said = UNITS[channel]
+            for unit, scale in ((true, factor), (f"{said}, not {true}", 1 / factor)):
+                yield _scaled(r, channel, unit, scale)
+
+
+def _scaled(r: Record, channel: str, unit: str, scale: float) -> Mend:
+    if channel == "time":
+        changed = replace(r, step=r.step * scale)
+        return Mend("time_base", ("time",), unit_line("time", unit), changed)
+    changed = r.taking(**{channel: r.values[channel] * scale})
+    return Mend("unit", (channel,), unit_line(channel, unit), changed)
+
+
+def sign_line(channel: str, scale: float = 1.0) -> str:
+    """What turns the sign of a channel round, whose column is scaled already."""
+    return f"[channels.{channel}] scale = {-scale:g}, or Column(..., scale={-scale:g})."
+
+
+def exchange_line(one: str, two: str) -> str:
+    """What puts two channels in their places."""
+    return f"give {one} the column of {two}, and {two} that of {one}."
+
+
+def unit_line(channel: str, unit: str) -> str:
+    """What names another unit; ``"rad/s, not rpm"`` where it is the unit given that is wrong."""
+    said, _, wrong = unit.partition(", not ")
+    if " or " in said:
+        said = said.split(" or ")[1]
+    beside = f" (its numbers are not in {wrong})" if wrong else ""
+    if channel == "time":
+        return f'time = {{ column = ..., unit = "{said}" }}, or Column(..., unit="{said}"){beside}.'
+    return f'[channels.{channel}] unit = "{said}", or Column(..., unit="{said}"){beside}.'

@@ -1,0 +1,231 @@
+"""Sensors that repeat themselves: stuck, clipped, coarse, slower than the log, or dead."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from diffthrust._support.correlation import lag_one
+from diffthrust._support.tables import number
+from diffthrust.logs._log import Log
+from diffthrust.soundness._doubt import Doubt
+from diffthrust.soundness._shown import shown, shown_width, width_as_written
+
+_LEAST = 20
+"""Samples of one value from which on a sensor may be stuck or clipped."""
+_SHARE = 0.03
+"""That share of the log, too."""
+_MOVED = 0.3
+"""Others must have moved by this share of their range meanwhile (10th to 90th percentile)."""
+_COARSE = 12
+"""Fewer steps over its range than this make a sensor coarse."""
+_REGULAR = 0.8
+"""Share of the waits between two readings that must be equal (or differ by one sample)."""
+
+
+class _Runs(NamedTuple):
+    """Stretches of equal values: where they begin, how long they are, their value."""
+
+    start: np.ndarray
+    length: np.ndarray
+    value: np.ndarray
+
+
+def repeating(log: Log) -> Iterator[Doubt]:
+    """Doubts on measured channels that hold their values. Inputs hold theirs by right."""
+    moving = [c for c, v in {**log.inputs, **log.measured}.items() if _span(v) > 0]
+    driven = any(c in log.inputs for c in moving)
+    for channel, samples in log.measured.items():
+        values = samples[np.isfinite(samples)]
+        if values.size < 3 * _LEAST:
+            continue
+        if not np.ptp(values) > 0:
+            if driven:
+                yield Doubt(
+                    channel,
+                    "silent",
+                    f"{log.name}: {channel} is {shown(log, channel, values[0])} throughout, while "
+                    f"{', '.join(c for c in moving if c in log.inputs)} moves.",
+                    f"look whether the sensor of {channel} was on, or take the channel out.",
+                )
+            continue
+        doubt = None
+        if np.count_nonzero(values[1:] == values[:-1]) >= _LEAST - 1:
+            runs = _runs(values)
+            others = [
+                v[np.isfinite(samples)]
+                for c, v in {**log.inputs, **log.measured}.items()
+                if c != channel and c in moving
+            ]
+            doubt = (
+                _slow(log, channel, values, runs)
+                or _coarse(log, channel, values)
+                or _clipped(log, channel, values, runs, others)
+                or _stuck(log, channel, values, runs, others)
+            )
+        if doubt:
+            yield doubt
+        elif channel in _ANSWERS and driven and _only_noise(log, values):
+            yield Doubt(
+                channel,
+                "silent",
+                f"{log.name}: {channel} is white noise and nothing else, while "
+                f"{' and '.join(c for c in log.inputs if c in moving)} moves.",
+                f"look at the wiring of {channel}, and whether it is the right column.",
+            )
+
+
+_ANSWERS = ("speed", "thrust", "velocity", "surge", "position")
+"""Channels that must answer to any drive."""
+
+
+def _runs(values: np.ndarray) -> _Runs:
+    start = np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1]]))
+    return _Runs(start, np.diff(np.append(start, values.size)), values[start])
+
+
+def _slow(log: Log, channel: str, values: np.ndarray, runs: _Runs) -> Doubt | None:
+    """Readings at a lower rate than the log's, held in between."""
+    waits = runs.length[1:-1]
+    if waits.size < 15 or np.median(waits) < 3:
+        return None
+    usual = float(np.median(waits))
+    if np.mean(np.abs(waits - usual) <= 1) < _REGULAR:
+        return None
+    seconds = number(usual * log.step, 3)
+    return Doubt(
+        channel,
+        "stuck",
+        f"{log.name}: {channel} changes every {usual:.0f} samples only ({seconds} s) and is held "
+        "in between: the sensor is slower than the log.",
+        f"keep the first sample of each reading of {channel} and leave the others empty (nan).",
+    )
+
+
+def _coarse(log: Log, channel: str, values: np.ndarray) -> Doubt | None:
+    """Few levels, far apart, between which a signal climbs that has a memory."""
+    levels = np.unique(values)
+    if not 3 <= levels.size <= 2 * _COARSE:
+        return None
+    step, span = float(np.diff(levels).min()), float(np.ptp(levels))
+    if span > _COARSE * step * (1 + 1e-9) or lag_one([values]) < 0.9:
+        return None
+    share = float(np.mean(values[1:] == values[:-1]))
+    if share < 0.5:
+        return None
+    return Doubt(
+        channel,
+        "stuck",
+        f"{log.name}: {channel} has {levels.size} levels only, {shown_width(log, channel, step)} "
+        f"apart over a range of {shown_width(log, channel, span)}: it is read too coarsely for a "
+        "fit of its course.",
+        f"log {channel} with more digits; or give its noise: [channels.{channel}] noise = "
+        f"{number(width_as_written(log, channel, step) / 12**0.5, 2)}.",
+    )
+
+
+def _clipped(
+    log: Log, channel: str, values: np.ndarray, runs: _Runs, others: list[np.ndarray]
+) -> Doubt | None:
+    """Stretches at one extreme, which the rest of the samples hardly comes near."""
+    span = float(np.ptp(values))
+    for extreme, word in ((values.max(), "largest"), (values.min(), "smallest")):
+        if extreme == 0:  # rest
+            continue
+        at = values == extreme
+        long = runs.length[(runs.value == extreme) & (runs.length >= 3)]
+        count = int(at.sum())
+        if long.sum() < max(_LEAST, _SHARE * values.size) or long.sum() < 0.6 * count:
+            continue
+        near = np.abs(values - extreme) < 0.03 * span
+        if near.sum() - count > 0.3 * count:  # it settles there
+            continue
+        if long.size == 1 and not _others_moved(others, at):
+            continue
+        return Doubt(
+            channel,
+            "saturated",
+            f"{log.name}: {count} samples of {channel} stand exactly at its {word} value, "
+            f"{shown(log, channel, float(extreme))}, in {long.size} stretches: there the sensor's "
+            "range ends.",
+            f"leave these samples of {channel} empty (nan), or choose a larger range.",
+        )
+    return None
+
+
+def _stuck(
+    log: Log, channel: str, values: np.ndarray, runs: _Runs, others: list[np.ndarray]
+) -> Doubt | None:
+    """One stretch of one value, far longer than any other, while other channels move."""
+    longest = int(np.argmax(runs.length))
+    length = int(runs.length[longest])
+    rest = np.delete(runs.length, longest)
+    if length < max(_LEAST, _SHARE * values.size) or rest.size < 10:
+        return None
+    if length < 4 * np.quantile(rest, 0.98):
+        return None
+    begin = int(runs.start[longest])
+    during = np.zeros(values.size, bool)
+    during[begin : begin + length] = True
+    value = float(runs.value[longest])
+    resting = abs(value) < 0.02 * np.quantile(np.abs(values), 0.95)
+    if not _others_moved(others, during) or (resting and not _driven_hard(log, during)):
+        return None
+    first = float(log.time[np.flatnonzero(np.isfinite(log.measured[channel]))[begin]])
+    return Doubt(
+        channel,
+        "stuck",
+        f"{log.name}: {channel} stays at {shown(log, channel, value)} for {length} samples from "
+        f"t = {number(first)} s on, while other channels move.",
+        f"leave these samples of {channel} empty (nan), or cut the log there.",
+    )
+
+
+def _others_moved(others: list[np.ndarray], during: np.ndarray) -> bool:
+    for values in others:
+        here, seen = values[during], np.isfinite(values)
+        here = here[np.isfinite(here)]
+        if here.size < 3:
+            continue
+        low, high = np.quantile(here, (0.1, 0.9))
+        if high - low > _MOVED * np.ptp(np.quantile(values[seen], (0.02, 0.98))) > 0:
+            return True
+    return False
+
+
+def _driven_hard(log: Log, during: np.ndarray) -> bool:
+    """Whether any input is at half of its size on average meanwhile."""
+    whole = {c: v for c, v in log.inputs.items() if v.size == during.size}
+    return any(
+        np.mean(np.abs(v[during])) > 0.5 * np.quantile(np.abs(v), 0.98) > 0 for v in whole.values()
+    )
+
+
+def _only_noise(log: Log, values: np.ndarray) -> bool:
+    """Neither neighbours nor stretches of the log differ by more than white noise would have them.
+
+    Of white noise one log in a thousand has block means that vary by 2.3 times what is due; what
+    answers to a drive, or rings, has stretches, or neighbours, that differ far more.
+    """
+    smooth = [v for v in log.inputs.values() if _swings(v) and lag_one([v]) > 0.8]
+    if values.size < 100 or not smooth:
+        return False
+    x = values - values.mean()
+    neighbours = float(x[1:] @ x[:-1]) / float(x @ x)
+    length = values.size // 20
+    means = x[: 20 * length].reshape(20, length).mean(axis=1)
+    excess = float(np.var(means, ddof=1)) * length / float(np.var(x))
+    return abs(neighbours) < 3 / np.sqrt(values.size) and excess < 2.3
+
+
+def _swings(values: np.ndarray) -> bool:
+    """Whether an input moves for a good part of the log, by a good part of its size."""
+    low, high = np.quantile(values, (0.05, 0.95))
+    return bool(high - low > 0.2 * np.abs(values).max())
+
+
+def _span(values: np.ndarray) -> float:
+    seen = values[np.isfinite(values)]
+    return float(np.ptp(seen)) if seen.size else 0.0

@@ -1,0 +1,121 @@
+"""Samples that cannot be: what a logger writes for a missing value, and gross outliers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from diffthrust._support.tables import number
+from diffthrust.logs._log import Log
+from diffthrust.soundness._doubt import Doubt
+from diffthrust.soundness._shown import as_written, shown_width
+
+_CODES = (
+    *(-1.0, -9.0, -99.0, -999.0, -9999.0, -99999.0, -32768.0, -2147483648.0),
+    *(99.0, 255.0, 999.0, 1023.0, 4095.0, 9999.0, 32767.0, 65535.0, 99999.0, 2147483647.0),
+)
+"""What loggers and converters write where there is no value."""
+_FAR = 0.25
+"""A jump there and back of this share of the range of the others, from which on samples that are
+all alike are a code."""
+_GROSS = 1.5
+"""The same for single samples that differ; field logs have spikes of up to a third of the range."""
+_NEAR = 8
+"""Samples on either side that say how calm a channel is."""
+_LOUD = 6.0
+"""Times the steps around it that an outlier must stand out."""
+_ALONE = 3
+"""Samples in a row at most."""
+
+
+def jumping(log: Log) -> Iterator[Doubt]:
+    """Doubts on samples to which a channel jumps and from which it jumps back."""
+    for channel, samples in {**log.inputs, **log.measured}.items():
+        where = np.flatnonzero(np.isfinite(samples))
+        values = samples[where]
+        if values.size < 20 or not np.ptp(values) > 0:
+            continue
+        span = float(np.ptp(np.quantile(values, (0.02, 0.98))))
+        if not np.abs(np.diff(values)).max() > _FAR * span:  # most channels: nothing jumps
+            continue
+        yield from _jumps(log, channel, where, values, channel in log.measured)
+
+
+def _jumps(
+    log: Log, channel: str, where: np.ndarray, values: np.ndarray, measured: bool
+) -> Iterator[Doubt]:
+    height = _heights(values)
+    span = float(np.ptp(np.quantile(values[height == 0], (0.02, 0.98)))) if any(height == 0) else 0
+    turn = {"rad": 2 * np.pi, "deg": 360.0}.get(log.units[channel], np.inf)
+    if channel in ("heading", "wind_direction"):
+        height = np.where(np.abs(height - turn) < 0.2 * turn, 0.0, height)
+    usual = 5 * float(np.quantile(np.abs(np.diff(values)), 0.7))
+    high = height > max(_FAR * span, usual)
+    levels, counts = np.unique(values[high], return_counts=True)
+    for value, count in zip(levels, counts, strict=True):
+        written = _coded(log, channel, float(value))
+        beyond = height[high & (values == value)].min() > 2 * max(span, 1e-12)
+        coded = any(abs(written - code) < 1e-6 * abs(code) for code in _CODES) and beyond
+        # zeros and other repeated numbers: sensors do not jump there and back, commands may
+        repeated = count >= 3 and measured
+        if not (coded or repeated):
+            continue
+        if not coded and np.mean(values[high] == value) < 0.5:
+            continue  # outliers that were clipped, some of them alike
+        yield Doubt(
+            channel,
+            "sentinel",
+            f"{log.name}: {channel} jumps {count} times to exactly {number(written)} and back, "
+            f"the first time at t = {number(_first(log, where, high & (values == value)))} s: "
+            "that is how a logger writes a missing value.",
+            f'[logs] missing_values = ["{written:g}"], or read_log(..., '
+            f'missing_values=["{written:g}"]).',
+        )
+        return
+    height = _heights(values, 1)
+    gross = high & (height > _GROSS * span)
+    gross[gross] = [_alone(values, height, int(k)) for k in np.flatnonzero(gross)]
+    if measured and gross.sum() >= 3 and gross.sum() < 0.1 * values.size and span > 0:
+        yield Doubt(
+            channel,
+            "outliers",
+            f"{log.name}: {int(gross.sum())} samples of {channel} stand alone, "
+            f"{shown_width(log, channel, float(height[gross].max()))} and less from their "
+            f"neighbours, where all others lie within {shown_width(log, channel, span)}; the first "
+            f"at t = {number(_first(log, where, gross))} s.",
+            'leave them empty (nan), or fit with loss = "student_t", which forgives them.',
+        )
+
+
+def _heights(values: np.ndarray, longest: int = _ALONE) -> np.ndarray:
+    """How far each sample of a short excursion lies from where it began and ended, else 0."""
+    height = np.zeros(values.size)
+    for width in range(1, longest + 1):
+        if values.size < width + 2:
+            break
+        before, after = values[: -width - 1], values[width + 1 :]
+        inside = np.stack([values[1 + k : values.size - width + k] for k in range(width)])
+        low, high = np.minimum(before, after), np.maximum(before, after)
+        out = np.maximum((inside - high).min(axis=0), (low - inside).min(axis=0))
+        out = np.where(out > 2 * (high - low), out, 0.0)
+        for k in range(width):
+            part = height[1 + k : values.size - width + k]
+            np.maximum(part, out, out=part)
+    return height
+
+
+def _alone(values: np.ndarray, height: np.ndarray, k: int) -> bool:
+    """Whether the samples around an outlier are calm: what rings after a blow is no outlier."""
+    steps = np.sort(np.abs(np.diff(values[max(0, k - _NEAR) : k + _NEAR + 1])))
+    return bool(height[k] > _LOUD * np.quantile(steps[:-2], 0.75))
+
+
+def _coded(log: Log, channel: str, value: float) -> float:
+    """A stored number as it stands in the column."""
+    way = log.written.get(channel)
+    return as_written(log, channel, value) / (way.scale if way is not None else 1.0)
+
+
+def _first(log: Log, where: np.ndarray, chosen: np.ndarray) -> float:
+    return float(log.time[where[np.flatnonzero(chosen)[0]]])

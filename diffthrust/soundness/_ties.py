@@ -1,0 +1,232 @@
+"""What hangs together in a log whatever the vehicle: rates of positions, and what follows a drive.
+
+A *tie* holds a channel against a series that follows from others of the same log. Geometry: the
+heading turns at the yaw rate and positions move at the speeds, so the two are the same numbers.
+Physics without its constants: thrust goes with the square of the speed of rotation, and speeds
+follow what drives them, through some lag, in the same direction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from diffthrust.soundness._record import Record
+
+GEOMETRY, PHYSICS, DRIVE = "geometry", "physics", "drive"
+_INFORMED = 0.3
+"""A drive of two parts says something where it swings by this share of what its parts swing."""
+
+
+@dataclass(frozen=True)
+class Tie:
+    """A channel held against what follows from other channels.
+
+    Args:
+        channel: the channel.
+        others: those that it is held against.
+        words: what those say, for people.
+        kind: ``geometry``, ``physics`` (they move at once) or ``drive`` (one follows the other).
+        together: correlation of the two, -1 to 1; of a driven channel after the best lag.
+        gain: the channel over what follows from the others.
+        powers: by which power the gain grows with the scale of each channel, and of the time.
+        seen: the channel, as compared, ``(m,)``.
+        due: what follows from the others, ``(m,)``.
+        equal: the gain must be one.
+    """
+
+    channel: str
+    others: tuple[str, ...]
+    words: str
+    kind: str
+    together: float
+    gain: float
+    powers: Mapping[str, int]
+    seen: np.ndarray
+    due: np.ndarray
+    equal: bool = False
+
+
+def ties(r: Record) -> tuple[Tie, ...]:
+    """Every tie that the channels of a record allow and that moves enough to tell something."""
+    found = (*_geometry(r), *_physics(r), *(_driven(r, *drive) for drive in _drives(r)))
+    return tuple(tie for tie in found if np.isfinite(tie.together))
+
+
+def _geometry(r: Record) -> Iterator[Tie]:
+    v, half = r.values, max(1, r.size // 100)
+    for channel, position in (("yaw_rate", "heading"), ("velocity", "position")):
+        if r.has(position, channel):
+            due = _rate(v[position], half, r.step)
+            powers = {channel: 1, position: -1, "time": 1}
+            words = f"the rate of the {position}"
+            yield _tie(channel, (position,), words, powers, _mean(v[channel], half), due, True)
+    if not r.has("north", "east", "heading", "surge"):
+        return
+    north, east = (_rate(v[name], half, r.step) for name in ("north", "east"))
+    heading = _mean(v["heading"], half)
+    cos, sin = np.cos(heading), np.sin(heading)
+    for channel, due in (("surge", north * cos + east * sin), ("sway", east * cos - north * sin)):
+        if r.has(channel):
+            others = ("north", "east", "heading")
+            powers = {channel: 1, "north": -1, "east": -1, "time": 1}
+            words = "the track, turned by the heading"
+            seen = _mean(v[channel], half)
+            # sway depends on where along the hull it is taken: its size proves nothing
+            yield _tie(channel, others, words, powers, seen, due, channel == "surge")
+
+
+def _physics(r: Record) -> Iterator[Tie]:
+    swept = swept_speed(r) if r.has("speed", "thrust") else None
+    if swept is not None and np.ptp(swept) > 0:
+        powers = {"thrust": 1, "speed": -2}
+        words = "the square of the speed"
+        seen = r.values["thrust"]
+        yield _tie("thrust", ("speed",), words, powers, seen, swept, False, PHYSICS)
+
+
+_Drive = tuple[str, tuple[str, ...], str, Mapping[str, int], np.ndarray, np.ndarray]
+
+
+def _drives(r: Record) -> Iterator[_Drive]:
+    """What drives what, and in which direction, whatever the constants are."""
+    v = r.values
+    if "command" in r.inputs and r.has("command", "thrust"):
+        powers = {"thrust": 1, "command": -1}
+        yield "thrust", ("command",), "the command", powers, v["thrust"], v["command"]
+    if "command" in r.inputs and r.has("command", "speed"):
+        powers = {"speed": 2, "command": -1}
+        speed, command = v["speed"], v["command"]
+        if "speed" in r.unsigned:
+            command = np.abs(command)
+        yield "speed", ("command",), "the command", powers, speed * np.abs(speed), command
+    for force in ("thrust", "force"):
+        if force in r.inputs and r.has(force, "velocity"):
+            powers = {"velocity": 1, force: -1}
+            yield "velocity", (force,), f"the {force}", powers, v["velocity"], v[force]
+    if r.has("left_force", "right_force"):
+        sides = ("left_force", "right_force")
+        least = _INFORMED * sum(float(np.ptp(v[side])) for side in sides)
+        for channel, words, drive in (
+            ("surge", "the sum of both forces", v[sides[0]] + v[sides[1]]),
+            ("yaw_rate", "the left force less the right one", v[sides[0]] - v[sides[1]]),
+        ):
+            if r.has(channel) and np.ptp(drive) > least:
+                powers = {channel: 1, **dict.fromkeys(sides, -1)}
+                yield channel, sides, words, powers, v[channel], drive
+    if r.has("propeller_speed", "surge"):
+        powers = {"surge": 1, "propeller_speed": -2}
+        swept = v["propeller_speed"] * np.abs(v["propeller_speed"])
+        others, words = ("propeller_speed",), "the square of the propeller's speed"
+        yield "surge", others, words, powers, v["surge"], swept
+    if "propeller_speed" in v and r.has("rudder_angle", "yaw_rate"):
+        powers = {"yaw_rate": 1, "rudder_angle": -1}
+        turning = -v["rudder_angle"] * (v["propeller_speed"] > 0)
+        others, words = ("rudder_angle",), "the rudder, which turns to port where positive"
+        yield "yaw_rate", others, words, powers, v["yaw_rate"], turning
+
+
+def swept_speed(r: Record) -> np.ndarray | None:
+    """Speed |speed|, with the sign of the command where the sensor gives none."""
+    speed = r.values["speed"]
+    if "speed" not in r.unsigned:
+        return speed * np.abs(speed)
+    return speed**2 * np.sign(r.values["command"]) if r.has("command") else None
+
+
+def _mean(values: np.ndarray, half: int) -> np.ndarray:
+    """Mean over windows of ``2 half`` steps (trapezoid), ``(n - 2 half,)``."""
+    sums = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]))])
+    return (sums[2 * half :] - sums[: -2 * half]) / (2 * half)
+
+
+def _rate(values: np.ndarray, half: int, step: float) -> np.ndarray:
+    """Rate of change over the same windows."""
+    return (values[2 * half :] - values[: -2 * half]) / (2 * half * step)
+
+
+def _tie(
+    channel: str,
+    others: tuple[str, ...],
+    words: str,
+    powers: Mapping[str, int],
+    seen: np.ndarray,
+    due: np.ndarray,
+    equal: bool,
+    kind: str = GEOMETRY,
+) -> Tie:
+    x, y = due - due.mean(), seen - seen.mean()
+    xx, yy = float(x @ x), float(y @ y)
+    moves = xx > 0 and yy > 0
+    together = float(x @ y) / np.sqrt(xx * yy) if moves else np.nan
+    # neither side is without noise: the ratio of what they swing, not a regression
+    gain = float(np.sign(together) * np.sqrt(yy / xx)) if moves else np.nan
+    return Tie(channel, others, words, kind, together, gain, powers, seen, due, equal)
+
+
+LAGS = (0.0, 2.0, 6.0, 20.0, 60.0, 200.0, 600.0)
+"""Time constants that are tried, in points; those above a third of the log are left out."""
+
+
+def _driven(
+    r: Record,
+    channel: str,
+    others: tuple[str, ...],
+    words: str,
+    powers: Mapping[str, int],
+    seen: np.ndarray,
+    drive: np.ndarray,
+) -> Tie:
+    """The best of several first-order lags, each beside a start that decays and an offset.
+
+    A vessel that still runs out when the log begins, or drifts, says nothing of its drive; so what
+    an offset and a decay explain is taken away from both before they are held together.
+    """
+    best = (np.nan, np.nan, drive)
+    power = float(np.sum((seen - seen.mean()) ** 2))
+    moved = float(np.sum((drive - drive.mean()) ** 2))
+    lags = tuple(lag for lag in LAGS if lag <= seen.size / 3)
+    for lag, due in zip(lags, trailing(drive, lags), strict=True):
+        if not power > 0 or not moved > 0:
+            break
+        decay = _decay(seen.size, lag)
+        x, y = less(decay, due), less(decay, seen)
+        xx = float(x @ x)
+        if xx < 1e-3 * moved:
+            continue
+        together = float(x @ y) / np.sqrt(xx * power)
+        if not abs(best[0]) >= abs(together):
+            best = (together, float(x @ y) / xx, due)
+    return Tie(channel, others, words, DRIVE, best[0], best[1], powers, seen, best[2])
+
+
+def trailing(values: np.ndarray, lags: tuple[float, ...]) -> np.ndarray:
+    """First-order lags of so many points each, settled at the first value, ``(k, n)``."""
+    kernels, size = _kernels(lags, values.size)
+    changes = np.fft.rfft(values - values[0], size)
+    return values[0] + np.fft.irfft(kernels * changes, size, axis=1)[:, : values.size]
+
+
+@lru_cache(maxsize=8)
+def _kernels(lags: tuple[float, ...], count: int) -> tuple[np.ndarray, int]:
+    """Transforms of the lags' answers to a blow, and their length."""
+    size = 2 ** (2 * count - 1).bit_length()
+    kept = np.array([np.exp(-1.0 / lag) if lag > 0 else 0.0 for lag in lags])[:, None]
+    return np.fft.rfft((1.0 - kept) * kept ** np.arange(count), size, axis=1), size
+
+
+@lru_cache(maxsize=32)
+def _decay(count: int, lag: float) -> np.ndarray:
+    """An orthonormal basis of an offset and a decaying start, ``(count, 1 or 2)``."""
+    columns = [np.ones(count)]
+    if lag > 0:
+        columns.append(np.exp(-np.arange(count) / lag))
+    return np.linalg.qr(np.stack(columns, axis=1))[0]
+
+
+def less(basis: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """What a basis leaves of a series."""
+    return values - basis @ (basis.T @ values)

@@ -1,0 +1,122 @@
+"""Channels that do not hang together, and the single mistake that explains it.
+
+A tie is broken where it can be so by no noise: the two oppose each other, or what must be equal is
+several times as large. Every single mistake is undone in turn; one is named if it mends a broken
+tie, and breaks none. So a log that random forces shake, or that lacks physics, is not doubted: no
+change of a sign or a unit would mend it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from diffthrust.soundness._doubt import Doubt
+from diffthrust.soundness._mends import STEPS, Mend, clocks, exchanges, rescaled, signs
+from diffthrust.soundness._record import Record
+from diffthrust.soundness._ties import DRIVE, GEOMETRY, Tie, ties
+
+_OPPOSED = -0.6
+"""Correlation of a channel with what it must follow from which on it is taken to oppose it. Of 67
+sound logs, measured ones, the lowest was -0.2."""
+_FIRM = 0.8
+"""Correlation from which on the two are taken to agree, and their ratio to mean something."""
+_OFF = 1.4
+"""Ratio from which on equal quantities are not taken to be so; measured ones were 0.64 to 1.06."""
+_RIGHT = 1.15
+"""Ratio within which a mend must bring them."""
+
+
+def misplaced(r: Record, found: Sequence[Tie]) -> Iterator[Doubt]:
+    """Doubts on signs, exchanged channels and units, from the ties of one log."""
+    broken = [tie for tie in found if is_broken(tie)]
+    if not broken:
+        return
+    rated = []
+    # a ratio that several equal quantities share, or a step that no log has: the clock's
+    shared = [tie.gain for tie in found if tie.equal and tie.together > _FIRM]
+    alike = len(shared) > 1 and max(shared) < _RIGHT * min(shared)
+    odd = not STEPS[0] <= r.step <= STEPS[1]
+    timed = [*clocks(r, 1 / float(np.median(shared)))] if shared and (alike or odd) else []
+    for mend in (*timed, *signs(r), *exchanges(r), *rescaled(r)):
+        if not any(c in tie.powers or c in tie.others for tie in broken for c in mend.channels):
+            continue
+        after = {_key(tie): tie for tie in ties(mend.record)}
+        mended = [tie for tie in broken if _holds(after.get(_key(tie)))]
+        spoilt = [t for t in found if not is_broken(t) and _worse(t, after.get(_key(t)))]
+        if mend.kind == "unit" and all(tie.kind == DRIVE for tie in mended):
+            continue  # a drive tells the direction only
+        if mended and not spoilt:
+            quality = sum(after[_key(tie)].together for tie in found if _key(tie) in after)
+            rated.append((len(mended), quality, mend, mended, after))
+    if not rated:
+        return
+    most = max(count for count, *_ in rated)
+    best = [row for row in rated if row[0] == most]
+    best = [row for row in best if row[1] > max(quality for _, quality, *_ in best) - 0.1]
+    _, _, mend, mended, after = best[0]
+    rivals = [other for _, _, other, *_ in best[1:]]
+    yield _doubt(r, mend, mended, after, rivals)
+
+
+def _doubt(
+    r: Record, mend: Mend, mended: list[Tie], after: dict[tuple[str, str], Tie], rivals: list[Mend]
+) -> Doubt:
+    told = [_told(tie, after[_key(tie)]) for tie in mended[:2]]
+    evidence = f"{r.name}: {'; '.join(told)}."
+    line = mend.line
+    if rivals:
+        evidence += f" The same would follow from {' or '.join(map(_named, rivals[:2]))}."
+        line += f" Or: {rivals[0].line}"
+    return Doubt(mend.channels[0], mend.kind, evidence, line)
+
+
+def _told(tie: Tie, after: Tie) -> str:
+    if tie.together > _FIRM:
+        return (
+            f"{tie.channel} is {abs(tie.gain):.3g} times {tie.words} "
+            f"(with the mend {abs(after.gain):.3g} times)"
+        )
+    verb = "opposes" if tie.together < 0 else "does not follow"
+    return (
+        f"{tie.channel} {verb} {tie.words} (correlation {tie.together:+.2f}, with the mend "
+        f"{after.together:+.2f})"
+    )
+
+
+def _named(mend: Mend) -> str:
+    one, *two = mend.channels
+    if mend.kind == "exchanged":
+        return f"{one} and {two[0]} exchanged"
+    return f"{'the sign' if mend.kind == 'sign' else 'the unit'} of {one}"
+
+
+def _key(tie: Tie) -> tuple[str, str]:
+    return tie.channel, tie.words
+
+
+def is_broken(tie: Tie) -> bool:
+    """Whether a tie is broken in a way that no noise explains."""
+    if tie.together < _OPPOSED:
+        return True
+    if tie.kind == GEOMETRY and tie.together < 0.5:
+        return True
+    return tie.equal and tie.together > _FIRM and not 1 / _OFF < tie.gain < _OFF
+
+
+def _holds(tie: Tie | None) -> bool:
+    if tie is None:
+        return False
+    if tie.kind == DRIVE:
+        return tie.together > -_OPPOSED
+    fits = not tie.equal or 1 / _RIGHT < tie.gain < _RIGHT
+    return tie.together > _FIRM and fits
+
+
+def _worse(before: Tie, tie: Tie | None) -> bool:
+    """Whether a tie that held is broken, or no longer says what it said."""
+    if tie is None or is_broken(tie) or tie.together < before.together - 0.2:
+        return True
+    off = abs(np.log(abs(tie.gain))) - abs(np.log(abs(before.gain)))
+    return before.equal and off > 0.1
