@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from diffthrust.cli._session import SpecPath, session, written
+from diffthrust.cli._session import session, written
 
 
 class ExportTarget(StrEnum):
@@ -23,7 +23,12 @@ class ExportTarget(StrEnum):
 
 
 def export_command(
-    fit: SpecPath,
+    fit: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FIT", help="A saved fit or diagnosis (.json), or a spec file, which is fitted."
+        ),
+    ],
     to: Annotated[
         ExportTarget,
         typer.Option(
@@ -49,9 +54,14 @@ def export_command(
 ) -> None:
     """Take a fit to another program: firmware, a thrust allocation, a simulator of vehicles."""
     with session() as progress:
+        from diffthrust.diagnosis._result import Diagnosis
+        from diffthrust.saved._load import load
         from diffthrust.specs._spec import load_spec
 
-        exported = load_spec(fit).fit(progress=progress).export(to.value, output, limits=limits)
+        saved = fit.suffix.lower() == ".json"
+        found = load(fit) if saved else load_spec(fit).fit(progress=progress)
+        last = found.fit if isinstance(found, Diagnosis) else found
+        exported = last.export(to.value, output, limits=limits)
     if output is None:
         typer.echo(exported.text)
     for note in exported.notes:

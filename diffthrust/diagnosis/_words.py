@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from diffthrust._support.tables import number
 from diffthrust._support.words import an, apart, capitalised, joined, percent, probability, spelt
 from diffthrust.diagnosis._ports import words_and_unit
-from diffthrust.estimation._origin import effects_line, python_line
+from diffthrust.estimation._origin import effects_line, form_lines, python_line
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
 
@@ -94,11 +94,13 @@ def sized_words(name: str, fit: Fit) -> str:
         for full, e in fit.parameters.items()
         if full.startswith(f"{name}.") and not e.fixed
     }
+    form = next((effect.form for effect in fit.model.effects if effect.name == name), {})
+    formed = "".join(f", {spelt(key)} {value:g}" for key, value in form.items())
     values = {key: _measured(e) for key, e in estimates.items()}
     if len(values) == 1:
-        return f"{an(spelt(name))} of {next(iter(values.values()))}"
+        return f"{an(spelt(name))} of {next(iter(values.values()))}{formed}"
     listed = ", ".join(f"{spelt(key)} {value}" for key, value in values.items())
-    return f"{an(spelt(name))} ({listed})" if listed else an(spelt(name))
+    return f"{an(spelt(name))} ({listed}{formed})" if listed else an(spelt(name))
 
 
 def gain_words(diag: Findings) -> str:
@@ -261,8 +263,10 @@ def closing_words(diag: Findings) -> list[str]:
     origin = diag.origin.sentences if diag.origin else ()
     return [
         *origin,
-        f"In a spec file: {effects_line(diag.model, diag.best)}",
-        f"In Python: {python_line(diag.model, diag.best)}",
+        "To copy into a spec file, and into Python:",
+        effects_line(diag.model, diag.best),
+        *form_lines((*diag.model.effects, *diag.best)),
+        python_line(diag.model, diag.best),
     ]
 
 

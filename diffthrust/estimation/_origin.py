@@ -97,13 +97,29 @@ def python_line(model: Model, more: Sequence[Effect] = ()) -> str:
     told = ", ".join(f"{name}={_quoted(v)}" for name, v in chosen.items())
     made = f"{'' if model.own else 'dft.'}{type(model).__name__}({told})"
     every = (*model.effects, *more)
-    effects = [f'"{e.name}"' if _known(e) else f"{type(e).__name__}()" for e in every]
-    return f"model = {' + '.join([made, *effects])}"
+    return f"model = {' + '.join([made, *map(_made, every)])}"
+
+
+def _made(effect: Effect) -> str:
+    """An effect as code."""
+    if _known(effect) and not effect.form:
+        return f'"{effect.name}"'
+    form = ", ".join(f"{name}={value:g}" for name, value in effect.form.items())
+    return f"{'dft.effects.' if _known(effect) else ''}{type(effect).__name__}({form})"
+
+
+def form_lines(effects: Sequence[Effect]) -> list[str]:
+    """The lines below ``[parameters]`` of a spec file for effects that have another form."""
+    return [
+        f'[parameters] "{effect.name}.{name}" = {value:g}'
+        for effect in effects
+        for name, value in effect.form.items()
+    ]
 
 
 def closing(origin: Origin | None, model: Model) -> tuple[str, ...]:
     """The last lines of a report: where it comes from, and the effects, to copy."""
-    effects = (effects_line(model),) if model.effects else ()
+    effects = (effects_line(model), *form_lines(model.effects)) if model.effects else ()
     return (*(origin.sentences if origin else ()), *effects)
 
 

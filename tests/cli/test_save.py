@@ -42,7 +42,7 @@ def test_a_diagnosis_is_saved_and_loaded(tmp_path):
     diag = dft.load(path)
     assert diag.verdict in ("adequate", "effects_found", "unexplained")
     assert diag.origin.spec == dft.load_spec(SPEC).sha256
-    assert diag.report().splitlines()[-1].startswith("In Python: model = dft.LinearSensor()")
+    assert diag.report().splitlines()[-1].startswith("model = dft.LinearSensor()")
 
 
 def test_a_posterior_is_saved_and_loaded(tmp_path):

@@ -14,6 +14,7 @@ import diffthrust as dft
 from diffthrust.estimation._origin import (  # private: the lines alone
     Origin,
     effects_line,
+    form_lines,
     origin_of,
     python_line,
 )
@@ -125,4 +126,12 @@ def test_a_diagnosis_tells_that_a_fit_is_of_other_logs():
     same = dft.diagnose(fit, a, **options)
     assert same.notes == ()
     assert same.origin.train == fit.origin.train
-    assert same.report().splitlines()[-1] == "In Python: model = dft.Thruster()"
+    assert same.report().splitlines()[-1] == "model = dft.Thruster()"
+
+
+def test_another_form_of_an_effect_is_written_into_the_lines_to_copy():
+    jumping = dft.effects.CommandDeadband(width=0.1, restored=1.0)
+    line = python_line(dft.Thruster(), [jumping])
+    assert line.endswith("+ dft.effects.CommandDeadband(restored=1)")
+    assert form_lines([jumping]) == ['[parameters] "command_deadband.restored" = 1']
+    assert form_lines([dft.effects.CommandDeadband(width=0.1)]) == []

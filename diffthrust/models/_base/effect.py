@@ -80,6 +80,15 @@ class Effect(Component):
         """States at the start of a log, from the value that arrives there; zero by default."""
         return {}
 
+    @property
+    def form(self) -> dict[str, float]:
+        """Fixed parameters that are not as declared, and so choose another form of the effect."""
+        return {
+            name: getattr(self, name)
+            for name, p in self._parameters.items()
+            if p.fixed and p.probes and getattr(self, name) != self.declared[name].value
+        }
+
     def at_null(self) -> Effect:
         """The same effect with every parameter that has a null value set to it."""
         nulls = {k: p.null for k, p in self._parameters.items() if p.null is not None}
