@@ -8,7 +8,8 @@ from typing import Annotated
 
 import typer
 
-from diffthrust.cli._session import SpecPath, session, written
+from diffthrust._support.errors import InputError
+from diffthrust.cli._session import session, written
 
 
 class ExportTarget(StrEnum):
@@ -23,7 +24,12 @@ class ExportTarget(StrEnum):
 
 
 def export_command(
-    fit: SpecPath,
+    fit: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FIT", help="A saved fit (.json), or a spec file or its folder, fitted first."
+        ),
+    ],
     to: Annotated[
         ExportTarget,
         typer.Option(
@@ -49,9 +55,20 @@ def export_command(
 ) -> None:
     """Take a fit to another program: firmware, a thrust allocation, a simulator of vehicles."""
     with session() as progress:
-        from diffthrust.specs._spec import load_spec
+        if fit.suffix.lower() == ".json":
+            from diffthrust.saved._load import load
 
-        exported = load_spec(fit).fit(progress=progress).export(to.value, output, limits=limits)
+            found = load(fit)
+            if not hasattr(found, "export"):
+                raise InputError(
+                    f"{fit}: expected a saved fit, found a {type(found).__name__}.",
+                    "Name the file that fit.save has written.",
+                )
+        else:
+            from diffthrust.specs._spec import load_spec
+
+            found = load_spec(fit).fit(progress=progress)
+        exported = found.export(to.value, output, limits=limits)
     if output is None:
         typer.echo(exported.text)
     for note in exported.notes:

@@ -56,6 +56,14 @@ def test_a_fit_knows_its_inputs_and_how_they_were_written(fit):
         assert words in exported.text
 
 
+def test_a_fit_that_was_saved_gives_the_same_files(fit, tmp_path):
+    fit.save(tmp_path / "fit.json")
+    again = dft.load(tmp_path / "fit.json")
+    for target in TARGETS:
+        assert again.export(target).text == fit.export(target).text
+    assert "run.csv" in fit.export("c").text  # the logs that it was made of
+
+
 def test_the_table_of_a_fit_is_in_the_units_of_its_logs(fit, tmp_path):
     path = tmp_path / "t200.csv"
     exported = fit.export("lut", path)
