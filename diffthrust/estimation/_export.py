@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
@@ -89,4 +90,7 @@ def exported_fit(
         version=__version__,
         units=ShownUnits((fit.written,)),
     )
-    return exported(source, to, path, limits)
+    result = exported(source, to, path, limits)
+    if fit.status.ok:
+        return result
+    return replace(result, notes=(f"The fit is {fit.status}: {fit.message}", *result.notes))

@@ -137,6 +137,8 @@ def test_names_begin_with_that_of_the_file(fit, tmp_path):
 def test_what_cannot_be_exported_is_refused(fit):
     with pytest.raises(dft.InputError, match="nearest is 'python'"):
         fit.export("pyton")
+    loose = replace(fit, status=dft.Status.NOT_IDENTIFIABLE, message="Two go together.")
+    assert loose.export("c").notes == ("The fit is not_identifiable: Two go together.",)
     failed = replace(fit, status=dft.Status.SIMULATION_FAILED, message="It diverged.")
     with pytest.raises(dft.InputError, match="It diverged"):
         failed.export("c")
