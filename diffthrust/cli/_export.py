@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from diffthrust._support.errors import InputError
 from diffthrust.cli._session import session, written
 
 
@@ -26,7 +27,7 @@ def export_command(
     fit: Annotated[
         Path,
         typer.Argument(
-            metavar="FIT", help="A saved fit or diagnosis (.json), or a spec file, which is fitted."
+            metavar="FIT", help="A saved fit (.json), or a spec file or its folder, fitted first."
         ),
     ],
     to: Annotated[
@@ -54,14 +55,20 @@ def export_command(
 ) -> None:
     """Take a fit to another program: firmware, a thrust allocation, a simulator of vehicles."""
     with session() as progress:
-        from diffthrust.diagnosis._result import Diagnosis
-        from diffthrust.saved._load import load
-        from diffthrust.specs._spec import load_spec
+        if fit.suffix.lower() == ".json":
+            from diffthrust.saved._load import load
 
-        saved = fit.suffix.lower() == ".json"
-        found = load(fit) if saved else load_spec(fit).fit(progress=progress)
-        last = found.fit if isinstance(found, Diagnosis) else found
-        exported = last.export(to.value, output, limits=limits)
+            found = load(fit)
+            if not hasattr(found, "export"):
+                raise InputError(
+                    f"{fit}: expected a saved fit, found a {type(found).__name__}.",
+                    "Name the file that fit.save has written.",
+                )
+        else:
+            from diffthrust.specs._spec import load_spec
+
+            found = load_spec(fit).fit(progress=progress)
+        exported = found.export(to.value, output, limits=limits)
     if output is None:
         typer.echo(exported.text)
     for note in exported.notes:

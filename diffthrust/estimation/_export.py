@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
 from diffthrust._support.errors import InputError
 from diffthrust.estimation._estimate import Estimate
+from diffthrust.estimation._origin import Origin
 from diffthrust.estimation._status import Status
 from diffthrust.export._export import exported
 from diffthrust.export._exported import Exported
-from diffthrust.export._source import Source
+from diffthrust.export._source import ExportSource
 from diffthrust.export._trace import read_inputs
 from diffthrust.logs._written import ShownUnits, Written
 from diffthrust.models._base.model import Model
@@ -51,6 +53,11 @@ class Fitted(Protocol):
         ...
 
     @property
+    def origin(self) -> Origin | None:
+        """When and of which logs it was made."""
+        ...
+
+    @property
     def hold(self) -> Mapping[str, str]:
         """How these ran between samples."""
         ...
@@ -72,15 +79,18 @@ def exported_fit(
             f"This fit failed, so that there is nothing to export. {fit.message}",
             "Fit again, from other values or with narrower bounds.",
         )
-    source = Source(
+    source = ExportSource(
         fit.model,
         read_inputs(fit.model, fit.ranges),
         ranges=fit.ranges,
         linear=tuple(name for name, way in fit.hold.items() if way == "linear"),
         substeps=fit.substeps,
         errors={name: e.std_error for name, e in fit.parameters.items() if e.std_error is not None},
-        told=(f"Fit: {fit.message}",),
+        told=(f"Fit: {fit.message}", *(fit.origin.sentences if fit.origin else ())),
         version=__version__,
         units=ShownUnits((fit.written,)),
     )
-    return exported(source, to, path, limits)
+    result = exported(source, to, path, limits)
+    if fit.status.ok:
+        return result
+    return replace(result, notes=(f"The fit is {fit.status}: {fit.message}", *result.notes))

@@ -15,7 +15,7 @@ from diffthrust.export._exported import ENDINGS, Exported, write_exported
 from diffthrust.export._program import HISTORY, Program
 from diffthrust.export._python import Python
 from diffthrust.export._simulators import to_gz, to_stonefish, to_uuv
-from diffthrust.export._source import Source
+from diffthrust.export._source import ExportSource
 from diffthrust.export._table import to_table
 from diffthrust.export._trace import read_inputs
 from diffthrust.models._base.model import Model
@@ -65,7 +65,7 @@ def export_model(
 
     inputs = read_inputs(model, ranges or {})
     ways = dict.fromkeys(inputs, hold) if isinstance(hold, str) else hold
-    source = Source(
+    source = ExportSource(
         model,
         inputs,
         ranges=dict(ranges or {}),
@@ -77,7 +77,7 @@ def export_model(
 
 
 def exported(
-    source: Source,
+    source: ExportSource,
     to: str,
     path: Path | str | None = None,
     limits: tuple[float, float] | None = None,
@@ -100,7 +100,7 @@ def exported(
 
 
 def _made(
-    source: Source, to: str, name: str, suffix: str, limits: tuple[float, float] | None
+    source: ExportSource, to: str, name: str, suffix: str, limits: tuple[float, float] | None
 ) -> tuple[str, list[str]]:
     """The text of a target, and its notes."""
     if to == "lut":

@@ -10,7 +10,7 @@ from textwrap import wrap
 from diffthrust.export._language import Language, Term, lines_of
 from diffthrust.export._operations import Operation, Operations
 from diffthrust.export._rendered import filled_in
-from diffthrust.export._source import Source
+from diffthrust.export._source import ExportSource
 from diffthrust.export._trace import Traced, traced_model
 from diffthrust.simulation._integrate import SERIES, TURN
 
@@ -27,7 +27,7 @@ class Program:
         language: that of the file.
     """
 
-    source: Source
+    source: ExportSource
     language: Language
     traced: Traced = field(init=False)
     memories: dict[str, str] = field(init=False, default_factory=dict)

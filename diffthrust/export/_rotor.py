@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust.export._source import Source
+from diffthrust.export._source import ExportSource
 from diffthrust.export._steady import steady_output
 from diffthrust.export._table import OUTPUT, command_limits, commanding
 from diffthrust.models._base.effect import Effect
@@ -68,7 +68,7 @@ class Rotor:
         return max(map(abs, self.ends))
 
 
-def rotor_of(source: Source, limits: tuple[float, float] | None) -> Rotor:
+def rotor_of(source: ExportSource, limits: tuple[float, float] | None) -> Rotor:
     """The thruster in the terms of simulators.
 
     Args:

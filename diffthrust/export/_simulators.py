@@ -21,7 +21,7 @@ from diffthrust._support.tables import number
 from diffthrust._support.words import spelt
 from diffthrust.export._rendered import filled_in
 from diffthrust.export._rotor import Rotor, rotor_of
-from diffthrust.export._source import Source
+from diffthrust.export._source import ExportSource
 
 DENSITY, DIAMETER = 1000.0, 0.1
 """[kg/m^3] and [m] by which gz-sim's coefficient is made; only their product with it counts."""
@@ -32,7 +32,9 @@ _STUCK_CLOCK = (
 )
 
 
-def to_gz(source: Source, name: str, limits: tuple[float, float] | None) -> tuple[str, list[str]]:
+def to_gz(
+    source: ExportSource, name: str, limits: tuple[float, float] | None
+) -> tuple[str, list[str]]:
     """The thrust law as a plugin of gz-sim, and what that leaves out.
 
     Raises:
@@ -55,7 +57,9 @@ def to_gz(source: Source, name: str, limits: tuple[float, float] | None) -> tupl
     return _text("gz.sdf", source, name, notes, rotor, ct=ahead, density=DENSITY, diameter=DIAMETER)
 
 
-def to_uuv(source: Source, name: str, limits: tuple[float, float] | None) -> tuple[str, list[str]]:
+def to_uuv(
+    source: ExportSource, name: str, limits: tuple[float, float] | None
+) -> tuple[str, list[str]]:
     """The thruster as a plugin of uuv_simulator, and what that leaves out.
 
     Raises:
@@ -68,7 +72,7 @@ def to_uuv(source: Source, name: str, limits: tuple[float, float] | None) -> tup
 
 
 def to_stonefish(
-    source: Source, name: str, limits: tuple[float, float] | None
+    source: ExportSource, name: str, limits: tuple[float, float] | None
 ) -> tuple[str, list[str]]:
     """The thruster as an actuator of Stonefish, and what that leaves out.
 
@@ -91,7 +95,7 @@ def to_stonefish(
 
 
 def _text(
-    template: str, source: Source, name: str, notes: Sequence[str], rotor: Rotor, **more: Any
+    template: str, source: ExportSource, name: str, notes: Sequence[str], rotor: Rotor, **more: Any
 ) -> tuple[str, list[str]]:
     """The file, with its notes as comments, and the notes."""
     lines = [wrap(note, 90) for note in notes]

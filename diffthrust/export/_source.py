@@ -12,7 +12,7 @@ from diffthrust.models._base.model import Model
 
 
 @dataclass(frozen=True)
-class Source:
+class ExportSource:
     """What is exported.
 
     Args:

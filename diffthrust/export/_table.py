@@ -14,7 +14,7 @@ from diffthrust._support.names import listing
 from diffthrust._support.tables import number
 from diffthrust.export._outwards import CLOSEST, FLAT, Outwards
 from diffthrust.export._rendered import filled_in
-from diffthrust.export._source import Source
+from diffthrust.export._source import ExportSource
 from diffthrust.export._steady import steady_output
 from diffthrust.models._base.model import Model
 
@@ -42,7 +42,7 @@ class ForceTable:
     notes: tuple[str, ...]
 
 
-def steady_table(source: Source, limits: tuple[float, float] | None = None) -> ForceTable:
+def steady_table(source: ExportSource, limits: tuple[float, float] | None = None) -> ForceTable:
     """The forces that a thruster settles at over a range of commands.
 
     Args:
@@ -83,7 +83,7 @@ def steady_table(source: Source, limits: tuple[float, float] | None = None) -> F
     return _monotone(ForceTable(channel, commands, found, tuple(notes)), told)
 
 
-def commanding(model: Model, source: Source) -> str:
+def commanding(model: Model, source: ExportSource) -> str:
     """The input that commands the thrust.
 
     Raises:
@@ -100,7 +100,7 @@ def commanding(model: Model, source: Source) -> str:
 
 
 def command_limits(
-    source: Source, channel: str, limits: tuple[float, float] | None
+    source: ExportSource, channel: str, limits: tuple[float, float] | None
 ) -> tuple[float, float]:
     """The lowest and highest command in the model's unit: those given, or of the logs.
 
@@ -192,7 +192,7 @@ def _monotone(table: ForceTable, told: Callable[[float], str]) -> ForceTable:
 
 
 def to_table(
-    source: Source, name: str, suffix: str, limits: tuple[float, float] | None
+    source: ExportSource, name: str, suffix: str, limits: tuple[float, float] | None
 ) -> tuple[str, list[str]]:
     """The table as CSV, or as a C header where the file ends in ``.h``; and its notes.
 

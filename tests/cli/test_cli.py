@@ -224,11 +224,15 @@ def test_export_writes_a_file_and_tells_what_is_left_out(tmp_path):
     assert "Note: uuv_simulator" in result.stderr
 
 
-def test_export_prints_where_no_file_is_named():
+def test_export_takes_a_spec_or_a_saved_fit_and_prints_without_a_file(tmp_path):
     options = ("--to", "lut", "--limits", "-1", "1.5")
     result = run("export", FITS / "jason_thruster", *options)
     rows = result.stdout.strip().splitlines()
     assert rows[0] == "thrust [N],command [V]"
     assert [float(rows[i].split(",")[1]) for i in (1, -1)] == [-1.0, 1.5]
+    saved = tmp_path / "jason.json"
+    load_spec(FITS / "jason_thruster").fit().save(saved)
+    again = run("export", saved, *options)
+    assert again.stdout == result.stdout
     result = run("export", FITS / "depth_sensor", "--to", "gz", status=2)
     assert "expected a thruster" in result.stderr

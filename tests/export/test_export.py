@@ -56,6 +56,14 @@ def test_a_fit_knows_its_inputs_and_how_they_were_written(fit):
         assert words in exported.text
 
 
+def test_a_fit_that_was_saved_gives_the_same_files(fit, tmp_path):
+    fit.save(tmp_path / "fit.json")
+    again = dft.load(tmp_path / "fit.json")
+    for target in TARGETS:
+        assert again.export(target).text == fit.export(target).text
+    assert "run.csv" in fit.export("c").text  # the logs that it was made of
+
+
 def test_the_table_of_a_fit_is_in_the_units_of_its_logs(fit, tmp_path):
     path = tmp_path / "t200.csv"
     exported = fit.export("lut", path)
@@ -129,6 +137,8 @@ def test_names_begin_with_that_of_the_file(fit, tmp_path):
 def test_what_cannot_be_exported_is_refused(fit):
     with pytest.raises(dft.InputError, match="nearest is 'python'"):
         fit.export("pyton")
+    loose = replace(fit, status=dft.Status.NOT_IDENTIFIABLE, message="Two go together.")
+    assert loose.export("c").notes == ("The fit is not_identifiable: Two go together.",)
     failed = replace(fit, status=dft.Status.SIMULATION_FAILED, message="It diverged.")
     with pytest.raises(dft.InputError, match="It diverged"):
         failed.export("c")
