@@ -172,7 +172,7 @@ SETS = {
     ),
     "emps/DATA_EMPS_SC.csv": ("axis_vehicle", {"thrust", "position", "velocity"}),
     "t200/T200-Public-Performance-Data-10-20V-September-2019.xlsx": (
-        "thruster",
+        "speed_loop_thruster",
         {"command", "speed", "thrust"},
     ),
 }
