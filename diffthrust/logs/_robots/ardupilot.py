@@ -16,9 +16,9 @@ from diffthrust.logs._robots.ardupilot_files import Received, telemetry
 from diffthrust.logs._robots.dataflash import (
     Dataflash,
     instance_of,
-    numbers,
     open_dataflash,
     stamps,
+    values_of,
 )
 from diffthrust.logs._robots.series import (
     Series,
@@ -165,7 +165,7 @@ def _take_all(file: str, target: _Target, log: Dataflash) -> None:
         return
     if target.key not in message.columns:
         raise no_field(file, target.column, target.key, message.columns)
-    values = numbers(message, records, target.key)
+    values = values_of(message, records, target.key)
     first = instance_of(values[0]) if values.dtype.kind == "S" else values[0].tolist()
     _number(file, target, first)
     target.ticks = ticks.tolist()

@@ -11,9 +11,9 @@ from diffthrust.logs._robots.dataflash import (
     Dataflash,
     Message,
     instance_of,
-    numbers,
     open_dataflash,
     stamps,
+    values_of,
 )
 from diffthrust.logs._robots.gathered import LONGEST, Gathered
 from diffthrust.logs._robots.series import lacking
@@ -59,7 +59,7 @@ def _messages(message: Message, log: Dataflash) -> list[Gathered]:
     fields = {
         name: values
         for name in message.columns
-        if name not in about and (values := numbers(message, records, name)).dtype.kind == "f"
+        if name not in about and (values := values_of(message, records, name)).dtype.kind == "f"
     }
     fields = {name: values for name, values in fields.items() if values.ndim == 1}
     which = records[message.instance] if message.instance else np.zeros(records.size, np.uint8)

@@ -95,7 +95,7 @@ class Dataflash:
         return np.ascontiguousarray(bodies).view(record).reshape(-1)
 
 
-def numbers(message: Message, records: np.ndarray, column: str) -> np.ndarray:
+def values_of(message: Message, records: np.ndarray, column: str) -> np.ndarray:
     """A field as numbers, ``(n,)``, or of an array ``(n, 32)``; of text as bytes."""
     values = records[column]
     if values.dtype.kind == "S":
