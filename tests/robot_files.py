@@ -73,16 +73,11 @@ def orientation(yaw, length=1.0):
 
 # the letters of DataFlash, as its format message explains them
 _CODES = {
-    "Q": "Q",
-    "f": "f",
-    "B": "B",
-    "H": "H",
-    "h": "h",
-    "c": "h",
-    "d": "d",
-    "N": "16s",
-    "n": "4s",
-}
+    **dict.fromkeys("Q", "Q"), **dict.fromkeys("q", "q"), **dict.fromkeys("iLe", "i"),
+    **dict.fromkeys("IE", "I"), **dict.fromkeys("hc", "h"), **dict.fromkeys("HC", "H"),
+    **dict.fromkeys("BM", "B"), "b": "b", "g": "e", "f": "f", "d": "d",
+    "a": "64s", "n": "4s", "N": "16s", "Z": "64s",
+}  # fmt: skip
 
 
 def write_dataflash(path: Path, formats, rows, instances=None):

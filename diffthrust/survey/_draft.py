@@ -52,15 +52,18 @@ def drafted(
 
 
 def _model(choice: Choice) -> Iterator[str]:
-    command = choice.channels.get("command")
     yield f'model = "{choice.model}"'
-    if choice.model == "thruster" and command is not None:
-        if command.meaning.unit == "V":
-            yield '# or "dc_motor_thruster", with the currents and voltages of its motor'
-        else:
-            yield '# or "speed_loop_thruster", where the motor controller (ESC) holds a speed'
-    if choice.model == "speed_loop_thruster":
+    command = choice.channels.get("command")
+    if command is None:
+        return
+    if command.meaning.quantity == "set_point":
         yield "# the command is the set point of a speed"
+    elif not command.meaning.effort:
+        yield '# or "dc_motor_thruster", with the currents and voltages of its motor'
+    elif choice.model == "thruster":
+        yield '# the command drives a torque, or "speed_loop_thruster", behind a controller (ESC)'
+    else:
+        yield '# a motor controller (ESC) holds the speed; or "thruster", where it drives a torque'
 
 
 def _head(choice: Choice, train: Sequence[Path], apart: str) -> Iterator[str]:

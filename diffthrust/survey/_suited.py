@@ -13,7 +13,7 @@ from diffthrust.survey._choice import Choice, Pick, Pool
 from diffthrust.survey._guess import meanings, plain_command
 from diffthrust.survey._thrusters import thruster_choice
 from diffthrust.survey._values import numbers_of
-from diffthrust.survey._vessels import MOTION, PLACE, vessel_choice
+from diffthrust.survey._vessels import MOTION, POSE, vessel_choice
 
 
 def choice_of(contents: Contents) -> Choice:
@@ -102,7 +102,7 @@ def _nothing(pool: Pool) -> str:
     known: dict[str, Callable[[], bool]] = {
         "a command or a force": lambda: bool(pool.all("command") or pool.all("thrust")),
         "a speed, a thrust or a motion": lambda: any(
-            pool.all(q, moving=True) for q in ("speed", "thrust", *MOTION, *PLACE)
+            pool.all(q, moving=True) for q in ("speed", "thrust", *MOTION, *POSE)
         ),
     }
     absent = [name for name, there in known.items() if not there()]

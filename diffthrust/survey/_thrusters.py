@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from diffthrust.logs._contents import Field
 from diffthrust.logs._units import same_quantity
 from diffthrust.survey._choice import FIRMLY, Choice, Pick, Pool
@@ -30,7 +32,9 @@ def thruster_choice(pool: Pool, plain: Choice) -> Choice | None:
             )
     if commands:
         chosen = _driven(pool, commands, measured)
-        return replace(plain, model="thruster", channels=chosen, spare=spare)
+        loop = chosen["command"].meaning.effort and _holds_speed(chosen)
+        model = "speed_loop_thruster" if loop else "thruster"
+        return replace(plain, model=model, channels=chosen, spare=spare)
     targets = [p for p in pool.all("set_point", moving=True) if same_quantity(p[1].unit, "rad/s")]
     if targets and "speed" in measured:
         chosen = _driven(pool, targets, measured)
@@ -86,6 +90,30 @@ def _driven(
         word = f"It hardly moves with '{command[0].name}' (correlation {best[0]:.2f})."
         chosen[lead] = chosen[lead].doubted(word)
     return chosen
+
+
+def _holds_speed(chosen: Mapping[str, Pick]) -> bool:
+    """Whether the speed follows the command, as behind a controller, or its root, as by a torque.
+
+    Likewise the thrust follows the square of the command, or the command.
+    """
+    command, answer = chosen["command"], chosen.get("speed") or chosen["thrust"]
+    drive = command.field.values - (command.meaning.pwm.stop if command.meaning.pwm else 0.0)
+    follower = answer.field
+    if answer.unsigned:  # it goes the way that it is driven
+        ways = drive
+        if follower.time is not None and command.field.time is not None:
+            ways = np.interp(follower.time, command.field.time, drive)
+        follower = replace(follower, values=np.abs(follower.values) * np.sign(ways))
+    held, torque = (
+        abs(correlated(_power(command.field, drive, power), follower))
+        for power in ((1.0, 0.5) if "speed" in chosen else (2.0, 1.0))
+    )
+    return held > torque
+
+
+def _power(field: Field, drive: np.ndarray, power: float) -> Field:
+    return replace(field, values=np.sign(drive) * np.abs(drive) ** power)
 
 
 def _picked(

@@ -12,7 +12,7 @@ from diffthrust.survey._guess import SURE
 from diffthrust.survey._moves import correlated, difference, turning
 
 MOTION = ("surge", "sway", "yaw_rate")
-PLACE = ("north", "east", "heading")
+POSE = ("north", "east", "heading")
 
 
 def vessel_choice(pool: Pool, plain: Choice) -> Choice | None:
@@ -20,7 +20,7 @@ def vessel_choice(pool: Pool, plain: Choice) -> Choice | None:
     motion = pool.picks(MOTION, "measured")
     if "surge" not in motion and (speed := pool.pick("velocity", "measured")) is not None:
         motion = {"surge": speed.doubted("Taken for the speed ahead."), **motion}
-    place = pool.picks(PLACE, "measured")
+    place = pool.picks(POSE, "measured")
     if not motion and not place:
         return None
     turns = _turning(motion, place, plain)

@@ -164,6 +164,58 @@ def test_messages_of_a_dataflash_log(tmp_path):
         np.testing.assert_allclose(log.measured["q"], field.values)
 
 
+def test_a_dataflash_log_reads_as_by_ardupilots_own_library(tmp_path):
+    DFReader = pytest.importorskip("pymavlink.DFReader")
+    rng = np.random.default_rng(0)
+    letters = {"ONE": "bBhHiIqQ", "TWO": "gfdcCeELM"}
+    limits = {"b": 100, "B": 200, "h": 30_000, "H": 60_000, "q": 2**40, "Q": 2**40, "g": 100}
+    limits |= {"c": 30_000, "C": 60_000, "M": 30}
+
+    def values(codes):
+        whole = [int(rng.integers(limits.get(c, 2**30))) for c in codes]
+        return [v + 0.5 if c in "gfd" else v for c, v in zip(codes, whole, strict=True)]
+
+    formats = {
+        "UNIT": ("QbZ", ["TimeUS", "Id", "Label"]),
+        "MULT": ("Qbd", ["TimeUS", "Id", "Mult"]),
+        "FMTU": ("QBNN", ["TimeUS", "FmtType", "UnitIds", "MultIds"]),
+        **{name: ("Q" + codes, ["TimeUS", *codes]) for name, codes in letters.items()},
+        "MIX": ("QNahf", ["TimeUS", "Who", "Spectrum", "Volt", "Turn"]),
+    }
+    units = {"v": "V", "q": "rpm", "h": "degheading", "z": "furlongs/UNKNOWN"}
+    rows = [("UNIT", [0, ord(key), text]) for key, text in units.items()]
+    rows += [("MULT", [0, ord(key), v]) for key, v in {"C": 1e-3, "0": 1.0, "E": 1e-2}.items()]
+    rows.append(("FMTU", [0, 134, "-#-vh", "--" + "-CE"]))
+    rows.append(("FMTU", [0, 132, "-qz", "-00"]))
+    for k in range(40):
+        rows += [(name, [1000 * k, *values(codes)]) for name, codes in letters.items()]
+        rows.append(("MIX", [1000 * k + 7, "AB"[k % 2], "\x01\x02" * 32, k, k / 4]))
+    path = write_dataflash(tmp_path / "run.bin", formats, rows)
+
+    by_name = fields(path)
+    plain = {f"{name}.{code}" for name, codes in letters.items() for code in codes}
+    mixed = {f"MIX[{which}].{c}" for which in "AB" for c in ("Volt", "Turn")}
+    assert set(by_name) == plain | mixed
+    given = {name: field.unit for name, field in by_name.items() if field.unit}
+    assert given == {
+        "ONE.b": "rpm",
+        **{f"MIX[{which}].{c}": u for which in "AB" for c, u in (("Volt", "mV"), ("Turn", "cdeg"))},
+    }
+    theirs = DFReader.DFReader_binary(str(path))
+    try:
+        expected = {name: [] for name in by_name}
+        while (message := theirs.recv_match(type=["ONE", "TWO", "MIX"])) is not None:
+            head = message.get_type()
+            head += f"[{message.Who}]" if head == "MIX" else ""
+            for name, held in expected.items():
+                if name.startswith(f"{head}."):
+                    held.append(getattr(message, name.split(".")[1]))
+    finally:
+        theirs.filehandle.close()
+    for name, field in by_name.items():
+        np.testing.assert_array_equal(field.values, expected[name])
+
+
 def test_messages_of_a_telemetry_log(tmp_path):
     pytest.importorskip("pymavlink")
     messages = []

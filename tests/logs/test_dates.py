@@ -8,6 +8,7 @@ import pytest
 
 from diffthrust import Column, InputError, read_log
 from diffthrust.logs._contents import contents  # private: what the survey of a file is built on
+from diffthrust.logs._tables import dates  # private: both ways, whatever the size
 from diffthrust.specs import load_spec
 
 SECONDS = [0.0, 0.5, 1.0, 2.5]
@@ -106,3 +107,21 @@ def test_a_format_that_does_not_fit(tmp_path):
         assert wrong in caught.value.mend
     with pytest.raises(InputError, match="at the time alone"):
         read_log(path, time=time, measured={"speed": Column("rpm", dates="%d")})
+
+
+@pytest.mark.parametrize("form", ["%d.%m.%Y %H:%M:%S.%f", "%H:%M:%S,%f", "%d-%b-%Y %H:%M:%S"])
+def test_many_dates_read_as_few_do(monkeypatch, form):
+    seconds = np.arange(0, 400, 7 if "%f" not in form else 6.5)
+    moments = [datetime(2025, 3, 21, 23, 58) + timedelta(seconds=float(s)) for s in seconds]
+    cells = [m.strftime(form) for m in moments]
+    cells[3:5] = [None, "n/a"]
+    few = dates.seconds_of(cells, {"n/a"}, form)
+    monkeypatch.setattr(dates, "_MANY", 0)
+    many = dates.seconds_of(cells, {"n/a"}, form)
+    np.testing.assert_allclose(many, few, atol=1e-9)
+    seen = np.isfinite(many)
+    assert np.flatnonzero(~seen).tolist() == [3, 4]
+    np.testing.assert_allclose(many[seen], seconds[seen], atol=1e-9)
+    with pytest.raises(dates.BadCell) as caught:
+        dates.seconds_of([*cells[:6], "x", *cells[6:]], {"n/a"}, form)
+    assert caught.value.index == 6

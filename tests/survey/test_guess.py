@@ -124,7 +124,7 @@ def test_of_many_outputs_the_one_that_the_shaft_follows_is_the_command():
     driven = np.abs(np.roll(outputs[5].values - 1500, 2)) * 3 + rng.normal(0, 10, 400)
     fields = (*outputs, clocked("ESC.RPM", driven), clocked("ATT.Yaw", 90 + WAVE))
     found = choice_of(Contents("x.bin", "ArduPilot DataFlash log", True, fields))  # type: ignore
-    assert found.model == "thruster"
+    assert found.model == "speed_loop_thruster"
     assert found.channels["command"].field.name == "RCOU.C6"
     assert found.channels["speed"].unsigned
     assert found.channels["command"].others[:2] == ("RCOU.C1", "RCOU.C2")

@@ -115,6 +115,25 @@ def test_the_set_point_of_a_speed_is_the_command_of_a_speed_loop(tmp_path):
     assert np.abs(read.inputs["command"] - table["rpm_cmd"] * np.pi / 30).max() < 1e-6
 
 
+def test_the_static_curve_tells_a_speed_loop_from_a_torque(tmp_path):
+    log = thruster()
+    effort, held = log["effort"], np.zeros(1500)
+    for k in range(1499):  # 25 us of dead band, then a first-order loop
+        goal = 250 * np.sign(effort[k]) * max(abs(effort[k]) - 0.06, 0.0)
+        held[k + 1] = held[k] + 0.02 * (goal - held[k]) / 0.2
+    for speed, model in ((held, "speed_loop_thruster"), (log["speed"], "thruster")):
+        for seen_as in (speed, np.abs(speed)):
+            table = {"t": log["time"], "pwm": 1500 + 400 * effort, "rpm": 9.549 * seen_as}
+            seen = dft.look(write_table(tmp_path / "run.csv", table))
+            assert seen.model == model
+        table = {
+            "t": log["time"],
+            "pwm": 1500 + 400 * effort,
+            "thrust_N": 4e-4 * speed * abs(speed),
+        }
+        assert dft.look(write_table(tmp_path / "run.csv", table)).model == model
+
+
 def test_an_axis_vehicle_takes_a_command_as_plain_numbers(tmp_path):
     log = thruster()
     table = {"t": log["time"], "pwm": 1500 + 400 * log["effort"], "vel [m/s]": log["speed"] / 200}
@@ -153,7 +172,7 @@ SETS = {
     ),
     "emps/DATA_EMPS_SC.csv": ("axis_vehicle", {"thrust", "position", "velocity"}),
     "t200/T200-Public-Performance-Data-10-20V-September-2019.xlsx": (
-        "thruster",
+        "speed_loop_thruster",
         {"command", "speed", "thrust"},
     ),
 }

@@ -6,10 +6,20 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
-from diffthrust.logs._robots.ardupilot_files import Received, dataflash, telemetry
+from diffthrust.logs._robots.ardupilot_files import Received, telemetry
+from diffthrust.logs._robots.dataflash import (
+    Dataflash,
+    instance_of,
+    open_dataflash,
+    stamps,
+    values_of,
+)
 from diffthrust.logs._robots.series import (
     Series,
     column_place,
@@ -62,23 +72,26 @@ def read_ardupilot(
         The samples of each column.
 
     Raises:
-        InputError: pymavlink is not installed, the file is damaged, or a message or field is
-            absent, holds no numbers, or comes from several senders or instances.
+        InputError: the file is damaged, pymavlink is not installed (telemetry needs it), or a
+            message or field is absent, is no number, or comes from several senders or instances.
     """
     targets = [_target(path.name, column) for column in wanted]
-    names = {target.name for target in targets}
     try:
-        with (dataflash if binary else telemetry)(path, names) as recording:
-            if not recording.known:
-                raise ValueError("it holds no message")
+        if binary:
+            log = open_dataflash(path)
             for target in targets:
-                if target.name not in recording.known:
-                    known = recording.known
-                    raise no_message(path.name, target.column, target.name, known, "message")
-            for message in recording.messages:
+                _check_known(path.name, target, set(log.messages))
+                _take_all(path.name, target, log)
+            damages = log.damages
+        else:
+            with telemetry(path, {target.name for target in targets}) as recording:
                 for target in targets:
-                    if target.name == message.name:
-                        _take(path.name, target, message)
+                    _check_known(path.name, target, recording.known)
+                for message in recording.messages:
+                    for target in targets:
+                        if target.name == message.name:
+                            _take(path.name, target, message)
+            damages = recording.damages
     except ImportError as error:
         raise lacking(path.name, "pymavlink", "ardupilot", error) from None
     except InputError:
@@ -92,7 +105,7 @@ def read_ardupilot(
         t.column: series_of(path.name, t.column, t.ticks, t.values, origin, missing)
         for t in targets
     }
-    if damages := recording.damages:
+    if damages:
         first = series[wanted[0]]
         places = f"{len(damages)} place{'s' if len(damages) > 1 else ''}"
         note = f"the file is damaged in {places} ({damages[0]})"
@@ -122,7 +135,46 @@ def _take(file: str, target: _Target, message: Received) -> None:
         return
     if target.key not in message.fields:
         raise no_field(file, target.column, target.key, message.fields)
-    value = message.get(target.key)
+    target.ticks.append(message.stamp)
+    target.values.append(_number(file, target, message.get(target.key)))
+    target.seen.add((message.source, message.instance))
+
+
+def _take_all(file: str, target: _Target, log: Dataflash) -> None:
+    """Take a field of all messages of a DataFlash log at once."""
+    message = log.messages[target.name]
+    records = log.records(message)
+    ticks = stamps(records)
+    if ticks is None:
+        raise InputError(
+            f"{file}: the message {target.name!r} has no time stamp.",
+            "choose a message with a field TimeUS.",
+        )
+    if lost := int((ticks < 0).sum()):
+        log.damages.append(f"{lost} messages {target.name!r} with a time stamp that cannot be")
+    records, ticks = records[ticks >= 0], ticks[ticks >= 0]
+    instances = [""]
+    if message.instance:
+        which = np.array([instance_of(value) for value in records[message.instance]], dtype=str)
+        instances = sorted(set(which.tolist()))
+        if target.instance:
+            keep = which == target.instance
+            target.others.update(set(instances) - {target.instance})
+            records, ticks, instances = records[keep], ticks[keep], [target.instance]
+    if not ticks.size or (target.instance and not message.instance) or target.source:
+        return
+    if target.key not in message.columns:
+        raise no_field(file, target.column, target.key, message.columns)
+    values = values_of(message, records, target.key)
+    first = instance_of(values[0]) if values.dtype.kind == "S" else values[0].tolist()
+    _number(file, target, first)
+    target.ticks = ticks.tolist()
+    target.values = (values if target.element is None else values[:, target.element]).tolist()
+    target.seen.update(((), instance) for instance in instances)
+
+
+def _number(file: str, target: _Target, value: Any) -> float:
+    """A field's value, or its element, as a number; raises InputError where it is none."""
     place = column_place(file, target.column)
     if target.element is not None:
         if isinstance(value, str) or not hasattr(value, "__len__") or target.element >= len(value):
@@ -140,9 +192,14 @@ def _take(file: str, target: _Target, message: Received) -> None:
             f"expected a number, found {found}.",
             "write the element, such as [0], behind it." if array else "choose a field of numbers.",
         )
-    target.ticks.append(message.stamp)
-    target.values.append(float(value))
-    target.seen.add((message.source, message.instance))
+    return float(value)
+
+
+def _check_known(file: str, target: _Target, known: set[str]) -> None:
+    if not known:
+        raise ValueError("it holds no message")
+    if target.name not in known:
+        raise no_message(file, target.column, target.name, known, "message")
 
 
 def _check_alone(file: str, target: _Target) -> None:

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from diffthrust.logs._robots.ardupilot_files import LATEST, indexed, telemetry
+from diffthrust.logs._robots.ardupilot_files import telemetry
+from diffthrust.logs._robots.dataflash import (
+    Dataflash,
+    Message,
+    instance_of,
+    open_dataflash,
+    stamps,
+    values_of,
+)
 from diffthrust.logs._robots.gathered import LONGEST, Gathered
 from diffthrust.logs._robots.series import lacking
 from diffthrust.logs._tables.table import damaged
@@ -15,7 +22,6 @@ from diffthrust.logs._units import unit_in
 
 # What describes the log or sets it up, and is no signal.
 _ABOUT = {"FMT", "FMTU", "UNIT", "MULT", "PARM", "FILE", "MSG", "CMD", "PARAM_VALUE", "STATUSTEXT"}
-_SPELT = {"degheading": "deg", "ddeg": "deg", "deg/sec": "deg/s", "PWM": "us", "d%": ""}
 
 
 def dataflash_fields(path: Path) -> tuple[list[Gathered], list[str]]:
@@ -25,74 +31,46 @@ def dataflash_fields(path: Path) -> tuple[list[Gathered], list[str]]:
         The messages, several of one kind named ``ESC[0]``, and sentences on what is damaged.
 
     Raises:
-        InputError: pymavlink is not installed, or the file is damaged.
+        InputError: the file is damaged.
     """
     gathered = []
     try:
-        with indexed(path) as (log, said):
-            data = np.frombuffer(log.data_map[:], np.uint8)
-            for number, offsets in enumerate(log.offsets):
-                form = log.formats.get(number)
-                if form is not None and form.name not in _ABOUT and offsets:
-                    gathered += _messages(form, data, np.array(offsets))
-            damages = said.getvalue().splitlines()
-    except ImportError as error:
-        raise lacking(path.name, "pymavlink", "ardupilot", error) from None
+        log = open_dataflash(path)
+        for message in log.messages.values():
+            if message.name not in _ABOUT:
+                gathered += _messages(message, log)
     except Exception as error:  # a damaged log raises whatever the reader came across
         raise damaged(path, "DataFlash", error) from None
-    return gathered, _told(damages)
+    return gathered, _told(log.damages)
 
 
-def _messages(form: Any, data: np.ndarray, offsets: np.ndarray) -> list[Gathered]:
-    """The messages of one format: its bytes as an array of records, one by instance."""
-    codes = form.msg_struct[1:]
-    kinds, length = [], ""
-    for code in codes:
-        if code.isdigit():
-            length += code
-        else:
-            kinds.append(f"S{length}" if code == "s" else f"<{_NUMPY[code]}")
-            length = ""
-    if len(kinds) != len(form.columns) or not kinds or len(set(form.columns)) != len(kinds):
+def _messages(message: Message, log: Dataflash) -> list[Gathered]:
+    """The messages of one kind, by instance where there are several."""
+    try:
+        records = log.records(message)
+    except ValueError as error:  # one format that is none is not the log
+        log.damages.append(str(error))
         return []
-    record = np.dtype(list(zip(form.columns, kinds, strict=True)))
-    offsets = offsets[offsets + 3 + record.itemsize <= data.size]
-    rows = data[offsets[:, None] + 3 + np.arange(record.itemsize)].copy().view(record)[:, 0]
-    clock, per_tick = ("TimeUS", 1_000) if "TimeUS" in form.columns else ("TimeMS", 1_000_000)
-    if clock not in form.columns or not rows.size:
+    ticks = stamps(records)
+    if ticks is None or not ticks.size:
         return []
-    rows = rows[rows[clock] <= LATEST]
-    fields = [
-        (name, mult)
-        for name, kind, mult in zip(form.columns, kinds, form.msg_mults, strict=True)
-        if not kind.startswith("S") and name not in (clock, form.instance_field)
-    ]
-    units = {}
-    for name, _ in fields:
-        unit = form.get_unit(name)
-        if unit := _SPELT.get(unit, unit_in(f"[{unit}]")):
-            units[name] = unit
-    which = form.instance_field
-    keys = np.unique(rows[which]) if which else [None]
+    records, ticks = records[ticks >= 0], ticks[ticks >= 0]
+    about = {"TimeUS", "TimeMS", message.instance}
+    fields = {
+        name: values
+        for name in message.columns
+        if name not in about and (values := values_of(message, records, name)).dtype.kind == "f"
+    }
+    fields = {name: values for name, values in fields.items() if values.ndim == 1}
+    which = records[message.instance] if message.instance else np.zeros(records.size, np.uint8)
+    keys = np.unique(which)
     out = []
     for key in keys:
-        part = rows if key is None else rows[rows[which] == key]
-        shown = key.decode("latin-1").rstrip("\0") if isinstance(key, bytes) else str(key)
-        out.append(
-            Gathered(
-                form.name if len(keys) == 1 else f"{form.name}[{shown}]",
-                part[clock].astype(np.int64) * per_tick,
-                {name: part[name].astype(np.float64) * (mult or 1.0) for name, mult in fields},
-                units,
-            )
-        )
+        part = which == key
+        name = message.name if len(keys) == 1 else f"{message.name}[{instance_of(key)}]"
+        columns = {field: values[part] for field, values in fields.items()}
+        out.append(Gathered(name, ticks[part], columns, message.units))
     return out
-
-
-_NUMPY = {
-    "b": "i1", "B": "u1", "h": "i2", "H": "u2", "i": "i4", "I": "u4", "q": "i8", "Q": "u8",
-    "e": "f2", "f": "f4", "d": "f8",
-}  # fmt: skip
 
 
 def telemetry_fields(path: Path) -> tuple[list[Gathered], list[str]]:

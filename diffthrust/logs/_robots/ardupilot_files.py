@@ -1,19 +1,15 @@
-"""The messages of ArduPilot's files, one after the other: DataFlash (.bin), telemetry (.tlog)."""
+"""The messages of ArduPilot's telemetry logs (.tlog), one after the other."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
-from diffthrust._support.errors import InputError
-
-# A stamp beyond this many microseconds is no time since the start, nor one since 1970 [us].
-LATEST = 2**53
+from diffthrust.logs._robots.dataflash import LATEST
 
 
 @dataclass(frozen=True)
@@ -52,63 +48,6 @@ class Recording:
     known: set[str]
     messages: Iterator[Received]
     damages: list[str] = field(default_factory=list)
-
-
-@contextmanager
-def dataflash(path: Path, names: set[str]) -> Iterator[Recording]:
-    """Open a DataFlash log; whatever pymavlink raises where it is damaged passes through."""
-    damages: list[str] = []
-
-    def messages() -> Iterator[Received]:
-        while message := log.recv_match(type=names, strict=True):
-            named = message.get_fieldnames()
-            if "TimeUS" in named:
-                stamp = int(message.TimeUS)
-            elif "TimeMS" in named:
-                stamp = int(message.TimeMS) * 1_000
-            else:
-                raise InputError(
-                    f"{path.name}: the message {message.get_type()!r} has no time stamp.",
-                    "choose a message with a field TimeUS.",
-                )
-            if stamp > LATEST:
-                damages.append(f"a message {message.get_type()!r} with a time stamp of {stamp} us")
-                continue
-            which = message.fmt.instance_field
-            instance = "" if which is None else str(getattr(message, which))
-            get = partial(getattr, message)
-            yield Received(stamp * 1_000, message.get_type(), (), instance, named, get)
-        damages.extend(said.getvalue().splitlines())
-
-    with indexed(path) as (log, said):
-        known = {name for name, number in log.name_to_id.items() if log.counts[number]}
-        yield Recording(known, messages(), damages)
-
-
-@contextmanager
-def indexed(path: Path) -> Iterator[tuple[Any, StringIO]]:
-    """Open a DataFlash log with pymavlink's reader: it, and what the library says of damages."""
-    from pymavlink import DFReader
-
-    class Reader(DFReader.DFReader_binary):
-        def init_arrays_fast(self, progress_callback: Any = None) -> None:
-            self.init_arrays(progress_callback)  # the fast one writes past sys.stderr
-
-    said = StringIO()  # the library prints what it skips
-    with ExitStack() as stack:
-        stack.enter_context(redirect_stdout(said))
-        stack.enter_context(redirect_stderr(said))
-        log: Any = object.__new__(Reader)
-        stack.callback(_close, log)  # also where reading fails halfway through the constructor
-        log.__init__(str(path))
-        yield log, said
-
-
-def _close(log: Any) -> None:
-    for name in ("filehandle", "data_map"):
-        if name in vars(log):
-            with suppress(BufferError):  # a reader that failed still looks into the map
-                vars(log)[name].close()
 
 
 @contextmanager

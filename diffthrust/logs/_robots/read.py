@@ -53,9 +53,9 @@ def read_robot_log(
     you trust.
 
     Args:
-        path: the folder of a ROS 2 bag or a file ending in .mcap, .db3 or, of ROS 1, .bag (all need
-            ``pip install 'diffthrust[ros]'``), .bin or .tlog (``'diffthrust[ardupilot]'``), or .ulg
-            (``'diffthrust[px4]'``).
+        path: ArduPilot's .bin; the folder of a ROS 2 bag or a file ending in .mcap, .db3 or, of ROS
+            1, .bag (all need ``pip install 'diffthrust[ros]'``); a .tlog
+            (``'diffthrust[ardupilot]'``); PX4's .ulg (``'diffthrust[px4]'``).
         base: ``"messages"``, the channel whose stamps are taken, or a step [s].
         inputs: message and field of each input, by channel name: ``"/cmd.data"``,
             ``"/rpm.data[0]"``, ``"RCOU.C1"``, ``"ESC[0].RPM"``, ``"1/ATTITUDE.yaw"`` (of system 1),

@@ -21,6 +21,7 @@ _DAY = (
 _CLOCK = r"(?P<clock>\d\d?:\d\d(?P<seconds>:\d\d(?P<dot>[.,]\d+)?)?(?P<noon> ?[AaPp][Mm])?)"
 _OTHER = re.compile(f"(?:{_DAY})?(?:{_CLOCK})?")
 _FINE = re.compile(r"([.,]\d{6})\d+")  # a datetime counts microseconds
+_MANY = 20_000  # above so many cells pandas is worth its import
 _FRACTION = re.compile(r"[.,]%f")
 
 
@@ -91,6 +92,8 @@ def seconds_of(cells: Sequence[str | None], missing: Collection[str], form: str 
     Raises:
         BadCell: a cell is no such date.
     """
+    if form and len(cells) > _MANY and (fast := _at_once(cells, missing, form)) is not None:
+        return _past_midnight(fast, form)
     out = np.full(len(cells), np.nan)
     first: datetime | None = None
     for index, cell in enumerate(cells):
@@ -106,11 +109,29 @@ def seconds_of(cells: Sequence[str | None], missing: Collection[str], form: str 
         except (ValueError, OverflowError, re.error):
             expected = f"a date as in {form!r}" if form else "an ISO date and time"
             raise BadCell(index, shown(text), expected) from None
-    if (
-        form and not set(form) & set("djU") and np.isfinite(out).any()
-    ):  # times of day: past midnight
-        out[np.isfinite(out)] = np.unwrap(out[np.isfinite(out)], period=86_400.0)
+    return _past_midnight(out, form)
+
+
+def _past_midnight(out: np.ndarray, form: str) -> np.ndarray:
+    """Times of day that run on over midnight; dates as they are."""
+    seen = np.isfinite(out)
+    if form and not set(form) & set("djU") and seen.any():
+        out[seen] = np.unwrap(out[seen], period=86_400.0)
     return out
+
+
+def _at_once(cells: Sequence[str | None], missing: Collection[str], form: str) -> np.ndarray | None:
+    """Read many dates by pandas; None where it cannot, so that the cell to blame is found."""
+    import pandas as pd
+
+    texts = [(cell or "").strip() for cell in cells]
+    plain = [None if text in missing else text or None for text in texts]
+    try:
+        stamps = pd.to_datetime(pd.Series(plain, dtype=object), format=form)
+        since = stamps - stamps.dropna().iloc[0]
+        return since.dt.total_seconds().to_numpy(dtype=np.float64, copy=True)
+    except (ValueError, TypeError, IndexError, AttributeError, OverflowError):
+        return None
 
 
 def _year_first(text: str) -> datetime:

@@ -1,0 +1,205 @@
+"""ArduPilot's DataFlash logs (.bin), all messages of a kind at once.
+
+A log describes itself: each message is two marks, the number of its kind and a body of fixed
+length, and messages `FMT` say which fields a kind has. So the file is walked once to find where
+messages begin, and the bodies of a kind are one array of records: 0.5 s for a million messages,
+where pymavlink, one message at a time, takes a minute.
+Source: ArduPilot's libraries/AP_Logger (LogStructure.h, README.md).
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from diffthrust.logs._units import unit_in
+
+_MARKS = (0xA3, 0x95)
+_FMT = 0x80
+_FMT_BODY = struct.Struct("<BB4s16s64s")
+
+# The letters of a format: type in a record, and what the numbers are to be divided by.
+_LETTERS = {
+    "a": ("(32,)<i2", 1), "b": ("i1", 1), "B": ("u1", 1), "h": ("<i2", 1), "H": ("<u2", 1),
+    "i": ("<i4", 1), "I": ("<u4", 1), "q": ("<i8", 1), "Q": ("<u8", 1), "g": ("<f2", 1),
+    "f": ("<f4", 1), "d": ("<f8", 1), "n": ("S4", 1), "N": ("S16", 1), "Z": ("S64", 1),
+    "c": ("<i2", 100), "C": ("<u2", 100), "e": ("<i4", 100), "E": ("<u4", 100),
+    "L": ("<i4", 10**7), "M": ("u1", 1),
+}  # fmt: skip
+_PREFIXES = {1.0: "", 1e-1: "d", 1e-2: "c", 1e-3: "m", 1e-6: "u", 1e-9: "n"}
+
+# A stamp beyond this many microseconds is no time since the start, nor one since 1970 [us].
+LATEST = 2**53
+
+# Pages of the memory are filled up behind the last message.
+_PAGE = 528
+
+
+@dataclass
+class Message:
+    """The messages of one kind.
+
+    Args:
+        name: of the kind.
+        letters: type of each field.
+        columns: names of the fields.
+        offsets: where the bodies begin in the file.
+        instance: the field that tells one sender from another; empty where there is none.
+        units: what the file says of the unit of a field.
+    """
+
+    name: str
+    letters: str
+    columns: Sequence[str]
+    offsets: list[int] = field(default_factory=list)
+    instance: str = ""
+    units: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def record(self) -> np.dtype:
+        """The type of a body.
+
+        Raises:
+            ValueError: the format is none.
+        """
+        if len(self.letters) != len(self.columns) or not set(self.letters) <= set(_LETTERS):
+            raise ValueError(f"the message {self.name!r} has the format {self.letters!r}")
+        kinds = (_LETTERS[letter][0] for letter in self.letters)
+        return np.dtype(list(zip(self.columns, kinds, strict=True)))
+
+
+@dataclass(frozen=True)
+class Dataflash:
+    """A log that was walked through.
+
+    Args:
+        data: its bytes.
+        messages: by name, the kinds of which there is a message.
+        damages: what is no message, and where.
+    """
+
+    data: np.ndarray
+    messages: dict[str, Message]
+    damages: list[str]
+
+    def records(self, message: Message) -> np.ndarray:
+        """The bodies of a kind as an array of records, in the order of the file."""
+        record = message.record
+        offsets = np.array(message.offsets, dtype=np.int64)
+        offsets = offsets[offsets + record.itemsize <= self.data.size]
+        bodies = self.data[offsets[:, None] + np.arange(record.itemsize)]
+        return np.ascontiguousarray(bodies).view(record).reshape(-1)
+
+
+def values_of(message: Message, records: np.ndarray, column: str) -> np.ndarray:
+    """A field as numbers, ``(n,)``, or of an array ``(n, 32)``; of text as bytes."""
+    values = records[column]
+    if values.dtype.kind == "S":
+        return values
+    divisor = _LETTERS[message.letters[list(message.columns).index(column)]][1]
+    return values.astype(np.float64) / divisor
+
+
+def instance_of(value: bytes | int) -> str:
+    """What a message says of the instance that sent it, as text."""
+    return value.rstrip(b"\0").decode("latin-1") if isinstance(value, bytes) else str(value)
+
+
+def stamps(records: np.ndarray) -> np.ndarray | None:
+    """The time stamps [ns], ``(n,)``, -1 where one cannot be; None where there are none."""
+    names = records.dtype.names or ()
+    for name, tick in (("TimeUS", 1_000), ("TimeMS", 1_000_000)):
+        if name in names and records[name].dtype.kind in "iu":
+            sound = records[name] <= LATEST * 1_000 // tick
+            return np.where(sound, records[name], 0).astype(np.int64) * tick - ~sound
+    return None
+
+
+def open_dataflash(path: Path) -> Dataflash:
+    """Walk through a log.
+
+    Raises:
+        ValueError: there is no message in it.
+    """
+    data = path.read_bytes()
+    kinds = {_FMT: Message("FMT", "BBnNZ", ["Type", "Length", "Name", "Format", "Columns"])}
+    lengths = [0] * 256
+    lengths[_FMT] = 3 + _FMT_BODY.size
+    starts: list[list[int]] = [[] for _ in range(256)]
+    damages: list[tuple[int, int]] = []
+    at, end, lost = 0, len(data), -1
+    while at + 3 <= end:
+        length = lengths[data[at + 2]]
+        if data[at] != _MARKS[0] or data[at + 1] != _MARKS[1] or not length:
+            lost = at if lost < 0 else lost
+            at += 1
+            continue
+        if at + length > end:
+            break
+        if lost >= 0:
+            damages.append((lost, at))
+            lost = -1
+        number = data[at + 2]
+        starts[number].append(at + 3)
+        if number == _FMT:
+            kind, size, *texts = _FMT_BODY.unpack_from(data, at + 3)
+            name, letters, columns = (t.split(b"\0")[0].decode("latin-1") for t in texts)
+            message = Message(name, letters, columns.split(",") if columns else [])
+            sound = message.columns and len(set(message.columns)) == len(message.columns)
+            if size > 3 and sound:
+                kinds.setdefault(kind, message)
+                lengths[kind] = lengths[kind] or size
+        at += length
+    if at < end or lost >= 0:
+        damages.append((at if lost < 0 else lost, end))
+    for number, message in kinds.items():
+        message.offsets = starts[number]
+    found = {m.name: m for m in kinds.values() if m.offsets}
+    if not set(found) - {"FMT"}:
+        raise ValueError("it holds no message")
+    log = Dataflash(np.frombuffer(data, np.uint8), found, [])
+    log.damages.extend(
+        f"at byte {begin}: {stop - begin} bytes are no message"
+        for begin, stop in damages
+        if stop < end or stop - begin >= _PAGE
+    )
+    _describe(log, kinds)
+    return log
+
+
+def _describe(log: Dataflash, kinds: dict[int, Message]) -> None:
+    """Read the units and the instances that the log gives of its fields."""
+
+    def table(name: str, key: str, value: str) -> dict[str, object]:
+        if name not in log.messages or not {key, value} <= set(log.messages[name].columns):
+            return {}
+        rows = log.records(log.messages[name])
+        return {chr(int(k) % 256): v for k, v in zip(rows[key], rows[value], strict=True)}
+
+    try:
+        units, factors = table("UNIT", "Id", "Label"), table("MULT", "Id", "Mult")
+        said = log.records(log.messages["FMTU"]) if "FMTU" in log.messages else ()
+        for row in said:
+            message = kinds.get(int(row["FmtType"]))
+            if message is None:
+                continue
+            letters = row["UnitIds"].decode("latin-1")
+            powers = row["MultIds"].decode("latin-1").ljust(len(letters))
+            for column, unit, power in zip(message.columns, letters, powers, strict=False):
+                if unit == "#":
+                    message.instance = column
+                label = units.get(unit)
+                if not isinstance(label, bytes) or not label:
+                    continue
+                factor = factors.get(power, 1.0)
+                own = _LETTERS.get(message.letters[message.columns.index(column)], ("", 1))[1]
+                prefix = "" if own != 1 else _PREFIXES.get(float(f"{factor:.6g}") or 1.0)
+                text = label.decode("latin-1").replace("degheading", "deg")
+                if prefix is not None and (known := unit_in(f"[{prefix}{text}]")):
+                    message.units[column] = known
+    except (ValueError, IndexError, KeyError, TypeError):  # described by damaged messages
+        log.damages.append("the units of its fields cannot be read")
