@@ -351,6 +351,7 @@ def test_other_files_are_named_for_what_they_are(whole, tmp_path):
     told = refused(tmp_path / "fit.json", json.dumps(fit.to_json(), default=str), "other JSON")
     assert "--save" in told.mend
     refused(tmp_path / "list.json", "[1, 2]", "other JSON")
+    refused(tmp_path / "deep.json", "[" * 100_000, "cut off, damaged")
     refused(tmp_path / "noise.json", np.random.default_rng(1).bytes(400), "cut off, damaged")
     refused(tmp_path / "page.html", "<html>", "found .html")
     refused(tmp_path / "chain.h5", b"\x89HDF", "found .h5")
