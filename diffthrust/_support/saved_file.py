@@ -80,7 +80,7 @@ def read_saved(path: Path | str) -> dict[str, Any]:
         raise InputError(
             f"{path}: the file cannot be read ({error.strerror or error}).", "Name a file."
         ) from None
-    except ValueError as error:  # JSON or UTF-8
+    except (ValueError, RecursionError) as error:  # JSON or UTF-8
         raise InputError(
             f"{path}: expected a saved result, found a file that is cut off, damaged or of "
             f"another kind ({error}).",

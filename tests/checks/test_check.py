@@ -375,7 +375,7 @@ def test_what_moved_is_told_beside_what_changed_since(fits, alterations, words, 
     checked = check(fits, junit=tmp_path / "out.xml")
     assert not checked.ok
     assert words in fit_of(checked).since
-    shown = " ".join(rendered(check_table(checked), 200).split())
+    shown = " ".join(rendered(check_table(checked)).split())
     assert words in shown
     assert words in (tmp_path / "out.xml").read_text()
     assert words in fit_of(checked).to_json()["since"]

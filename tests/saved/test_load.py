@@ -125,6 +125,11 @@ def fit_of(kind):
         )
         model = model + CommandDeadband() + CommandSaturation(limit=INFINITE)
         return dft.fit(model.fix("command_saturation.limit"), a, holdout=log(1), starts=2), a
+    if kind == "doubted":  # a thrust of the other sign
+        turned = a.replaced(measured={**a.measured, "thrust": -a.measured["thrust"]})
+        fit = dft.fit(short.MODEL, turned, starts=2)
+        assert fit.doubts
+        return fit, turned
     if kind == "silent":  # a parameter of which the log says nothing has no standard error
         still = a.replaced(inputs={"command": np.zeros(len(a))})
         return dft.fit(short.MODEL, still, starts=1), still
@@ -140,7 +145,7 @@ def fit_of(kind):
 
 KINDS = (
     *("plain", "ar1", "innovations", "outliers", "forgiving"),
-    *("vessel", "pulses", "described", "silent"),
+    *("vessel", "pulses", "described", "silent", "doubted"),
 )
 
 
@@ -351,6 +356,7 @@ def test_other_files_are_named_for_what_they_are(whole, tmp_path):
     told = refused(tmp_path / "fit.json", json.dumps(fit.to_json(), default=str), "other JSON")
     assert "--save" in told.mend
     refused(tmp_path / "list.json", "[1, 2]", "other JSON")
+    refused(tmp_path / "deep.json", "[" * 100_000, "cut off, damaged")
     refused(tmp_path / "noise.json", np.random.default_rng(1).bytes(400), "cut off, damaged")
     refused(tmp_path / "page.html", "<html>", "found .html")
     refused(tmp_path / "chain.h5", b"\x89HDF", "found .h5")
