@@ -21,6 +21,8 @@ from diffthrust.cli import _app  # private: the app that the command runs
 from diffthrust.cli._demo_logs import HIDDEN, hidden_folder  # private: what is hidden
 from diffthrust.specs import load_spec
 
+ERROR_KEYS = {"rmse", "nrmse", "fit_percent", "samples", "unit", "written"}
+
 
 @pytest.fixture(autouse=True)
 def _no_cache(monkeypatch):
@@ -51,11 +53,11 @@ def test_fit_prints_and_writes(sensor, tmp_path):
     assert data["schema"] == 1
     assert data["model"] == "linear_sensor"
     slope = data["parameters"]["slope"]
-    assert set(slope) == {"value", "std_error", "unit", "fixed", "at_bound"}
+    assert set(slope) == {"value", "std_error", "unit", "fixed", "at_bound", "written"}
     assert slope["value"] == pytest.approx(0.159, abs=0.002)
     for part in ("train", "holdout"):
         channel = data[part]["channels"]["reading"]
-        assert set(channel) == {"rmse", "nrmse", "fit_percent", "samples"}
+        assert set(channel) == ERROR_KEYS
     assert set(data["checks"]) == {
         "gradient", "rank", "free_parameters", "condition", "starts", "starts_agreeing",
     }  # fmt: skip
@@ -109,7 +111,13 @@ def test_demo(tmp_path):
 
 def test_effects_are_listed_with_parameters_and_units():
     text = run("effects").stdout
-    for word in ("command_deadband", "width [V]", "actuator_lag", "time_constant [s]", "drive"):
+    for word in (
+        "command_deadband",
+        "width [unit of command]",
+        "actuator_lag",
+        "time_constant [s]",
+        "drive",
+    ):
         assert word in text
 
 

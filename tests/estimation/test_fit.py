@@ -9,6 +9,7 @@ from diffthrust.estimation._arrange import build, restarts  # private: a problem
 from diffthrust.estimation._status import examine  # private: the checks alone
 
 TRUE = {"alpha": 0.037, "beta": 42.0, "ct": 0.02}
+ERROR_KEYS = {"rmse", "nrmse", "fit_percent", "samples", "unit", "written"}
 
 
 def record(seed=0, duration=30.0, step=0.05, speed=0.3, thrust=0.5, unsigned=False, **hidden):
@@ -310,7 +311,7 @@ def test_json_has_the_contract_and_the_report_is_readable():
         "schema", "model", "effects", "status", "parameters", "train", "holdout", "checks", "doubts"
     }  # fmt: skip
     assert set(data["parameters"]["alpha"]) == {"value", "std_error", "unit", "fixed", "at_bound"}
-    assert set(data["train"]["channels"]["speed"]) == {"rmse", "nrmse", "fit_percent", "samples"}
+    assert set(data["train"]["channels"]["speed"]) == ERROR_KEYS
     assert set(data["checks"]) == {
         "gradient", "rank", "free_parameters", "condition", "starts", "starts_agreeing"
     }  # fmt: skip

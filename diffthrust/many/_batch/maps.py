@@ -20,7 +20,7 @@ from diffthrust.models._base.model import Model
 DEFAULTS = {
     name: p.default
     for name, p in signature(describe_one).parameters.items()
-    if p.kind is Parameter.KEYWORD_ONLY
+    if p.kind is Parameter.KEYWORD_ONLY and name != "progress"
 }
 _MAPS_AT_A_TIME = 16
 """Models whose maps are worked out together: more would only take memory."""
