@@ -11,7 +11,7 @@ from diffthrust._support.correlation import lag_one
 from diffthrust._support.tables import number
 from diffthrust.logs._log import Log
 from diffthrust.soundness._doubt import Doubt
-from diffthrust.soundness._shown import shown, shown_width, width_as_written
+from diffthrust.soundness._shown import value_shown, width_as_written, width_shown
 
 _LEAST = 20
 """Samples of one value from which on a sensor may be stuck or clipped."""
@@ -46,7 +46,7 @@ def repeating(log: Log) -> Iterator[Doubt]:
                 yield Doubt(
                     channel,
                     "silent",
-                    f"{log.name}: {channel} is {shown(log, channel, values[0])} throughout, while "
+                    f"{log.name}: {channel} is {value_shown(log, channel, values[0])} throughout, while "
                     f"{', '.join(c for c in moving if c in log.inputs)} moves.",
                     f"look whether the sensor of {channel} was on, or take the channel out.",
                 )
@@ -118,8 +118,8 @@ def _coarse(log: Log, channel: str, values: np.ndarray) -> Doubt | None:
     return Doubt(
         channel,
         "stuck",
-        f"{log.name}: {channel} has {levels.size} levels only, {shown_width(log, channel, step)} "
-        f"apart over a range of {shown_width(log, channel, span)}: it is read too coarsely for a "
+        f"{log.name}: {channel} has {levels.size} levels only, {width_shown(log, channel, step)} "
+        f"apart over a range of {width_shown(log, channel, span)}: it is read too coarsely for a "
         "fit of its course.",
         f"log {channel} with more digits; or give its noise: [channels.{channel}] noise = "
         f"{number(width_as_written(log, channel, step) / 12**0.5, 2)}.",
@@ -148,7 +148,7 @@ def _clipped(
             channel,
             "saturated",
             f"{log.name}: {count} samples of {channel} stand exactly at its {word} value, "
-            f"{shown(log, channel, float(extreme))}, in {long.size} stretches: there the sensor's "
+            f"{value_shown(log, channel, float(extreme))}, in {long.size} stretches: there the sensor's "
             "range ends.",
             f"leave these samples of {channel} empty (nan), or choose a larger range.",
         )
@@ -177,7 +177,7 @@ def _stuck(
     return Doubt(
         channel,
         "stuck",
-        f"{log.name}: {channel} stays at {shown(log, channel, value)} for {length} samples from "
+        f"{log.name}: {channel} stays at {value_shown(log, channel, value)} for {length} samples from "
         f"t = {number(first)} s on, while other channels move.",
         f"leave these samples of {channel} empty (nan), or cut the log there.",
     )
