@@ -17,7 +17,7 @@ _FIRM = 0.8
 _ODD = {DRIVE: 7.0, PHYSICS: 1.8}
 """Ratio of a log's gain to that of its companions from which on it is odd. What follows a command
 by a lag has a gain that depends on how it was driven, the thrust of a speed has not. Of boats it
-depends too much (by a factor of up to 15 between runs of one boat): their drives are not compared."""
+depends too much (by a factor of up to 15 between runs of one): their drives are not compared."""
 _SPREAD = 4.0
 """And so many times as far from their middle (as a logarithm) as the farthest of them."""
 _KNOWN = 0.15

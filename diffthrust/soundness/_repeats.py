@@ -9,9 +9,10 @@ import numpy as np
 
 from diffthrust._support.correlation import lag_one
 from diffthrust._support.tables import number
+from diffthrust._support.words import joined
 from diffthrust.logs._log import Log
 from diffthrust.soundness._doubt import Doubt
-from diffthrust.soundness._shown import shown, shown_width, width_as_written
+from diffthrust.soundness._shown import value_shown, width_as_written, width_shown
 
 _LEAST = 20
 """Samples of one value from which on a sensor may be stuck or clipped."""
@@ -36,18 +37,18 @@ class _Runs(NamedTuple):
 def repeating(log: Log) -> Iterator[Doubt]:
     """Doubts on measured channels that hold their values. Inputs hold theirs by right."""
     moving = [c for c, v in {**log.inputs, **log.measured}.items() if _span(v) > 0]
-    driven = any(c in log.inputs for c in moving)
+    drives = [c for c in moving if c in log.inputs and c not in _SURROUNDINGS]
     for channel, samples in log.measured.items():
         values = samples[np.isfinite(samples)]
         if values.size < 3 * _LEAST:
             continue
         if not np.ptp(values) > 0:
-            if driven:
+            if drives:
                 yield Doubt(
                     channel,
                     "silent",
-                    f"{log.name}: {channel} is {shown(log, channel, values[0])} throughout, while "
-                    f"{', '.join(c for c in moving if c in log.inputs)} moves.",
+                    f"{log.name}: {channel} is {value_shown(log, channel, values[0])} in every "
+                    f"sample, while {joined(drives)} moved.",
                     f"look whether the sensor of {channel} was on, or take the channel out.",
                 )
             continue
@@ -67,18 +68,20 @@ def repeating(log: Log) -> Iterator[Doubt]:
             )
         if doubt:
             yield doubt
-        elif channel in _ANSWERS and driven and _only_noise(log, values):
+        elif channel in _ANSWERS and drives and _only_noise(log, drives, values):
             yield Doubt(
                 channel,
                 "silent",
-                f"{log.name}: {channel} is white noise and nothing else, while "
-                f"{' and '.join(c for c in log.inputs if c in moving)} moves.",
+                f"{log.name}: {channel} is white noise and nothing else, while {joined(drives)} "
+                "moved.",
                 f"look at the wiring of {channel}, and whether it is the right column.",
             )
 
 
 _ANSWERS = ("speed", "thrust", "velocity", "surge", "position")
 """Channels that must answer to any drive."""
+_SURROUNDINGS = ("inflow", "supply_voltage", "wind_speed", "wind_direction", "heading")
+"""Inputs that drive nothing by themselves."""
 
 
 def _runs(values: np.ndarray) -> _Runs:
@@ -118,8 +121,8 @@ def _coarse(log: Log, channel: str, values: np.ndarray) -> Doubt | None:
     return Doubt(
         channel,
         "stuck",
-        f"{log.name}: {channel} has {levels.size} levels only, {shown_width(log, channel, step)} "
-        f"apart over a range of {shown_width(log, channel, span)}: it is read too coarsely for a "
+        f"{log.name}: {channel} has {levels.size} levels only, {width_shown(log, channel, step)} "
+        f"apart over a range of {width_shown(log, channel, span)}: it is read too coarsely for a "
         "fit of its course.",
         f"log {channel} with more digits; or give its noise: [channels.{channel}] noise = "
         f"{number(width_as_written(log, channel, step) / 12**0.5, 2)}.",
@@ -148,8 +151,8 @@ def _clipped(
             channel,
             "saturated",
             f"{log.name}: {count} samples of {channel} stand exactly at its {word} value, "
-            f"{shown(log, channel, float(extreme))}, in {long.size} stretches: there the sensor's "
-            "range ends.",
+            f"{value_shown(log, channel, float(extreme))}, in {long.size} stretches: there the "
+            "sensor's range ends.",
             f"leave these samples of {channel} empty (nan), or choose a larger range.",
         )
     return None
@@ -177,8 +180,8 @@ def _stuck(
     return Doubt(
         channel,
         "stuck",
-        f"{log.name}: {channel} stays at {shown(log, channel, value)} for {length} samples from "
-        f"t = {number(first)} s on, while other channels move.",
+        f"{log.name}: {channel} stays at {value_shown(log, channel, value)} for {length} samples "
+        f"from t = {number(first)} s on, while other channels move.",
         f"leave these samples of {channel} empty (nan), or cut the log there.",
     )
 
@@ -203,13 +206,14 @@ def _driven_hard(log: Log, during: np.ndarray) -> bool:
     )
 
 
-def _only_noise(log: Log, values: np.ndarray) -> bool:
+def _only_noise(log: Log, drives: list[str], values: np.ndarray) -> bool:
     """Neither neighbours nor stretches of the log differ by more than white noise would have them.
 
     Of white noise one log in a thousand has block means that vary by 2.3 times what is due; what
     answers to a drive, or rings, has stretches, or neighbours, that differ far more.
     """
-    smooth = [v for v in log.inputs.values() if _swings(v) and lag_one([v]) > 0.8]
+    series = [log.inputs[name] for name in drives]
+    smooth = [v for v in series if _swings(v) and lag_one([v]) > 0.8]
     if values.size < 100 or not smooth:
         return False
     x = values - values.mean()

@@ -22,12 +22,12 @@ def width_as_written(log: Log, channel: str, width: float) -> float:
     return float(way.width(width, stored, f"channel {channel!r}"))
 
 
-def shown(log: Log, channel: str, value: float, digits: int = 4) -> str:
+def value_shown(log: Log, channel: str, value: float, digits: int = 4) -> str:
     """A stored number as text, with the user's unit."""
     return f"{number(as_written(log, channel, value), digits)} {_unit(log, channel)}".rstrip()
 
 
-def shown_width(log: Log, channel: str, width: float) -> str:
+def width_shown(log: Log, channel: str, width: float) -> str:
     """A difference of two stored numbers as text, with the user's unit."""
     return f"{number(width_as_written(log, channel, width), 3)} {_unit(log, channel)}".rstrip()
 

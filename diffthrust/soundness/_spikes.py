@@ -9,7 +9,7 @@ import numpy as np
 from diffthrust._support.tables import number
 from diffthrust.logs._log import Log
 from diffthrust.soundness._doubt import Doubt
-from diffthrust.soundness._shown import as_written, shown_width
+from diffthrust.soundness._shown import as_written, width_shown
 
 _CODES = (
     *(-1.0, -9.0, -99.0, -999.0, -9999.0, -99999.0, -32768.0, -2147483648.0),
@@ -81,8 +81,8 @@ def _jumps(
             channel,
             "outliers",
             f"{log.name}: {int(gross.sum())} samples of {channel} stand alone, "
-            f"{shown_width(log, channel, float(height[gross].max()))} and less from their "
-            f"neighbours, where all others lie within {shown_width(log, channel, span)}; the first "
+            f"{width_shown(log, channel, float(height[gross].max()))} and less from their "
+            f"neighbours, where all others lie within {width_shown(log, channel, span)}; the first "
             f"at t = {number(_first(log, where, gross))} s.",
             'leave them empty (nan), or fit with loss = "student_t", which forgives them.',
         )
