@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +14,9 @@ from diffthrust._support.names import listing
 from diffthrust.logs._contents import Contents, contents
 from diffthrust.logs._kinds import is_bag, is_log
 from diffthrust.survey._choice import Choice
+
+_UNSEEN = re.compile("holdout|unseen|valid")
+"""What people call the logs that they keep."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +38,7 @@ class Files:
         return max(self.read, key=lambda one: (kinds.count(_kind(one)), len(one.fields)))
 
     def split(self, choice: Choice) -> tuple[tuple[Path, ...], tuple[Path, ...], tuple[str, ...]]:
-        """Files to fit, files to keep unseen (the last), and sentences on those left out."""
+        """Files to fit, to keep unseen (named so, or the last), and words on those left out."""
         wanted = {pick.field.name for pick in choice.channels.values()}
         wanted |= {choice.time.field.name} if choice.time else set()
         suited = [
@@ -47,7 +51,11 @@ class Files:
         apart = [f"Left out, without these columns: {listing(left, 6)}."] if left else []
         if len(suited) < 2:
             return tuple(suited), (), (*apart, *self.refused)
-        return tuple(suited[:-1]), (suited[-1],), (*apart, *self.refused)
+        unseen = [path for path in suited if _UNSEEN.search(path.stem.lower())]
+        if not 0 < len(unseen) < len(suited):
+            unseen = suited[-1:]
+        train = [path for path in suited if path not in unseen]
+        return tuple(train), tuple(unseen), (*apart, *self.refused)
 
 
 def files_at(paths: Sequence[Path]) -> Files:
@@ -70,20 +78,25 @@ def files_at(paths: Sequence[Path]) -> Files:
             files += found
         else:
             files.append(path)
-    if len(files) == 1:
-        return Files((contents(files[0]),), ())
     read, refused = [], []
     for file in files:
         try:
-            found = contents(file)
-            if sum(np.isfinite(field.values).any() for field in found.fields) < 2:
-                raise InputError(f"{file.name}: expected a log, found hardly a column of numbers.")
-            read.append(found)
+            read.append(_read(file))
         except InputError as error:
             refused.append(error)
     if not read:
         raise refused[0]
     return Files(tuple(read), tuple(f"Left out: {error.problem}" for error in refused))
+
+
+def _read(file: Path) -> Contents:
+    found = contents(file)
+    if sum(np.isfinite(field.values).any() for field in found.fields) < 2:
+        raise InputError(
+            f"{file}: expected a log, found hardly a column of numbers.",
+            "Name a file with columns of numbers under a header, or a robot's log.",
+        )
+    return found
 
 
 def _kind(one: Contents) -> tuple[object, ...]:

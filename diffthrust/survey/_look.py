@@ -147,7 +147,8 @@ def look(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Look:
 
     Args:
         path: a file that `read_log` or `read_robot_log` reads, several of one kind, or a folder of
-            them. Of several the last by name is kept unseen in the draft.
+            them. Of several the draft keeps those unseen that are named so (holdout, unseen,
+            validation), else the last by name.
 
     Returns:
         The columns, the doubts and the draft.

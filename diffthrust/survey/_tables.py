@@ -146,7 +146,9 @@ def _model_line(seen: Looked) -> str:
     told = f"Model: {choice.model}, with {', '.join(choice.channels)}."
     if seen.holdout:
         files = f"{len(seen.train)} file{'s' if len(seen.train) > 1 else ''}"
-        told += f" {files} to fit, {seen.holdout[-1].name} to be kept unseen."
+        told += (
+            f" {files} to fit, {', '.join(path.name for path in seen.holdout)} to be kept unseen."
+        )
     return told
 
 

@@ -80,5 +80,7 @@ def test_what_is_no_log_is_told_with_what_is_read(tmp_path):
     (tmp_path / "x.bin").write_bytes(bytes(range(256)))
     assert "Mend:" in run("look", tmp_path / "x.bin", status=2).output
     assert "found none" in run("look", tmp_path / "absent.csv", status=2).output
+    (tmp_path / "fit.toml").write_text('model = "thruster"\nalpha = 1\n')
+    assert "hardly a column" in run("look", tmp_path / "fit.toml", status=2).output
     (tmp_path / "empty").mkdir()
     assert "expected a folder with logs" in run("look", tmp_path / "empty", status=2).output

@@ -273,6 +273,10 @@ def test_a_folder_keeps_its_last_log_unseen_and_tells_what_it_leaves_out(tmp_pat
     assert spec.file.logs.train == ["run1.csv", "run2.csv"]
     assert len(spec.holdout_logs()) == 1
     assert dft.look([folder / "run1.csv", folder / "run2.csv"]).holdout[0].name == "run2.csv"
+    (folder / "run1.csv").rename(folder / "my_holdout.csv")
+    assert [path.name for path in dft.look(folder).holdout] == ["my_holdout.csv"]
+    with pytest.raises(dft.InputError, match="expected a table with numbers"):
+        dft.look(folder / "notes.txt")
 
 
 def test_a_gap_in_an_input_is_bridged_in_the_draft_and_said(tmp_path):
