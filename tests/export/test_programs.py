@@ -118,8 +118,9 @@ def test_each_effect_alone(name, effect, tmp_path):
         pytest.skip("the model has no such place")
     needs = [name for needing in model.effects for name in needing.needs]
     log = exciting_log([*model.inputs, *needs])
-    if not np.all(np.isfinite(dft.simulate(model, log)[next(iter(model.outputs))])):
-        pytest.skip("the effect, at its first guess, is too strong for this model")
+    coarse, fine = (dft.simulate(model, log, substeps=steps) for steps in (1, 2))
+    if not worst(coarse, fine, model.outputs) < 0.1:  # rounding is all that is left of such a run
+        pytest.skip("the effect, at its first guess, is too strong for this model and step")
     for even in (True, False):
         check_both(model, tmp_path, even=even)
 
