@@ -18,7 +18,7 @@ from diffthrust.logs._robots.open import all_fields
 from diffthrust.logs._tables.cells import BadCell
 from diffthrust.logs._tables.dates import OtherDate, seconds_of
 from diffthrust.logs._tables.open import open_table
-from diffthrust.logs._tables.source import Cells, Dates, Other, Source, text_numbers
+from diffthrust.logs._tables.source import Cells, Dates, OpenTable, Other, text_numbers
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ def contents(path: str | PathLike[str], sheet: str | None = None) -> Contents:
     return Contents(file, source.kind, False, columns, tuple(said), source.sheet)
 
 
-def _columns(source: Source, notes: list[str]) -> tuple[Field, ...]:
+def _columns(source: OpenTable, notes: list[str]) -> tuple[Field, ...]:
     """The columns of a table that have numbers, dates or text; the rest is noted."""
     word = source.column_word
     counts = Counter(source.names)
@@ -90,7 +90,7 @@ def _columns(source: Source, notes: list[str]) -> tuple[Field, ...]:
     return tuple(field for field in fields if field.values.size == size)
 
 
-def _field(source: Source, name: str, cells: Cells) -> Field:
+def _field(source: OpenTable, name: str, cells: Cells) -> Field:
     unit = source.units.get(name, "")
     if isinstance(cells, Dates):
         return Field(name, cells.seconds, unit="s", dates=True)

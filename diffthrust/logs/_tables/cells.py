@@ -19,7 +19,7 @@ class BadCell(Exception):
     expected: str = "a number"
 
 
-def shown(cell: str) -> str:
+def quoted(cell: str) -> str:
     """Quote a cell for a message, cut where it is long."""
     return repr(cell if len(cell) <= 40 else cell[:37] + "...")
 
@@ -57,14 +57,14 @@ def cells_to_numbers(
         number = text
         if decimal_comma:
             if "." in number:
-                raise BadCell(index, shown(text), "a number with a decimal comma, as before it")
+                raise BadCell(index, quoted(text), "a number with a decimal comma, as before it")
             number = number.replace(",", ".", 1)
         try:
             out[index] = float(number)
         except ValueError:
-            raise BadCell(index, shown(text)) from None
+            raise BadCell(index, quoted(text)) from None
         if "_" in number or not number.isascii():  # Python reads 1_000, no other program does
-            raise BadCell(index, shown(text))
+            raise BadCell(index, quoted(text))
     return out
 
 

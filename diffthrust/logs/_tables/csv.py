@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust.logs._tables.cells import is_number, shown
+from diffthrust.logs._tables.cells import is_number, quoted
 from diffthrust.logs._tables.placement import SEARCHED, Placement, locate, said
-from diffthrust.logs._tables.source import Cells, Source
+from diffthrust.logs._tables.source import Cells, OpenTable
 
 # Below this many cells Python reads the numbers sooner than pandas is imported.
 SMALL = 100_000
@@ -27,7 +27,7 @@ _DELIMITERS = (",", ";", "\t", " ")
 Splitter = Callable[[str], list[str]]
 
 
-def read_csv(path: Path, wanted: Collection[str], strict: bool = True) -> Source:
+def read_csv(path: Path, wanted: Collection[str], strict: bool = True) -> OpenTable:
     """Open a text file with a table in it.
 
     Comma, semicolon, tab and blanks are known as delimiters, lines that begin with ``#`` are
@@ -90,7 +90,7 @@ def read_csv(path: Path, wanted: Collection[str], strict: bool = True) -> Source
     )
     if not whole and text.cut_short():
         notes.append(f"line {body[-1] + 1}, the last, was skipped: it is cut off.")
-    return Source(
+    return OpenTable(
         path.name,
         "CSV table",
         placement.names,
@@ -236,7 +236,7 @@ def _even(text: _Text, strict: bool) -> list[str]:
             even[k] = line.replace('"', "")
         elif found < 0:
             raise InputError(
-                f"{place}: expected quoted cells to end in their line, found {shown(line)}.",
+                f"{place}: expected quoted cells to end in their line, found {quoted(line)}.",
                 "correct the quotes; a cell must not run over several lines.",
             )
         else:

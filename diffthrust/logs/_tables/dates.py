@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from diffthrust._support.errors import InputError, Place
-from diffthrust.logs._tables.cells import BadCell, shown
+from diffthrust.logs._tables.cells import BadCell, quoted
 
 _YEAR_FIRST = re.compile(r"(\d{4})([-/.])(\d\d?)\2(\d\d?)")
 _DAY = (
@@ -108,7 +108,7 @@ def seconds_of(cells: Sequence[str | None], missing: Collection[str], form: str 
             out[index] = (stamp - first).total_seconds()
         except (ValueError, OverflowError, re.error):
             expected = f"a date as in {form!r}" if form else "an ISO date and time"
-            raise BadCell(index, shown(text), expected) from None
+            raise BadCell(index, quoted(text), expected) from None
     return _past_midnight(out, form)
 
 

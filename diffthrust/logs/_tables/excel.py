@@ -13,13 +13,13 @@ import numpy as np
 from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import listing, nearest
 from diffthrust.logs._tables.placement import SEARCHED, Placement, locate, said
-from diffthrust.logs._tables.source import Cells, Dates, Source
+from diffthrust.logs._tables.source import Cells, Dates, OpenTable
 from diffthrust.logs._tables.table import damaged
 
 _Row = Sequence[Any]
 
 
-def read_excel(path: Path, wanted: Collection[str], sheet: str | None = None) -> Source:
+def read_excel(path: Path, wanted: Collection[str], sheet: str | None = None) -> OpenTable:
     """Open a sheet of an Excel file.
 
     Rows above the header and a row of units below it are skipped and told.
@@ -67,7 +67,7 @@ def read_excel(path: Path, wanted: Collection[str], sheet: str | None = None) ->
             )
         return {name: _column(path, chosen, placement, body, name) for name in names}
 
-    return Source(
+    return OpenTable(
         f"{path.name}, sheet {chosen!r}",
         f"Excel sheet {chosen!r}",
         placement.names,

@@ -11,7 +11,7 @@ import numpy as np
 from diffthrust._support.errors import InputError, Place
 from diffthrust.logs._channels import CHANNELS
 from diffthrust.logs._columns import Column, channel_columns, each_column, fields_of_columns
-from diffthrust.logs._tables.source import Source, table_of
+from diffthrust.logs._tables.source import OpenTable, table_of
 from diffthrust.logs._tables.table import Table
 from diffthrust.logs._units import convert, same_unit
 from diffthrust.logs._validate import is_finite, others
@@ -78,7 +78,7 @@ class TableRequest:
         clock = () if self.clock is None else (self.clock,)
         return list(dict.fromkeys(c.column for c in (*clock, *self.columns.values())))
 
-    def fields(self, source: Source, name: str) -> dict[str, Any]:
+    def fields(self, source: OpenTable, name: str) -> dict[str, Any]:
         """The fields of the log.
 
         Args:
@@ -114,7 +114,7 @@ class TableRequest:
             at=at,
         )
 
-    def _units_told(self, table: Table, source: Source) -> list[str]:
+    def _units_told(self, table: Table, source: OpenTable) -> list[str]:
         """Sentences on units of the file that are read as other ones.
 
         Raises:

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust.logs._tables.source import Cells, Dates, Other, Source
+from diffthrust.logs._tables.source import Cells, Dates, OpenTable, Other
 
 INDEX = "the index"
 """How messages call an index that has no name, and how it is asked for."""
 
 
-def read_frame(frame: Any, name: str) -> Source:
+def read_frame(frame: Any, name: str) -> OpenTable:
     """A data frame as a table; its index can be read by its name, or as `INDEX`.
 
     Args:
@@ -45,7 +45,9 @@ def read_frame(frame: Any, name: str) -> Source:
             for name in wanted
         }
 
-    return Source(name, "DataFrame", [*names, given or INDEX], read, np.arange(1, len(frame) + 1))
+    return OpenTable(
+        name, "DataFrame", [*names, given or INDEX], read, np.arange(1, len(frame) + 1)
+    )
 
 
 def time_of(frame: Any, name: str) -> str:

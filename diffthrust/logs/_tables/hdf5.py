@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from diffthrust.logs._tables.mat import vectors
-from diffthrust.logs._tables.source import Source
+from diffthrust.logs._tables.source import OpenTable
 from diffthrust.logs._tables.table import damaged
 
 _NUMBERS = (
@@ -27,7 +27,7 @@ _WORDS = {
 }
 
 
-def read_hdf5(path: Path) -> Source:
+def read_hdf5(path: Path) -> OpenTable:
     """Open an HDF5 file; groups, which are MATLAB's structs, are reached as ``a.b``.
 
     Raises:

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from diffthrust.logs._tables.mat5 import parse
-from diffthrust.logs._tables.source import Cells, Other, Source
+from diffthrust.logs._tables.source import Cells, OpenTable, Other
 from diffthrust.logs._tables.table import damaged
 
 _WIDEST = 64
 """A matrix of more columns than this is no set of channels."""
 
 
-def read_mat(path: Path) -> Source:
+def read_mat(path: Path) -> OpenTable:
     """Open a MATLAB file up to version 7; structs are reached as ``a.b``.
 
     Raises:
@@ -30,7 +30,7 @@ def read_mat(path: Path) -> Source:
     return vectors(path, "MATLAB file", leaves)
 
 
-def vectors(path: Path, kind: str, leaves: Sequence[tuple[str, Any]]) -> Source:
+def vectors(path: Path, kind: str, leaves: Sequence[tuple[str, Any]]) -> OpenTable:
     """A table of the vectors among some variables.
 
     Args:
@@ -52,7 +52,7 @@ def vectors(path: Path, kind: str, leaves: Sequence[tuple[str, Any]]) -> Source:
     def read(wanted: Sequence[str], missing: Collection[str]) -> Mapping[str, Cells]:
         return {name: found[name]() for name in wanted}
 
-    return Source(
+    return OpenTable(
         path.name,
         kind,
         [name for name, _ in columns],

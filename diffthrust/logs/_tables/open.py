@@ -10,12 +10,12 @@ from diffthrust.logs._tables.excel import read_excel
 from diffthrust.logs._tables.hdf5 import read_hdf5
 from diffthrust.logs._tables.mat import read_mat
 from diffthrust.logs._tables.parquet import read_parquet
-from diffthrust.logs._tables.source import Source
+from diffthrust.logs._tables.source import OpenTable
 
 
 def open_table(
     path: Path, kind: Kind, wanted: Collection[str], sheet: str | None = None, strict: bool = True
-) -> Source:
+) -> OpenTable:
     """Open a file with a table.
 
     Args:

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from diffthrust.logs._tables.source import Cells, Dates, Other, Source
+from diffthrust.logs._tables.source import Cells, Dates, OpenTable, Other
 from diffthrust.logs._tables.table import damaged
 
 
-def read_parquet(path: Path) -> Source:
+def read_parquet(path: Path) -> OpenTable:
     """Open a Parquet file.
 
     Raises:
@@ -35,7 +35,7 @@ def read_parquet(path: Path) -> Source:
             raise damaged(path, "Parquet", error) from None
         return {name: _cells(column) for name, column in columns.items()}
 
-    return Source(path.name, "Parquet table", names, read, np.arange(1, rows + 1))
+    return OpenTable(path.name, "Parquet table", names, read, np.arange(1, rows + 1))
 
 
 def _cells(column: Any) -> Cells:

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-from diffthrust.logs._tables.cells import is_number, shown
+from diffthrust.logs._tables.cells import is_number, quoted
 from diffthrust.logs._tables.dates import formats_of, is_date
 from diffthrust.logs._units import unit_in
 
@@ -103,7 +103,7 @@ def said(
         which = f"{placement.preamble} {word}s were" if many else f"a {word} was"
         notes.append(f"{which} skipped: the header is {word} {number[placement.header]}.")
     if placement.unit_row is not None:
-        cells = shown(", ".join(rows[placement.unit_row]))[1:-1]
+        cells = quoted(", ".join(rows[placement.unit_row]))[1:-1]
         row = number[placement.unit_row]
         notes.append(f"{word} {row} was skipped: it holds units ({cells}).")
     return notes

@@ -35,7 +35,7 @@ Cells = np.ndarray | Dates | Other | Sequence[str | None]
 
 
 @dataclass(frozen=True)
-class Source:
+class OpenTable:
     """An open table.
 
     Args:
@@ -69,7 +69,7 @@ class Source:
 
 
 def table_of(
-    source: Source, wanted: Sequence[str], clock: Column | None, missing: Collection[str]
+    source: OpenTable, wanted: Sequence[str], clock: Column | None, missing: Collection[str]
 ) -> Table:
     """The wanted columns as numbers.
 
