@@ -11,6 +11,7 @@ from typing import Any
 import made_diagnosis
 import numpy as np
 import pytest
+from places import ROOT
 from rich.console import Group
 from rich.table import Table
 from rich.text import Text
@@ -44,6 +45,7 @@ def line() -> tuple[dft.Fit, dft.Log]:
 
 
 RESULTS = {
+    "look": lambda: dft.look(ROOT / "fits" / "jason_thruster" / "train.csv"),
     "fit": lambda: thruster()[0],
     "fit of a line": lambda: line()[0],
     "comparison": lambda: dft.compare(*thruster()),

@@ -102,7 +102,7 @@ def test_what_a_notebook_shows(kernel, tmp_path):
     assert not printed(fit, "stderr")
 
 
-@pytest.mark.parametrize(("name", "images", "tables"), [("thruster", 2, 5), ("vessel", 1, 5)])
+@pytest.mark.parametrize(("name", "images", "tables"), [("thruster", 3, 6), ("vessel", 1, 5)])
 def test_the_notebooks_of_the_examples_run(kernel, name, images, tables):
     notebook = nbformat.read(NOTEBOOKS / f"{name}.ipynb", as_version=4)
     assert not any(cell.get("outputs") for cell in notebook.cells)  # none is stored
