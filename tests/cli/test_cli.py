@@ -113,7 +113,7 @@ def test_effects_are_listed_with_parameters_and_units():
     text = run("effects").stdout
     for word in (
         "command_deadband",
-        "width [unit of command]",
+        "width [the unit of command]",
         "actuator_lag",
         "time_constant [s]",
         "drive",

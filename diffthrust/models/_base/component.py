@@ -169,10 +169,11 @@ def _flatten(component: Component) -> tuple[tuple[Any, ...], _Described]:
 
 def changed(old: Parameter, new: float | Parameter | Mapping[str, Any]) -> Parameter:
     """A parameter with a new value, a new description, or some fields replaced."""
+    unit = old.in_units({}).unit or "no unit"
     if isinstance(new, Parameter):
         if new.unit not in ("", old.unit):
             raise InputError(
-                f"Expected a parameter in {old.unit or 'no unit'}, found one in {new.unit}: "
+                f"Expected a parameter in {unit}, found one in {new.unit}: "
                 "the unit of a parameter belongs to its model.",
                 "Convert the value and leave the unit out.",
             )
@@ -184,7 +185,7 @@ def changed(old: Parameter, new: float | Parameter | Mapping[str, Any]) -> Param
             raise InputError(
                 f"A parameter was given the unit {new['unit']!r}: "
                 "the unit of a parameter belongs to its model.",
-                f"Convert the value to {old.unit or 'no unit'} and leave the unit out.",
+                f"Convert the value to {unit} and leave the unit out.",
             )
         unknown = set(new) - {"value", "bounds", "fixed", "prior", "transform", "size"}
         if unknown:

@@ -216,14 +216,14 @@ class Parameter:
 def _spelt(pattern: str, units: Mapping[str, str]) -> str:
     """A unit that follows a channel, in words where the channel's has no symbol to divide by."""
     channel = pattern[pattern.index("{") + 1 : pattern.index("}")]
-    unit, place = units.get(channel, f"unit of {channel}"), f"{{{channel}}}"
+    unit, place = units.get(channel, f"the unit of {channel}"), f"{{{channel}}}"
     above, _, below = pattern.partition("/")
     if place in above:
         return f"{unit}/{below}" if unit and below else unit
     if unit and unit != "effort" and unit.isalpha():
         return pattern.replace(place, unit)
     rest = below.strip("()").replace(place, "").strip()
-    per = {"effort": "full effort", "": f"unit of {channel}"}.get(unit, unit)
+    per = {"effort": "full effort", "": f"the unit of {channel}"}.get(unit, unit)
     return f"{above}/{rest} per {per}" if rest else f"{above} per {per}"
 
 
