@@ -225,7 +225,7 @@ def _profile(
     estimate = None if quantity else fit.parameters[name]
     return Profile(
         name=name,
-        unit=unit if estimate is None else estimate.unit,
+        unit=(unit or "") if estimate is None else estimate.unit,
         per=1.0 if estimate is None else estimate.per,
         shown_unit="" if estimate is None else estimate.shown_unit,
         value=line.value(start.x),
