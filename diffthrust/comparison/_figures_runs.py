@@ -33,7 +33,7 @@ def comparison_figure(model: Model, runs: Sequence[Run]) -> Figure:
     channels = list(dict.fromkeys(name for run in runs for name in run.channels))
     across = max(1, min(_COLUMNS, len(runs)))
     blocks = max(1, -(-len(runs) // across))
-    drives = _drives(model, runs)
+    drives = drives_of(model, runs)
     heights = [1.3] * len(drives) + [3, 1.3] * max(1, len(channels))
     size = (1.6 + 5.6 * across, 1.0 + 0.72 * blocks * sum(heights))
     figure = Figure(figsize=size, layout="constrained")
@@ -52,7 +52,7 @@ def comparison_figure(model: Model, runs: Sequence[Run]) -> Figure:
         for j, names in enumerate(drives):
             driven = figure.add_subplot(grid[above + j, column], sharex=shared)
             shared = shared or driven
-            _drive(driven, run, names, column == 0, static)
+            draw_drive(driven, run, names, column == 0, static)
             if j == 0:
                 driven.set_title(literal(run.name), loc="left", fontsize=9)
         for j, name in enumerate(channels):
@@ -83,7 +83,7 @@ def comparison_figure(model: Model, runs: Sequence[Run]) -> Figure:
     return figure
 
 
-def _drives(model: Model, runs: Sequence[Run]) -> list[list[str]]:
+def drives_of(model: Model, runs: Sequence[Run]) -> list[list[str]]:
     """The inputs that drove the runs, those of one unit together."""
     groups: dict[str, list[str]] = {}
     for name, unit in model.inputs.items():
@@ -93,7 +93,7 @@ def _drives(model: Model, runs: Sequence[Run]) -> list[list[str]]:
     return list(groups.values())
 
 
-def _drive(axes: Axes, run: Run, names: Sequence[str], first: bool, static: bool) -> None:
+def draw_drive(axes: Axes, run: Run, names: Sequence[str], first: bool, static: bool) -> None:
     """The inputs of a run, as they were written; a held one is drawn in steps."""
     names = [name for name in names if name in run.log.inputs]
     for name, (colour, style) in zip(names, _DRIVES, strict=False):

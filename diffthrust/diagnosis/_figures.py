@@ -10,6 +10,7 @@ import numpy as np
 from diffthrust._support.figures import BLUE, GREY, VERMILLION, literal, thinned
 from diffthrust._support.tables import number
 from diffthrust._support.words import percent, spelt
+from diffthrust.comparison._figures_runs import draw_drive, drives_of
 from diffthrust.diagnosis._words import stage_words
 
 if TYPE_CHECKING:
@@ -44,13 +45,23 @@ def stages_figure(diag: Findings) -> Figure:
     if several:
         left, whole = figure.subfigures(1, 2, width_ratios=[1, 1.9], squeeze=False)[0]
         _falling(left.subplots(), diag)
-    axes = whole.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
-    for panel, name in zip(axes, names, strict=True):
+    drives = drives_of(diag.model, [before])
+    heights = [0.45] * len(drives) + [1.0] * len(names)
+    axes = whole.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
+    for panel, inputs in zip(axes, drives, strict=False):
+        draw_drive(panel, before, inputs, first=True, static=False)
+    for panel, name in zip(axes[len(drives) :], names, strict=True):
         _traces(panel, before, after if several else None, name)
     axes[-1].set_xlabel("time [s]", fontsize=9)
     kind = "unseen log" if diag.stages[0].holdout else "training log"
     axes[0].set_title(f"{kind} {literal(before.name)}", loc="left", fontsize=10)
-    axes[0].legend(loc="upper right", fontsize=8, ncols=3, frameon=True, framealpha=0.9)
+    whole.legend(
+        *axes[-1].get_legend_handles_labels(),
+        loc="outside lower right",
+        fontsize=8,
+        ncols=3,
+        frameon=False,
+    )
     return figure
 
 
