@@ -82,16 +82,7 @@ class Intervals(Result):
             "level": self.level,
             "correlation": self.correlation,
             "notes": list(self.notes),
-            "parameters": {
-                name: {
-                    "value": row.value,
-                    "unit": row.unit,
-                    "recommended": row.recommended,
-                    "intervals": {m: list(i) for m, i in row.intervals.items()},
-                    "sentences": list(row.sentences),
-                }
-                for name, row in self.rows.items()
-            },
+            "parameters": {name: row.to_json() for name, row in self.rows.items()},
             "directions": self.directions.to_json(),
         }
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 
 class Interval(NamedTuple):
@@ -67,6 +67,19 @@ class Row:
             per=1.0,
             shown_unit="",
         )
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data, in the parameter's unit and in that for people."""
+        return {
+            **self._sizes(),
+            "recommended": self.recommended,
+            "sentences": list(self.sentences),
+            "written": self.shown._sizes(),
+        }
+
+    def _sizes(self) -> dict[str, Any]:
+        intervals = {method: list(interval) for method, interval in self.intervals.items()}
+        return {"value": self.value, "unit": self.unit, "intervals": intervals}
 
     @property
     def best(self) -> Interval:

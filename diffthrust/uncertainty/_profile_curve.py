@@ -112,15 +112,15 @@ class Profile(Brief):
         return with_error(end, 0.5 * abs(end - self.value))[0]
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data."""
+        """Plain data, the interval in the parameter's unit and in that for people."""
         return {
-            "value": self.value,
-            "unit": self.unit,
-            "low": self.low,
-            "high": self.high,
+            **self._ends(),
+            "written": self.shown._ends(),
             "open_low": self.open_low,
             "open_high": self.open_high,
-            "std_error": self.std_error,
             "grid": self.grid.tolist(),
             "drop": self.drop.tolist(),
         }
+
+    def _ends(self) -> dict[str, Any]:
+        return {name: getattr(self, name) for name in ("value", "unit", "low", "high", "std_error")}

@@ -46,7 +46,10 @@ def test_sample_prints_and_writes(sensor, tmp_path):
     slope = data["parameters"]["slope"]
     assert set(slope) == {
         "median", "low", "high", "mean", "sd", "rhat", "ess_bulk", "ess_tail", "unit",
+        "written",
     }  # fmt: skip
+    assert slope["written"]["unit"] == "V/m"
+    assert slope["written"]["median"] == slope["median"]
     assert slope["low"] < slope["median"] < slope["high"]
     assert slope["median"] == pytest.approx(0.159, abs=0.002)
     assert slope["unit"] == "V/m"

@@ -54,6 +54,12 @@ class Summary:
     per: float
     shown_unit: str
 
+    def to_json(self) -> dict[str, Any]:
+        """Plain data, in the parameter's unit and in that for people."""
+        kept = {k: v for k, v in vars(self).items() if k not in ("per", "shown_unit")}
+        sizes = {k: self.per * getattr(self, k) for k in ("median", "low", "high", "mean", "sd")}
+        return {**kept, "written": {**sizes, "unit": self.shown_unit}}
+
 
 @dataclass(frozen=True, repr=False)
 class Sampled(Brief):
@@ -117,7 +123,7 @@ class Sampled(Brief):
             "message": self.convergence.message,
             "method": self.method,
             "draws": self.convergence.draws,
-            "parameters": {name: dict(vars(s)) for name, s in self.parameters.items()},
+            "parameters": {name: s.to_json() for name, s in self.parameters.items()},
             "intervals": self.intervals.to_json(),
             "coverage": coverage,
         }
