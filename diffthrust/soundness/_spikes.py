@@ -45,6 +45,9 @@ def jumping(log: Log) -> Iterator[Doubt]:
 def _jumps(
     log: Log, channel: str, where: np.ndarray, values: np.ndarray, measured: bool
 ) -> Iterator[Doubt]:
+    if measured and (block := _block(log, channel, values)) is not None:
+        yield _sentinel(log, channel, where, block)
+        return
     height = _heights(values)
     span = float(np.ptp(np.quantile(values[height == 0], (0.02, 0.98)))) if any(height == 0) else 0
     turn = {"rad": 2 * np.pi, "deg": 360.0}.get(log.units[channel], np.inf)
@@ -63,15 +66,7 @@ def _jumps(
             continue
         if not coded and np.mean(values[high] == value) < 0.5:
             continue  # outliers that were clipped, some of them alike
-        yield Doubt(
-            channel,
-            "sentinel",
-            f"{log.name}: {channel} jumps {count} times to exactly {number(written)} and back, "
-            f"the first time at t = {number(_first(log, where, high & (values == value)))} s: "
-            "that is how a logger writes a missing value.",
-            f'[logs] missing_values = ["{written:g}"], or read_log(..., '
-            f'missing_values=["{written:g}"]).',
-        )
+        yield _sentinel(log, channel, where, high & (values == value))
         return
     height = _heights(values, 1)
     gross = high & (height > _GROSS * span)
@@ -86,6 +81,36 @@ def _jumps(
             f"at t = {number(_first(log, where, gross))} s.",
             'leave them empty (nan), or fit with loss = "student_t", which forgives them.',
         )
+
+
+def _block(log: Log, channel: str, values: np.ndarray) -> np.ndarray | None:
+    """Where a code lasts for some samples, entered and left by jumps; ``None`` if none does."""
+    lasting = values[1:][values[1:] == values[:-1]]
+    for value in np.unique(lasting):
+        written, coded = _coded(log, channel, float(value)), values == value
+        known = any(abs(written - code) < 1e-6 * abs(code) for code in _CODES if abs(code) >= 90)
+        if not known or not 3 <= coded.sum() < 0.5 * values.size:
+            continue
+        rest = values[~coded]
+        edges = np.abs(np.diff(values))[coded[1:] != coded[:-1]]
+        if np.median(edges) > _FAR * np.ptp(np.quantile(rest, (0.02, 0.98))):
+            return coded
+    return None
+
+
+def _sentinel(log: Log, channel: str, where: np.ndarray, coded: np.ndarray) -> Doubt:
+    """The doubt on samples that are the code of a missing value."""
+    written = _coded(log, channel, float({**log.inputs, **log.measured}[channel][where[coded][0]]))
+    times = "once" if coded.sum() == 1 else f"in {int(coded.sum())} samples"
+    return Doubt(
+        channel,
+        "sentinel",
+        f"{log.name}: {channel} jumps {times} to exactly {number(written)} and back, the first "
+        f"time at t = {number(_first(log, where, coded))} s: that is how a logger writes a missing "
+        "value.",
+        f'[logs] missing_values = ["{written:g}"], or read_log(..., '
+        f'missing_values=["{written:g}"]).',
+    )
 
 
 def _heights(values: np.ndarray, longest: int = _ALONE) -> np.ndarray:

@@ -16,6 +16,7 @@ from diffthrust.survey._choice import Choice
 from diffthrust.survey._draft import drafted
 from diffthrust.survey._files import files_at
 from diffthrust.survey._rows import ColumnRow, rows_of
+from diffthrust.survey._sound import doubted
 from diffthrust.survey._suited import choice_of
 
 if TYPE_CHECKING:
@@ -143,7 +144,8 @@ def look(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Look:
     """Say what is in a log's file, and draft a spec file for a first fit.
 
     Quantities, units and roles are guessed from names, from what the file says, and from the
-    numbers; what is not certain is told as a doubt. Nothing is fitted.
+    numbers; what is not certain is told as a doubt, and so is what `soundness.doubts` finds in the
+    channels of a table. Nothing is fitted.
 
     Args:
         path: a file that `read_log` or `read_robot_log` reads, several of one kind, or a folder of
@@ -162,6 +164,6 @@ def look(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Look:
     """
     several = [Path(path)] if isinstance(path, str | PathLike) else [Path(one) for one in path]
     files = files_at(several)
-    choice = choice_of(files.contents)
+    choice = doubted(choice_of(files.contents))
     train, holdout, apart = files.split(choice)
     return Look(files.contents.path, choice, rows_of(choice), train, holdout, apart)

@@ -343,3 +343,17 @@ def test_the_law_between_speed_and_thrust_holds_for_other_thrusters():
     noisy = {k: v + 0.01 * np.ptp(v) * rng.standard_normal(v.size) for k, v in record.truth.items()}
     measured = {name: noisy[name] for name in ("speed", "thrust")}
     assert doubts(dft.Log(time, {"command": command}, measured)) == ()
+
+
+@pytest.mark.parametrize("code", [-999.0, 65535.0])
+def test_a_block_of_codes_is_told_also_within_the_range_of_the_channel(code):
+    """A logger writes its code for as long as a sensor is away, not for a sample or two."""
+    rng = np.random.default_rng(3)
+    speed = 1000.0 * np.repeat(rng.uniform(-2.0, 2.0, 20), 40) + 20.0 * rng.standard_normal(800)
+    speed[400:430] = code
+    time, command = 0.05 * np.arange(800), np.repeat(rng.uniform(-1.0, 1.0, 20), 40)
+    log = dft.Log(time, {"command": command}, {"speed": speed}, units={"speed": "rpm"})
+    (doubt,) = (d for d in doubts(log) if d.kind == "sentinel")
+    assert doubt.channel == "speed"
+    assert f'missing_values = ["{code:g}"]' in doubt.mend
+    assert "30 samples" in doubt.evidence

@@ -324,3 +324,15 @@ def test_a_look_is_told_as_text_data_figure_and_page(tmp_path, monkeypatch):
     titles = [axes.get_title(loc="left") for axes in seen.plot().axes]
     assert titles == ["command: 'pwm' [us]", "speed: 'rpm' [rpm]", "thrust: 'thrust_kgf' [kgf]"]
     assert "thrust_kgf" in seen._repr_html_()
+
+
+def test_what_is_not_sound_is_told_before_anything_is_fitted(tmp_path):
+    columns = bench()
+    sound = dft.look(write_table(tmp_path / "run1.csv", columns))
+    columns["thrust_kgf"] = -columns["thrust_kgf"]
+    seen = dft.look(write_table(tmp_path / "run2.csv", columns))
+    assert not any("opposes" in doubt for doubt in sound.doubts)
+    (doubt,) = (doubt for doubt in seen.doubts if doubt.startswith("thrust: "))
+    assert "opposes the square of the speed" in doubt
+    assert "scale = -1" in doubt
+    assert "# thrust: run2.csv: thrust opposes" in seen.spec
