@@ -350,7 +350,8 @@ def test_a_block_of_codes_is_told_also_within_the_range_of_the_channel(code):
     """A logger writes its code for as long as a sensor is away, not for a sample or two."""
     rng = np.random.default_rng(3)
     speed = 1000.0 * np.repeat(rng.uniform(-2.0, 2.0, 20), 40) + 20.0 * rng.standard_normal(800)
-    speed[400:430] = code
+    speed[400:440] = 1500.0 + 20.0 * rng.standard_normal(40)
+    speed[405:435] = code
     time, command = 0.05 * np.arange(800), np.repeat(rng.uniform(-1.0, 1.0, 20), 40)
     log = dft.Log(time, {"command": command}, {"speed": speed}, units={"speed": "rpm"})
     (doubt,) = (d for d in doubts(log) if d.kind == "sentinel")
