@@ -97,10 +97,15 @@ def literal(name: str) -> str:
 
 
 def styled(axes: Axes, title: str, x: str, y: str) -> None:
-    """Title and labels of one panel, a light grid behind, and no box."""
+    """Title and labels of one panel that is `plain`."""
     axes.set_title(title, loc="left", fontsize=9)
     axes.set_xlabel(x, fontsize=9)
     axes.set_ylabel(y, fontsize=9)
+    plain(axes)
+
+
+def plain(axes: Axes) -> None:
+    """A light grid behind what is drawn, and no box around it."""
     axes.grid(True, color="0.9", linewidth=0.6)
     axes.set_axisbelow(True)
     axes.tick_params(labelsize=8)

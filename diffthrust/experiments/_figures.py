@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from diffthrust._support.figures import BLUE, VERMILLION
+from diffthrust._support.figures import BLUE, VERMILLION, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -117,9 +117,4 @@ def _differences(
 def _label(panel: Axes, name: str, unit: str, named: bool) -> None:
     if named:
         panel.set_ylabel(f"{name}\n[{unit}]" if unit else name, fontsize=8)
-    panel.grid(True, color="0.9", linewidth=0.6)
-    panel.set_axisbelow(True)
-    panel.tick_params(labelsize=8)
-    panel.margins(x=0.01)
-    for side in ("top", "right"):
-        panel.spines[side].set_visible(False)
+    plain(panel)
