@@ -97,14 +97,14 @@ def literal(name: str) -> str:
 
 
 def styled(axes: Axes, title: str, x: str, y: str) -> None:
-    """Title and labels of one panel that is `plain`."""
+    """Title and labels of one panel that is `unboxed`."""
     axes.set_title(title, loc="left", fontsize=9)
     axes.set_xlabel(x, fontsize=9)
     axes.set_ylabel(y, fontsize=9)
-    plain(axes)
+    unboxed(axes)
 
 
-def plain(axes: Axes) -> None:
+def unboxed(axes: Axes) -> None:
     """A light grid behind what is drawn, and no box around it."""
     axes.grid(True, color="0.9", linewidth=0.6)
     axes.set_axisbelow(True)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from diffthrust._support.figures import BLUE, GREY, VERMILLION, literal, plain, thinned
+from diffthrust._support.figures import BLUE, GREY, VERMILLION, literal, thinned, unboxed
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._runs import Run, Trace, are_tables
 
@@ -113,7 +113,7 @@ def draw_drive(axes: Axes, run: Run, names: Sequence[str], first: bool, static: 
         axes.set_ylabel(" / ".join(names) + (f"\n[{unit}]" if unit else ""), fontsize=8)
     if len(names) > 1:
         axes.legend(axes.get_lines(), names, fontsize=7, frameon=False, loc="upper right", ncols=3)
-    plain(axes)
+    unboxed(axes)
     axes.tick_params(labelbottom=False)
 
 
@@ -151,7 +151,7 @@ def _label(
     for axes, label in ((top, f"{name}{unit}"), (below, f"residual{unit}")):
         if first:
             axes.set_ylabel(label, fontsize=9)
-        plain(axes)
+        unboxed(axes)
     top.tick_params(labelbottom=False)
     if last:
         below.set_xlabel("sample" if static else "time [s]", fontsize=9)

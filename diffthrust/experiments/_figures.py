@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from diffthrust._support.figures import BLUE, VERMILLION, plain
+from diffthrust._support.figures import BLUE, VERMILLION, unboxed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -117,4 +117,4 @@ def _differences(
 def _label(panel: Axes, name: str, unit: str, named: bool) -> None:
     if named:
         panel.set_ylabel(f"{name}\n[{unit}]" if unit else name, fontsize=8)
-    plain(panel)
+    unboxed(panel)
