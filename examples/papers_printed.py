@@ -48,7 +48,7 @@ def table_4() -> papers.aras.Calibration | None:
 def main() -> None:
     calibration = table_4()
     rows = printed_figures(calibration)
-    print(printed_table(rows, width=170))
+    print(printed_table(rows))
     if calibration is None:
         print(f"Without the rows of table 4 of Aras et al.: {NAME} is not in DIFFTHRUST_DATA.")
 

@@ -21,7 +21,7 @@ def printed_figures(calibration: Calibration | None = None) -> list[Printed]:
             that need it are left out.
 
     Example:
-        >>> print(printed_table(printed_figures(), width=160))
+        >>> print(printed_table(printed_figures()))
     """
     papers = {
         "Yoerger 1990": yoerger.printed_figures(),

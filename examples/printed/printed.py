@@ -35,7 +35,7 @@ class Printed:
         return self.ours / self.paper if self.paper else math.nan
 
 
-def printed_table(rows: Iterable[Printed], width: int = 130) -> str:
+def printed_table(rows: Iterable[Printed]) -> str:
     """Figure, paper, ours, ratio and remark as text; where rows name it, their source first."""
     rows = list(rows)
     headings = ("Figure", "Paper", "Ours", "Unit", "Ratio", "Remark")
@@ -49,4 +49,4 @@ def printed_table(rows: Iterable[Printed], width: int = 130) -> str:
             source = row.source
         table.add_row(*(row.source for _ in first), row.what, f"{row.paper:g}", number(row.ours),
                       row.unit, number(row.ratio, 3), row.remark)  # fmt: skip
-    return rendered(table, width)
+    return rendered(table)

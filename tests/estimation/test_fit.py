@@ -310,7 +310,8 @@ def test_json_has_the_contract_and_the_report_is_readable():
     assert set(data) == {
         "schema", "model", "effects", "status", "parameters", "train", "holdout", "checks", "doubts"
     }  # fmt: skip
-    assert set(data["parameters"]["alpha"]) == {"value", "std_error", "unit", "fixed", "at_bound"}
+    estimate = {"value", "std_error", "unit", "fixed", "at_bound", "written"}
+    assert set(data["parameters"]["alpha"]) == estimate
     assert set(data["train"]["channels"]["speed"]) == ERROR_KEYS
     assert set(data["checks"]) == {
         "gradient", "rank", "free_parameters", "condition", "starts", "starts_agreeing"
