@@ -93,7 +93,8 @@ def fit(
             estimates it for whole runs and takes it as measured for segments, all of which then
             begin alike: a model that lacks something would abuse free initial states to hide it.
         substeps: integrator steps per sample; chosen by halving the step where ``None``.
-        doubts: look whether the training logs are sound, by `diffthrust.soundness.doubts`.
+        doubts: look whether all logs are sound, the unseen ones too, by
+            `diffthrust.soundness.doubts`.
         progress: True for a bar, or a function of a message and the share done.
 
     Returns:
@@ -154,7 +155,7 @@ def fit(
         hold={name: logs[0].hold[name] for name in ranges},
         written={name: way for log in reversed(logs) for name, way in log.written.items()},
         **words,
-        **_judged(optimum, again, doubts_of(logs, model) if doubts else ()),
+        **_judged(optimum, again, doubts_of((*logs, *unseen), model) if doubts else ()),
         **_of_noise(optimum.problem, optimum.best),
     )
 

@@ -10,7 +10,7 @@ import numpy as np
 from diffthrust._support.errors import InputError, Place
 from diffthrust.logs._units import convert
 from diffthrust.logs._validate import PlaceOf, check_hold, checked_fields, is_finite
-from diffthrust.logs._written import PWM, Written
+from diffthrust.logs._written import FURTHEST, PWM, Written
 
 _SHARES = ("", "%", "percent", "pct", "dimensionless", "1", "effort")
 
@@ -109,11 +109,30 @@ class Column:
             numbers = numbers * float(self.scale) + float(self.offset)
         if self.effort and self.unit not in ("", "effort"):
             numbers = convert(numbers, self.unit, "dimensionless", where=place)
+        if self.kept_unit == "effort":
+            _check_effort(numbers, place)
         plain = (self.scale, self.offset) == (1.0, 0.0)
         if isinstance(self.pwm, PWM) and self.kept_unit == "effort" and plain:
             return numbers, Written(self.unit or "us", self.column, self.pwm), note
         shown, scale = self.unit or self.kept_unit, float(self.scale)
         return numbers, Written(shown, self.column, scale=scale), note
+
+
+def _check_effort(numbers: np.ndarray, place: Place) -> None:
+    """Raise InputError for numbers that are far beyond a full command."""
+    seen = numbers[np.isfinite(numbers)]
+    low, high = np.min(seen, initial=0.0), np.max(seen, initial=0.0)
+    if max(-low, high) <= FURTHEST:
+        return
+    pulses = 700 <= high <= 2300
+    raise InputError.at(
+        place,
+        f"expected an effort, 1 at the full command, found numbers from {np.min(seen):g} to "
+        f"{high:g}.",
+        "these look like widths of pulses: declare them by pwm = {'stop': 1500, 'full': 1900}."
+        if pulses
+        else "give the scale that brings the full command to 1, such as scale=0.01 of per cent.",
+    )
 
 
 def channel_columns(

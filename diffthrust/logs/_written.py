@@ -13,8 +13,8 @@ from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import listing, nearest
 from diffthrust.logs._units import convert, convert_scale
 
-_FURTHEST = 3.0
-"""Pulses that are further from the stop than so many full efforts are no pulses of this map."""
+FURTHEST = 3.0
+"""What is further from the stop than so many full commands is no effort, or another map's."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class PWM:
         """
         effort = self.effort(widths)
         furthest = np.nanmax(np.abs(effort), initial=0.0)
-        if not furthest <= _FURTHEST:
+        if not furthest <= FURTHEST:
             raise InputError.at(
                 place,
                 f"expected widths of pulses around {self.stop:g}, found numbers from "

@@ -1,5 +1,7 @@
 """The thruster behind a speed controller."""
 
+from typing import Self
+
 import jax.numpy as jnp
 
 from diffthrust.models._base.component import registered
@@ -20,7 +22,8 @@ class SpeedLoopThruster(Model):
     Small and large steps settle alike, and the propeller's load does not show: where instead small
     steps settle more slowly, the command drives a torque (`Thruster`). A dead band before the
     static curve is the effect `command_deadband`, a limit of the acceleration `slew_limit`. The
-    command is an effort, a voltage or the set point of the speed.
+    command is an effort, or a voltage or the set point of the speed, which the speed follows in
+    proportion (``exponent`` is 1).
 
     Source: the speed loop as a first-order lag, Fossen 2011, section 12.3 (actuators under
     low-level control); thrust as in Yoerger, Cooke & Slotine 1990, section II C. The defaults are
@@ -52,6 +55,13 @@ class SpeedLoopThruster(Model):
     exponent: float = parameter(1.0, bounds=(0.05, 4.0), transform="log", doc="of the static curve")
     time_constant: float = parameter(0.2, "s", bounds=(0, None), doc="of the speed loop")
     ct: float = parameter(6e-4, "N s^2/rad^2", bounds=(0, None), doc="thrust")
+
+    def commanded_in(self, unit: str) -> Self:
+        """The thruster with its command in another unit; only of an effort is the curve fitted."""
+        other, bends = super().commanded_in(unit), unit == "effort"
+        if bends == (self.command in ("effort", "")):
+            return other
+        return other.replace(exponent={"fixed": not bends})
 
     def equations(self, s: Signals, port: Ports) -> RatesAndOutputs:
         """Fossen 2011, section 12.3, behind a static curve."""

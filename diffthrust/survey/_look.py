@@ -164,6 +164,7 @@ def look(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Look:
     """
     several = [Path(path)] if isinstance(path, str | PathLike) else [Path(one) for one in path]
     files = files_at(several)
-    choice = doubted(choice_of(files.contents))
+    choice = choice_of(files.contents)
     train, holdout, apart = files.split(choice)
+    choice = doubted(choice, (*train, *holdout))
     return Look(files.contents.path, choice, rows_of(choice), train, holdout, apart)

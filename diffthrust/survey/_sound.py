@@ -2,53 +2,47 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 
-import numpy as np
-
-from diffthrust._support.errors import InputError, Place
-from diffthrust.logs._columns import Column, fields_of_columns
+from diffthrust._support.errors import InputError
+from diffthrust.logs._columns import Column
 from diffthrust.logs._log import Log
+from diffthrust.logs._read import read_log
 from diffthrust.models._base.model import MODELS
 from diffthrust.soundness._doubts import doubts
 from diffthrust.survey._choice import Choice, Pick
 
 
-def doubted(choice: Choice) -> Choice:
-    """The choice with what `soundness.doubts` says of its channels.
+def doubted(choice: Choice, paths: Sequence[Path]) -> Choice:
+    """The choice with what `soundness.doubts` says of its channels in some files.
 
-    Of a table; the messages of a robot have clocks of their own, and a fit looks at them once a
+    Of tables; the messages of a robot have clocks of their own, and a fit looks at them once a
     time base is chosen.
     """
-    clock = choice.seconds
-    if choice.model is None or clock is None:
+    if choice.model is None or choice.time is None:
         return choice
-    try:
-        found = doubts(_log(choice, clock), MODELS[choice.model]())
-    except InputError:  # what cannot be read so is told by the fit, with line and mend
-        return choice
+    found = doubts(list(_logs(choice, choice.time, paths)), MODELS[choice.model]())
     words = (f"{doubt.channel}: {doubt.evidence} Mend: {doubt.mend}" for doubt in found)
     return replace(choice, doubts=(*choice.doubts, *words))
 
 
-def _log(choice: Choice, clock: np.ndarray) -> Log:
-    """The chosen channels as a log."""
+def _logs(choice: Choice, clock: Pick, paths: Sequence[Path]) -> Iterator[Log]:
+    """The chosen channels of each file; one that cannot be read so is told by the fit."""
     columns = {name: _column(pick) for name, pick in choice.channels.items()}
     inputs = [name for name, pick in choice.channels.items() if pick.role == "input"]
-    name = choice.contents.path.name
-    seen = np.isfinite(clock)
-    fields = fields_of_columns(
-        columns,
-        inputs,
-        [channel for channel in columns if channel not in inputs],
-        time=clock[seen],
-        values={c: pick.field.values[seen] for c, pick in choice.channels.items()},
-        name=name,
-        interpolate_inputs=True,
-        notes=(),
-        at=lambda channel, index: Place(f"{name}, channel {channel!r}", channel=channel),
-    )
-    return Log.of_checked(fields)
+    for path in paths:
+        with suppress(InputError):
+            yield read_log(
+                path,
+                time=_column(clock) if choice.step is None else choice.step,
+                inputs={name: columns[name] for name in inputs},
+                measured={name: column for name, column in columns.items() if name not in inputs},
+                sheet=choice.contents.sheet or None,
+                interpolate_inputs=True,
+            )
 
 
 def _column(pick: Pick) -> Column:

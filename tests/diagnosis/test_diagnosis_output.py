@@ -279,7 +279,8 @@ def test_the_errors_of_every_log_are_told(full):
 
 def test_the_figure_of_the_stages(full):
     figure = full.plot()
-    falling, *traces = figure.axes
+    falling, command, *traces = figure.axes
+    assert command.get_ylabel() == "command\n[V]"
     assert falling.get_ylabel() == "NRMSE [-]"
     lines = {line.get_label(): line.get_ydata() for line in falling.get_lines()}
     assert list(lines) == ["speed, training", "speed, unseen", "thrust, training", "thrust, unseen"]
@@ -289,8 +290,7 @@ def test_the_figure_of_the_stages(full):
     assert ticks == ["as given", "+ command dead band", "+ actuator lag"]
     assert [panel.get_ylabel() for panel in traces] == ["speed [rad/s]", "thrust [N]"]
     assert traces[-1].get_xlabel() == "time [s]"
-    legend = traces[0].get_legend()
-    assert legend is not None
+    (legend,) = (one for part in figure.subfigs for one in part.legends)
     assert [t.get_text() for t in legend.get_texts()] == [
         "measured",
         "model as given",
@@ -301,7 +301,8 @@ def test_the_figure_of_the_stages(full):
 
 def test_with_one_stage_nothing_falls():
     figure = stages_figure(made.adequate())
-    assert [panel.get_ylabel() for panel in figure.axes] == ["speed [rad/s]", "thrust [N]"]
+    labels = [panel.get_ylabel() for panel in figure.axes]
+    assert labels == ["command\n[V]", "speed [rad/s]", "thrust [N]"]
     assert "training log" in figure.axes[0].get_title(loc="left")
 
 

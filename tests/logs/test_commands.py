@@ -201,3 +201,23 @@ def test_the_log_of_an_autopilot_fits_as_the_docstring_of_its_reader_says(tmp_pa
     assert fit.parameters["alpha"].value == pytest.approx(0.02, rel=0.01)
     assert fit.parameters["beta"].value == pytest.approx(1500.0, rel=0.01)
     assert fit.train.channels["speed"].shown.unit == "rpm"
+
+
+def test_pulses_that_are_declared_a_share_are_refused_with_the_mend(tmp_path):
+    with pytest.raises(InputError, match="pwm = {'stop': 1500, 'full': 1900}"):
+        read(tmp_path, Column("u", effort=True), WIDTHS)
+    with pytest.raises(InputError, match=r"scale=0\.01"):
+        read(tmp_path, Column("u", effort=True), 100 * EFFORT)
+    with pytest.raises(InputError, match="an effort, 1 at the full command"):
+        read(tmp_path, Column("u", pwm=PWM(1500, 1900), offset=5.0), WIDTHS)
+
+
+def test_only_of_an_effort_is_the_static_curve_fitted():
+    loop = dft.SpeedLoopThruster()
+    assert not loop.parameters["exponent"].fixed
+    for unit, told in (("V", "rad/(V s)"), ("rad/s", "rad/s per rad/s")):
+        other = loop.commanded_in(unit)
+        assert other.parameters["exponent"].fixed
+        assert other.parameters["gain"].unit == told
+        assert dft.SpeedLoopThruster(command=unit).parameters["exponent"].fixed
+        assert not other.commanded_in("effort").parameters["exponent"].fixed

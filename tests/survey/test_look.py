@@ -336,3 +336,14 @@ def test_what_is_not_sound_is_told_before_anything_is_fitted(tmp_path):
     assert "opposes the square of the speed" in doubt
     assert "scale = -1" in doubt
     assert "# thrust: run2.csv: thrust opposes" in seen.spec
+
+
+def test_every_file_of_several_is_looked_at(tmp_path):
+    for i in (1, 2, 3):
+        columns = bench()
+        columns["pwm"] = np.round(columns["pwm"] + i)
+        if i == 2:
+            columns["thrust_kgf"] = -columns["thrust_kgf"]
+        write_table(tmp_path / f"run{i}.csv", columns)
+    seen = dft.look(tmp_path)
+    assert any("run2.csv: thrust opposes" in doubt for doubt in seen.doubts)
