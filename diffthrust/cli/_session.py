@@ -131,10 +131,16 @@ def show(thing: RenderableType) -> None:
     """Print text or a table."""
     from rich.console import Console
 
-    # files and pipes have no width: let no table be folded there
-    width = None if sys.stdout.isatty() else 140
-    console = Console(width=width, highlight=False, force_jupyter=False)
-    console.print(thing)
+    console = Console(highlight=False, force_jupyter=False)
+    if sys.stdout.isatty():
+        console.print(thing)
+        return
+    # files and pipes have no width but a given one, and want no blanks at the ends of lines
+    given = os.environ.get("COLUMNS", "")
+    console.width = int(given) if given.isdecimal() and int(given) else 140
+    with console.capture() as text:
+        console.print(thing)
+    typer.echo("\n".join(line.rstrip() for line in text.get().split("\n")), nl=False)
 
 
 def write_figure(path: Path, draw: Callable[[], Figure]) -> None:

@@ -29,7 +29,7 @@ def drafted(
         folder: where the file will lie; its paths are relative to it.
         apart: sentences on files that were left out.
     """
-    lines = [*_head(choice, train, apart), ""]
+    lines = [*_head(choice, [*train, *holdout], apart), ""]
     if choice.model is None:
         lines += ['# model = "thruster" # diffthrust new --help lists the models', ""]
     else:
@@ -66,8 +66,8 @@ def _model(choice: Choice) -> Iterator[str]:
         yield '# a motor controller (ESC) holds the speed; or "thruster", where it drives a torque'
 
 
-def _head(choice: Choice, train: Sequence[Path], apart: str) -> Iterator[str]:
-    names = train[0].name if len(train) == 1 else f"{train[0].name} and {len(train) - 1} more"
+def _head(choice: Choice, files: Sequence[Path], apart: str) -> Iterator[str]:
+    names = files[0].name if len(files) == 1 else f"{files[0].name} and {len(files) - 1} more"
     yield from _comment(
         f"Drafted from {names} ({choice.contents.kind}). What is in doubt stands in comments: read "
         "them, correct the keys, and run diffthrust fit on this file."
@@ -136,8 +136,8 @@ def _channel(name: str, pick: Pick) -> Iterator[str]:
         widths = meaning.pwm
         reverse = "" if widths.reverse is None else f", reverse = {widths.reverse:g}"
         yield f"pwm = {{ stop = {widths.stop:g}, full = {widths.full:g}{reverse} }}"
-    elif meaning.unit:
-        yield f"unit = {_toml(meaning.unit)}"
+    if meaning.spec_unit:
+        yield f"unit = {_toml(meaning.spec_unit)}"
         if meaning.unit == "percent":
             yield "effort = true # 100 at full drive"
     if pick.unsigned:

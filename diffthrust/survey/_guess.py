@@ -11,7 +11,7 @@ import numpy as np
 from diffthrust.logs._contents import Field
 from diffthrust.logs._units import same_quantity
 from diffthrust.logs._written import PWM
-from diffthrust.survey._names import named_units, side_of, words_of
+from diffthrust.survey._names import bare_of, named_units, side_of, words_of
 from diffthrust.survey._rules import (
     UNIT_OF,
     named_pwm,
@@ -32,6 +32,8 @@ from diffthrust.survey._values import (
 SURE, LIKELY, PERHAPS = "sure", "likely", "perhaps"
 _TURNS = {"heading": 6.2832, "rudder_angle": 1.571, "wind_direction": 6.2832, "yaw_rate": 3.5}
 """What an angle in radians (a rate in rad/s) does not go beyond."""
+_HARD_OVER = 35.0
+"""The angle that most rudders reach [deg]."""
 _ROW_NUMBERS = ("", "index", "row", "nr", "no", "sample", "unnamed", "unnamed 0", "0")
 _COMMAND_UNITS = ("V", "mV", "percent", "us")
 _BY_UNIT = {"rad/s": "speed", "N": "thrust", "V": "command", "m/s": "velocity", "s": "time"}
@@ -44,7 +46,7 @@ class Meaning:
     Args:
         quantity: name of a channel, or another word for what it is; empty where nothing tells.
         unit: in which its numbers are; ``"effort"`` and ``"percent"`` of a command.
-        pwm: its pulse widths, of a command in microseconds.
+        pwm: its pulse widths, of a command or a servo in microseconds.
         side: "left" or "right" where the name says so.
         sure: "sure", "likely" or "perhaps".
         why: what tells.
@@ -68,6 +70,13 @@ class Meaning:
         """Whether it is a command as a share of full drive."""
         return self.pwm is not None or self.unit in ("effort", "percent")
 
+    @property
+    def spec_unit(self) -> str:
+        """The unit that a spec file writes: widths of pulses have none, or an angle's."""
+        if self.pwm is None:
+            return self.unit
+        return "deg" if self.quantity == "rudder_angle" else ""
+
 
 def meanings(fields: Sequence[Field], ros: bool = False) -> tuple[Meaning, ...]:
     """What each column or field may be.
@@ -76,9 +85,12 @@ def meanings(fields: Sequence[Field], ros: bool = False) -> tuple[Meaning, ...]:
         fields: everything that is in a file.
         ros: the axes are those of ROS: y to port, and turns to port are positive.
     """
-    names = {words_of(field.name) for field in fields}
     # u, v and r together are the speeds of a vessel; u alone is what drives something
-    speeds = {"u": "surge", "v": "sway"} if {"u", "v", "r"} <= names else {}
+    names = {bare_of(field.name) for field in fields}
+    unsaid = {bare_of(f.name) for f in fields if not named_units(f.name, f.unit)}
+    moving = {bare_of(field.name) for field in fields if _moves(field)}
+    vessel = {"u", "v"} <= (moving | unsaid if "r" in names else moving)
+    speeds = {"u": "surge", "v": "sway"} if vessel else {}
     turned = {field.name[:-1] for field in fields if field.name.endswith(".w")}  # quaternions
     found = [
         Meaning("derived") if field.name[:-1] in turned else _meaning(field, speeds)
@@ -94,8 +106,13 @@ def meanings(fields: Sequence[Field], ros: bool = False) -> tuple[Meaning, ...]:
     return tuple(found)
 
 
+def _moves(field: Field) -> bool:
+    """Whether its unit is one of a vessel's speed."""
+    return any(same_quantity(unit, "m/s") for unit in named_units(field.name, field.unit))
+
+
 def _meaning(field: Field, speeds: dict[str, str]) -> Meaning:
-    words, side = words_of(field.name), side_of(field.name)
+    words, bare, side = words_of(field.name), bare_of(field.name), side_of(field.name)
     if field.dates:
         others = field.date_formats[1:]
         doubts = [f"Day and month cannot be told apart: the dates may be {o!r}." for o in others]
@@ -105,10 +122,11 @@ def _meaning(field: Field, speeds: dict[str, str]) -> Meaning:
     if counts(field.values) and words in _ROW_NUMBERS and field.time is None:
         return Meaning("derived", why="row numbers")
     units = named_units(field.name, field.unit)
-    named = iter([speeds[words]]) if words in speeds else quantities_of(words)
+    said = [words, bare]
     if field.time is None:  # what a struct calls its member
-        named = chain(named, quantities_of(words_of(field.name.rsplit(".", 1)[-1])))
-    for quantity in named:
+        said.append(words_of(field.name.rsplit(".", 1)[-1]))
+    named = chain.from_iterable(map(quantities_of, dict.fromkeys(said)))
+    for quantity in [speeds[bare]] if bare in speeds else named:
         if takes_any_unit(quantity):
             unit = units[0] if units else "rpm" if "rpm" in words.split() else ""
             return Meaning(quantity, unit, side=side, sure=LIKELY)
@@ -118,10 +136,12 @@ def _meaning(field: Field, speeds: dict[str, str]) -> Meaning:
             if not units or any(unit in _COMMAND_UNITS for unit in units):
                 return replace(_command(field.values, words, units), side=side)
             continue
+        if quantity == "rudder_angle" and units in ((), ("us",)) and is_pwm(field.values):
+            return replace(_servo(field.values), side=side)
         fitting = [unit for unit in units if same_quantity(unit, UNIT_OF[quantity])]
         if units and not fitting:
             continue
-        one = _named(quantity, field, fitting, short=len(words) < 2)
+        one = _named(quantity, field, fitting, short=len(bare) < 2)
         return replace(one, side=side)
     return replace(_unnamed(field, units), side=side)
 
@@ -172,12 +192,7 @@ def _command(values: np.ndarray, words: str, units: Sequence[str]) -> Meaning:
     largest = float(np.abs(numbers_of(values)).max())
     pulsed = is_pwm(values)
     if pulsed and named in ("", "us"):
-        widths = pulses(values)
-        doubts = [
-            f"Pulse widths: {widths.stop:g} is taken for stop, {widths.full:g} for full ahead; "
-            "your controller's settings say."
-        ]
-        return Meaning("command", "us", widths, sure=LIKELY, why="pulse widths", doubts=(*doubts,))
+        return pulse_command(pulses(values))
     if named and named != "us":
         return Meaning("command", named, sure=SURE, why="name and unit")
     if named_pwm(words) and not pulsed and largest > 1.05 and largest <= 255:
@@ -194,6 +209,26 @@ def _command(values: np.ndarray, words: str, units: Sequence[str]) -> Meaning:
         return Meaning("command", "percent", why="numbers", doubts=(doubt,))
     doubt = f"No unit is named, and numbers up to {largest:.4g} tell none."
     return Meaning("command", "", why="name", doubts=(doubt,))
+
+
+def pulse_command(widths: PWM, because: str = "") -> Meaning:
+    """A command in widths of pulses."""
+    doubt = (
+        f"Pulse widths: {widths.stop:g} is taken for stop, {widths.full:g} for full ahead"
+        f"{because}; your controller's settings say."
+    )
+    return Meaning("command", "us", widths, sure=LIKELY, why="pulse widths", doubts=(doubt,))
+
+
+def _servo(values: np.ndarray) -> Meaning:
+    """The angle of a rudder in the widths of its servo's pulses."""
+    widths = pulses(values)
+    doubt = (
+        f"Pulse widths of a servo: {widths.stop:g} is taken for amidships. That the rudder stands "
+        f"at {_HARD_OVER:g} deg at {widths.full:g} is a guess: measure it, and correct scale."
+    )
+    servo = Meaning("rudder_angle", "us", widths, sure=LIKELY, why="pulse widths", doubts=(doubt,))
+    return replace(servo, scale=_HARD_OVER)
 
 
 def _unnamed(field: Field, units: Sequence[str]) -> Meaning:
@@ -218,14 +253,3 @@ def _whole_pulses(values: np.ndarray) -> bool:
     """Whether unnamed numbers are pulse widths: whole, about 1500, and moving."""
     numbers = numbers_of(values)
     return is_pwm(values) and varies(values) and bool(np.all(numbers == np.round(numbers)))
-
-
-def plain_command(meaning: Meaning) -> Meaning:
-    """A command as plain numbers, for a model that takes none: an effort from -1 to 1, or as is."""
-    if meaning.pwm is not None:
-        reach = meaning.pwm.full - meaning.pwm.stop
-        scaled = replace(meaning, scale=1 / reach, offset=-meaning.pwm.stop / reach)
-        return replace(scaled, unit="", pwm=None)
-    return replace(
-        meaning, unit="", scale=meaning.scale * (0.01 if meaning.unit == "percent" else 1)
-    )

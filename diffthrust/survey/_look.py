@@ -156,12 +156,18 @@ def look(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Look:
         The columns, the doubts and the draft.
 
     Raises:
-        InputError: there is no such file, or nobody reads it.
+        InputError: there is no such file, nobody reads it, or it is a DataFrame.
 
     Example:
         >>> dft.look("run1.csv").model  # doctest: +SKIP
         'thruster'
     """
+    if hasattr(path, "columns"):
+        raise InputError(
+            f"expected the file of a log, found a {type(path).__name__}.",
+            "Make a log of it: Log.from_dataframe(frame, inputs={...}, measured={...}); or look "
+            "at the file that it came from.",
+        )
     several = [Path(path)] if isinstance(path, str | PathLike) else [Path(one) for one in path]
     files = files_at(several)
     choice = choice_of(files.contents)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from functools import lru_cache
 
 # As names spell them, at their end or in brackets; a spelling of several units fits one quantity.
@@ -84,12 +85,29 @@ def named_units(name: str, said: str = "") -> tuple[str, ...]:
             spelt = _UNITS.get(text.lower()) or _UNITS.get(words_of(text))
             return spelt or (text,)
     words = words_of(name.rsplit(".", 1)[-1]).split()  # the x of a message's field is no unit
+    return _ending(words)[1]
+
+
+def bare_of(name: str) -> str:
+    """The words of a name without the unit that it ends in.
+
+    Example:
+        >>> bare_of("u_mps"), bare_of("r [deg/s]"), bare_of("rpm")
+        ('u', 'r', 'rpm')
+    """
+    words = words_of(name).split()
+    count, _ = _ending(words)
+    return " ".join(words[: len(words) - count] or words)
+
+
+def _ending(words: Sequence[str]) -> tuple[int, tuple[str, ...]]:
+    """How many of the last words spell a unit, and the units that they spell."""
     for count in (3, 2, 1):
         if len(words) > count or (len(words) == count == 1 and len(words[0]) > 1):
             found = _UNITS.get(" ".join(words[-count:]))
             if found:
-                return found
-    return ()
+                return count, found
+    return 0, ()
 
 
 def side_of(name: str) -> str:

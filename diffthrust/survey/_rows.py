@@ -115,7 +115,7 @@ def _remarks(field: Field, pick: Pick | None, rate: float, gap: float) -> tuple[
         told.append(f"some text such as {field.text!r}")
     if pick is not None and pick.unsigned:
         told.append("no sign")
-    if pick is not None and pick.meaning.scale == -1:
+    if pick is not None and pick.meaning.scale < 0:
         told.append("turned round")
     if field.time is not None and gap * rate > _WIDE:
         told.append(f"a gap of {gap:.3g} s")

@@ -10,7 +10,7 @@ import numpy as np
 from diffthrust.logs._channels import CHANNELS
 from diffthrust.logs._contents import Contents
 from diffthrust.survey._choice import Choice, Pick, Pool
-from diffthrust.survey._guess import meanings, plain_command
+from diffthrust.survey._guess import Meaning, meanings
 from diffthrust.survey._thrusters import thruster_choice
 from diffthrust.survey._values import numbers_of
 from diffthrust.survey._vessels import MOTION, POSE, vessel_choice
@@ -71,9 +71,20 @@ def _axis_vehicle(pool: Pool, plain: Choice) -> Choice | None:
     if drive is None or not measured or plain.static:
         return None
     if drive.meaning.quantity == "command":
-        drive = replace(drive, meaning=plain_command(drive.meaning))
+        drive = replace(drive, meaning=_plain_command(drive.meaning))
         drive = drive.doubted("A command and no force: mass and drag are then per unit of it.")
     return replace(plain, model="axis_vehicle", channels={"thrust": drive, **measured})
+
+
+def _plain_command(meaning: Meaning) -> Meaning:
+    """A command as plain numbers, for a model that takes none: an effort from -1 to 1, or as is."""
+    if meaning.pwm is not None:
+        reach = meaning.pwm.full - meaning.pwm.stop
+        scaled = replace(meaning, scale=1 / reach, offset=-meaning.pwm.stop / reach)
+        return replace(scaled, unit="", pwm=None)
+    return replace(
+        meaning, unit="", scale=meaning.scale * (0.01 if meaning.unit == "percent" else 1)
+    )
 
 
 def _linear_sensor(pool: Pool, plain: Choice) -> Choice | None:

@@ -10,9 +10,15 @@ import numpy as np
 from diffthrust.logs._contents import Field
 from diffthrust.logs._units import same_quantity
 from diffthrust.survey._choice import FIRMLY, Choice, Pick, Pool
-from diffthrust.survey._guess import Meaning
+from diffthrust.survey._guess import Meaning, pulse_command
 from diffthrust.survey._moves import correlated
-from diffthrust.survey._values import one_sided, two_sided
+from diffthrust.survey._values import (
+    hardly_negative,
+    numbers_of,
+    one_sided,
+    pulses_ahead,
+    two_sided,
+)
 
 
 def thruster_choice(pool: Pool, plain: Choice) -> Choice | None:
@@ -75,7 +81,11 @@ def _driven(
         if name not in answers:
             rivals = pool.all(name, moving=True)
             answers[name] = max(rivals, key=lambda rival: _follows(command, rival))
-    chosen = {"command": _picked(command, "input", commands)}
+    rivals = commands
+    if _ahead_only(command, [*answers.values()]):
+        word = ", as what is measured rises from the lowest widths on and is never negative"
+        command = command[0], pulse_command(pulses_ahead(command[0].values), word)
+    chosen = {"command": _picked(command, "input", rivals)}
     zero = command[1].pwm.stop if command[1].pwm else 0.0
     for name in ("speed", "thrust"):
         if name not in answers:
@@ -90,6 +100,21 @@ def _driven(
         word = f"It hardly moves with '{command[0].name}' (correlation {best[0]:.2f})."
         chosen[lead] = chosen[lead].doubted(word)
     return chosen
+
+
+def _ahead_only(command: tuple[Field, Meaning], answers: Sequence[tuple[Field, Meaning]]) -> bool:
+    """Whether widths of pulses drive one way: below their middle, more of them is more speed.
+
+    Of a drive that goes both ways, what is measured is negative there, or falls if it has no sign.
+    """
+    field, meaning = command
+    if meaning.pwm is None or not all(hardly_negative(answer.values) for answer, _ in answers):
+        return False
+    low = np.where((field.values > 0) & (field.values < 1500), field.values, np.nan)
+    if np.isfinite(low).sum() < 0.1 * numbers_of(field.values).size:
+        return False
+    below = replace(field, values=low)
+    return all(correlated(below, answer) > FIRMLY for answer, _ in answers)
 
 
 def _holds_speed(chosen: Mapping[str, Pick]) -> bool:

@@ -70,6 +70,13 @@ def pulses(values: np.ndarray) -> PWM:
     return PWM(stop, 1500 + reach, None if stop == 1500 else 1500 - reach)
 
 
+def pulses_ahead(values: np.ndarray) -> PWM:
+    """The widths of a drive that goes one way: 1000 to 2000, or 1100 to 1900."""
+    numbers = numbers_of(values)
+    low, high = float(numbers[numbers != 0].min()), float(numbers.max())
+    return PWM(1100.0, 1900.0) if 1090 <= low <= 1110 and high <= 1910 else PWM(1000.0, 2000.0)
+
+
 def time_unit(values: np.ndarray) -> tuple[str, str, bool]:
     """The unit of time stamps by their numbers: unit, why, and whether it is in doubt."""
     numbers = numbers_of(values)
@@ -96,6 +103,15 @@ def one_sided(values: np.ndarray) -> bool:
     """Whether there is movement, and none of it negative (but for noise about zero)."""
     numbers = numbers_of(values)
     return bool(numbers.size and numbers.max() > 0 and numbers.min() >= -0.02 * numbers.max())
+
+
+def hardly_negative(values: np.ndarray) -> bool:
+    """Whether there is movement, and next to none of it negative, whatever the noise."""
+    numbers = numbers_of(values)
+    if not numbers.size:
+        return False
+    low, high = np.quantile(numbers, [0.05, 0.95])
+    return bool(high > 0 and low >= -0.05 * high)
 
 
 def two_sided(values: np.ndarray) -> bool:

@@ -39,6 +39,16 @@ def test_look_prints_and_writes_a_spec_that_fits(run1, tmp_path):
     assert "per full effort" in run("fit", spec).stdout
 
 
+@pytest.mark.parametrize(("columns", "least", "most"), [("60", 50, 60), ("", 101, 140)])
+def test_piped_text_has_the_given_width_and_no_blanks_at_its_ends(
+    columns, least, most, run1, monkeypatch
+):
+    monkeypatch.setenv("COLUMNS", columns)
+    told = run("look", run1).stdout.split("\nNext: ")[0].splitlines()
+    assert not any(line.endswith(" ") for line in told)
+    assert least <= max(map(len, told)) <= most
+
+
 def test_look_alone_says_how_to_go_on(run1):
     assert f"diffthrust look {run1} --spec fit.toml" in run("look", run1).stdout
 

@@ -111,6 +111,29 @@ def test_the_stop_of_pulses_is_where_they_begin():
         assert (one.pwm.stop, one.pwm.full, one.pwm.astern) == (expected, 1900, 1100)
 
 
+VESSELS = [
+    ("u_mps", "v_mps", "r_dps", ("m/s", "m/s", "deg/s")),
+    ("u_kn", "v_kn", "r_degps", ("knot", "knot", "deg/s")),
+    ("u_m_s", "v_m_s", "r_radps", ("m/s", "m/s", "rad/s")),
+    ("u [m/s]", "v [m/s]", "r [deg/s]", ("m/s", "m/s", "deg/s")),
+    ("u_mps", "v_mps", "yaw_rate_dps", ("m/s", "m/s", "deg/s")),
+]
+
+
+@pytest.mark.parametrize(("u", "v", "r", "units"), VESSELS, ids=[v[2] + v[0] for v in VESSELS])
+def test_letters_with_their_units_are_the_motion_of_a_vessel(u, v, r, units):
+    found = meanings([Field(name, WAVE) for name in (u, v, r)])
+    assert [one.quantity for one in found] == ["surge", "sway", "yaw_rate"]
+    assert tuple(one.unit for one in found) == units
+
+
+def test_letters_alone_keep_what_their_unit_says():
+    names = ("v [m/s]", "u_V", "r_rpm", "x_m", "y_m", "l_rpm")
+    found = meanings([Field(name, 9 * WAVE) for name in names])
+    quantities = ["velocity", "command", "speed", "north", "east", "speed"]
+    assert [one.quantity for one in found] == quantities
+
+
 def clocked(name, values, rate=10.0):
     return Field(name, np.asarray(values, float), np.arange(len(values)) / rate)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 from shared_data import data_folder
 from survey.strange_logs import ALPHA, BETA, CT, boat, thruster, write_table
@@ -113,6 +114,72 @@ def test_the_set_point_of_a_speed_is_the_command_of_a_speed_loop(tmp_path):
     assert seen.model == "speed_loop_thruster"
     (read,) = drafted(seen, tmp_path / "fit.toml").train_logs()
     assert np.abs(read.inputs["command"] - table["rpm_cmd"] * np.pi / 30).max() < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "stop"), [(1031, 1956, 1000), (1100, 1900, 1100), (1250, 1960, 1000)]
+)
+@pytest.mark.parametrize("measured", ["rpm", "thrust_N", "both"])
+def test_pulses_of_a_drive_that_goes_one_way_begin_at_its_stop(low, high, stop, measured, tmp_path):
+    width = np.round(np.interp(np.abs(thruster()["effort"]), (0, 1), (low, high)))
+    width[:50], width[-50:] = low, high
+    rng, speed = np.random.default_rng(3), np.zeros(1500)
+    for k in range(1499):
+        speed[k + 1] = speed[k] + 0.1 * (0.3 * max(width[k] - 1040, 0) - speed[k])
+    table = {
+        "t": 0.02 * np.arange(1500),
+        "pwm": width,
+        "rpm": 9.549 * speed + rng.normal(0, 30, 1500),  # as noisy as to be negative at rest
+        "thrust_N": 1e-3 * speed**2 + rng.normal(0, 1.0, 1500),
+    }
+    if measured != "both":
+        table = {name: table[name] for name in ("t", "pwm", measured)}
+    spec = drafted(dft.look(write_table(tmp_path / "run.csv", table)), tmp_path / "fit.toml")
+    assert PWM.of(spec.inputs["command"].pwm, "") == PWM(stop, 3000 - stop)
+    assert not any(channel.unsigned for channel in spec.file.channels.values())
+
+
+@pytest.mark.parametrize("least", [-1.0, -0.5, -0.3])
+def test_pulses_of_a_drive_that_goes_both_ways_keep_their_middle(least, tmp_path):
+    log = thruster()
+    ahead = log["effort"] >= least  # how far astern it was driven
+    for sign, speed in ((False, log["speed"]), (True, np.abs(log["speed"]))):
+        columns = {"pwm": 1500 + 400 * log["effort"], "rpm": 9.549 * speed}
+        table = {"t": log["time"], **columns}
+        kept = {name: values[ahead] for name, values in table.items()}
+        kept["t"] = log["time"][: ahead.sum()]
+        seen = dft.look(write_table(tmp_path / "run.csv", kept))
+        assert seen.choice.channels["command"].meaning.pwm == PWM(1500, 1900)
+        assert seen.choice.channels["speed"].unsigned == sign
+
+
+@pytest.mark.parametrize("name", ["rudder_pwm", "delta", "rudder [us]"])
+def test_the_pulses_of_a_servo_are_an_angle_whose_reach_is_in_doubt(name, tmp_path):
+    log = boat()
+    width = np.round(1500 + 290 * log["left"])
+    columns = {
+        "t": log["time"],
+        "prop_rpm": 1200 + 300 * log["right"],
+        name: width,
+        "u_mps": log["surge"],
+        "v_mps": np.sin(log["time"]),
+        "r_dps": -np.degrees(log["yaw_rate"]),
+    }
+    seen = dft.look(write_table(tmp_path / "boat.csv", columns))
+    assert seen.model == "vessel"
+    spec = drafted(seen, tmp_path / "fit.toml")
+    rudder = spec.file.channels["rudder_angle"]
+    assert PWM.of(spec.inputs["rudder_angle"].pwm, "") == PWM(1500, 1900)
+    assert (rudder.scale, rudder.unit) == (35, "deg")
+    assert {"surge", "sway", "yaw_rate"} < set(spec.file.channels)
+    (read,) = spec.train_logs()
+    assert read.inputs["rudder_angle"] == pytest.approx(np.radians(35 / 400 * (width - 1500)))
+    assert any("35 deg at 1900 is a guess" in word for word in seen.doubts)
+
+
+def test_a_data_frame_is_pointed_to_what_makes_a_log_of_it():
+    with pytest.raises(dft.InputError, match=r"found a DataFrame.\n.*Log\.from_dataframe"):
+        dft.look(pd.DataFrame(bench()))
 
 
 def test_the_static_curve_tells_a_speed_loop_from_a_torque(tmp_path):
@@ -269,6 +336,7 @@ def test_a_folder_keeps_its_last_log_unseen_and_tells_what_it_leaves_out(tmp_pat
     assert [path.name for path in seen.holdout] == ["run3.csv"]
     assert any("weather.csv" in word for word in seen.apart)
     assert any("notes.txt" in word for word in seen.apart)
+    assert "Drafted from run1.csv and 2 more (CSV" in seen.spec
     spec = drafted(seen, folder / "fit.toml")
     assert spec.file.logs.train == ["run1.csv", "run2.csv"]
     assert len(spec.holdout_logs()) == 1
