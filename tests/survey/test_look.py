@@ -179,7 +179,7 @@ def test_the_pulses_of_a_servo_are_an_angle_whose_reach_is_in_doubt(name, tmp_pa
 
 def test_a_data_frame_is_pointed_to_what_makes_a_log_of_it():
     with pytest.raises(dft.InputError, match=r"found a DataFrame.\n.*Log\.from_dataframe"):
-        dft.look(pd.DataFrame(bench()))
+        dft.look(pd.DataFrame(bench()))  # type: ignore[arg-type]
 
 
 def test_the_static_curve_tells_a_speed_loop_from_a_torque(tmp_path):
