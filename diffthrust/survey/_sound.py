@@ -50,7 +50,7 @@ def _column(pick: Pick) -> Column:
     meaning = pick.meaning
     return Column(
         pick.field.name,
-        unit="" if meaning.pwm is not None else meaning.unit,
+        unit=meaning.spec_unit,
         unsigned=pick.unsigned,
         scale=meaning.scale,
         offset=meaning.offset,

@@ -204,7 +204,7 @@ def test_the_log_of_an_autopilot_fits_as_the_docstring_of_its_reader_says(tmp_pa
 
 
 def test_pulses_that_are_declared_a_share_are_refused_with_the_mend(tmp_path):
-    with pytest.raises(InputError, match="pwm = {'stop': 1500, 'full': 1900}"):
+    with pytest.raises(InputError, match="widths of pulses: declare them by pwm"):
         read(tmp_path, Column("u", effort=True), WIDTHS)
     with pytest.raises(InputError, match=r"scale=0\.01"):
         read(tmp_path, Column("u", effort=True), 100 * EFFORT)
