@@ -26,8 +26,13 @@ _SHIFT = 0.4
 """Offset of a thrust sensor, as a share of its range, by which a log is odd; tares drift by 0.1."""
 
 
-def unlike(records: Sequence[Record], found: Sequence[Sequence[Tie]]) -> Iterator[Doubt]:
-    """Doubts on single logs of three and more, by ratios of channels that they share."""
+def unlike(
+    records: Sequence[Record], found: Sequence[Sequence[Tie]]
+) -> Iterator[tuple[int, Doubt]]:
+    """Doubts on single logs of three and more, by ratios of channels that they share.
+
+    Each comes with the place of its log.
+    """
     if len(records) < 3:
         return
     gains = [{(t.channel, t.words): t for t in each if _comparable(t)} for each in found]
@@ -41,7 +46,7 @@ def unlike(records: Sequence[Record], found: Sequence[Sequence[Tie]]) -> Iterato
             if all(np.sign(g) != np.sign(tie.gain) for g in others):
                 if tie.kind == DRIVE:  # one that is opposed is told by its own log
                     continue
-                yield _turned(r, tie)
+                yield i, _turned(r, tie)
                 continue
             sizes = np.log(np.abs(others))
             middle = float(np.median(sizes))
@@ -50,9 +55,9 @@ def unlike(records: Sequence[Record], found: Sequence[Sequence[Tie]]) -> Iterato
             beside[key] = off
             odd |= abs(off) > max(np.log(_ODD.get(tie.kind, 1.8)), _SPREAD * usual)
         if odd:
-            yield _scaled(r, gains[i], beside)
+            yield i, _scaled(r, gains[i], beside)
         else:
-            yield from _shifted(r, gains, i)
+            yield from ((i, doubt) for doubt in _shifted(r, gains, i))
 
 
 def _comparable(tie: Tie) -> bool:
@@ -66,7 +71,7 @@ def _turned(r: Record, tie: Tie) -> Doubt:
         "sign",
         f"{r.name}: {tie.channel} goes the other way with {tie.words} (correlation "
         f"{tie.together:+.2f}) than in every other log.",
-        f"for this log alone: {line} Or of {' or '.join(tie.others)}.",
+        f"{line} Or of {' or '.join(tie.others)}.",
     )
 
 
@@ -94,7 +99,7 @@ def _scaled(
             channel,
             "time_base" if channel == "time" else "unit",
             f"{evidence}, as if {channel} were in {named.partition(',')[0]}.",
-            f"for this log alone: {unit_line(channel, named)}",
+            unit_line(channel, named),
         )
     return Doubt(
         channel,
@@ -137,6 +142,6 @@ def _shifted(r: Record, gains: Sequence[dict[tuple[str, str], Tie]], i: int) -> 
                 "odd_log",
                 f"{r.name}: {tie.channel} stands {number(off, 3)} beside where it stands in the "
                 f"other logs, {number(abs(off) / span, 2)} times its range: its zero is off.",
-                f"[channels.{tie.channel}] offset = {number(-off, 3)} for this log alone, or "
-                "tare the sensor.",
+                f"take {number(off, 3)} {UNITS[tie.channel]} off {tie.channel} by Column(..., "
+                "offset=...), in the unit of the column.",
             )

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Collection, Iterator, Sequence
 
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.soundness._clock import misclocked
 from diffthrust.soundness._companions import unlike
-from diffthrust.soundness._doubt import DOUBT_KINDS, Doubt
+from diffthrust.soundness._doubt import Doubt
 from diffthrust.soundness._lag import lagging
 from diffthrust.soundness._load import misloaded
+from diffthrust.soundness._merged import Found, merged
+from diffthrust.soundness._rates import misrated
 from diffthrust.soundness._record import Record, record, stretch
 from diffthrust.soundness._repeats import repeating
 from diffthrust.soundness._shape import misshaped
@@ -41,12 +42,12 @@ def doubts(logs: Log | Sequence[Log], model: Model | None = None) -> tuple[Doubt
         ...     print(doubt)
     """
     logs = (logs,) if isinstance(logs, Log) else tuple(logs)
-    found: list[Doubt] = []
-    records, tied = [], []
+    found: list[Found] = []
+    places, records, tied = [], [], []
     timeless = model is not None and not model.states
-    for log in logs:
+    for place, log in enumerate(logs):
         if timeless:  # a table of readings, in any order
-            found += missized(log, None)
+            found += [(place, doubt) for doubt in missized(log, None)]
             continue
         seen, r = [*misclocked(log, model), *jumping(log)], record(log)
         coded = [doubt.channel for doubt in seen if doubt.kind == "sentinel"]
@@ -54,34 +55,33 @@ def doubts(logs: Log | Sequence[Log], model: Model | None = None) -> tuple[Doubt
         seen += missized(log, r)
         # codes among the values, or another clock, would speak of everything else
         if r is not None and not coded and all(doubt.kind != "time_base" for doubt in seen):
+            places.append(place)
             records.append(r)
             tied.append(ties(r))
-            seen += _of_ties(r, tied[-1])
+            held = {d.channel for d in seen if d.kind in ("stuck", "saturated")}
+            seen += _of_ties(r, tied[-1], held)
             if model is not None and model.name == "thruster":
                 seen += misloaded(stretch(log))
-        found += seen
-    return _merged([*found, *unlike(records, tied)])
+        found += [(place, doubt) for doubt in seen]
+    clocks = [*misrated([logs[place].step for place in places], records, tied)]
+    astray = {places[i] for i, _ in clocks}
+    astray |= {place for place, doubt in found if doubt.kind in ("sign", "exchanged")}
+    beside = [row for row in unlike(records, tied) if places[row[0]] not in astray]
+    found += [(places[i], doubt) for i, doubt in (*clocks, *beside)]
+    return merged(found, [log.name for log in logs])
 
 
-def _of_ties(r: Record, found: Sequence[Tie]) -> Iterator[Doubt]:
-    """Doubts on what must hang together; where two channels are exchanged, on that alone."""
-    shape = tuple(misshaped(r))
+def _of_ties(r: Record, found: Sequence[Tie], held: Collection[str]) -> Iterator[Doubt]:
+    """Doubts on what must hang together; where two channels are exchanged, on that alone.
+
+    A channel that is held or cut off says nothing of the law between channels, nor of their clocks.
+    """
+    shape = () if {"speed", "thrust"} & set(held) else tuple(misshaped(r))
     yield from shape
     if shape:
         return
-    late = tuple(lagging(r, found))
+    free = [tie for tie in found if not {tie.channel, *tie.others} & set(held)]
+    late = tuple(lagging(r, free))
     yield from late
     if not late:  # a track turned by a late heading goes anywhere
         yield from misplaced(r, found)
-
-
-def _merged(found: Iterable[Doubt]) -> tuple[Doubt, ...]:
-    """One doubt for each channel and kind; in how many more logs it was found is told."""
-    by: dict[tuple[str, str], list[Doubt]] = {}
-    for doubt in found:
-        by.setdefault((doubt.channel, doubt.kind), []).append(doubt)
-    merged = []
-    for same in by.values():
-        more = f" And so in {len(same) - 1} more." if len(same) > 1 else ""
-        merged.append(replace(same[0], evidence=same[0].evidence + more))
-    return tuple(sorted(merged, key=lambda doubt: DOUBT_KINDS.index(doubt.kind)))

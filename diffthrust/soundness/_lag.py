@@ -38,14 +38,17 @@ def lagging(r: Record, found: Sequence[Tie]) -> Iterator[Doubt]:
     channel = max(late, key=lambda c: (len(late[c]), -timely.count(c)))
     tie, samples, after = late[channel][0]
     seconds = number(samples * r.step, 2)
+    # what is driven lags by itself, which hides a part of a late drive
+    least = "at least " if tie.kind == DRIVE else ""
     against = tie.words if channel == tie.channel else tie.channel
     yield Doubt(
         channel,
         "lag",
-        f"{r.name}: {channel} comes {seconds} s after {against}, with which it "
+        f"{r.name}: {channel} comes {least}{seconds} s after {against}, with which it "
         f"must move (correlation {tie.together:.2f}, without the lag {after:.2f}): its clock "
         "is behind, or a filter delays it.",
-        f"shift {channel} by -{seconds} s before the log is made, or take the stamps of one clock.",
+        f"shift {channel} by -{seconds} s{' or more' if least else ''} before the log is made, or "
+        "take the stamps of one clock.",
     )
 
 

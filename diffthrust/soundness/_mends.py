@@ -98,14 +98,11 @@ def clocks(r: Record, ratio: float) -> Iterator[Mend]:
     if not STEPS[0] <= step <= STEPS[1]:
         return
     for unit, scale in FACTORS["s"]:
-        if abs(np.log(ratio / scale)) < 0.15:
-            yield _scaled(r, "time", unit, scale)
-            return
-        if abs(np.log(ratio * scale)) < 0.15:
-            yield _scaled(r, "time", f"s, not {unit}", 1 / scale)
-            return
-    line = f"Column(..., scale={ratio:.3g}) for the time, or the true rate of the samples."
-    yield Mend("time_base", ("time",), line, replace(r, step=step))
+        for name, due in ((unit, scale), (f"s, not {unit}", 1 / scale)):
+            if abs(np.log(ratio / due)) < 0.15:
+                yield _scaled(r, "time", name, due)
+                return
+    yield Mend("time_base", ("time",), clock_line(ratio), replace(r, step=step))
 
 
 def rescaled(r: Record) -> Iterator[Mend]:
@@ -123,6 +120,11 @@ def _scaled(r: Record, channel: str, unit: str, scale: float) -> Mend:
         return Mend("time_base", ("time",), unit_line("time", unit), changed)
     changed = r.taking(**{channel: r.values[channel] * scale})
     return Mend("unit", (channel,), unit_line(channel, unit), changed)
+
+
+def clock_line(ratio: float) -> str:
+    """What makes a clock run ``ratio`` times as long."""
+    return f"Column(..., scale={ratio:.3g}) for the time, or the true rate of the samples."
 
 
 def sign_line(channel: str, scale: float = 1.0) -> str:

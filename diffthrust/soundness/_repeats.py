@@ -22,6 +22,8 @@ _MOVED = 0.3
 """Others must have moved by this share of their range meanwhile (10th to 90th percentile)."""
 _COARSE = 12
 """Fewer steps over its range than this make a sensor coarse."""
+_BROAD = 0.03
+"""Steps of this share of the range, and more, are so broad that a sensor rests on its last one."""
 _REGULAR = 0.8
 """Share of the waits between two readings that must be equal (or differ by one sample)."""
 
@@ -115,14 +117,18 @@ def _coarse(log: Log, channel: str, values: np.ndarray) -> Doubt | None:
     step, span = float(np.diff(levels).min()), float(np.ptp(levels))
     if span > _COARSE * step * (1 + 1e-9) or lag_one([values]) < 0.9:
         return None
-    share = float(np.mean(values[1:] == values[:-1]))
-    if share < 0.5:
+    if np.mean(values[1:] == values[:-1]) < 0.5:
         return None
+    return _stepped(log, channel, levels)
+
+
+def _stepped(log: Log, channel: str, levels: np.ndarray) -> Doubt:
+    step, span = float(np.diff(levels).min()), float(np.ptp(levels))
     return Doubt(
         channel,
         "stuck",
         f"{log.name}: {channel} has {levels.size} levels only, {width_shown(log, channel, step)} "
-        f"apart over a range of {width_shown(log, channel, span)}: it is read too coarsely for a "
+        f"apart over a range of {width_shown(log, channel, span)}: its steps are too coarse for a "
         "fit of its course.",
         f"log {channel} with more digits; or give its noise: [channels.{channel}] noise = "
         f"{number(width_as_written(log, channel, step) / 12**0.5, 2)}.",
@@ -142,11 +148,14 @@ def _clipped(
         count = int(at.sum())
         if long.sum() < max(_LEAST, _SHARE * values.size) or long.sum() < 0.6 * count:
             continue
-        near = np.abs(values - extreme) < 0.03 * span
+        near = np.abs(values - extreme) < _BROAD * span
         if near.sum() - count > 0.3 * count:  # it settles there
             continue
         if long.size == 1 and not _others_moved(others, at):
             continue
+        levels = np.unique(values)
+        if np.diff(levels).min() > _BROAD * span:  # its last step, not the end of its range
+            return _stepped(log, channel, levels)
         return Doubt(
             channel,
             "saturated",

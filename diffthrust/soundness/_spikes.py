@@ -16,6 +16,8 @@ _CODES = (
     *(99.0, 255.0, 999.0, 1023.0, 4095.0, 9999.0, 32767.0, 65535.0, 99999.0, 2147483647.0),
 )
 """What loggers and converters write where there is no value."""
+_DRIVES = ("command", "speed", "force", "propeller_speed", "left_force", "right_force")
+"""Inputs that are 0 at their stop."""
 _FAR = 0.25
 """A jump there and back of this share of the range of the others, from which on samples that are
 all alike are a code."""
@@ -47,6 +49,17 @@ def _jumps(
 ) -> Iterator[Doubt]:
     if measured and (block := _block(log, channel, values)) is not None:
         yield _sentinel(log, channel, where, block)
+        return
+    if measured and (away := _dropout(log, where, values)) is not None:
+        yield Doubt(
+            channel,
+            "sentinel",
+            f"{log.name}: {channel} drops to exactly 0 for {int(away.sum())} samples and comes "
+            f"back, from t = {number(_first(log, where, away))} s on, by jumps and while the drive "
+            "is far from its stop: the sensor was away.",
+            f"leave these samples of {channel} empty (nan), or cut the log there; other zeros "
+            "may be true.",
+        )
         return
     height = _heights(values)
     span = float(np.ptp(np.quantile(values[height == 0], (0.02, 0.98)))) if any(height == 0) else 0
@@ -96,6 +109,29 @@ def _block(log: Log, channel: str, values: np.ndarray) -> np.ndarray | None:
         if np.median(edges) > _FAR * np.ptp(np.quantile(rest, (0.02, 0.98))):
             return coded
     return None
+
+
+def _dropout(log: Log, where: np.ndarray, values: np.ndarray) -> np.ndarray | None:
+    """Where a channel is 0 for a while, entered and left by jumps, while the drive goes on."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], (values == 0).astype(int), [0]])))
+    far = _FAR * float(np.quantile(np.abs(values), 0.95))
+    away = np.zeros(values.size, bool)
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        if end - begin <= _ALONE or begin == 0 or end == values.size:
+            continue
+        if min(abs(values[begin - 1]), abs(values[end])) > far:
+            away[begin:end] = _driven(log, int(where[begin]), int(where[end - 1]) + 1)
+    return away if 0 < away.sum() < 0.5 * values.size else None
+
+
+def _driven(log: Log, begin: int, end: int) -> bool:
+    """Whether an input is far from its stop around both ends of a stretch, and mostly between."""
+    for drive in (log.inputs[name] for name in _DRIVES if name in log.inputs):
+        on = np.abs(drive) > _FAR * np.nanquantile(np.abs(drive), 0.98)
+        ends = (on[max(0, k - _NEAR) : k + _NEAR] for k in (begin, end))
+        if all(part.all() for part in ends) and on[begin:end].mean() > 0.7:
+            return True
+    return False
 
 
 def _sentinel(log: Log, channel: str, where: np.ndarray, coded: np.ndarray) -> Doubt:

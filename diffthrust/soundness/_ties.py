@@ -9,7 +9,7 @@ follow what drives them, through some lag, in the same direction.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -36,6 +36,7 @@ class Tie:
         seen: the channel, as compared, ``(m,)``.
         due: what follows from the others, ``(m,)``.
         equal: the gain must be one.
+        drive: what drives it, before any lag, ``(m,)``; empty without a drive.
     """
 
     channel: str
@@ -48,6 +49,7 @@ class Tie:
     seen: np.ndarray
     due: np.ndarray
     equal: bool = False
+    drive: np.ndarray = field(default_factory=lambda: np.empty(0))
 
 
 def ties(r: Record) -> tuple[Tie, ...]:
@@ -200,7 +202,7 @@ def _driven(
         together = float(x @ y) / np.sqrt(xx * power)
         if not abs(best[0]) >= abs(together):
             best = (together, float(x @ y) / xx, due)
-    return Tie(channel, others, words, DRIVE, best[0], best[1], powers, seen, best[2])
+    return Tie(channel, others, words, DRIVE, best[0], best[1], powers, seen, best[2], drive=drive)
 
 
 def trailing(values: np.ndarray, lags: tuple[float, ...]) -> np.ndarray:

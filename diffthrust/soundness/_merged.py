@@ -1,0 +1,47 @@
+"""Doubts of several logs as one list: what to do where not all logs show them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+from diffthrust._support.words import joined
+from diffthrust.soundness._doubt import DOUBT_KINDS, Doubt
+
+Found = tuple[int, Doubt]
+"""The place of a log in the call, and what is doubted about it."""
+_READ = ("sign", "exchanged", "unit", "time_base", "odd_log")
+"""Kinds whose mend changes how a column is read."""
+_SPEC_KEY = re.compile(r"(\[channels\.[^\]]*\] |time = ).*?, or (?=Column)")
+"""What speaks to a spec file in a mend; its keys hold for every log."""
+
+
+def merged(found: Iterable[Found], names: Sequence[str]) -> tuple[Doubt, ...]:
+    """One doubt for each channel and kind; in how many more logs it was found is told.
+
+    Args:
+        found: doubts with the place of the log in which each was found.
+        names: of all logs of the call.
+    """
+    by: dict[tuple[str, str], dict[int, Doubt]] = {}
+    for place, doubt in found:
+        by.setdefault((doubt.channel, doubt.kind), {}).setdefault(place, doubt)
+    told = []
+    for of in by.values():
+        first = next(iter(of.values()))
+        if len(of) > 1:
+            first = replace(first, evidence=f"{first.evidence} And so in {len(of) - 1} more.")
+        if len(of) < len(names) and first.kind in _READ:
+            first = replace(first, mend=_alone(first.mend, [names[place] for place in sorted(of)]))
+        told.append(first)
+    return tuple(sorted(told, key=lambda doubt: DOUBT_KINDS.index(doubt.kind)))
+
+
+def _alone(mend: str, names: Sequence[str]) -> str:
+    """The mend where other logs of the call must stay as they are."""
+    whose = "its" if len(names) == 1 else "their"
+    return (
+        f"for {joined(list(names))} alone, in {whose} own read_log (a key in a spec file changes "
+        f"all logs): {_SPEC_KEY.sub('', mend)} Or correct the file{'s' if len(names) > 1 else ''}."
+    )
