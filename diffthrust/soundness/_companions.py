@@ -105,8 +105,8 @@ def _scaled(
         channel,
         "odd_log",
         f"{evidence}.",
-        f"leave this log out, or look what was different about {channel} (scale = "
-        f"{number(float(np.exp(-size)), 3)} would make it like the others).",
+        f"leave this log out, or look what was different about {channel} (scale="
+        f"{number(float(np.exp(-size)), 3)} in its own read_log would make it like the others).",
     )
 
 
@@ -143,5 +143,5 @@ def _shifted(r: Record, gains: Sequence[dict[tuple[str, str], Tie]], i: int) -> 
                 f"{r.name}: {tie.channel} stands {number(off, 3)} beside where it stands in the "
                 f"other logs, {number(abs(off) / span, 2)} times its range: its zero is off.",
                 f"take {number(off, 3)} {UNITS[tie.channel]} off {tie.channel} by Column(..., "
-                "offset=...), in the unit of the column.",
+                "offset=...) in its own read_log, or tare the sensor.",
             )

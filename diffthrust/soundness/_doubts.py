@@ -43,7 +43,8 @@ def doubts(logs: Log | Sequence[Log], model: Model | None = None) -> tuple[Doubt
     """
     logs = (logs,) if isinstance(logs, Log) else tuple(logs)
     found: list[Found] = []
-    places, records, tied = [], [], []
+    places: list[int] = []
+    records: list[Record] = []
     timeless = model is not None and not model.states
     for place, log in enumerate(logs):
         if timeless:  # a table of readings, in any order
@@ -53,21 +54,28 @@ def doubts(logs: Log | Sequence[Log], model: Model | None = None) -> tuple[Doubt
         coded = [doubt.channel for doubt in seen if doubt.kind == "sentinel"]
         seen += [doubt for doubt in repeating(log) if doubt.channel not in coded]
         seen += missized(log, r)
-        # codes among the values, or another clock, would speak of everything else
-        if r is not None and not coded and all(doubt.kind != "time_base" for doubt in seen):
+        found += [(place, doubt) for doubt in seen]
+        if r is not None and not coded:  # codes among the values would speak of everything else
             places.append(place)
             records.append(r)
-            tied.append(ties(r))
-            held = {d.channel for d in seen if d.kind in ("stuck", "saturated")}
-            seen += _of_ties(r, tied[-1], held)
-            if model is not None and model.name == "thruster":
-                seen += misloaded(stretch(log))
-        found += [(place, doubt) for doubt in seen]
-    clocks = [*misrated([logs[place].step for place in places], records, tied)]
-    astray = {places[i] for i, _ in clocks}
-    astray |= {place for place, doubt in found if doubt.kind in ("sign", "exchanged")}
-    beside = [row for row in unlike(records, tied) if places[row[0]] not in astray]
-    found += [(places[i], doubt) for i, doubt in (*clocks, *beside)]
+    tied = [ties(r) for r in records]
+    # first, as companions tell a clock's factor better than its own step does
+    clocks = misrated([logs[place].step for place in places], records, tied)
+    found = [*((places[i], doubt) for i, doubt in clocks), *found]
+    for place, r, each in zip(places, records, tied, strict=True):
+        seen = [doubt for at, doubt in found if at == place]
+        if any(doubt.kind == "time_base" for doubt in seen):
+            continue  # and so would another clock
+        held = {doubt.channel for doubt in seen if doubt.kind in ("stuck", "saturated")}
+        found += [(place, doubt) for doubt in _of_ties(r, each, held)]
+        if model is not None and model.name == "thruster":
+            found += [(place, doubt) for doubt in misloaded(stretch(logs[place]))]
+    kinds = ("sign", "exchanged", "time_base")
+    astray = {place for place, doubt in found if doubt.kind in kinds}
+    for i, doubt in unlike(records, tied):
+        # nor is a log turned that differs from companions which are
+        if places[i] not in astray and not (astray and doubt.kind == "sign"):
+            found.append((places[i], doubt))
     return merged(found, [log.name for log in logs])
 
 

@@ -124,7 +124,7 @@ def _scaled(r: Record, channel: str, unit: str, scale: float) -> Mend:
 
 def clock_line(ratio: float) -> str:
     """What makes a clock run ``ratio`` times as long."""
-    return f"Column(..., scale={ratio:.3g}) for the time, or the true rate of the samples."
+    return f"Column(..., scale={ratio:.4g}) for the time, or the true rate of the samples."
 
 
 def sign_line(channel: str, scale: float = 1.0) -> str:

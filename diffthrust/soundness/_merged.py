@@ -11,7 +11,7 @@ from diffthrust.soundness._doubt import DOUBT_KINDS, Doubt
 
 Found = tuple[int, Doubt]
 """The place of a log in the call, and what is doubted about it."""
-_READ = ("sign", "exchanged", "unit", "time_base", "odd_log")
+_READ = ("sign", "exchanged", "unit", "time_base")
 """Kinds whose mend changes how a column is read."""
 _SPEC_KEY = re.compile(r"(\[channels\.[^\]]*\] |time = ).*?, or (?=Column)")
 """What speaks to a spec file in a mend; its keys hold for every log."""

@@ -43,8 +43,8 @@ def _signed(r: Record, channel: str) -> Doubt:
         channel,
         "sign",
         f"{evidence}.",
-        f"take unsigned out of [channels.{channel}] (Column(..., unsigned=False)), or look whether "
-        "it is the right column.",
+        f"[channels.{channel}] unsigned = false, or Column(..., unsigned=False); or look "
+        "whether it is the right column.",
     )
 
 

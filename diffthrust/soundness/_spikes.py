@@ -21,6 +21,8 @@ _DRIVES = ("command", "speed", "force", "propeller_speed", "left_force", "right_
 _FAR = 0.25
 """A jump there and back of this share of the range of the others, from which on samples that are
 all alike are a code."""
+_DRIVEN = 0.4
+"""Share of its size from which on a drive is far from its stop, and out of any dead band."""
 _GROSS = 1.5
 """The same for single samples that differ; field logs have spikes of up to a third of the range."""
 _NEAR = 8
@@ -127,7 +129,7 @@ def _dropout(log: Log, where: np.ndarray, values: np.ndarray) -> np.ndarray | No
 def _driven(log: Log, begin: int, end: int) -> bool:
     """Whether an input is far from its stop around both ends of a stretch, and mostly between."""
     for drive in (log.inputs[name] for name in _DRIVES if name in log.inputs):
-        on = np.abs(drive) > _FAR * np.nanquantile(np.abs(drive), 0.98)
+        on = np.abs(drive) > _DRIVEN * np.nanquantile(np.abs(drive), 0.98)
         ends = (on[max(0, k - _NEAR) : k + _NEAR] for k in (begin, end))
         if all(part.all() for part in ends) and on[begin:end].mean() > 0.7:
             return True

@@ -282,6 +282,112 @@ def test_one_doubt_stands_for_what_several_logs_share():
     logs = [changed(made_log(seed=k, count=600), thrust=negated) for k in range(3)]
     (doubt,) = dft.soundness.doubts(logs, MODEL)
     assert "And so in 2 more." in doubt.evidence
+    assert "[channels.thrust] scale = -1" in doubt.mend
+
+
+def several(count, change, **channels):
+    """So many logs, those in `change` with channels put through functions."""
+    logs = [made_log(seed=k, count=600, name=f"run{k}") for k in range(count)]
+    return [changed(log, **channels) if k in change else log for k, log in enumerate(logs)]
+
+
+@pytest.mark.parametrize("channel", ["thrust", "speed", "command"])
+def test_one_log_turned_among_three_is_mended_alone(channel):
+    (doubt,) = dft.soundness.doubts(several(3, {1}, **{channel: negated}), MODEL)
+    assert (doubt.channel, doubt.kind) == (channel, "sign")
+    assert "for run1 alone" in doubt.mend
+    assert "Column(..., scale=-1)" in doubt.mend
+    assert "[channels" not in doubt.mend
+    assert "more" not in doubt.evidence
+
+
+def test_two_logs_turned_among_three_leave_the_third_as_it_is():
+    (doubt,) = dft.soundness.doubts(several(3, {0, 2}, thrust=negated), MODEL)
+    assert "And so in 1 more." in doubt.evidence
+    assert "for run0 and run2 alone" in doubt.mend
+
+
+def test_one_log_with_channels_exchanged_says_so_alone():
+    logs = several(3, ())
+    speed, thrust = logs[1].measured["speed"], logs[1].measured["thrust"]
+    logs[1] = logs[1].replaced(measured={"speed": thrust, "thrust": speed})
+    (doubt,) = dft.soundness.doubts(logs, MODEL)
+    assert (doubt.channel, doubt.kind) == ("speed", "exchanged")
+    assert "for run1 alone" in doubt.mend
+
+
+def test_logs_are_counted_and_not_their_doubts(tmp_path):
+    """The name of its column and its size both tell the unit of one channel."""
+    logs = []
+    for k in range(2):
+        log = made_log(seed=k, count=600)
+        rpm = 30 * log.measured["speed"]
+        rows = np.stack([log.time, log.inputs["command"], rpm], axis=1)
+        path = tmp_path / f"run{k}.csv"
+        np.savetxt(path, rows, delimiter=",", header="t,u,rpm", comments="")
+        speed = dft.Column("rpm", unit="rad/s")
+        logs.append(
+            dft.read_log(path, time="t", inputs={"command": "u"}, measured={"speed": speed})
+        )
+    (doubt,) = (d for d in dft.soundness.doubts(logs, MODEL) if d.kind == "unit")
+    assert "And so in 1 more." in doubt.evidence
+
+
+@pytest.mark.parametrize("factor", [0.1, 0.5, 2.0, 10.0])
+def test_a_clock_of_one_log_is_told_by_its_companions(factor):
+    logs = several(3, ())
+    logs[1] = changed(logs[1], time=lambda t: factor * t)
+    (doubt,) = dft.soundness.doubts(logs, MODEL)
+    assert (doubt.channel, doubt.kind) == ("time", "time_base")
+    assert f"Column(..., scale={1 / factor:g}) for the time" in doubt.mend
+    assert "for run1 alone" in doubt.mend
+
+
+def test_a_log_may_be_taken_at_another_rate():
+    logs = several(3, ())
+    for every in (2, 5):
+        kept = {
+            kind: {k: v[::every] for k, v in getattr(logs[1], kind).items()}
+            for kind in ("inputs", "measured")
+        }
+        slower = logs[1].replaced(time=logs[1].time[::every], **kept)
+        assert dft.soundness.doubts([logs[0], slower, logs[2]], MODEL) == ()
+
+
+def test_a_thrust_that_is_cut_off_is_not_exchanged(log):
+    most = 0.15 * np.abs(log.measured["thrust"]).max()
+    cut = changed(log, thrust=lambda v: np.clip(v, -most, most))
+    assert kinds(cut) == {("thrust", "saturated")}
+
+
+def test_a_thrust_that_is_held_has_no_lag(log):
+    held = changed(log, thrust=lambda v: v[np.arange(v.size) // 12 * 12])
+    assert kinds(held) == {("thrust", "stuck")}
+
+
+def test_the_last_of_broad_steps_is_not_the_end_of_a_range():
+    time, rng = np.arange(1600) * 0.02, np.random.default_rng(2)
+    command = np.repeat(rng.uniform(-1, 1, 20), rng.integers(20, 140, 20))[:1600]
+    answer = np.convolve(command, np.exp(-np.arange(40) / 6))[:1600] / 6.5
+    speed = 300 * np.round(8.3 * answer)
+    log = dft.Log(time, {"command": command}, {"speed": speed}, units={"speed": "rpm"})
+    (doubt,) = doubts(log, dft.SpeedLoopThruster())
+    assert doubt.kind == "stuck"
+    assert "300 rpm apart" in doubt.evidence
+    assert "more digits" in doubt.mend
+
+
+@pytest.mark.parametrize("driven", [True, False])
+def test_zeros_while_the_drive_goes_on_are_no_speed(driven):
+    rng = np.random.default_rng(3)
+    command = np.repeat(rng.uniform(0.5, 1.0, 20) * rng.choice([-1, 1], 20), 40)
+    speed = 1000.0 * command + 20.0 * rng.standard_normal(800)
+    speed[405:435] = 0.0
+    command[400:440] *= driven
+    log = dft.Log(0.05 * np.arange(800), {"command": command}, {"speed": speed})
+    found = [d for d in doubts(log, None) if d.kind == "sentinel"]
+    assert len(found) == driven
+    assert all("for 30 samples" in d.evidence and "(nan)" in d.mend for d in found)
 
 
 def test_a_doubt_is_plain_data(log):
