@@ -321,7 +321,7 @@ def test_logs_are_counted_and_not_their_doubts(tmp_path):
     logs = []
     for k in range(2):
         log = made_log(seed=k, count=600)
-        rpm = 30 * log.measured["speed"]
+        rpm = 300 * log.measured["speed"]
         rows = np.stack([log.time, log.inputs["command"], rpm], axis=1)
         path = tmp_path / f"run{k}.csv"
         np.savetxt(path, rows, delimiter=",", header="t,u,rpm", comments="")
