@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
@@ -66,8 +66,11 @@ def doubts(logs: Log | Sequence[Log], model: Model | None = None) -> tuple[Doubt
         seen = [doubt for at, doubt in found if at == place]
         if any(doubt.kind == "time_base" for doubt in seen):
             continue  # and so would another clock
-        held = {doubt.channel for doubt in seen if doubt.kind in ("stuck", "saturated")}
-        found += [(place, doubt) for doubt in _of_ties(r, each, held)]
+        cut, held = (
+            {doubt.channel for doubt in seen if doubt.kind == kind}
+            for kind in ("saturated", "stuck")
+        )
+        found += [(place, doubt) for doubt in _of_ties(r, each, cut, held)]
         if model is not None and model.name == "thruster":
             found += [(place, doubt) for doubt in misloaded(stretch(logs[place]))]
     kinds = ("sign", "exchanged", "time_base")
@@ -79,16 +82,16 @@ def doubts(logs: Log | Sequence[Log], model: Model | None = None) -> tuple[Doubt
     return merged(found, [log.name for log in logs])
 
 
-def _of_ties(r: Record, found: Sequence[Tie], held: Collection[str]) -> Iterator[Doubt]:
+def _of_ties(r: Record, found: Sequence[Tie], cut: set[str], held: set[str]) -> Iterator[Doubt]:
     """Doubts on what must hang together; where two channels are exchanged, on that alone.
 
-    A channel that is held or cut off says nothing of the law between channels, nor of their clocks.
+    What is cut off says nothing of the law between channels, and what is held nothing of clocks.
     """
-    shape = () if {"speed", "thrust"} & set(held) else tuple(misshaped(r))
+    shape = () if {"speed", "thrust"} & cut else tuple(misshaped(r))
     yield from shape
     if shape:
         return
-    free = [tie for tie in found if not {tie.channel, *tie.others} & set(held)]
+    free = [tie for tie in found if not {tie.channel, *tie.others} & held]
     late = tuple(lagging(r, free))
     yield from late
     if not late:  # a track turned by a late heading goes anywhere
