@@ -288,3 +288,15 @@ def test_quantities_are_told_and_drawn_in_the_units_of_the_logs():
         "values": [1300, 1600, 1700],
     }
     assert data["written"]["median"] == shown.median.tolist()
+
+
+@pytest.mark.parametrize(("command", "unit"), [("V", "N m/V"), ("effort", "N m per full effort")])
+def test_the_torque_constant_is_by_what_the_thruster_is_commanded_in(command, unit):
+    model = dft.Thruster(command=command)
+    plain = log(dft.Thruster())
+    share = {"command": plain.inputs["command"] / 4}
+    made = plain.replaced(inputs=share, units={**plain.units, "command": command})
+    thruster = dft.fit(model, made, starts=1)
+    sizes = {"pitch": 0.1, "area": 0.05}
+    assert dft.uncertainty.physical(thruster, **sizes)["torque_constant"].unit == unit
+    assert quantities(thruster, **sizes, draws=10)["torque_constant"].unit == unit

@@ -16,9 +16,9 @@ from diffthrust.logs._written import ShownUnits
 from diffthrust.uncertainty._prediction.derived_quantity import DerivedQuantity, summarised
 from diffthrust.uncertainty._prediction.draws import Draws, draws_of
 from diffthrust.uncertainty._prediction.physical import (
-    PHYSICAL_UNITS,
     check_sizes,
     check_torque_driven,
+    physical_units,
     torque_driven,
 )
 from diffthrust.uncertainty._prediction.responses import responses
@@ -176,7 +176,7 @@ def quantities(
         check_sizes("quantities", pitch, area, density)
         check_torque_driven("quantities", drawn.model, drawn.values)
         for name, values in torque_driven(drawn.values, pitch, area, density).items():
-            add(name, PHYSICAL_UNITS[name], values)
+            add(name, physical_units(drawn.model)[name], values)
     if "commands" in curves or "steps" in curves:
         _add_responses(drawn, curves, response, inputs or {}, told, add, notes)
     if "amplitudes" in curves:
