@@ -22,7 +22,7 @@ def row_of(result: Any) -> dict[str, Any]:
     return {}
 
 
-def units_of(result: Any) -> dict[str, str]:
+def column_units(result: Any) -> dict[str, str]:
     """The units of the columns of `row_of` that have one."""
     units = {}
     if isinstance(result, Fit):

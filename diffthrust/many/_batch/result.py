@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from diffthrust._support.errors import InputError
 from diffthrust._support.results import Result
 from diffthrust._support.words import joined
-from diffthrust.many._rows import row_of, units_of
+from diffthrust.many._rows import column_units, row_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -106,7 +106,7 @@ class Many(Result):
         """The unit of each column of `table` that has one: that of the model, not of the logs."""
         units = {"seconds": "s"}
         for result in self:
-            units |= units_of(result)
+            units |= column_units(result)
         return units
 
     def _line(self) -> str:
