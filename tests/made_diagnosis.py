@@ -174,7 +174,7 @@ def _candidate(
         train_nrmse=fit.train.nrmse if fit else None,
         holdout_nrmse=fit.holdout.nrmse if fit and fit.holdout else None,
         parameters={
-            name.split(".")[1]: (e.value, e.unit)
+            name.split(".")[1]: e
             for name, e in estimates.items()
             if name.startswith(f"{effect}.") and not e.fixed
         },

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -21,6 +21,8 @@ from diffthrust.specs._file import ExpectedNumber, ExpectedPart, parse_toml
 if TYPE_CHECKING:
     from diffthrust.estimation._result import Fit
 
+_NUMBERS = ("expected", "found", "tolerance", "std_error")
+_FOR_PEOPLE = ("per", "shown_unit")
 _ERRORS = ("train_nrmse", "holdout_nrmse")
 _SHARE = 0.1
 """A parameter may move by this share of its standard error."""
@@ -44,6 +46,9 @@ class CheckRow:
         mend: what to do where they do not.
         std_error: expected standard error of a parameter, that of the new fit where none is
             written; ``None`` where there is none.
+        unit: of all these numbers.
+        per: how many of ``shown_unit`` make one of ``unit``.
+        shown_unit: the unit for people, as the log was written; ``unit`` where it is empty.
     """
 
     fit: str
@@ -54,6 +59,9 @@ class CheckRow:
     ok: bool
     mend: str = ""
     std_error: float | None = None
+    unit: str = ""
+    per: float = 1.0
+    shown_unit: str = ""
 
     @property
     def change(self) -> float | None:
@@ -78,7 +86,18 @@ class CheckRow:
 
     def to_json(self) -> dict[str, Any]:
         """The row as plain data."""
-        return {**vars(self), "difference": self.difference, "verdict": self.verdict}
+        kept = {name: value for name, value in vars(self).items() if name not in _FOR_PEOPLE}
+        shown = vars(self.shown)
+        written = {name: shown[name] for name in (*_NUMBERS, "unit")}
+        verdict = {"difference": self.difference, "verdict": self.verdict}
+        return {**kept, **verdict, "written": written}
+
+    @property
+    def shown(self) -> CheckRow:
+        """The same in the unit for people."""
+        numbers = {name: getattr(self, name) for name in _NUMBERS}
+        scaled = {n: self.per * x if isinstance(x, float) else x for n, x in numbers.items()}
+        return replace(self, **scaled, unit=self.shown_unit or self.unit, per=1.0, shown_unit="")
 
 
 class FoundNumber(NamedTuple):
@@ -112,7 +131,11 @@ def compared(name: str, expected: ExpectedPart, fit: Fit) -> Iterator[CheckRow]:
         allowed = _allowed(number, now[key])
         ok = abs(value - number.value) <= allowed
         error = error if number.std_error is None else number.std_error
-        yield CheckRow(name, quantity, number.value, value, allowed, ok, std_error=error)
+        row = CheckRow(name, quantity, number.value, value, allowed, ok, std_error=error)
+        if key.startswith("parameters."):
+            e = fit.parameters[quantity]
+            row = replace(row, unit=e.unit, per=e.per, shown_unit=e.shown_unit)
+        yield row
 
 
 def _allowed(expected: ExpectedNumber, now: FoundNumber) -> float:

@@ -49,8 +49,10 @@ def check_table(checked: _Checked, everything: bool = False) -> RenderableType:
         everything: show every quantity in the order of the fits, also those that did not move.
     """
     rows = checked.rows if everything else by_size(row for row in checked.rows if not row.ok)
+    rows = [row.shown for row in rows]
     table = plain_table(
-        "Fit", "Quantity", "Expected", "Found", "Moved by", "Tolerance", "", numbers=(2, 3, 4, 5)
+        *("Fit", "Quantity", "Expected", "Found", "Unit", "Moved by", "Tolerance", ""),
+        numbers=(2, 3, 5, 6),
     )
     last = rows[0].fit if rows else ""
     for row in rows:
@@ -62,6 +64,7 @@ def check_table(checked: _Checked, everything: bool = False) -> RenderableType:
             escape(row.quantity),
             _cell(row.expected, row),
             "see below" if _wordy(row) else _cell(row.found, row),
+            escape(row.unit),
             by_how_much(row),
             "" if row.tolerance is None else f"{row.tolerance:.2g}",
             Text(row.verdict, "green" if row.ok else "bold red"),
@@ -109,10 +112,12 @@ def sentence(row: CheckRow) -> str:
         >>> sentence(CheckRow("one", "alpha", 1.0, 1.4, 0.01, False, std_error=0.1))
         'alpha: expected 1.000, found 1.400 (+4.0 std errors)'
     """
+    row = row.shown
     if row.expected is None:
         return row.quantity if row.found is None else f"{row.quantity}: {row.found}"
     by = f" ({by_how_much(row)})" if row.change is not None else ""
     found = "none" if row.found is None else _cell(row.found, row)
+    found += f" {row.unit}" if row.unit else ""
     return f"{row.quantity}: expected {_cell(row.expected, row)}, found {found}{by}"
 
 

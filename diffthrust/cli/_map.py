@@ -50,8 +50,8 @@ def map_command(
         typer.Option(
             "--amplitudes",
             metavar="A,B,... or MIN:MAX:N",
-            help="Of the input, in its unit; N evenly in the logarithm. By default up to the "
-            "largest input in the logs.",
+            help="Of the input, in the model's unit; N evenly in the logarithm. By default up to "
+            "the largest input in the logs.",
         ),
     ] = None,
     frequencies: Annotated[

@@ -13,7 +13,7 @@ from diffthrust.describing._describe import formula_values, notes_of, periodic_v
 from diffthrust.describing._formulas import FORMULAS
 from diffthrust.describing._periodic.respond import Reason
 from diffthrust.describing._request import request
-from diffthrust.describing._values import BandValues, followed_phase, ratio_unit
+from diffthrust.describing._values import BandValues, followed_phase
 from diffthrust.uncertainty._prediction.draws import draws_of
 
 if TYPE_CHECKING:
@@ -44,14 +44,14 @@ class DescribingBand(Result, BandValues):
         """The intervals as plain data, ``null`` where there is none."""
         from diffthrust._support.files import plain
 
-        parts = ("median", "low", "high")
+        parts, shown = ("median", "low", "high"), self.shown
         return plain(
             {
                 "schema": 1,
                 "model": self.model,
                 "method": self.method,
                 "input": {"name": self.input, "unit": self.input_unit},
-                "output": {"name": self.output},
+                "output": {"name": self.output, "unit": self.output_unit},
                 "amplitudes": self.amplitudes,
                 "frequencies": self.frequencies,
                 "gain": dict(zip(parts, self.gain, strict=True)) | {"unit": self.gain_unit},
@@ -61,6 +61,12 @@ class DescribingBand(Result, BandValues):
                 "draws_from": self.kind,
                 "draws": self.draws.shape[0],
                 "notes": self.notes,
+                "written": {
+                    "input": {"unit": shown.input_unit},
+                    "output": {"unit": shown.output_unit},
+                    "amplitudes": shown.amplitudes,
+                    "gain": dict(zip(parts, shown.gain, strict=True)) | {"unit": shown.gain_unit},
+                },
             }
         )
 
@@ -129,7 +135,7 @@ def uncertainty(
         settled = responses.reason == Reason.SETTLED
         values = np.where(settled, responses.first, np.nan).reshape(shape)
         reason = responses.reason.reshape(shape)
-        notes += notes_of(asked, drawn.model, reason)
+        notes += notes_of(asked, drawn.fit or drawn.model, reason)
     share = np.mean(reason == Reason.SETTLED, axis=0)
     phase = np.stack([followed_phase(v) for v in values])
     ends = [0.5, 0.5 * (1 - level), 0.5 * (1 + level)]
@@ -140,7 +146,7 @@ def uncertainty(
         input=input,
         output=output,
         input_unit=units[0],
-        gain_unit=ratio_unit(*units),
+        output_unit=units[1],
         amplitudes=asked.amplitudes,
         frequencies=asked.frequencies,
         gain=_quantiles(np.abs(values), ends),
@@ -150,6 +156,7 @@ def uncertainty(
         kind=drawn.kind,
         draws=values,
         notes=tuple(notes),
+        written=drawn.fit.written if drawn.fit else {},
     )
 
 

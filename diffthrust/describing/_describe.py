@@ -18,6 +18,7 @@ from diffthrust.describing._periodic.solvers import HarmonicBalance, Shooting
 from diffthrust.describing._periodic.truncation import left_out, more_than, too_few
 from diffthrust.describing._request import MapRequest, request
 from diffthrust.estimation._result import Fit
+from diffthrust.logs._written import ShownUnits
 from diffthrust.simulation._dependence import states_behind
 
 
@@ -103,11 +104,11 @@ def maps_of(
 
     Args:
         asked: of each, the same but for the values of the parameters.
-        models: as the user gave them, for the notes.
+        models: as the user gave them, for the notes and the units for people.
         progress: called with a message and the share done.
     """
     first = asked[0]
-    given = {
+    values = {
         name: np.array([one.model.parameters[name].value for one in asked])
         for name in first.model.parameters
     }
@@ -123,17 +124,18 @@ def maps_of(
             "bias": one.bias,
             "amplitudes": one.amplitudes,
             "frequencies": one.frequencies,
+            "written": given.written if isinstance(given, Fit) else {},
         }
-        for one in asked
+        for one, given in zip(asked, models, strict=True)
     ]
     if first.method in FORMULAS:
-        values = formula_values(first, given).reshape(shape)
+        gains = formula_values(first, values).reshape(shape)
         reason = np.zeros(shape[1:], int)
         return [
             DescribingMap(complex=value, reason=reason, **shared)
-            for value, shared in zip(values, common, strict=True)
+            for value, shared in zip(gains, common, strict=True)
         ]
-    responses, error = periodic_values(first, given, progress)
+    responses, error = periodic_values(first, values, progress)
     settled = responses.reason == Reason.SETTLED
 
     def shown(values: np.ndarray) -> np.ndarray:
@@ -229,9 +231,10 @@ def notes_of(asked: MapRequest, given: Any, reason: np.ndarray) -> tuple[str, ..
     for effect in asked.model.effects:
         limit = getattr(effect, "limit", None) if asked.input in effect.ports else None
         if limit is not None and reach > limit:
-            unit = asked.units[0]
+            told = ShownUnits((given.written,) if isinstance(given, Fit) else ())
+            size, unit = told.size(asked.input, limit, asked.units[0])
             notes.append(
-                f"Inputs beyond {limit:.4g} {unit} are cut by '{effect.name}': the gain falls "
+                f"Inputs beyond {size:.4g} {unit} are cut by '{effect.name}': the gain falls "
                 "with the amplitude there."
             )
     return tuple(notes)

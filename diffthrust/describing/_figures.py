@@ -23,6 +23,7 @@ _FEW = 3
 
 def map_figure(result: DescribingValues) -> Figure:
     """Gain and phase: maps with contours, or curves where there are few amplitudes."""
+    result = result.shown
     gain = np.where(result.settled, result.gain, np.nan)
     gain = np.where(gain > 0, gain, np.nan)
     title = f"{result.model}: {result.input} to {result.output}, {result.method.replace('_', ' ')}"
@@ -39,6 +40,7 @@ def map_figure(result: DescribingValues) -> Figure:
 
 def break_figure(result: DescribingValues) -> Figure:
     """The break frequency as a map, and over frequency for several amplitudes."""
+    result = result.shown
     values = result.break_frequency
     label = "break frequency [rad/s]"
     title = f"{result.model}: break frequency, {result.method.replace('_', ' ')}"
@@ -55,6 +57,7 @@ def band_figure(result: BandValues) -> Figure:
     """Gain and phase over frequency for some amplitudes: medians, with bands behind."""
     from matplotlib import colormaps
 
+    result = result.shown
     title = f"{result.model}: {result.input} to {result.output}, {percent(result.level)} band"
     figure = _figure(11.0, 4.2, title)
     rows = _rows(result.amplitudes.size, 4)

@@ -75,6 +75,7 @@ class DescribingMap(Result, DescribingValues):
         """The map as plain data, ``null`` where there is no answer."""
         from diffthrust._support.files import plain
 
+        shown = self.shown
         reasons = {str(int(kind)): kind.words for kind in Reason if np.any(self.reason == kind)}
         return plain(
             {
@@ -102,6 +103,15 @@ class DescribingMap(Result, DescribingValues):
                 "reason": self.reason,
                 "reasons": reasons,
                 "notes": self.notes,
+                "written": {
+                    "input": {"unit": shown.input_unit, "bias": shown.bias},
+                    "output": {"unit": shown.output_unit},
+                    "amplitudes": shown.amplitudes,
+                    "gain": shown.gain,
+                    "gain_unit": shown.gain_unit,
+                    "static_gain": shown.static_gain,
+                    "mean": shown.mean,
+                },
             }
         )
 

@@ -17,6 +17,7 @@ _ROWS = 8
 
 def describing_table(result: DescribingValues) -> RenderableType:
     """Method, how many points settled, and a row for some of the amplitudes."""
+    result = result.shown
     count, size = int(result.settled.sum()), result.reason.size
     how = result.method.replace("_", " ")
     if result.harmonics is not None:
@@ -63,6 +64,7 @@ def describing_table(result: DescribingValues) -> RenderableType:
 
 def band_table(result: BandValues) -> RenderableType:
     """Gain and phase with their intervals, at some of the points."""
+    result = result.shown
     share = percent(result.level)
     table = plain_table(
         f"Amplitude [{result.input_unit}]",

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 
 from diffthrust._support.results import Brief
 from diffthrust.describing._periodic.respond import Reason
+from diffthrust.logs._written import ShownUnits, Written
 from diffthrust.models._base.model import Model
 
 _SMALL_PHASE = 30.0
@@ -40,6 +43,7 @@ class DescribingValues(Brief):
             ``(A, F)``: its real part is that of the gain, its imaginary one that of the phase
             [rad]. NaN where the balance has no answer; ``None`` for other methods.
         notes: what the user should know besides.
+        written: how the logs of the fit wrote each channel: people are told in those units.
     """
 
     model: Model = field(repr=False)
@@ -59,6 +63,25 @@ class DescribingValues(Brief):
     harmonics: int | None = None
     left_out: np.ndarray | None = field(default=None, repr=False)
     notes: tuple[str, ...] = ()
+    written: Mapping[str, Written] = field(default_factory=dict, repr=False)
+
+    @property
+    def shown(self) -> Self:
+        """The same in the units for people."""
+        told = ShownUnits((self.written,))
+        swing, unit = told.size(self.input, 1.0, self.input_unit)
+        size, output_unit = told.size(self.output, 1.0, self.output_unit)
+        mean = self.mean
+        return replace(
+            self,
+            input_unit=unit,
+            output_unit=output_unit,
+            bias=float(told.values(self.input, self.bias, self.input_unit)),
+            amplitudes=swing * self.amplitudes,
+            complex=size / swing * self.complex,
+            mean=None if mean is None else told.values(self.output, mean, self.output_unit),
+            written={},
+        )
 
     @property
     def settled(self) -> np.ndarray:
@@ -139,7 +162,7 @@ class BandValues:
         input: the channel that is a sinusoid.
         output: whose first harmonic it is.
         input_unit: of the amplitudes.
-        gain_unit: of the gain.
+        output_unit: of the output.
         amplitudes: of the input, ``(A,)``.
         frequencies: [rad/s], ``(F,)``.
         gain: median, lower and upper end, ``(3, A, F)``; NaN where fewer than half of the draws
@@ -150,6 +173,7 @@ class BandValues:
         kind: "posterior" or "covariance": where the draws are from.
         draws: the describing function by draw, complex, ``(n, A, F)``.
         notes: what the user should know besides.
+        written: how the logs of the fit wrote each channel: people are told in those units.
     """
 
     model: str
@@ -157,7 +181,7 @@ class BandValues:
     input: str
     output: str
     input_unit: str
-    gain_unit: str
+    output_unit: str
     amplitudes: np.ndarray
     frequencies: np.ndarray
     gain: np.ndarray = field(repr=False)
@@ -167,6 +191,28 @@ class BandValues:
     kind: str
     draws: np.ndarray = field(repr=False)
     notes: tuple[str, ...] = ()
+    written: Mapping[str, Written] = field(default_factory=dict, repr=False)
+
+    @property
+    def gain_unit(self) -> str:
+        """The unit of the gain."""
+        return ratio_unit(self.input_unit, self.output_unit)
+
+    @property
+    def shown(self) -> Self:
+        """The same in the units for people."""
+        told = ShownUnits((self.written,))
+        swing, unit = told.size(self.input, 1.0, self.input_unit)
+        size, output_unit = told.size(self.output, 1.0, self.output_unit)
+        return replace(
+            self,
+            input_unit=unit,
+            output_unit=output_unit,
+            amplitudes=swing * self.amplitudes,
+            gain=size / swing * self.gain,
+            draws=size / swing * self.draws,
+            written={},
+        )
 
 
 def ratio_unit(below: str, above: str) -> str:

@@ -74,7 +74,7 @@ def missing_figure(diag: Findings, most: int = 2) -> Figure:
     """
     from matplotlib.figure import Figure
 
-    shown = [missing for missing in diag.missing if missing.shows][:most]
+    shown = diag.shown([missing for missing in diag.missing if missing.shows][:most])
     figure = Figure(figsize=(11.0, 0.6 + 2.9 * len(shown)), layout="constrained")
     axes = figure.subplots(len(shown), 2, squeeze=False, width_ratios=[1.9, 1])
     for (left, right), missing in zip(axes, shown, strict=True):

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
@@ -14,8 +14,10 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.results import Brief
 from diffthrust.comparison._compare import Comparison
 from diffthrust.diagnosis._headroom import Headroom, headroom_of
+from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._origin import Origin
 from diffthrust.estimation._result import Fit
+from diffthrust.logs._written import ShownUnits
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors
@@ -82,7 +84,7 @@ class TriedEffect(Brief):
         train_nrmse: simulation error on the training logs, at the parameters that predict each
             sample best from all before it (those of a stage are fitted to whole runs).
         holdout_nrmse: the same on the unseen logs.
-        parameters: its estimated parameters, name to value and unit.
+        parameters: its estimated parameters, without standard errors.
     """
 
     stage: int
@@ -93,7 +95,7 @@ class TriedEffect(Brief):
     holdout_gain: float
     train_nrmse: float | None
     holdout_nrmse: float | None
-    parameters: Mapping[str, tuple[float, str]]
+    parameters: Mapping[str, Estimate]
 
 
 @dataclass(frozen=True, repr=False)
@@ -165,6 +167,22 @@ class Missing(Brief):
     def shows(self) -> bool:
         """Whether it depends on a signal, or is clearly larger than its error."""
         return self.signal is not None or not self.size < _TOLD * self.error
+
+    def shown(self, model: Model, told: ShownUnits) -> Missing:
+        """The same in the units for people: of the output that the port's unit is that of."""
+        alike = (name for name, unit in model.outputs.items() if unit == self.unit)
+        per, unit = told.size(next(alike, ""), 1.0, self.unit)
+        runs = tuple((time, per * signal, per * error) for time, signal, error in self.runs)
+        over, mean, error = self.curve
+        under = self.dependence_unit
+        if self.signal is not None and self.signal.rate:
+            size, name = told.size(self.signal.name, 1.0, under.removesuffix("/s"))
+            over, under = size * over, f"{name}/s"
+        elif self.signal is not None:
+            over = told.values(self.signal.name, over, under)
+            under = told.unit(self.signal.name, under)
+        curve = over, per * mean, per * error
+        return replace(self, unit=unit, runs=runs, dependence_unit=under, curve=curve)
 
 
 @dataclass(frozen=True)
@@ -252,6 +270,11 @@ class Findings(Brief):
     def fit(self) -> Fit:
         """The fit of the last stage."""
         return self.stages[-1].fit
+
+    def shown(self, missing: Sequence[Missing]) -> tuple[Missing, ...]:
+        """Missing signals in the units in which the logs were written."""
+        told = ShownUnits((self.fit.written,))
+        return tuple(one.shown(self.fit.model, told) for one in missing)
 
     @cached_property
     def headroom(self) -> tuple[Headroom, Headroom] | None:

@@ -10,6 +10,7 @@ from diffthrust._support.figures import showing
 from diffthrust._support.results import Result
 from diffthrust._support.saved_file import write_saved
 from diffthrust.diagnosis._findings import Findings
+from diffthrust.estimation._estimate import Estimate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -82,7 +83,7 @@ class Diagnosis(Result, Findings):
             "stages": [
                 {
                     "effects": list(stage.effects),
-                    "parameters": {n: dict(vars(e)) for n, e in stage.fit.parameters.items()},
+                    "parameters": {n: e.to_json() for n, e in stage.fit.parameters.items()},
                     "train": stage.train.to_json(),
                     "holdout": stage.holdout.to_json() if stage.holdout else None,
                 }
@@ -92,6 +93,7 @@ class Diagnosis(Result, Findings):
                 {
                     "stage": c.stage,
                     "effect": c.effect,
+                    "parameters": {n: _size(e) for n, e in c.parameters.items()},
                     "delta_bic": c.delta_bic,
                     "p_value": c.p_value,
                     "train_nrmse": c.train_nrmse,
@@ -109,3 +111,9 @@ class Diagnosis(Result, Findings):
             "untestable": dict(self.untestable),
             "headroom": {"before": room[0].to_json(), "after": room[1].to_json()} if room else None,
         }
+
+
+def _size(estimate: Estimate) -> dict[str, Any]:
+    value, _, unit = estimate.shown
+    written = {"value": value, "unit": unit}
+    return {"value": estimate.value, "unit": estimate.unit, "written": written}

@@ -27,7 +27,7 @@ from diffthrust.diagnosis._screen import is_idle, levels_of, screened
 from diffthrust.diagnosis._search import PLAIN, Present, SearchState, Tools
 from diffthrust.diagnosis._structure import gain_of
 from diffthrust.diagnosis._trials import TrialFit, Trials, side_by_side, with_values
-from diffthrust.estimation._estimate import shown_unit
+from diffthrust.estimation._estimate import Estimate, shown_unit
 from diffthrust.logs._written import ShownUnits
 
 MARGIN = 4.0
@@ -169,7 +169,10 @@ def rate(trials: Trials, known: SearchState, trial: TrialFit, leading: float) ->
         train_nrmse=errors[0],
         holdout_nrmse=errors[1],
         parameters={
-            n.partition(".")[2]: (sizes[n].value * trial.values[n], sizes[n].unit) for n in own
+            n.partition(".")[2]: Estimate(
+                trial.values[n], None, named[n].unit, False, False, *sizes[n]
+            )
+            for n in own
         },
     )
 

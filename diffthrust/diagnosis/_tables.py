@@ -72,7 +72,9 @@ def diagnosis_table(diag: Findings) -> RenderableType:
             *headroom_words(diag),
         ),
         *_section("Where the model as given fails", *failure_words(diag.before)),
-        *_section("Missing signal", *(missing_words(m, diag.model) for m in diag.missing)),
+        *_section(
+            "Missing signal", *(missing_words(m, diag.model) for m in diag.shown(diag.missing))
+        ),
         *_section("Errors by log", _rich(log_rows(diag))),
         *_section(
             "Effects tried",
@@ -87,7 +89,7 @@ def diagnosis_table(diag: Findings) -> RenderableType:
         parts += _section(
             "What remains",
             remaining_words(diag),
-            *(missing_words(m, diag.model) for m in diag.left[:1]),
+            *(missing_words(m, diag.model) for m in diag.shown(diag.left[:1])),
             HOW,
             skeleton(diag.fit.model, diag.remaining, diag.missing),
         )
@@ -184,9 +186,8 @@ def ranking_rows(diag: Findings) -> Rows:
         tried = [c for c in diag.ranking if c.stage == stage]
         rows = []
         for c in [c for c in tried[:_SHOWN] if c.likelihood_ratio >= _LEAST] or tried[:1]:
-            estimates = [
-                f"{spelt(k)} {number(v, 3)} {u}".rstrip() for k, (v, u) in c.parameters.items()
-            ]
+            shown = {spelt(name): e.shown for name, e in c.parameters.items()}
+            estimates = [f"{name} {number(v, 3)} {u}".rstrip() for name, (v, _, u) in shown.items()]
             rows.append(
                 (
                     str(c.stage),

@@ -18,6 +18,7 @@ from diffthrust.experiments._confront import Conditions
 from diffthrust.experiments._designs import Design, Space, sequence
 from diffthrust.experiments._rivals import Rival, models_of, names_of, rival_of
 from diffthrust.logs._log import Log
+from diffthrust.logs._written import ShownUnits, Written
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._step_size import choose_substeps
 
@@ -33,6 +34,7 @@ class Request:
         conditions: grid and noise.
         held: values of the inputs that stay constant.
         units: of all inputs and channels.
+        written: how the fits' logs, or else the logs, wrote them.
     """
 
     rivals: tuple[Rival, ...]
@@ -41,6 +43,7 @@ class Request:
     conditions: Conditions
     held: Mapping[str, float]
     units: Mapping[str, str]
+    written: Mapping[str, Written]
 
     def inputs(self, designs: Sequence[Design]) -> dict[str, np.ndarray]:
         """All input series under some designs, ``(D, T)`` each."""
@@ -87,7 +90,9 @@ def requested(
         correlation=math.exp(-step / correlation_time) if correlation_time else 0.0,
     )
     ready = tuple(rival_of(rival, model, runs) for rival, model in zip(rivals, models, strict=True))
-    return Request(ready, names_of(models), space, conditions, constant, units)
+    fitted = [rival.written for rival in rivals if isinstance(rival, Fit)]
+    written = ShownUnits([*fitted, *(log.written for log in runs)]).written
+    return Request(ready, names_of(models), space, conditions, constant, units, written)
 
 
 def _check_numbers(duration: Any, step: Any, rest: Any, correlation_time: Any, seed: Any) -> None:

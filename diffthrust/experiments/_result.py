@@ -12,6 +12,7 @@ import numpy as np
 from diffthrust._support.figures import showing
 from diffthrust._support.files import write_whole
 from diffthrust._support.results import Result
+from diffthrust.logs._written import ShownUnits, Written
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -59,6 +60,7 @@ class Experiment(Result):
             others as they imitate it.
         noise: standard deviation of each channel's noise.
         units: of inputs and channels.
+        written: how the logs so far wrote them: people are told in those units.
     """
 
     sentence: str
@@ -74,6 +76,7 @@ class Experiment(Result):
     predictions: Mapping[str, Mapping[str, np.ndarray]] = field(repr=False)
     noise: Mapping[str, float]
     units: Mapping[str, str] = field(repr=False)
+    written: Mapping[str, Written] = field(default_factory=dict, repr=False)
 
     @property
     def expected_log_likelihood_ratio(self) -> float:
@@ -89,14 +92,23 @@ class Experiment(Result):
         """The inputs, what the rivals predict with its noise, and the difference."""
         from diffthrust.experiments._figures import experiment_figure
 
+        told, units = ShownUnits((self.written,)), self.units
+
+        def shown(series: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+            return {name: told.values(name, x, units[name]) for name, x in series.items()}
+
         order = [self.truth, *(name for name in self.rivals if name != self.truth)]
-        predictions = {name: self.predictions[name] for name in order}
         return experiment_figure(
-            self.sentence, self.time, self.inputs, predictions, self.noise, self.units
+            self.sentence,
+            self.time,
+            shown(self.inputs),
+            {name: shown(self.predictions[name]) for name in order},
+            {name: told.size(name, level, units[name]).value for name, level in self.noise.items()},
+            {name: told.unit(name, unit) for name, unit in units.items()},
         )
 
     def to_csv(self, path: str | Path) -> None:
-        """Write time and inputs as a table for the controller, every digit kept.
+        """Write time and inputs, in ``units``, as a table for the controller, every digit kept.
 
         Raises:
             InputError: the file cannot be written.

@@ -174,7 +174,7 @@ def _result(
         name: dict(zip(conditions.noise, rows, strict=True))
         for name, rows in zip(names, verified.outputs, strict=True)
     }
-    words = in_words(ranked[0][1], space, request.units)
+    words = in_words(ranked[0][1], space, request.units, request.written)
     test = Experiment(
         sentence="",
         time=conditions.time,
@@ -189,6 +189,7 @@ def _result(
         predictions=predictions,
         noise=conditions.noise,
         units=request.units,
+        written=request.written,
     )
     return replace(test, sentence=promise_in_words(words, test, names[verified.imitator]))
 
@@ -197,4 +198,5 @@ def _trial(separation: float, design: Design, request: Request) -> Trial:
     space = request.space
     ranges = {name: design.levels(name, space) for name in space.limits}
     parameters = {**ranges, "share": design.share, "hold": design.hold}
-    return Trial(design.kind, parameters, separation, in_words(design, space, request.units))
+    words = in_words(design, space, request.units, request.written)
+    return Trial(design.kind, parameters, separation, words)

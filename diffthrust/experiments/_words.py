@@ -6,8 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from diffthrust._support.tables import number
 from diffthrust.experiments._designs import KINDS, Design, Space
 from diffthrust.experiments._result import Experiment
+from diffthrust.logs._written import ShownUnits, Written
 
 
 def promise_in_words(words: str, test: Experiment, imitator: str) -> str:
@@ -15,7 +17,8 @@ def promise_in_words(words: str, test: Experiment, imitator: str) -> str:
     apart = {name: test.difference(name, test.truth, imitator) for name in test.noise}
     peaks = {name: float(np.max(np.abs(np.nan_to_num(d)))) for name, d in apart.items()}
     channel = max(peaks, key=lambda name: peaks[name] / test.noise[name])
-    size = f"{peaks[channel]:.2g} {test.units[channel]}".rstrip()
+    told = ShownUnits((test.written,)).size(channel, peaks[channel], test.units[channel])
+    size = f"{number(told.value, 2)} {told.unit}".rstrip()
     size = f"{size} ({peaks[channel] / test.noise[channel]:.2g} x the noise)"
     ratio = f"expected log-likelihood ratio {test.expected_log_likelihood_ratio:.3g}"
     pair = " and ".join(f"'{name}'" for name in test.rivals if name in (test.truth, imitator))
@@ -28,24 +31,33 @@ def promise_in_words(words: str, test: Experiment, imitator: str) -> str:
     return f"{words}: {channel} differs{between} by up to {size}; {ratio}."
 
 
-def in_words(design: Design, space: Space, units: Mapping[str, str]) -> str:
-    """A design in words.
+def in_words(
+    design: Design, space: Space, units: Mapping[str, str], written: Mapping[str, Written]
+) -> str:
+    """A design in words, in the units in which the inputs were written.
 
     Example:
-        >>> in_words(design, space, {"command": "V"})
+        >>> in_words(design, space, {"command": "V"}, {})
         'Staircase of command between -2 V and 2 V, each level held 1.5 s'
     """
-    joined = " and of ".join(f"{n} {_range(design, n, space, units[n])}" for n in design.moved)
+    told = ShownUnits((written,))
+    levels = {
+        n: [
+            f"{_number(float(level))} {told.unit(n, units[n])}".rstrip()
+            for level in told.values(n, design.levels(n, space), units[n])
+        ]
+        for n in space.limits
+    }
+    joined = " and of ".join(f"{n} {_range(design, *levels[n])}" for n in design.moved)
     if len(set(design.moved.values())) > 1:
         joined += " in opposite senses"
     text = f"{KINDS[design.kind].words} of {joined}{_tempo(design, space)}"
     held = [n for n in space.limits if n not in design.moved]
-    values = [f"{n} at {_number(design.levels(n, space)[0], units[n])}" for n in held]
+    values = [f"{n} at {levels[n][0]}" for n in held]
     return f"{text}, with {' and '.join(values)}" if values else text
 
 
-def _range(design: Design, name: str, space: Space, unit: str) -> str:
-    low, high = (_number(level, unit) for level in design.levels(name, space))
+def _range(design: Design, low: str, high: str) -> str:
     if design.kind == "step down":
         low, high = high, low
     if design.kind in ("step up", "step down"):
@@ -66,5 +78,5 @@ def _tempo(design: Design, space: Space) -> str:
     }.get(design.kind, f", each level held {hold}")
 
 
-def _number(value: float, unit: str) -> str:
-    return f"{value + 0.0:.3g} {unit}".rstrip()
+def _number(value: float) -> str:
+    return f"{value:.0f}" if abs(value) >= 1000 else f"{value + 0.0:.3g}"

@@ -22,6 +22,17 @@ def row_of(result: Any) -> dict[str, Any]:
     return {}
 
 
+def column_units(result: Any) -> dict[str, str]:
+    """The units of the columns of `row_of` that have one."""
+    units = {}
+    if isinstance(result, Fit):
+        for name, e in result.parameters.items():
+            units |= {name: e.unit, f"{name}_std_error": e.unit}
+    if isinstance(result, Comparison):
+        units = {f"{name}_rmse": error.unit for name, error in result.errors.channels.items()}
+    return {name: unit for name, unit in units.items() if unit}
+
+
 def fit_row(fit: Fit) -> dict[str, Any]:
     """What a table tells of a fit, but for its parameters."""
     return {

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+import written_fits
+
 from diffthrust._support.tables import rendered  # private: a table as text
 from diffthrust.checks import Checked
-from diffthrust.checks._expected import CheckRow  # private: outcomes made by hand
+from diffthrust.checks._expected import CheckRow, compared  # private: outcomes made by hand
 from diffthrust.checks._result import FitRun  # private: outcomes made by hand
-from diffthrust.checks._tables import check_table  # private: what the command prints
+from diffthrust.checks._tables import check_table, sentence  # private: what the command prints
 from diffthrust.cli._check import error_lines  # private: what GitHub is told
+from diffthrust.specs._file import ExpectedNumber, ExpectedPart  # private: what a block holds
 
 ROWS = (
     CheckRow("one", "alpha", 1.0, 1.0, 0.1, True),
@@ -53,7 +57,7 @@ def test_the_json_of_a_check():
     assert (data["schema"], data["ok"], data["updated"]) == (1, False, [])
     assert set(data["rows"][1]) == {
         *("fit", "quantity", "expected", "found", "tolerance", "ok", "mend"),
-        *("std_error", "difference", "verdict"),
+        *("std_error", "unit", "difference", "verdict", "written"),
     }
     assert data["rows"][1]["difference"] == 4.0
     assert data["rows"][2]["difference"] is None
@@ -71,3 +75,21 @@ def test_what_github_shows_at_the_spec_files():
     lines = error_lines(outcome(*many))
     assert len(lines) == 10
     assert lines[0] == "::error file=fits/f%3A0,title=f%3A0::status: expected a, found b%25%0A"
+
+
+def test_what_moved_is_told_in_the_unit_of_the_log_and_kept_in_the_parameters():
+    fit = written_fits.fit()
+    estimate = fit.parameters["command_deadband.width"]
+    stored = ExpectedNumber(value=estimate.value + 0.01, std_error=0.001)
+    expected = ExpectedPart(parameters={"command_deadband.width": stored})
+    (row,) = compared("one", expected, fit)
+    table = rendered(check_table(outcome(row)))
+    pulses = 400 * estimate.value
+    assert float(table.split()[table.split().index("us") - 1]) == pytest.approx(pulses, abs=0.05)
+    assert f"found {pulses:.3f} us (-10.0 std errors)" in sentence(row)
+    data = row.to_json()
+    assert (data["found"], data["unit"]) == (estimate.value, "effort")
+    assert data["written"]["found"] == pulses
+    assert data["written"]["tolerance"] == 400 * data["tolerance"]
+    assert data["written"]["unit"] == "us"
+    assert data["difference"] == pytest.approx(-10.0)

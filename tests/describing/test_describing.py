@@ -13,6 +13,7 @@ import control
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import written_fits
 import xarray as xr
 from places import EXAMPLES
 
@@ -426,3 +427,42 @@ def test_the_example_runs(tmp_path):
     )
     assert "1024 points, 1024 of them settled" in done.stdout
     assert len(list(tmp_path.glob("*.png"))) == 5
+
+
+def test_maps_of_a_fit_are_told_and_drawn_in_the_units_of_its_logs():
+    fit, grids = written_fits.fit(), {"amplitudes": [0.25, 0.5, 1.0], "frequencies": [0.5, 1, 2]}
+    found = describing_function(fit, **grids, bias=0.1)
+    assert (found.input_unit, found.output_unit) == ("effort", "N")
+    per = written_fits.KGF / 400
+    shown = found.shown
+    np.testing.assert_allclose(shown.amplitudes, [100.0, 200.0, 400.0])
+    np.testing.assert_allclose(shown.gain, per * found.gain, rtol=1e-12)
+    np.testing.assert_allclose(shown.mean, written_fits.KGF * found.mean, rtol=1e-12)
+    assert shown.bias == pytest.approx(1540.0)  # a width, not a difference
+    table = found.report()
+    assert "about 1540 us" in table
+    assert "[us]" in table
+    assert "kgf/us" in table
+    assert "effort" not in table
+    gain, phase = found.plot().axes[:2]
+    assert gain.get_ylabel() == phase.get_ylabel() == "amplitude of the command [us]"
+    assert gain.get_title(loc="left") == "gain [kgf/us]"
+    data = json.loads(json.dumps(found.to_json()))
+    assert (data["input"]["unit"], data["gain_unit"]) == ("effort", "N/effort")
+    assert data["written"]["gain_unit"] == "kgf/us"
+    np.testing.assert_allclose(data["written"]["gain"], per * found.gain, rtol=1e-12)
+    of_a_model = describing_function(fit.model, **grids, bias=0.1)
+    np.testing.assert_array_equal(of_a_model.shown.gain, found.gain)
+
+
+def test_bands_of_a_fit_are_told_and_drawn_in_the_units_of_its_logs():
+    grids = {"amplitudes": [0.25, 0.5], "frequencies": [0.5, 1.0]}
+    band = uncertainty(written_fits.fit(), **grids, output="speed", draws=20)
+    assert band.gain_unit == "(rad/s)/effort"
+    np.testing.assert_allclose(band.shown.gain, written_fits.RPM / 400 * band.gain, rtol=1e-12)
+    assert "rpm/us" in band.report()
+    assert "effort" not in band.report()
+    assert band.plot().axes[0].get_ylabel() == "gain [rpm/us]"
+    data = json.loads(json.dumps(band.to_json()))
+    assert data["written"]["gain"]["unit"] == "rpm/us"
+    assert data["written"]["amplitudes"] == [100.0, 200.0]

@@ -103,8 +103,8 @@ def test_the_result_is_plain_data_of_the_contract(diag):
     ]
     first = plain["ranking"][0]
     assert set(first) == {
-        "stage", "effect", "delta_bic", "p_value", "train_nrmse", "holdout_nrmse"
-    }  # fmt: skip
+        *("stage", "effect", "parameters", "delta_bic", "p_value", "train_nrmse", "holdout_nrmse")
+    }
     assert first["effect"] == plain["stages"][1]["effects"][0]
     assert first["delta_bic"] < -10
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import subprocess
@@ -13,6 +14,7 @@ from io import BytesIO
 import made_diagnosis as made
 import numpy as np
 import pytest
+import written_fits
 
 import diffthrust as dft
 from diffthrust._support.words import an, apart, joined, spelt  # private: words alone
@@ -21,7 +23,12 @@ from diffthrust.diagnosis._figures import (  # private: each figure alone
     ranking_figure,
     stages_figure,
 )
-from diffthrust.diagnosis._findings import Refusal, Remaining, SignalForm  # private: made by hand
+from diffthrust.diagnosis._findings import (  # private: made by hand
+    Refusal,
+    Remaining,
+    SignalForm,
+    Stage,
+)
 from diffthrust.diagnosis._page import page  # private: the page as text
 from diffthrust.diagnosis._skeleton import skeleton  # private: of any port and signal
 from diffthrust.diagnosis._tables import log_rows  # private: its cells
@@ -473,3 +480,49 @@ def test_figures_do_not_touch_pyplot(full, monkeypatch):
     monkeypatch.delitem(sys.modules, "matplotlib.pyplot", raising=False)  # ArviZ brings it along
     page(full)
     assert "matplotlib.pyplot" not in sys.modules
+
+
+def test_parameters_in_json_are_in_their_unit_and_as_the_log_was_written(full):
+    fit = written_fits.fit()
+    tried = replace(full.ranking[0], parameters={"width": fit.parameters["command_deadband.width"]})
+    diag = replace(full, stages=(*full.stages[:1], Stage(("x",), fit)), ranking=(tried,))
+    data = json.loads(json.dumps(diag.to_json()))
+    stage, width = data["stages"][1]["parameters"], fit.parameters["command_deadband.width"]
+    assert stage == json.loads(json.dumps(fit.to_json()))["parameters"]
+    assert stage["command_deadband.width"]["written"]["unit"] == "us"
+    assert data["ranking"][0]["parameters"]["width"] == {
+        "value": width.value,
+        "unit": "effort",
+        "written": {"value": 400 * width.value, "unit": "us"},
+    }
+
+
+def test_missing_signals_are_told_and_drawn_in_the_units_of_the_logs(full):
+    fit = written_fits.fit()
+    known, time = full.missing[0], np.arange(4.0)
+    push = (time, np.array([3.0, -3.0, 3.0, -3.0]), np.full(4, 0.1))
+    curve = np.array([-0.5, 0.0, 0.5]), np.array([-1.0, 0.0, 1.0]), np.full(3, 0.1)
+    thrust = replace(
+        known, port="propeller", unit="N", runs=(push,), dependence_unit="effort", curve=curve
+    )
+    rate = replace(
+        known, port="loop", runs=(push,), signal=SignalForm("speed", rate=True),
+        dependence_unit="rad/s/s", curve=curve,
+    )  # fmt: skip
+    diag = replace(
+        full, model=fit.model, stages=(Stage((), fit),), missing=(thrust, rate), remaining=None
+    )
+    told = diag.report()
+    assert "a signal of 0.31 kgf (RMS)" in told
+    assert "a signal of 3.0 rad/s^2 (RMS)" in told
+    assert " N (RMS)" not in told
+    assert "0.31 kgf" in page(diag)
+    first, over, _, over_rate = missing_figure(diag).axes
+    assert (first.get_ylabel(), over.get_ylabel()) == ("propeller [kgf]", "propeller [kgf]")
+    assert (over.get_xlabel(), over_rate.get_xlabel()) == ("command [us]", "d(speed)/dt [rpm/s]")
+    drawn = over.get_lines()[1].get_xydata()
+    np.testing.assert_allclose(drawn[:, 0], [1300.0, 1500.0, 1700.0])
+    np.testing.assert_allclose(drawn[:, 1], [-written_fits.KGF, 0.0, written_fits.KGF])
+    np.testing.assert_allclose(
+        over_rate.get_lines()[1].get_xdata(), written_fits.RPM * curve[0], rtol=1e-12
+    )

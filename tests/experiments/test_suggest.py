@@ -7,6 +7,7 @@ from io import BytesIO
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import written_fits
 from reference import inputs, thruster
 
 import diffthrust as dft
@@ -433,3 +434,31 @@ def test_errors_name_what_is_missing(change, message):
     rivals = given.pop("rivals")
     with pytest.raises(dft.InputError, match=f"(?s){message}"):
         dft.suggest_experiment(rivals, **given)
+
+
+def test_a_test_is_told_and_drawn_in_the_units_of_the_fits_logs():
+    fits = [written_fits.fit(), written_fits.fit(deadband=False)]
+    test = dft.suggest_experiment(
+        fits, limits={"command": (-0.2, 0.2)}, duration=4.0, step=0.05, noise={"thrust": 0.5}
+    )
+    assert np.max(np.abs(test.inputs["command"])) <= 0.2
+    low, high = (1500 + 400 * level for level in test.ranking[0].parameters["command"])
+    assert f"{low:.0f} us" in test.sentence or f"{high:.0f} us" in test.sentence
+    assert " kgf (" in test.sentence
+    assert " N (" not in test.sentence
+    assert "effort" not in test.report()
+    figure = test.plot()
+    assert [axes.get_ylabel() for axes in figure.axes[::2]] == [
+        *("command\n[us]", "thrust\n[kgf]", "difference\n[kgf]")
+    ]
+    (drawn,) = figure.axes[0].get_lines()
+    np.testing.assert_allclose(drawn.get_ydata(), 1500 + 400 * test.inputs["command"], rtol=1e-12)
+    (line,) = figure.axes[4].get_lines()[1:]
+    apart = written_fits.KGF * test.difference("thrust", *_ordered(test))
+    np.testing.assert_allclose(line.get_ydata(), apart, atol=1e-9)
+
+
+def _ordered(test: dft.experiments.Experiment) -> tuple[str, str]:
+    """The truth, and what imitates it."""
+    (other,) = (name for name in test.rivals if name != test.truth)
+    return test.truth, other

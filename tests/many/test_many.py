@@ -429,3 +429,13 @@ def test_processes_cannot_know_what_a_script_defines(logs, monkeypatch):
     for wrong in ({"processes": 0}, {"processes": 2, "devices": jax.devices()}):
         with pytest.raises(dft.InputError, match="processes"):
             dft.many.fit(MODEL, logs[:2], **wrong)
+
+
+def test_the_units_of_the_columns_of_a_table(fits, logs):
+    units = fits.units
+    assert units["alpha"] == units["alpha_std_error"] == MODEL.parameters["alpha"].unit
+    assert units["seconds"] == "s"
+    compared = dft.many.compare(fits[0].model, logs[:2])
+    assert compared.units == {"seconds": "s", "speed_rmse": "rad/s", "thrust_rmse": "N"}
+    for found in (fits, compared):
+        assert set(found.units) <= set(found.table())

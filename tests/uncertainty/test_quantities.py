@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import written_fits
 from made_posterior import made_posterior
 
 import diffthrust as dft
@@ -258,3 +259,44 @@ def test_a_derived_ratio_has_the_error_of_its_closed_form(fit):
     assert ratio.value == pytest.approx(beta / alpha, rel=1e-12)
     assert ratio.std_error == pytest.approx(math.sqrt(slope @ fit.covariance @ slope), rel=1e-9)
     assert ratio.unit == "1/(V s^2)"
+
+
+def test_quantities_are_told_and_drawn_in_the_units_of_the_logs():
+    commands, steps = np.array([-0.5, 0.25, 0.5]), np.array([0.25, 0.5])
+    found = quantities(written_fits.fit(), commands=commands, steps=steps, draws=20)
+    thrust, time = found["steady_thrust"], found["step_time"]
+    assert (thrust.unit, thrust.grid_unit, time.grid_unit) == ("N", "effort", "effort")
+    np.testing.assert_array_equal(thrust.grid, commands)
+    shown = thrust.shown
+    np.testing.assert_allclose(shown.median, written_fits.KGF * thrust.median, rtol=1e-12)
+    np.testing.assert_allclose(shown.grid, [1300.0, 1600.0, 1700.0])
+    np.testing.assert_allclose(time.shown.grid, [100.0, 200.0])  # from the stop, not a width
+    np.testing.assert_array_equal(time.shown.median, time.median)
+    table = found.report()
+    assert "command [us]" in table
+    assert "steady_thrust [kgf]" in table
+    assert "step of command [us]" in table
+    assert "effort" not in table
+    labels = [(axes.get_xlabel(), axes.get_ylabel()) for axes in found.plot().axes]
+    assert labels[0] == ("command [us]", "steady thrust [kgf]")
+    data = json.loads(json.dumps(found.to_json()))["quantities"]["steady_thrust"]
+    assert (data["unit"], data["grid"]["unit"]) == ("N", "effort")
+    assert data["median"] == thrust.median.tolist()
+    assert data["written"]["grid"] == {
+        "name": "command",
+        "unit": "us",
+        "values": [1300, 1600, 1700],
+    }
+    assert data["written"]["median"] == shown.median.tolist()
+
+
+@pytest.mark.parametrize(("command", "unit"), [("V", "N m/V"), ("effort", "N m per full effort")])
+def test_the_torque_constant_is_by_what_the_thruster_is_commanded_in(command, unit):
+    model = dft.Thruster(command=command)
+    plain = log(dft.Thruster())
+    share = {"command": plain.inputs["command"] / 4}
+    made = plain.replaced(inputs=share, units={**plain.units, "command": command})
+    thruster = dft.fit(model, made, starts=1)
+    sizes = {"pitch": 0.1, "area": 0.05}
+    assert dft.uncertainty.physical(thruster, **sizes)["torque_constant"].unit == unit
+    assert quantities(thruster, **sizes, draws=10)["torque_constant"].unit == unit

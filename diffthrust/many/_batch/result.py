@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from diffthrust._support.errors import InputError
 from diffthrust._support.results import Result
 from diffthrust._support.words import joined
-from diffthrust.many._rows import row_of
+from diffthrust.many._rows import column_units, row_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -100,6 +100,14 @@ class Many(Result):
             else:
                 rows.append({**row, **row_of(result)})
         return pd.DataFrame(rows, columns=None if rows else list(_TOLD))
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The unit of each column of `table` that has one: that of the model, not of the logs."""
+        units = {"seconds": "s"}
+        for result in self:
+            units |= column_units(result)
+        return units
 
     def _line(self) -> str:
         kinds = {type(result).__name__ for result in self}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,10 @@ class DerivedQuantity(Brief):
         grid: what a curve is over, ``(m,)``; ``None`` for a number.
         grid_name: what the grid is.
         grid_unit: its unit.
+        per: how many of ``shown_unit`` make one of ``unit``.
+        shown_unit: the unit for people, in which the logs were written; ``unit`` where it is empty.
+        shown_grid: the grid for people, ``(m,)``; ``None`` where it is the same.
+        shown_grid_unit: its unit.
     """
 
     name: str
@@ -35,9 +39,27 @@ class DerivedQuantity(Brief):
     grid: np.ndarray | None = None
     grid_name: str = ""
     grid_unit: str = ""
+    per: float = 1.0
+    shown_unit: str = ""
+    shown_grid: np.ndarray | None = None
+    shown_grid_unit: str = ""
+
+    @property
+    def shown(self) -> DerivedQuantity:
+        """The same in the units for people."""
+        names = ("median", "low", "high", "draws")
+        values = {name: self.per * getattr(self, name) for name in names}
+        unit = {"unit": self.shown_unit or self.unit, "per": 1.0, "shown_unit": ""}
+        if self.shown_grid is not None:
+            grid = {"grid": self.shown_grid, "grid_unit": self.shown_grid_unit}
+            unit = {**unit, **grid, "shown_grid": None, "shown_grid_unit": ""}
+        return replace(self, **values, **unit)
 
     def to_json(self) -> dict[str, Any]:
-        """Median and interval as plain data; infinite times as ``null``."""
+        """Median and interval as plain data, infinite times as ``null``; and as for people."""
+        return {**self._plain(), "written": self.shown._plain()}
+
+    def _plain(self) -> dict[str, Any]:
         data = {"unit": self.unit, "median": self.median, "low": self.low, "high": self.high}
         if self.grid is not None:
             data["grid"] = {"name": self.grid_name, "unit": self.grid_unit, "values": self.grid}

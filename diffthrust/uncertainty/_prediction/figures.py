@@ -74,7 +74,7 @@ def curves_figure(quantities: Mapping[str, DerivedQuantity], level: float) -> Fi
     """
     from matplotlib.figure import Figure
 
-    curves = [q for q in quantities.values() if q.grid is not None and q.grid.size > 1]
+    curves = [q.shown for q in quantities.values() if q.grid is not None and q.grid.size > 1]
     if not curves:
         raise InputError(
             f"None of the quantities is a curve: {listing(quantities)}.",

@@ -46,13 +46,13 @@ def physical(
     Jason thruster give an efficiency of 0.19 to 0.20 from its ct, and 0.22 in its text.
 
     Args:
-        fit: a fit of the `Thruster`, commanded in volts.
+        fit: a fit of the `Thruster`.
         pitch: pitch of the propeller [m/rad].
         area: area of the duct [m^2].
         density: of the water [kg/m^3].
 
     Returns:
-        "efficiency" [-], "volume" [m^3] and "torque_constant" [N m/V].
+        "efficiency" [-], "volume" [m^3] and "torque_constant" [N m/V, or N m per full effort].
 
     Raises:
         InputError: not a thruster, a failed fit, or a size that is not positive.
@@ -72,11 +72,14 @@ def physical(
     def quantities(p: Mapping[str, Any]) -> dict[str, Any]:
         return torque_driven(p, pitch, area, density)
 
-    return derived(fit, quantities, PHYSICAL_UNITS)
+    return derived(fit, quantities, physical_units(fit.model))
 
 
-PHYSICAL_UNITS = {"efficiency": "", "volume": "m^3", "torque_constant": "N m/V"}
-"""Units of what `torque_driven` gives."""
+def physical_units(model: Model) -> dict[str, str]:
+    """Units of what `torque_driven` gives; the torque is that by one volt, or by full effort."""
+    by_effort = model.inputs.get("command") == "effort"
+    torque = "N m per full effort" if by_effort else "N m/V"
+    return {"efficiency": "", "volume": "m^3", "torque_constant": torque}
 
 
 def torque_driven(

@@ -12,12 +12,13 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
 from diffthrust._support.names import listing
 from diffthrust._support.results import Result
+from diffthrust.logs._written import ShownUnits
 from diffthrust.uncertainty._prediction.derived_quantity import DerivedQuantity, summarised
 from diffthrust.uncertainty._prediction.draws import Draws, draws_of
 from diffthrust.uncertainty._prediction.physical import (
-    PHYSICAL_UNITS,
     check_sizes,
     check_torque_driven,
+    physical_units,
     torque_driven,
 )
 from diffthrust.uncertainty._prediction.responses import responses
@@ -162,6 +163,7 @@ def quantities(
     by_name: dict[str, DerivedQuantity] = {}
     notes = list(drawn.notes)
     share = level
+    told = ShownUnits((drawn.fit.written,) if drawn.fit else ())
 
     def add(name: str, unit: str, values: Any, *grid: Any) -> None:
         if name in by_name:
@@ -174,14 +176,16 @@ def quantities(
         check_sizes("quantities", pitch, area, density)
         check_torque_driven("quantities", drawn.model, drawn.values)
         for name, values in torque_driven(drawn.values, pitch, area, density).items():
-            add(name, PHYSICAL_UNITS[name], values)
+            add(name, physical_units(drawn.model)[name], values)
     if "commands" in curves or "steps" in curves:
-        _add_responses(drawn, curves, response, inputs or {}, add, notes)
+        _add_responses(drawn, curves, response, inputs or {}, told, add, notes)
     if "amplitudes" in curves:
         check_torque_driven("quantities", drawn.model, drawn.values)
         swing = curves["amplitudes"]
         pace = 8.0 * drawn.values["alpha"][:, None] / (3.0 * np.pi) * np.abs(swing)
-        add("break_frequency", "rad/s", pace, swing, "speed amplitude", "rad/s")
+        size, unit = told.size("speed", 1.0, "rad/s")
+        grid = (swing, "speed amplitude", "rad/s", 1.0, "", size * swing, unit)
+        add("break_frequency", "rad/s", pace, *grid)
         shafted = [e.name for e in drawn.model.effects if {"load", "shaft"} & set(e.ports)]
         if shafted:
             notes.append(
@@ -200,6 +204,7 @@ def _add_responses(
     curves: Mapping[str, np.ndarray],
     response: str | None,
     inputs: Mapping[str, float],
+    told: ShownUnits,
     add: Callable[..., None],
     notes: list[str],
 ) -> None:
@@ -212,9 +217,14 @@ def _add_responses(
     unit, count = model.inputs.get(drive, ""), commands.size
     if count:
         values = answers.steady[:, :count]
-        add(f"steady_{output}", model.outputs[output], values, commands, drive, unit)
+        grid = told.values(drive, commands, unit), told.unit(drive, unit)
+        size = told.size(output, 1.0, model.outputs[output])
+        over = commands, drive, unit, *size, *grid
+        add(f"steady_{output}", model.outputs[output], values, *over)
     if steps.size:
-        add("step_time", "s", answers.time[:, count:], steps, f"step of {drive}", unit)
+        size, shown = told.size(drive, 1.0, unit)
+        over = steps, f"step of {drive}", unit, 1.0, "", size * steps, shown
+        add("step_time", "s", answers.time[:, count:], *over)
     if not np.all(np.isfinite(answers.time[:, count:])):
         notes.append("step_time is infinite (inf) where a step moves nothing, as in a deadband.")
     if answers.unsettled > 0:

@@ -52,6 +52,7 @@ def quantities_table(
     """Intervals of the numbers, then each curve, at some of its points where it has many."""
     share = percent(level)
     parts: list[RenderableType] = []
+    quantities = [q.shown for q in quantities]
     numbers = [q for q in quantities if q.grid is None]
     if numbers:
         table = plain_table("Quantity", "Median", f"{share} from", "to", "Unit", numbers=(1, 2, 3))
