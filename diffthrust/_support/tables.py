@@ -21,7 +21,7 @@ WIDEST = 100
 _GAP = 2
 _PROSE = 20
 """Words in a column are not squeezed below so many characters while the table can be divided."""
-_WORD = 36
+_WORD = 32
 """Longer words, such as paths, may be broken."""
 
 
