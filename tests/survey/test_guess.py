@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -146,7 +148,7 @@ def test_of_many_outputs_the_one_that_the_shaft_follows_is_the_command():
     ]
     driven = np.abs(np.roll(outputs[5].values - 1500, 2)) * 3 + rng.normal(0, 10, 400)
     fields = (*outputs, clocked("ESC.RPM", driven), clocked("ATT.Yaw", 90 + WAVE))
-    found = choice_of(Contents("x.bin", "ArduPilot DataFlash log", True, fields))  # type: ignore
+    found = choice_of(Contents(Path("x.bin"), "ArduPilot DataFlash log", True, fields))
     assert found.model == "speed_loop_thruster"
     assert found.channels["command"].field.name == "RCOU.C6"
     assert found.channels["speed"].unsigned
@@ -161,7 +163,7 @@ def test_in_ros_sway_and_yaw_rate_are_turned_round():
         clocked("/odom.twist.twist.linear.y", WAVE**2),
         clocked("/odom.twist.twist.angular.z", WAVE[::-1] - WAVE),
     ]
-    found = choice_of(Contents("bag", "ROS 2 bag", True, tuple(fields)))  # type: ignore
+    found = choice_of(Contents(Path("bag"), "ROS 2 bag", True, tuple(fields)))
     scales = {name: pick.meaning.scale for name, pick in found.channels.items()}
     assert scales == {
         "left_force": 1, "right_force": 1, "surge": 1, "sway": -1, "yaw_rate": -1,
