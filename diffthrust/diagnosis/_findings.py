@@ -14,6 +14,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.results import Brief
 from diffthrust.comparison._compare import Comparison
 from diffthrust.diagnosis._headroom import Headroom, headroom_of
+from diffthrust.diagnosis._worth import Worth
 from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._origin import Origin
 from diffthrust.estimation._result import Fit
@@ -25,7 +26,7 @@ from diffthrust.simulation._errors import Errors
 if TYPE_CHECKING:
     from diffthrust.experiments._result import Experiment
 
-Verdict = Literal["adequate", "effects_found", "unexplained"]
+Verdict = Literal["adequate", "effects_found", "unexplained", "undecided"]
 
 
 @dataclass(frozen=True)
@@ -209,13 +210,48 @@ class Remaining:
         return str(self.signal)
 
 
+@dataclass(frozen=True)
+class OddLog:
+    """A log that disagrees with the others.
+
+    Args:
+        log: its name.
+        channel: the measured channel in which it shows most.
+        evidence: a sentence that says how it differs.
+        share: of the squared whole-run error of all logs that this one carries.
+    """
+
+    log: str
+    channel: str
+    evidence: str
+    share: float = float("nan")
+
+
+@dataclass(frozen=True)
+class HeldValue:
+    """A parameter that is held at a value against which the logs speak.
+
+    Args:
+        value: at which it is held.
+        wanted: what these logs want.
+        std_error: of that.
+        unit: of all three.
+    """
+
+    value: float
+    wanted: float
+    std_error: float
+    unit: str = ""
+
+
 @dataclass(frozen=True, repr=False)
 class Findings(Brief):
     """What is missing from a model.
 
     Args:
-        verdict: "adequate", "effects_found", or "unexplained" (structure remains; effects may
-            still have been added).
+        verdict: "adequate", "effects_found", "unexplained" (structure remains; effects may
+            still have been added), or "undecided" (errors over whole runs are large and last, and
+            these logs let random forces explain them as well as physics).
         model: the model that was diagnosed, as it was given.
         best: the effects that were added, at their estimated parameters: ``model + diag.best``.
         groups: for each added effect, all effects that these logs cannot tell from it.
@@ -237,6 +273,13 @@ class Findings(Brief):
         trained: the model as given and the last stage, held against the training logs.
         notes: what the user should know besides.
         origin: when and with which versions it was made, and of which logs.
+        worth: of each added or detectable effect, what it removes of the squared whole-run error of
+            unseen logs.
+        detectable: effects that are certain and change nothing that matters over whole runs.
+        possible: where the verdict is "undecided", effects that would lower the errors over whole
+            runs, with their worth.
+        odd_logs: logs that disagree with the others.
+        held: fixed parameters that these logs want elsewhere.
     """
 
     verdict: Verdict
@@ -260,6 +303,11 @@ class Findings(Brief):
     left: tuple[Missing, ...] = ()
     notes: tuple[str, ...] = ()
     origin: Origin | None = field(default=None, repr=False)
+    worth: Mapping[str, Worth] = field(default_factory=dict)
+    detectable: tuple[str, ...] = ()
+    possible: Mapping[str, Worth] = field(default_factory=dict)
+    odd_logs: tuple[OddLog, ...] = ()
+    held: Mapping[str, HeldValue] = field(default_factory=dict)
 
     @property
     def added(self) -> tuple[str, ...]:

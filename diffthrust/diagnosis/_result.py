@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -79,6 +79,9 @@ class Diagnosis(Result, Findings):
             "schema": 1,
             "verdict": self.verdict,
             "added": list(self.added),
+            "detectable": list(self.detectable),
+            "worth": {name: worth.to_json() for name, worth in self.worth.items()},
+            "possible": {name: worth.to_json() for name, worth in self.possible.items()},
             "groups": [list(group) for group in self.groups],
             "stages": [
                 {
@@ -108,6 +111,8 @@ class Diagnosis(Result, Findings):
             }
             if left
             else None,
+            "odd_logs": [asdict(odd) for odd in self.odd_logs],
+            "held": {name: asdict(held) for name, held in self.held.items()},
             "untestable": dict(self.untestable),
             "headroom": {"before": room[0].to_json(), "after": room[1].to_json()} if room else None,
         }

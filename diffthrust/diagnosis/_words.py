@@ -73,6 +73,7 @@ def verdict_words(diag: Findings) -> str:
         "adequate": "adequate",
         "effects_found": "effects found",
         "unexplained": "something remains unexplained",
+        "undecided": "undecided",
     }[diag.verdict]
 
 
