@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing
 from diffthrust.estimation._registry import LIKELIHOODS, LOSSES, NOISE_MODELS
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
@@ -56,6 +57,7 @@ def check_arguments(
     likelihood: str = "simulation",
     noise_model: str = "white",
     horizon: Any = None,
+    guesses: Any = (),
 ) -> None:
     """Raise `InputError` for an argument of `fit` or `diagnose` that cannot be meant."""
     if not isinstance(model, Model):
@@ -96,6 +98,7 @@ def check_arguments(
                 f"{what}: expected at least {least}, a whole number, found {value!r}.",
                 "Correct it.",
             )
+    _check_guesses(adopted(model, logs), guesses)
     for log in unseen:  # before the work, not after it
         inputs_of(adopted(model, logs), log)
     if not logs:
@@ -105,3 +108,22 @@ def check_arguments(
             f"Every parameter of '{model}' is fixed: there is nothing to fit.",
             "Free at least one, or use compare.",
         )
+
+
+def _check_guesses(model: Model, guesses: Any) -> None:
+    """Raise `InputError` for guesses that are no values of the model's free parameters."""
+    if not isinstance(guesses, Sequence) or not all(isinstance(g, Mapping) for g in guesses):
+        raise InputError(
+            f"guesses: expected a list of values by parameter, found {guesses!r}.",
+            f"Write guesses=[{{'{next(iter(model.parameters), 'name')}': 1.0}}].",
+        )
+    named = model.parameters
+    for values in guesses:
+        absent = [n for n, value in values.items() if n in named and value == named[n].null]
+        model.replace({n: value for n, value in values.items() if n not in absent})
+        held = [n for n, value in values.items() if named[n].fixed and value != named[n].value]
+        if held:
+            raise InputError(
+                f"guesses: {listing(held)} is fixed, but a guess gives another value.",
+                "Free it, or leave it out of the guess.",
+            )

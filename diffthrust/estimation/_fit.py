@@ -47,6 +47,7 @@ def fit(
     *,
     holdout: Log | Sequence[Log] | None = None,
     starts: int = 8,
+    guesses: Sequence[Mapping[str, float]] = (),
     seed: int = 0,
     horizon: float | Sequence[float | None] | Literal["auto"] | None = "auto",
     likelihood: Literal["simulation", "innovations"] = "simulation",
@@ -73,6 +74,9 @@ def fit(
         logs: training logs. Each has its own initial state.
         holdout: unseen logs, only compared.
         starts: number of starts; the first is the model's own values.
+        guesses: values of parameters by name, of which each mapping is one more start; parameters
+            that it does not name begin as the model has them. They are carried to the end at every
+            horizon, so that the fit ends no worse than the best of them does.
         seed: of the other starts.
         horizon: the simulation is set to the measured state again every so many seconds. A
             sequence is gone through from the first to the last, each stage from the result of the
@@ -121,6 +125,7 @@ def fit(
         likelihood=likelihood,
         noise_model=noise_model,
         horizon=horizon,
+        guesses=guesses,
     )
     model = adopted(model, logs)
     words = {"likelihood": likelihood, "noise_model": noise_model, "loss": loss}
@@ -132,6 +137,7 @@ def fit(
         automatic=horizon == "auto",
         initial=initial,
         starts=starts,
+        guesses=tuple(guesses),
         rng=np.random.default_rng(seed),
         tell=teller(progress),
     )
@@ -169,6 +175,7 @@ class _Task(NamedTuple):
     automatic: bool
     initial: str
     starts: int
+    guesses: tuple[Mapping[str, float], ...]
     rng: np.random.Generator
     tell: Progress
 
@@ -257,7 +264,8 @@ def _pass(task: _Task, model: Model, substeps: int, shares: tuple[float, float])
     begin = horizons[0] is None
     problem, silent, first = without_silent(problem, arrange, task.rng, begin)
     hold = task.initial == "auto"
-    search, final = through(problem, horizons, hold, task.starts, task.rng, tell, first)
+    guesses = [problem.at(values) for values in task.guesses]
+    search, final = through(problem, horizons, hold, task.starts, task.rng, tell, first, guesses)
     length = horizons[-1]
     if task.automatic and horizons != (None,):
         search, final, length, notes = whole_runs(search, final, length)
@@ -276,7 +284,8 @@ def _judged(optimum: _Optimum, again: tuple[str, ...], doubts: tuple[Doubt, ...]
     search, problem, best = optimum.search, optimum.problem, optimum.best
     local, cost = examine(problem, best.z, best.quadratic), float(best.quadratic.cost)
     agreeing = search.agreeing_on(problem)
-    status, message = judge(local, cost, search.begun, agreeing, search.rivals(problem))
+    alone = search.begun - len(search.guesses) == 1
+    status, message = judge(local, cost, search.begun, agreeing, search.rivals(problem), alone)
     figures = (local.gradient, local.rank, local.columns, local.condition)
     correlated = correlation_notes(problem, best.z, optimum.runs)
     train = pooled_errors(optimum.runs)

@@ -59,15 +59,17 @@ def through(
     rng: np.random.Generator,
     tell: Progress,
     first: Solved | None = None,
+    guesses: Sequence[np.ndarray] = (),
 ) -> tuple[Search, Problem]:
     """Search at the first horizon, then follow the optimum as the horizon grows.
 
     With ``hold``, segments begin at the measured state throughout. ``first`` is the first start at
-    the first horizon where it was begun already.
+    the first horizon where it was begun already. The ``guesses`` are begun with at every horizon:
+    what they are known to be good for may be lost on the way through the segments.
     """
     stage = restarts(problem, horizons[0], hold=hold and horizons[0] is not None)
     share = 1.0 if len(horizons) == 1 else _FIRST
-    ended = search(stage, starts, rng, part(tell, 0.0, share), first)
+    ended = search(stage, starts, rng, part(tell, 0.0, share), first, guesses)
     for horizon in horizons[1:]:
         stage = restarts(problem, horizon, hold=hold and horizon is not None)
         tell(f"segments of {horizon:g} s" if horizon else "whole runs", share)

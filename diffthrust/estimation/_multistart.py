@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -34,11 +35,13 @@ class Search:
 
     Args:
         optima: the distinct optima, the best first, each with the number of starts that led to it.
-        begun: starts that were begun.
+        begun: starts that were begun, the caller's own guesses among them.
+        guesses: of these.
     """
 
     optima: tuple[tuple[Solved, int], ...]
     begun: int
+    guesses: tuple[np.ndarray, ...] = ()
 
     @property
     def best(self) -> Solved:
@@ -63,9 +66,10 @@ class Search:
         return sum(n for (_, n), d in zip(self.optima, away, strict=True) if np.all(d <= 1.0))
 
     def followed(self, problem: Problem) -> Search:
-        """The search carried on to a related problem from its best few optima."""
+        """The search carried on to a related problem from its best few optima and the guesses."""
         carried = [(solve(problem, solved.z), n) for solved, n in self.optima[:_CARRIED]]
-        return Search(distinct(carried), self.begun)
+        carried += [(solve(problem, z), 1) for z in self.guesses]
+        return replace(self, optima=distinct(carried))
 
     def rivals(self, problem: Problem) -> tuple[str, ...]:
         """Parameters in which an equally good optimum differs from the best by over an error."""
@@ -111,17 +115,18 @@ def search(
     rng: np.random.Generator,
     progress: Progress | None = None,
     first: Solved | None = None,
+    guesses: Sequence[np.ndarray] = (),
 ) -> Search:
     """Minimise from several starts.
 
     Every start is carried a few steps; the best quarter (at least `_ENDED`) are carried to the end.
     While the best optimum was found fewer than `_AGREED` times, the next best are carried on too,
     and then as many starts again are drawn, twice at most. ``first`` is the first start where it
-    was begun already.
+    was begun already. All ``guesses`` are carried to the end, whatever the others reach.
     """
     tell = teller(progress)
     begun: list[Solved] = []
-    ended: list[Solved] = []
+    ended = [solve(problem, z) for z in guesses]
     total = 0
     for shares in _ROUNDS:
         say = part(tell, *shares)
@@ -145,7 +150,7 @@ def search(
     if not ended:  # not one start could be simulated
         ended.append(solve(problem, problem.start(), budget=1))
     optima = distinct([(solved, 1) for solved in ended])
-    return Search(_mirrored(problem, optima), total)
+    return Search(_mirrored(problem, optima), total + len(guesses), tuple(guesses))
 
 
 def distinct(ended: list[tuple[Solved, int]]) -> tuple[tuple[Solved, int], ...]:

@@ -139,6 +139,15 @@ class Problem:
         spare = np.zeros(self.shared - len(ahead))
         return np.concatenate([np.asarray(ahead, float), spare, *states])
 
+    def at(self, values: Mapping[str, float]) -> np.ndarray:
+        """Coordinates of other values of some parameters, within the limits."""
+        z, (low, high) = self.start(), self.limits()
+        with np.errstate(divide="ignore"):  # the logarithm of a null ends at its limit
+            for i, name in enumerate(self.free):
+                if name in values:
+                    z[i] = self.named[name].to_coordinate(np.float64(values[name]))
+        return np.clip(z, low, high)
+
     def limits(self) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper limits of the coordinates."""
         low, high = self._limits

@@ -186,9 +186,17 @@ def _combination(problem: Problem, inside: np.ndarray, direction: np.ndarray) ->
 
 
 def judge(
-    local: Local, cost: float, starts: int, agreeing: int, rivals: Sequence[str] = ()
+    local: Local,
+    cost: float,
+    starts: int,
+    agreeing: int,
+    rivals: Sequence[str] = (),
+    alone: bool = False,
 ) -> tuple[Status, str]:
-    """The status that the checks allow, with a sentence that says why."""
+    """The status that the checks allow, with a sentence that says why.
+
+    Where no start was drawn beside the caller's guesses, ``alone``, agreement is no claim.
+    """
     if not np.isfinite(cost):
         return Status.SIMULATION_FAILED, (
             "No start could be simulated: every one diverged. "
@@ -214,7 +222,7 @@ def judge(
             f"Several sets of values fit equally well; they differ in {_names(rivals)}. "
             "Narrow the bounds, or use logs that separate them."
         )
-    if starts > 1 and agreeing < 2:
+    if not alone and agreeing < 2:
         return Status.STARTS_DISAGREE, (
             f"Of {starts} starts only one reached the lowest error: there may be a lower one. "
             "Raise starts, or start nearer."
@@ -224,8 +232,8 @@ def judge(
             f"Converged with {_names(local.at_bound)} at a bound, "
             "held there by the data: a parameter at a bound has no standard error."
         )
-    alone = " A single start says nothing of other optima." if starts == 1 else ""
-    return Status.CONVERGED, f"Converged: {agreeing} of {starts} starts agree.{alone}"
+    single = " A single start says nothing of other optima." if starts == 1 else ""
+    return Status.CONVERGED, f"Converged: {agreeing} of {starts} starts agree.{single}"
 
 
 def _names(names: Sequence[str]) -> str:
