@@ -12,6 +12,7 @@ from diffthrust._support.errors import InputError, Place
 from diffthrust._support.figures import showing
 from diffthrust._support.names import listing, nearest
 from diffthrust.logs._columns import Column
+from diffthrust.logs._held import held_readings
 from diffthrust.logs._identity import LogFile, LogIdentity, content_hash
 from diffthrust.logs._tables.fields import TableRequest
 from diffthrust.logs._tables.frame import read_frame, time_of
@@ -200,6 +201,27 @@ class Log:
         """Whether samples are equally far apart, but for the rounding of the time stamps."""
         steps = np.diff(self.time)
         return bool(steps.size) and float(np.ptp(steps)) <= 1e-6 * self.step
+
+    @cached_property
+    def unrepeated(self) -> "Log":
+        """The log in which the repeats of held sensors are missing samples; itself without any.
+
+        A sensor that is read at every tenth sample and held in between says one thing once, and
+        not ten times. Fits, comparisons and diagnoses work with this log; a note tells of it.
+        """
+        measured, notes = dict(self.measured), list(self.notes)
+        for channel, values in self.measured.items():
+            found = held_readings(values)
+            if found is not None:
+                every, read = found
+                measured[channel] = np.where(read, values, np.nan)
+                notes.append(
+                    f"{channel} is read at every {every:.3g} samples and held in between: only "
+                    "the readings count, their repeats are taken as not measured."
+                )
+        if len(notes) == len(self.notes):
+            return self
+        return self.replaced(measured=measured, notes=tuple(notes))
 
     @cached_property
     def sha256(self) -> str:

@@ -99,17 +99,19 @@ def hold_of(log: Log, inputs: Mapping[str, np.ndarray]) -> tuple[tuple[str, str]
 
 
 _EARLY = 10
-"""A state begins at its first measurement where that is among so many samples."""
+"""A state begins at its first measurement where that is among so many samples, or comes as soon as
+its measurements follow each other."""
 
 
 def measured_start(model: Model, log: Log) -> dict[str, float]:
     """First measurement of each state that the log measures from its beginning."""
-    start = {}
+    start, log = {}, log.unrepeated
     for name, unit in model.states.items():
         if name in log.measured and name not in log.inputs:
-            values = log.values(name, unit)[:_EARLY]
-            if np.isfinite(values).any():
-                start[name] = float(values[np.isfinite(values)][0])
+            values = log.values(name, unit)
+            seen = np.flatnonzero(np.isfinite(values))
+            if seen.size and seen[0] < max(_EARLY, np.median(np.diff(seen, prepend=-1))):
+                start[name] = float(values[seen[0]])
     return start
 
 

@@ -40,7 +40,7 @@ class Run(Brief):
         time: time stamps [s], ``(n,)``.
         channels: measured and modelled, by channel that the log measures.
         errors: errors by channel.
-        log: the log.
+        log: the log, without the repeats of held sensors.
         signals: inputs, and modelled states and outputs, ``(n,)`` each, in the model's units.
         units: unit of each signal.
         start: initial states that were given.
@@ -100,7 +100,10 @@ def runs_over(
             f"initial: expected a list with initial states for each of {len(logs)} logs.",
             "Give initial=[{'speed': 1.0}, ...].",
         )
-    runs = tuple(_run(model, log, start, substeps) for log, start in zip(logs, starts, strict=True))
+    runs = tuple(
+        _run(model, log.unrepeated, start, substeps)
+        for log, start in zip(logs, starts, strict=True)
+    )
     if not any(run.channels for run in runs):
         raise InputError(
             f"No log measures an output of '{model.name}', which puts out "

@@ -10,6 +10,7 @@ import numpy as np
 from diffthrust._support.correlation import lag_one
 from diffthrust._support.tables import number
 from diffthrust._support.words import joined
+from diffthrust.logs._held import held_readings
 from diffthrust.logs._log import Log
 from diffthrust.soundness._doubt import Doubt
 from diffthrust.soundness._shown import value_shown, width_as_written, width_shown
@@ -105,7 +106,9 @@ def _slow(log: Log, channel: str, values: np.ndarray, runs: _Runs) -> Doubt | No
         "stuck",
         f"{log.name}: {channel} changes every {usual:.0f} samples only ({seconds} s) and is held "
         "in between: the sensor is slower than the log.",
-        f"keep the first sample of each reading of {channel} and leave the others empty (nan).",
+        f"keep the first sample of each reading of {channel} and leave the others empty (nan)."
+        if held_readings(log.measured[channel]) is None
+        else f"none is needed: fits count the readings alone. A faster {channel} tells more.",
     )
 
 

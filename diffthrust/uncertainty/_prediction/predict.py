@@ -176,7 +176,7 @@ def predict(
         raise InputError(
             f"substeps: expected a whole number of at least 1, found {substeps!r}.", "Correct it."
         )
-    drawn = draws_of(source, model, count=draws, seed=seed, level=level)
+    drawn, log = draws_of(source, model, count=draws, seed=seed, level=level), log.unrepeated
     channels = [name for name in drawn.model.outputs if name in log.measured]
     if not channels:
         raise InputError(

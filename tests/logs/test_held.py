@@ -1,0 +1,107 @@
+"""Sensors that are read at every so many samples: their repeats are no measurements."""
+
+import numpy as np
+import pytest
+from short_logs import made_log
+
+import diffthrust as dft
+from diffthrust.logs._held import held_readings  # private: nothing public tells which samples count
+
+
+def signal(samples=1200, seed=0):
+    time, rng = 0.05 * np.arange(samples), np.random.default_rng(seed)
+    return 30 * np.sin(time) + 10 * np.sin(2.3 * time) + rng.normal(0, 0.3, samples)
+
+
+def held(values, every, phase=0):
+    """What a log has of a sensor that is read at every so many samples, and the readings."""
+    read = np.unique(np.ceil(np.arange(-phase, values.size, every)).astype(int))
+    last = np.searchsorted(read, np.arange(values.size), side="right") - 1
+    first = read[read >= 0]
+    out = np.where(read[last] >= 0, values[np.maximum(read[last], 0)], values[0] - 1.0)
+    return out, first
+
+
+@pytest.mark.parametrize("every", [2, 3, 5, 10, 20])
+@pytest.mark.parametrize("phase", [0, 1])
+@pytest.mark.parametrize("quantum", [0.0, 1.0])
+def test_held_readings_are_found(every, phase, quantum):
+    values = signal() if not quantum else np.round(signal() / quantum) * quantum
+    repeated, first = held(values, every, phase)
+    found = held_readings(repeated)
+    assert found is not None
+    assert found[0] == pytest.approx(every)
+    missed = np.setxor1d(np.flatnonzero(found[1]), first)
+    assert missed.size <= (quantum > 0)  # a last reading that repeats the one before it
+
+
+def test_readings_at_rest_count():
+    values = np.where(np.abs(signal()) < 15, 0.0, signal())
+    repeated, first = held(values, 6)
+    assert np.flatnonzero(held_readings(repeated)[1]).tolist() == first.tolist()
+
+
+def test_holds_of_two_and_three_samples_in_turn():
+    repeated, first = held(signal(), 2.5)
+    every, read = held_readings(repeated)
+    assert every == pytest.approx(2.5, abs=0.01)
+    assert np.isin(first[1:], np.flatnonzero(read)).all()  # the age of the first is not known
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        signal(),
+        np.round(signal()),
+        5 * np.round(signal() / 5),
+        np.round(0.13 * np.arange(1200)),  # counts on at an even rate
+        np.round(10 * np.abs((0.05 * np.arange(1200)) % 20 - 10)),
+        np.where(np.abs(signal()) < 30, 0.0, signal()),
+        np.full(1200, 3.0),
+        np.repeat(signal(5), 240),
+    ],
+    ids=["noisy", "coarse", "coarser", "counter", "to and fro", "rests", "dead", "few steps"],
+)
+def test_sensors_that_are_not_held(values):
+    assert held_readings(values) is None
+
+
+def test_lost_samples_and_a_gap_do_not_hide_a_hold():
+    repeated, _ = held(signal(), 8)
+    torn = np.delete(repeated, [100, 500, 501, 900])  # the grid moves
+    torn[600:700] = np.nan
+    every, read = held_readings(torn)
+    assert every == pytest.approx(8, abs=0.1)
+    assert np.isfinite(torn[read]).all()
+    assert read.sum() == pytest.approx((torn.size - 100) / 8, abs=4)
+
+
+def slow(log, every):
+    """The log with its speed held."""
+    return log.replaced(measured={**log.measured, "speed": held(log.measured["speed"], every)[0]})
+
+
+def test_a_fit_counts_the_readings_only():
+    log = made_log(seed=0, count=800)
+    fit = dft.fit(dft.Thruster(), slow(log, 10))
+    whole = dft.fit(dft.Thruster(), log)
+    assert fit.train.channels["speed"].samples == 80
+    assert any("speed is read at every 10 samples" in note for note in fit.notes)
+    for name in ("alpha", "beta", "ct"):  # a hold taken for measurements is late by 5 samples
+        error = fit.parameters[name].std_error
+        assert abs(fit.parameters[name].value - whole.parameters[name].value) < 4 * error
+    assert fit.train.nrmse < 1.2 * whole.train.nrmse
+
+
+def test_a_comparison_counts_the_readings_only():
+    log = slow(made_log(seed=0, count=800), 10)
+    comp = dft.compare(dft.Thruster(), log)
+    assert comp.errors.channels["speed"].samples == 80
+    assert comp.origin.train[0].sha256 == log.sha256  # it is of the log that was given
+
+
+def test_a_log_that_is_not_held_stays_itself():
+    log = made_log(seed=0, count=800)
+    assert log.unrepeated is log
+    once = slow(log, 4).unrepeated
+    assert once.unrepeated is once
