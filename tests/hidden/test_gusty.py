@@ -15,5 +15,5 @@ def test_gusts_are_all_that_the_model_lacks():
         np.testing.assert_array_equal(one, two)
     assert [len(log) for log in (*windy.train, *windy.unseen)] == [401] * 5
     fit = dft.fit(still.model, still.train, holdout=still.unseen, horizon=None, starts=2)
-    assert fit.holdout.nrmse < 0.05
-    assert dft.compare(fit, windy.unseen).errors.nrmse > 5.0 * fit.holdout.nrmse
+    assert fit.holdout.nrmse < 0.1  # sensors of 1 % of the range
+    assert dft.compare(fit, windy.unseen).errors.nrmse > 4.0 * fit.holdout.nrmse
