@@ -24,7 +24,14 @@ from diffthrust.estimation._registry import LIKELIHOODS
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors, errors
-from diffthrust.simulation._runs import Run, are_tables, pooled_errors, runs_over, shown_of
+from diffthrust.simulation._runs import (
+    Run,
+    are_tables,
+    pooled_errors,
+    runs_over,
+    shown_of,
+    start_notes,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -225,6 +232,7 @@ class Comparison(Result):
         parts = [
             ("Doubts about the logs of the fit", doubts),
             ("What does not fit together", [*self.hints, *self.outstanding]),
+            ("Initial states", list(start_notes(self.runs))),
             ("Where the error sits (inputs as recorded, other signals as modelled)", regimes),
             ("Is the residual noise?", noise),
         ]
@@ -285,7 +293,8 @@ def compare(
         fit: a fit, or a model at its present parameter values.
         logs: one or several logs.
         initial: initial states for each log; by default measured states start from their first
-            measurement.
+            measurement. States that are not measured start where the run errs least, unless the
+            model's `initial` gives them by free parameters; a note tells which.
         substeps: integrator steps per sample; chosen for each log where ``None``.
 
     Returns:

@@ -18,6 +18,7 @@ from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import unwrapped
 from diffthrust.simulation._fixed_step import starting_states
 from diffthrust.simulation._inputs import bridged, hold_of, inputs_of, measured_outputs
+from diffthrust.simulation._starts import following
 from diffthrust.simulation._step_size import sensor_noise
 from diffthrust.simulation._trajectory import Grid, Key
 
@@ -56,7 +57,10 @@ def build(
     nuisance = likelihood.parameters(channels, logs)
     named = {**model.parameters, **nuisance}
     free = tuple(name for name, p in named.items() if not p.fixed)
-    starts = likelihood.starts(model, logs) if initial == "estimate" else ()
+    follow, starts = following(model, logs), likelihood.starts(model, logs)
+    if initial != "estimate":
+        starts = tuple(n for n in starts if not any(n in log.measured for log in logs))
+    starts = tuple(n for n in starts if n not in follow)
     noise = _known_noise(model, logs, channels)
     if likelihood.corrects or likelihood.noise.lasts:  # a given level is the sensor's alone
         noise = [None] * len(noise)
@@ -68,7 +72,7 @@ def build(
         )
         uniform = all(log.even for log in group)
         grids.append(Grid(hold, substeps, restarted, uniform))
-        batches.append(_batch(model, group, channels, starts, restarted))
+        batches.append(_batch(model, group, channels, starts, restarted, follow))
         order.append(tuple(indices))
     counts = sum(np.isfinite(b.measured).sum(axis=(0, 2)) for b in batches)
     spread = [_spread(model, logs, n) for n in channels]
@@ -198,6 +202,7 @@ def _batch(
     channels: Sequence[str],
     starts: Sequence[str],
     restarted: Sequence[str],
+    follow: Sequence[str],
 ) -> Batch:
     length = padded_length(max(len(log) for log in logs))
 
@@ -227,7 +232,7 @@ def _batch(
         inputs={n: np.stack([padded(g[n], "edge") for g in inputs]) for n in inputs[0]},
         measured=measured,
         start=np.array([[f[n] for n in starts] for f in first]).reshape(len(logs), len(starts)),
-        held={n: np.array([f[n] for f in first]) for n in first[0] if n not in starts},
+        held={n: np.array([f[n] for f in first]) for n in first[0] if n not in {*starts, *follow}},
         unsigned=np.array([[n in log.unsigned for n in channels] for log in logs]),
         restarts=restarts,
     )

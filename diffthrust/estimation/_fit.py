@@ -34,7 +34,7 @@ from diffthrust.logs._written import ShownUnits
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._commands import adopted
 from diffthrust.simulation._inputs import input_ranges
-from diffthrust.simulation._runs import Run, pooled_errors, runs_over, shown_of
+from diffthrust.simulation._runs import Run, pooled_errors, runs_over, shown_of, start_notes
 from diffthrust.simulation._step_size import CoarseStepWarning, fewest_steps
 from diffthrust.soundness._doubt import Doubt
 from diffthrust.soundness._doubts import doubts as doubts_of
@@ -96,6 +96,9 @@ def fit(
         initial: "estimate" the initial value of measured states, or take it as "measured". "auto"
             estimates it for whole runs and takes it as measured for segments, all of which then
             begin alike: a model that lacks something would abuse free initial states to hide it.
+            A state that is not measured is estimated for each log, unless the model's `initial`
+            gives it by a free parameter, which is then estimated for all logs together. Over
+            unseen logs only states that are not measured are estimated.
         substeps: integrator steps per sample; chosen by halving the step where ``None``.
         doubts: look whether all logs are sound, the unseen ones too, by
             `diffthrust.soundness.doubts`.
@@ -152,9 +155,11 @@ def fit(
     for note in optimum.coarse:
         warn(note, CoarseStepWarning)
     steps = optimum.substeps if optimum.failed else substeps
+    held = runs_over(optimum.model, unseen, substeps=steps) if unseen else ()
+    again += start_notes(held)
     task.tell("done", 1.0)
     return Fit(
-        holdout=pooled_errors(runs_over(optimum.model, unseen, substeps=steps)) if unseen else None,
+        holdout=pooled_errors(held) if held else None,
         guess={name: p.value for name, p in model.parameters.items()},
         origin=origin_of(logs, unseen),
         ranges=(ranges := input_ranges(model, logs)),

@@ -55,7 +55,7 @@ class Problem:
         layout: the static part.
         numbers: the numeric part.
         order: for each batch, the indices of its logs.
-        held: initial states stay at their measured values.
+        held: measured initial states stay at their measured values.
         nuisance: parameters of the observer or of the noise, estimated with the model's.
         chosen: the coordinates that are moved, where the layout has a width.
     """
@@ -161,7 +161,12 @@ class Problem:
         pairs += self._starting_range
         low, high = np.array(pairs, float).reshape(-1, 2).T
         if self.held:
-            low[self.shared :] = high[self.shared :] = self.start()[self.shared :]
+            start, at = self.start(), self.shared
+            for log in (self.logs[index] for indices in self.order for index in indices):
+                for state in self.layout.starts:
+                    if state in log.measured:
+                        low[at] = high[at] = start[at]
+                    at += 1
         return low, high
 
     @cached_property

@@ -67,12 +67,11 @@ def problem_of(fit: Fit, logs: Log | Sequence[Log]) -> tuple[Problem, np.ndarray
             "Give the training logs of the fit, in their order.",
         )
     silent = [n for n, p in fit.model.parameters.items() if not p.fixed and n not in fit.free]
-    estimated = any(states for states in fit.initial)
     problem = build(
         fit.model.fix(*silent) if silent else fit.model,
         logs,
         substeps=fit.substeps,
-        initial="estimate" if estimated else "measured",
+        initial="estimate" if fit.begins_freely else "measured",
         segmented=fit.horizon is not None,
         likelihood=likelihood_of(
             fit.model,

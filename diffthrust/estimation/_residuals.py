@@ -23,6 +23,7 @@ from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Parameter
 from diffthrust.simulation._errors import wrapped
+from diffthrust.simulation._starts import felt
 from diffthrust.simulation._trajectory import Grid, trajectory
 
 
@@ -106,8 +107,9 @@ class SimulationError(Likelihood):
         return cls(noise, law)
 
     def starts(self, model: Model, logs: Sequence[Log]) -> tuple[str, ...]:
-        """All that no log prescribes."""
-        return tuple(n for n in model.states if not any(n in log.inputs for log in logs))
+        """All that no log prescribes, and that a measured output feels."""
+        free = felt(model, logs)
+        return tuple(n for n in free if not any(n in log.inputs for log in logs))
 
     def residuals(
         self,

@@ -106,6 +106,11 @@ class Fit(Result):
         return self.origin.train if self.origin else ()
 
     @property
+    def begins_freely(self) -> bool:
+        """Whether initial states were estimated that a sensor tells of."""
+        return any(name in self.train.channels for states in self.initial for name in states)
+
+    @property
     def options(self) -> dict[str, Any]:
         """The arguments of `fit` that lead to the same likelihood.
 
@@ -118,7 +123,7 @@ class Fit(Result):
         arguments: dict[str, Any] = {name: getattr(self, name) for name in kept}
         if self.horizon is not None:
             arguments["horizon"] = self.horizon
-        if not any(self.initial):
+        if not self.begins_freely:
             arguments["initial"] = "measured"
         elif self.horizon is not None and not self.held:
             arguments["initial"] = "estimate"

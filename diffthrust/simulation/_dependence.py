@@ -35,7 +35,7 @@ def states_behind(
         return (*(rates[n] for n in states), read_out(model, series)[output])
 
     closed = jax.make_jaxpr(right_hand_side)(numbers)
-    felt = _dependence(closed.jaxpr)
+    felt = dependence(closed.jaxpr)
     sizes = [len(jax.tree.leaves(part)) for part in jax.eval_shape(right_hand_side, numbers)]
     order = sorted(states)  # as a dictionary's leaves are
     rows, at = [], 0
@@ -49,7 +49,7 @@ def states_behind(
     return tuple(name for name in states if name in behind)
 
 
-def _dependence(jaxpr: Any) -> list[set[int]]:
+def dependence(jaxpr: Any) -> list[set[int]]:
     """For each result of traced code the arguments that it can depend on."""
     known: dict[Any, set[int]] = {var: {i} for i, var in enumerate(jaxpr.invars)}
 

@@ -40,12 +40,13 @@ def simulate_fixed(
     start = {**measured_start(model, log), **checked_initial(model, initial)}
     key, values = Key(model), {name: p.value for name, p in model.parameters.items()}
     asked = (key, *values.values(), id(log), *sorted(start.items()), substeps)
-    return remembered(asked, log, lambda: _simulated(key, values, log, start, substeps))
+    return remembered(asked, log, lambda: simulated_from(key, values, log, start, substeps))
 
 
-def _simulated(
+def simulated_from(
     key: Key, values: Mapping[str, float], log: Log, start: Mapping[str, float], substeps: int
 ) -> dict[str, np.ndarray]:
+    """A simulation with all that is known given; not remembered."""
     log, original = bridged(log)
     inputs = inputs_of(key.model, log)
     outputs, states = _run(

@@ -18,6 +18,7 @@ from diffthrust.simulation._errors import Errors, errors, unwrapped, wrapped
 from diffthrust.simulation._inputs import inputs_of
 from diffthrust.simulation._remembered import simulated_once
 from diffthrust.simulation._simulate import simulate
+from diffthrust.simulation._starts import estimated_start, unknown_starts
 from diffthrust.simulation._step_size import choose_substeps
 
 
@@ -43,7 +44,8 @@ class Run(Brief):
         log: the log, without the repeats of held sensors.
         signals: inputs, and modelled states and outputs, ``(n,)`` each, in the model's units.
         units: unit of each signal.
-        start: initial states that were given.
+        start: initial states that were given, and those that were estimated from the run.
+        estimated: names of the latter: no sensor tells where they begin.
         substeps: integrator steps per sample.
     """
 
@@ -56,6 +58,7 @@ class Run(Brief):
     units: Mapping[str, str] = field(repr=False)
     start: Mapping[str, float]
     substeps: int
+    estimated: tuple[str, ...] = ()
 
     @cached_property
     def shown(self) -> ShownUnits:
@@ -87,7 +90,7 @@ def runs_over(
         model: the model at its present parameter values.
         logs: the logs.
         initial: initial states for each log; by default measured states start from their first
-            measurement.
+            measurement, and others, where an output feels them, where the run errs least.
         substeps: integrator steps per sample; chosen for each log where ``None``.
 
     Raises:
@@ -123,6 +126,8 @@ def _run(model: Model, log: Log, start: Mapping[str, float], substeps: int | Non
     with simulated_once():  # with the steps that are chosen it is simulated already
         if substeps is None:
             substeps = choose_substeps(model, log, initial=start)
+        if estimated := unknown_starts(model, log, start):
+            start = {**start, **estimated_start(model, log, start, estimated, substeps)}
         modelled = simulate(model, log, initial=start, substeps=substeps)
     channels = {}
     for name, unit in model.outputs.items():
@@ -140,7 +145,19 @@ def _run(model: Model, log: Log, start: Mapping[str, float], substeps: int | Non
     by_channel = errors(pairs, model.outputs, ShownUnits((log.written,)))
     signals = {**inputs_of(model, log), **{n: v for n, v in modelled.items() if "." not in n}}
     units = {**model.inputs, **model.optional_inputs, **model.states, **model.outputs}
-    return Run(log.name, log.time, channels, by_channel, log, signals, units, start, substeps)
+    about = (log, signals, units, start, substeps, estimated)
+    return Run(log.name, log.time, channels, by_channel, *about)
+
+
+def start_notes(runs: Sequence[Run]) -> tuple[str, ...]:
+    """A note on initial states that were estimated from the very runs that are compared."""
+    names = dict.fromkeys(name for run in runs for name in run.estimated)
+    if not names:
+        return ()
+    return (
+        f"No sensor tells where {listing(names)} begins: its initial value is the one with which "
+        "each run errs least.",
+    )
 
 
 def pooled_errors(runs: Sequence[Run]) -> Errors:

@@ -111,7 +111,12 @@ class Model(Component):
         )
 
     def initial(self, s: Signals) -> Mapping[str, Signal | float]:
-        """Initial states where neither a measurement nor the user gives them; zero by default."""
+        """Initial states where neither a measurement nor the user gives them; zero by default.
+
+        Where a log does not measure a state, a value here is the first guess of where it begins;
+        one that depends on a free parameter is where it begins, in every log, and the parameter
+        is estimated from that.
+        """
         return {}
 
     # -- parameters by their full names ------------------------------------------------------------
