@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 import diffthrust as dft
-from diffthrust.models._base.parameter import parameter  # private: as in the example of a model
 from diffthrust.simulation._starts import felt, following, unknown_starts  # private: each alone
 
 TRUE = {"k1": 0.07, "k2": 0.06, "k3": 0.04}
@@ -18,9 +17,9 @@ class Tanks(dft.Model):
     inputs = {"pump": "V"}
     states = {"upper": "m", "lower": "m", "spilt": "m"}
     outputs = {"lower": "m"}
-    k1: float = parameter(0.05, "1/s", bounds=(0, None))
-    k2: float = parameter(0.05, "1/s", bounds=(0, None))
-    k3: float = parameter(0.05, "1/s", bounds=(0, None))
+    k1: float = dft.parameter(0.05, "1/s", bounds=(0, None))
+    k2: float = dft.parameter(0.05, "1/s", bounds=(0, None))
+    k3: float = dft.parameter(0.05, "1/s", bounds=(0, None))
 
     def equations(self, s, port):
         """Torricelli's law; what leaves the lower tank is gathered, and acts on nothing."""
@@ -34,7 +33,7 @@ class BegunTanks(Tanks):
     """The same, with a level to which the upper tank is filled before each run."""
 
     name = "begun_tanks"
-    level: float = parameter(1.0, "m", bounds=(0, None))
+    level: float = dft.parameter(1.0, "m", bounds=(0, None))
 
     def initial(self, s):
         """Filled to the mark."""
