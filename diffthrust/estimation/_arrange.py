@@ -74,7 +74,7 @@ def build(
         grids.append(Grid(hold, substeps, restarted, uniform))
         batches.append(_batch(model, group, channels, starts, restarted, follow))
         order.append(tuple(indices))
-    counts = sum(np.isfinite(b.measured).sum(axis=(0, 2)) for b in batches)
+    counts = _counts(batches)
     spread = [_spread(model, logs, n) for n in channels]
     layout = Layout(
         key=Key(model.bind({})),
@@ -94,7 +94,7 @@ def build(
         scales=np.array([named[n].scale for n in free], float),
         noise=np.array([1.0 if s is None else s for s in noise]),
         floor=np.array([(1e-8 * s) ** 2 for s in spread]),
-        counts=np.asarray(counts, float),
+        counts=counts,
         clip=np.full(len(channels), np.inf),
         reach=np.ones(()),
         prior={
@@ -134,6 +134,17 @@ def restarts(problem: Problem, horizon: float | None, *, hold: bool = False) -> 
         batches.append(replace(batch, restarts=anew))
     numbers = replace(problem.numbers, batches=batches)
     return _for_noise(replace(problem, numbers=numbers, held=hold))
+
+
+def rearranged(problem: Problem, batches: Sequence[Batch]) -> Problem:
+    """The same problem with other measurements in its batches."""
+    numbers = replace(problem.numbers, batches=list(batches), counts=_counts(batches))
+    return _for_noise(replace(problem, numbers=numbers))
+
+
+def _counts(batches: Sequence[Batch]) -> np.ndarray:
+    """Samples that each channel was measured at."""
+    return np.asarray(sum(np.isfinite(b.measured).sum(axis=(0, 2)) for b in batches), float)
 
 
 def _for_noise(problem: Problem) -> Problem:

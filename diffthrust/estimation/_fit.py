@@ -16,7 +16,7 @@ from diffthrust.estimation._arguments import check_arguments, listed
 from diffthrust.estimation._arrange import build
 from diffthrust.estimation._estimate import Estimate, shown_unit
 from diffthrust.estimation._explained import explained
-from diffthrust.estimation._horizons import schedule, through, whole_runs
+from diffthrust.estimation._horizons import Ended, by_left_out, schedule, through
 from diffthrust.estimation._innovations import disturbance_of, limits_of, refined
 from diffthrust.estimation._insensitive import without_silent
 from diffthrust.estimation._likelihood import noise_levels
@@ -83,7 +83,8 @@ def fit(
             one before; ``None`` means whole runs. "auto" uses whole runs, except for models with a
             ``horizon`` of their own (vessels) and logs of more than twice that length: these are
             fitted on segments of a tenth, a third and all of that length (the shorter, the fewer
-            false minima), and then on whole runs if the errors over them are no larger.
+            false minima), on segments of three times that length, and on whole runs. Of the last
+            three the one is taken that errs least over whole runs of logs that are left out.
         likelihood: "simulation" or "innovations". The latter goes through whole runs, without a
             ``horizon``; a noise level that a log gives is the sensor's alone, and that of the
             prediction is estimated.
@@ -273,7 +274,7 @@ def _pass(task: _Task, model: Model, substeps: int, shares: tuple[float, float])
     search, final = through(problem, horizons, hold, task.starts, task.rng, tell, first, guesses)
     length = horizons[-1]
     if task.automatic and horizons != (None,):
-        search, final, length, notes = whole_runs(search, final, length)
+        (length, search, final), notes = by_left_out(Ended(length, search, final), task.logs)
     if task.likelihood.corrects:
         search, final = refined(search, final)
     model = final.model_at(search.best.z)

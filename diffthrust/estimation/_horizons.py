@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.progress import Progress, part
 from diffthrust.estimation._arrange import restarts
+from diffthrust.estimation._held_out import held_out_error
 from diffthrust.estimation._multistart import Search, search
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._solver import Solved
@@ -17,7 +19,13 @@ from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 
 _GROWTH = 1.1
-"""Whole runs are fitted where they raise no channel's noise by more than this factor."""
+"""Errors accumulate where whole runs raise a channel's noise by more than this factor over that of
+segments: then longer ones are tried as well, and it is told what was decided and why."""
+_TIE = 0.01
+"""Another horizon must be better by this share than whole runs where errors do not accumulate, and
+than the model's own horizon where they do."""
+_LONGER = 3.0
+"""The longer segments are so many times as long as a model's own horizon."""
 _FIRST = 0.6
 """Share of the work that the first of several horizons takes, with all its starts."""
 
@@ -78,25 +86,48 @@ def through(
     return ended, stage
 
 
-def whole_runs(
-    ended: Search, stage: Problem, horizon: float | None
-) -> tuple[Search, Problem, float | None, tuple[str, ...]]:
-    """Go on to whole runs where the model holds over them as well as over segments.
+class Ended(NamedTuple):
+    """Where a search ended at one horizon."""
 
-    Where it does not, the error of whole runs is mostly what accumulates from a missing effect or
-    from random forces, and fitting it would bend the parameters; a note says so.
+    horizon: float | None
+    search: Search
+    problem: Problem
+
+
+def by_left_out(ended: Ended, logs: Sequence[Log]) -> tuple[Ended, tuple[str, ...]]:
+    """The horizon at which whole runs of logs that were left out come out best, with a note.
+
+    Where random forces act or an effect is missing, errors accumulate, and either may be better:
+    over whole runs a fit bends the parameters to what it lacks, over segments it sees no drift.
     """
-    if not np.isfinite(ended.best.quadratic.cost):
-        return ended, stage, horizon, ()
-    entire = restarts(stage, None)
-    further = ended.followed(entire)
-    growth = further.best.quadratic.sigma / ended.best.quadratic.sigma
-    if np.isfinite(further.best.quadratic.cost) and np.all(growth <= _GROWTH):
-        return further, entire, None, ()
-    worst = int(np.argmax(np.nan_to_num(growth, nan=np.inf)))
+    if not np.isfinite(ended.search.best.quadratic.cost):
+        return ended, ()
+    entire = _followed(ended, None)
+    growth = entire.search.best.quadratic.sigma / ended.search.best.quadratic.sigma
+    several = [ended, entire]
+    longer = _LONGER * (ended.horizon or 0.0)
+    if np.any(growth > _GROWTH) and max(log.duration for log in logs) > 2 * longer:
+        several.insert(1, _followed(ended, longer))
+    errors = [held_out_error(one.problem, one.search.best, logs) for one in several]
+    quiet = bool(np.all(growth <= _GROWTH))
+    usual = len(several) - 1 if quiet else 0
+    best = int(np.argmin([e * (1.0 + _TIE * (i != usual)) for i, e in enumerate(errors)]))
+    if quiet and several[best] is entire:
+        return entire, ()
+    rest = (f"{e:.3g} if fitted {_words(o.horizon)}" for o, e in zip(several, errors, strict=True))
     note = (
-        f"Fitted on segments of {horizon:g} s: over whole runs the error of "
-        f"'{stage.layout.channels[worst]}' is {growth[worst]:.1f} times as large, so something is "
-        "missing from the model or random forces act."
+        f"Fitted {_words(several[best].horizon)}, by what the fit says of logs that are left out "
+        f"of it: whole runs of these err by {', '.join(rest)} (NRMSE)."
     )
-    return ended, stage, horizon, (note,)
+    return several[best], (note,)
+
+
+def _followed(ended: Ended, horizon: float | None) -> Ended:
+    """The search carried on to another horizon; segments begin as they did."""
+    held = ended.problem.held and horizon is not None
+    stage = restarts(ended.problem, horizon, hold=held)
+    return Ended(horizon, ended.search.followed(stage), stage)
+
+
+def _words(horizon: float | None) -> str:
+    return "over whole runs" if horizon is None else f"on segments of {horizon:g} s"

@@ -1,0 +1,72 @@
+"""The horizon of a fit is chosen by whole runs of logs that are left out."""
+
+import numpy as np
+import pytest
+from gusty_runs import MISSING, gusty_runs, model_of
+
+import diffthrust as dft
+from diffthrust.estimation._arrange import build  # private: a problem without its fit
+from diffthrust.estimation._held_out import parts_of, without  # private: what is hidden
+from diffthrust.estimation._solver import solve, solved_by_passes  # private: compilations
+
+
+def error(logs, horizon, length):
+    fit = dft.fit(model_of(length), logs[:3], holdout=logs[3:], horizon=horizon, starts=2)
+    return fit.holdout.nrmse, fit
+
+
+def test_segments_are_kept_where_logs_that_are_left_out_say_so():
+    logs = gusty_runs(21, "nothing", 6.0, 30.0, 0.15)
+    chosen, fit = error(logs, "auto", 6.0)
+    assert fit.horizon == 20.0
+    assert any("left out" in note and "whole runs (NRMSE)" in note for note in fit.notes)
+    segments, _ = error(logs, (2.0, 20.0 / 3, 20.0), 6.0)
+    whole, _ = error(logs, (2.0, 20.0 / 3, 20.0, None), 6.0)
+    assert chosen == pytest.approx(segments, rel=1e-3)
+    assert chosen < 0.95 * whole
+
+
+def test_a_log_alone_is_halved():
+    log = gusty_runs(21, "nothing", 1.0, 3.0, 0.1, count=1)[0]
+    first, second = parts_of([log])
+    assert first[0][1] == second[0][0] == 100.0
+    fit = dft.fit(model_of(1.0), log, starts=2)
+    assert fit.status.ok, fit.message
+
+
+def test_what_is_hidden_does_not_move_the_fit_and_compiles_nothing():
+    logs = gusty_runs(22, "nothing", 1.0, 3.0, 0.1, count=3)
+    spoiled = logs[1].replaced(measured={n: 9.0 * v for n, v in logs[1].measured.items()})
+    ends = []
+    for several in (logs, [logs[0], spoiled, logs[2]]):
+        problem = build(model_of(1.0), several, initial="measured")
+        solve(problem, problem.start(), budget=2)
+        before = solved_by_passes._cache_size()
+        rest = without(problem, {1: (-np.inf, np.inf)})
+        ends.append(solve(rest, problem.start(), budget=20))
+        assert solved_by_passes._cache_size() == before
+        assert np.all(rest.numbers.counts == 2 * 401)
+    k = len(problem.own)
+    assert np.allclose(ends[0].z[:k], ends[1].z[:k], rtol=1e-12)
+
+
+def test_the_choice_costs_no_program():
+    """One program solves at all horizons and for all that is left out."""
+    logs = gusty_runs(23, "nothing", 6.0, 30.0, 0.15, count=3)
+    before = solved_by_passes._cache_size()
+    fit = dft.fit(model_of(6.0), logs, starts=2, substeps=1)
+    assert any("left out" in note for note in fit.notes)
+    assert solved_by_passes._cache_size() <= before + 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("missing", MISSING)
+@pytest.mark.parametrize(("length", "memory"), [(1.0, 3.0), (3.0, 10.0), (6.0, 5.0), (6.0, 30.0)])
+def test_whole_runs_err_by_at_most_three_per_cent_more_than_at_the_better_horizon(
+    missing, length, memory
+):
+    for seed in (31, 32):
+        logs = gusty_runs(seed, missing, length, memory, 0.1 if length < 6 else 0.15)
+        chosen = error(logs, "auto", length)[0]
+        better = min(error(logs, h, length)[0] for h in ((2, 6.7, 20), (2, 6.7, 20, None)))
+        assert chosen < 1.03 * better, seed
