@@ -4,6 +4,8 @@
 
 Results are written as they come, one JSON object a line; the same command again goes on where it
 was cut. ``--kinds`` takes classes or kinds: ``--kinds clear field-none outside/load_hump``.
+Those of `further` (unmeasured states, wrong constants, odd logs, rivals, small effects, held and
+lost samples) are done where they are asked for: ``--kinds further``.
 """
 
 from __future__ import annotations
@@ -24,8 +26,10 @@ from rich.table import Table
 
 import diffthrust as dft
 
-from . import sets
+from . import further, sets
+from .further import FURTHER, FurtherSet
 from .score import LABELS, Line, Outcome, confusion, held_out_ratio, score
+from .sets import CLASSES, HiddenSet
 
 Row = dict[str, Any]
 Task = tuple[str, int, bool]
@@ -34,13 +38,16 @@ CHUNK = 8
 
 def examine(kind: str, seed: int, diagnose: Callable[..., Any], ratio: bool = True) -> Row:
     """Draw a set, diagnose it, judge the diagnosis. A diagnosis that raises is a failure."""
-    hidden = sets.draw(kind, seed)
+    hidden = drawn(kind, seed)
+    options = {}
+    if isinstance(hidden, FurtherSet) and hidden.candidates:
+        options["candidates"] = hidden.candidates
     begun, close, diag = time.perf_counter(), None, None
     try:
-        diag = diagnose(hidden.model, hidden.train, holdout=hidden.unseen)
+        diag = diagnose(hidden.model, hidden.train, holdout=hidden.unseen, **options)
         seconds = time.perf_counter() - begun
         outcome = score(hidden, diag)
-        if ratio and outcome.right and diag.added and hidden.truth:
+        if ratio and not options and outcome.right and diag.added and hidden.truth:
             close = held_out_ratio(hidden, diag)
     except Exception:
         seconds = time.perf_counter() - begun
@@ -57,6 +64,12 @@ def examine(kind: str, seed: int, diagnose: Callable[..., Any], ratio: bool = Tr
         "seconds": round(seconds, 2),
         "diagnosis": None if diag is None else _brief(diag),
     }
+
+
+def drawn(kind: str, seed: int) -> HiddenSet:
+    """A set of either half of the bench."""
+    half = further if kind.partition("/")[0] in FURTHER else sets
+    return half.draw(kind, seed)
 
 
 def _brief(diag: Any) -> Row:
@@ -135,7 +148,11 @@ def _earlier(path: Path | None) -> dict[tuple[str, int], Row]:
 
 def run(arguments: argparse.Namespace, console: Console) -> list[Row]:
     """Do what is left of the plan, write each result as it comes, and give all of them."""
-    plan = sets.plan(arguments.count, arguments.seed, tuple(arguments.kinds), arguments.only_field)
+    asked = tuple(arguments.kinds)
+    classes = {**CLASSES, **FURTHER} if asked else CLASSES
+    if "further" in asked:
+        asked = (*(name for name in asked if name != "further"), *FURTHER)
+    plan = sets.plan(arguments.count, arguments.seed, asked, arguments.only_field, classes)
     rows = {task: row for task, row in _earlier(arguments.out).items() if task in set(plan)}
     left = [(*task, not arguments.no_ratio) for task in plan if task not in rows]
     console.print(f"{len(plan)} sets, {len(rows)} of them done.")
@@ -162,7 +179,9 @@ def _torn(path: Path) -> bool:
 def main(words: Sequence[str] | None = None) -> list[Row]:
     """Read the command line, run, report."""
     parser = argparse.ArgumentParser(prog="python -m hidden.bench", description=__doc__)
-    parser.add_argument("--kinds", nargs="*", default=[], help="classes or kinds; all by default")
+    parser.add_argument(
+        "--kinds", nargs="*", default=[], help="classes or kinds; 'further' for all of those"
+    )
     parser.add_argument("--count", type=int, help="number of sets; one round by default")
     parser.add_argument("--seed", type=int, default=0, help="of the plan and of its sets")
     parser.add_argument("--jobs", type=int, default=1, help="processes")

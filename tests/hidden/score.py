@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import diffthrust as dft
 
+from .further import SAME, FurtherSet
 from .sets import HiddenSet
 
 LARGEST_GROUP = 3
@@ -39,6 +40,15 @@ TARGETS: dict[str, float] = {
     "field-vessel": 0.95,
     "field-vessel_none": 0.95,
     "field-vessel_outside": 0.90,
+    "unmeasured": 0.90,
+    "constants": 0.90,
+    "odd_log": 0.90,
+    "rivals": 0.90,
+    "too_small": 0.95,
+    "held": 0.95,
+    "held_none": 0.95,
+    "gaps": 0.95,
+    "gaps_none": 0.95,
 }
 LABELS = (
     "right",
@@ -67,26 +77,31 @@ def score(hidden: HiddenSet, diag: Any) -> Outcome:
     of at most three, nothing superfluous may be added, and the verdict must be that this is all.
     ``adequate`` is right too at the limit of detection and for poor logs, and there groups of poor
     logs may be of any size. Nothing hidden, or nothing that differs from the basic model:
-    ``adequate``. An effect outside the catalogue: ``unexplained``, with one of the right ports.
+    ``adequate``, or ``undecided``. An effect outside the catalogue: ``unexplained``, with one of
+    the right ports. An effect that is certain and changes little (``detectable``) counts as named.
     """
+    if isinstance(hidden, FurtherSet) and hidden.asks != "effect":
+        return _further(hidden, diag)
     base = hidden.group.removeprefix("field-")
     added, said = tuple(diag.added), f"{diag.verdict}: {', '.join(diag.added) or 'nothing'}"
     if hidden.ports:
         return _outside(hidden, diag, said)
     if diag.verdict == "unexplained":
         return Outcome(False, "unexplained", f"{said}; remaining {diag.remaining}")
-    if not added:
+    detectable = tuple(getattr(diag, "detectable", ()))
+    if not added and not detectable:
         allowed = not hidden.truth or base in ("limit", "poor")
         return Outcome(allowed, "right" if allowed else "missed", said)
     if not hidden.truth:
         return Outcome(False, "false alarm", said)
-    pairing = _paired(hidden.truth, [set(group) for group in diag.groups])
+    groups = [*map(set, diag.groups), *({name} for name in detectable)]
+    pairing = _paired(hidden.truth, groups)
     if pairing is None:
-        found = [name for name in hidden.truth if any(name in g for g in diag.groups)]
-        label = "missed" if len(added) < len(hidden.truth) and found else "wrong name"
+        found = [name for name in hidden.truth if any(name in g for g in groups)]
+        label = "missed" if len(groups) < len(hidden.truth) and found else "wrong name"
         label = "false alarm" if len(found) == len(hidden.truth) else label
-        return Outcome(False, label, f"{said}, groups {[sorted(g) for g in diag.groups]}")
-    largest = max(len(group) for group in diag.groups)
+        return Outcome(False, label, f"{said}, groups {[sorted(g) for g in groups]}")
+    largest = max(map(len, groups))
     if largest > LARGEST_GROUP and base != "poor":
         return Outcome(False, "vague", f"{said}, a group of {largest}")
     return Outcome(True, "right", said)
@@ -113,6 +128,34 @@ def _outside(hidden: HiddenSet, diag: Any, said: str) -> Outcome:
             False, "wrong port", f"{place}, expected {' or '.join(sorted(hidden.ports))}"
         )
     return Outcome(True, "right", place)
+
+
+def _further(hidden: FurtherSet, diag: Any) -> Outcome:
+    """Judge what is asked besides effects: constants, odd logs, rivals, what does not matter."""
+    data = diag.to_json()
+    added, about = set(data["added"]), set(hidden.about)
+    groups, held = [set(group) for group in data["groups"]], set(data["held"])
+    odd = {one["log"] for one in data["odd_logs"]}
+    said = f"{data['verdict']}: {', '.join(data['added']) or 'nothing'}"
+    if hidden.asks == "not adequate":
+        right = data["verdict"] in ("unexplained", "undecided")
+        return Outcome(right, "right" if right else "missed", said)
+    if hidden.asks == "nothing":
+        return Outcome(not added, "false alarm" if added else "right", said)
+    if hidden.asks == "group":
+        if not added:
+            return Outcome(False, "missed", said)
+        right = len(groups) == 1 and about <= groups[0]
+        label = "false alarm" if len(groups) > 1 else "wrong name"
+        return Outcome(right, "right" if right else label, f"{said}, groups {data['groups']}")
+    named = held if hidden.asks == "held" else odd
+    said = f"{said}; {hidden.asks}: {', '.join(sorted(named)) or 'none'}, asked {about}"
+    if not about <= named:
+        return Outcome(False, "missed", said)
+    same = {name for one in about for name in SAME.get(one, ())}
+    if named != about or added - same:
+        return Outcome(False, "false alarm", said)
+    return Outcome(True, "right", said)
 
 
 def held_out_ratio(hidden: HiddenSet, diag: Any) -> float:

@@ -7,6 +7,7 @@ plant is shaken by process noise and read by coloured, spiky, coarse sensors.
 from __future__ import annotations
 
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -85,8 +86,9 @@ EITHER = (
 #: Effects whose sign or form only shows with the track or the heading measured.
 TRACKED = ("water_current", "wind")
 
+Classes = Mapping[str, tuple[tuple[str, ...], int]]
 #: Kinds of each class, with how many sets of each make one round of the bench.
-CLASSES: dict[str, tuple[tuple[str, ...], int]] = {
+CLASSES: Classes = {
     "clear": (tuple(sizes.THRUSTER), 2),
     "faint": (tuple(sizes.THRUSTER), 2),
     "limit": (LIMITS, 1),
@@ -126,7 +128,7 @@ class HiddenSet:
         ports: where the signal of an effect outside the catalogue may rightly be placed.
         depends_on: signals on which that effect depends.
         field: whether the conditions are those of the field.
-        plant: what made the logs.
+        plant: what made the logs; ``None`` where it is not one of `plants`.
     """
 
     name: str
@@ -138,12 +140,7 @@ class HiddenSet:
     ports: frozenset[str]
     depends_on: frozenset[str]
     field: bool
-    plant: Plant
-
-    @property
-    def shape(self) -> tuple[str, ...]:
-        """Sets of one shape share their compiled code."""
-        return (self.plant.system, *self.train[0].inputs, *self.train[0].measured)
+    plant: Plant | None
 
 
 def draw(kind: str, seed: int) -> HiddenSet:
@@ -164,13 +161,13 @@ def draw(kind: str, seed: int) -> HiddenSet:
     plant = replace(plant, hidden=sizes.hidden(chosen, plant.scale))
     if base == "speed_only":
         plant = replace(plant, sensors={"speed": plant.sensors["speed"]})
-    logs = tuple(_log(plant, k, rng, f"{kind} {seed} {'ABC'[k]}") for k in range(3))
+    logs = tuple(recorded(plant, k, rng, f"{kind} {seed} {'ABC'[k]}") for k in range(3))
     beyond = {**outside.OUTSIDE, **outside.VESSEL_OUTSIDE}
     rows = [beyond[name] for name in names if name in beyond]
     return HiddenSet(
         name=f"{kind} {seed}",
         group=group,
-        model=_guess(plant, rng),
+        model=guess(plant, rng),
         train=logs[:2],
         unseen=logs[2],
         truth=() if rows or base == "redundant" else names,
@@ -182,7 +179,11 @@ def draw(kind: str, seed: int) -> HiddenSet:
 
 
 def plan(
-    count: int | None = None, seed: int = 0, wanted: tuple[str, ...] = (), only_field: bool = False
+    count: int | None = None,
+    seed: int = 0,
+    wanted: tuple[str, ...] = (),
+    only_field: bool = False,
+    classes: Classes = CLASSES,
 ) -> list[tuple[str, int]]:
     """Kinds and seeds of a bench, sets of one class together.
 
@@ -194,16 +195,17 @@ def plan(
         seed: of the choice of sets and of the sets themselves.
         wanted: classes or kinds; all where empty.
         only_field: leave out what is not under field conditions.
+        classes: those of which a round consists.
     """
+    known = kinds(classes)
     tasks = [
         (kind, repeat)
-        for kind, repeats in kinds().items()
+        for kind, repeats in known.items()
         for repeat in range(repeats)
         if (not wanted or kind in wanted or kind.partition("/")[0] in wanted)
         and (kind.startswith("field-") or not only_field)
     ]
-    known = {*CLASSES, *kinds()}
-    if unknown := set(wanted) - known:
+    if unknown := set(wanted) - {*classes, *known}:
         raise ValueError(f"no such class or kind: {', '.join(sorted(unknown))}")
     count = len(tasks) if count is None else count
     if count < len(tasks):
@@ -212,16 +214,16 @@ def plan(
     drawn = []
     for n in range(count):
         kind, repeat = tasks[n % len(tasks)]
-        drawn.append((kind, 1000 * seed + repeat + n // len(tasks) * kinds()[kind]))
-    order = {kind: k for k, kind in enumerate(kinds())}
+        drawn.append((kind, 1000 * seed + repeat + n // len(tasks) * known[kind]))
+    order = {kind: k for k, kind in enumerate(known)}
     return sorted(drawn, key=lambda task: (order[task[0]], task[1]))
 
 
-def kinds() -> dict[str, int]:
+def kinds(classes: Classes = CLASSES) -> dict[str, int]:
     """Every kind, with how many sets of it make one round."""
     return {
         f"{group}/{name}" if name else group: repeats
-        for group, (names, repeats) in CLASSES.items()
+        for group, (names, repeats) in classes.items()
         for name in names or ("",)
     }
 
@@ -265,12 +267,13 @@ def _scaled(chosen: dict[str, float], factor: float) -> dict[str, float]:
     return {name: factor * size for name, size in chosen.items()}
 
 
-def _log(plant: Plant, index: int, rng: np.random.Generator, name: str) -> dft.Log:
+def recorded(plant: Plant, index: int, rng: np.random.Generator, name: str) -> dft.Log:
+    """One of a plant's experiments as its sensors read it."""
     record = plant.run(index, rng)
     return dft.Log(record.time, record.inputs, record.measured, name=name)
 
 
-def _guess(plant: Plant, rng: np.random.Generator) -> dft.Model:
+def guess(plant: Plant, rng: np.random.Generator) -> dft.Model:
     """The basic model, its parameters off by some 20 %; a vessel's lever arm is measured."""
     off = {name: value * np.exp(0.2 * rng.standard_normal()) for name, value in _free(plant)}
     if plant.system == "thruster":
