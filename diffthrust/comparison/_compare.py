@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -13,10 +13,10 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
 from diffthrust._support.names import listing
 from diffthrust._support.results import Result
-from diffthrust._support.words import percent
 from diffthrust.comparison._agreement import Agreement, agreement, hints
 from diffthrust.comparison._derived_signals import signals_of, units_of
 from diffthrust.comparison._noise_advice import NoiseAdvice, noise_advice
+from diffthrust.comparison._outstanding import outstanding
 from diffthrust.comparison._regimes import Regime, worst_regimes
 from diffthrust.comparison._residual_tests import ResidualTests, residual_tests
 from diffthrust.estimation._origin import Origin, closing, origin_of, taken_part
@@ -39,8 +39,6 @@ if TYPE_CHECKING:
 
     from diffthrust.estimation._result import Fit
 
-_OUTSTANDING = 3.0
-"""A run stands out where its RMSE is so many times that of the median run."""
 _TELLING = 50
 """Fewer samples do not tell laws of noise apart."""
 
@@ -142,7 +140,7 @@ class Comparison(Result):
     @cached_property
     def outstanding(self) -> tuple[str, ...]:
         """Sentences on runs whose errors stand out from those of the others; mostly none."""
-        return tuple(self._outstanding())
+        return tuple(one.sentence for one in outstanding(self.runs))
 
     @cached_property
     def noise_advice(self) -> NoiseAdvice | None:
@@ -162,22 +160,6 @@ class Comparison(Result):
     def tabular(self) -> bool:
         """Whether the logs are tables of readings, without a time of their own."""
         return are_tables(self.model, self.runs)
-
-    def _outstanding(self) -> Iterator[str]:
-        for name, pooled in self.errors.channels.items():
-            by_run = [(run.name, run.errors.channels.get(name)) for run in self.runs]
-            rmse = {run: error.rmse for run, error in by_run if error is not None}
-            usual = float(np.median(list(rmse.values())))
-            for run, error in by_run:
-                if error is None or len(rmse) < 3 or not _OUTSTANDING * usual < error.rmse < np.inf:
-                    continue
-                size, unit = error.shown
-                share = error.rmse**2 * error.samples / (pooled.rmse**2 * pooled.samples)
-                yield (
-                    f"{run}: its {name} error (RMSE {f'{size:.3g} {unit}'.rstrip()}) is "
-                    f"{error.rmse / usual:.2g} times that of the median run and makes up "
-                    f"{percent(share)} of the squared error of all runs."
-                )
 
     @showing
     def plot(self, runs: Sequence[str] | None = None) -> Figure:

@@ -13,6 +13,7 @@ from diffthrust.diagnosis._candidates import Candidates
 from diffthrust.diagnosis._findings import Missing, Verdict
 from diffthrust.diagnosis._groups import groups_of, proposal
 from diffthrust.diagnosis._missing import missing_signals
+from diffthrust.diagnosis._odd_logs import odd_logs
 from diffthrust.diagnosis._result import Diagnosis
 from diffthrust.diagnosis._search import SearchState, Tools, begun
 from diffthrust.diagnosis._stages import next_stage
@@ -148,6 +149,7 @@ def _reported(
         silent=tuple(sorted(known.silent - tested - {*known.untestable})),
         one_step=dict(zip(trials.channels, sizes, strict=True)),
         trained=trained,
+        odd_logs=odd_logs(trials, present, (*trained[1].runs, *(held[1].runs if unseen else ()))),
         experiment=proposal(tools, known, groups, limits) if experiment else None,
         seconds=tools.clock.seconds,
     )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from diffthrust._support.tables import number
 from diffthrust._support.words import an, apart, capitalised, joined, percent, probability, spelt
+from diffthrust.diagnosis._given_words import much_words, odd_words
 from diffthrust.diagnosis._ports import words_and_unit
 from diffthrust.estimation._origin import effects_line, form_lines, python_line
 from diffthrust.models._base.effect import Effect
@@ -61,6 +62,7 @@ def summary(diag: Findings) -> str:
     if not diag.best:
         sentences.append(f"{capitalised(level_words(diag))}.")
     sentences += forced_words(diag)
+    sentences += much_words(diag)
     if diag.before.hints:
         sentences.append("A channel may not mean what its name says:")
         sentences += diag.before.hints[:_NAMED]
@@ -254,9 +256,7 @@ def caution_words(diag: Findings) -> list[str]:
             "No log was kept unseen: the errors are those of the logs that the models were fitted "
             "to, which every effect lowers. Give holdout logs."
         )
-    for trained in (diag.trained or (diag.before,))[:1]:
-        words += trained.outstanding
-    return [*words, *diag.notes, *diag.fit.notes]
+    return [*words, *odd_words(diag), *diag.notes, *diag.fit.notes]
 
 
 def closing_words(diag: Findings) -> list[str]:

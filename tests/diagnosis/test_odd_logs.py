@@ -1,0 +1,119 @@
+"""Logs that disagree with the others: false alarms, power, and what is told."""
+
+import re
+from dataclasses import replace
+
+import made_diagnosis as made
+import numpy as np
+import pytest
+from reference import thruster
+
+import diffthrust as dft
+from diffthrust.diagnosis._findings import OddLog  # private: made by hand
+from diffthrust.diagnosis._log_slopes import Slopes, deviations  # private: the test alone
+from diffthrust.diagnosis._odd_logs import odd_logs  # private: without a search for effects
+from diffthrust.diagnosis._trials import Trials  # private: as a diagnosis makes them
+from diffthrust.diagnosis._words import caution_words  # private: each sentence alone
+
+BLOCKS, SAMPLES = 24, 240
+
+
+def regressions(rng, logs, off=(), apart=0.0):
+    """Logs of one regression with unit noise, at the common estimate; ``off`` is added in log 0.
+
+    With ``apart`` every log has a first parameter of its own, scattered by so much.
+    """
+    rows = rng.standard_normal((logs, 2, SAMPLES))
+    truth = np.zeros((logs, 2))
+    truth[:, 0] = apart * rng.standard_normal(logs)
+    truth[0] += off if len(off) else 0.0
+    y = np.einsum("kp,kpt->kt", truth, rows) + rng.standard_normal((logs, SAMPLES))
+    flat = np.concatenate(rows, axis=1)
+    rest = np.einsum("p,kpt->kt", np.linalg.lstsq(flat.T, y.ravel(), rcond=None)[0], rows) - y
+    product = rows * rest[:, None]
+    return [
+        Slopes(x @ x.T, p.reshape(2, BLOCKS, -1).sum(axis=-1), p.sum(axis=1)[:, None])
+        for x, p in zip(rows, product, strict=True)
+    ]
+
+
+@pytest.mark.parametrize("logs", [3, 6])
+def test_false_alarms_come_as_rarely_as_stated(logs):
+    """At most 1 % of sets; of 1000 more than 2 % a right test gives once in 500 runs."""
+    rng = np.random.default_rng(logs)
+    said = [bool(deviations(regressions(rng, logs))) for _ in range(1000)]
+    assert np.mean(said) <= 0.02
+
+
+def test_the_odd_log_is_told_with_its_parameter_and_by_how_much():
+    """So far off that a right test misses one of a thousand."""
+    rng = np.random.default_rng(11)
+    for _ in range(20):
+        (one,) = deviations(regressions(rng, 5, off=(0.0, 0.6)))
+        assert (one.log, one.parameter) == (0, 1)
+        assert one.size == pytest.approx(0.6, abs=4 * one.error)
+        assert one.own - one.others == pytest.approx([0.0, one.size])
+
+
+def test_where_all_logs_differ_none_is_odd():
+    """What is odd between two is none between logs that scatter as much: in one set of twenty."""
+    rng = np.random.default_rng(13)
+    said = [bool(deviations(regressions(rng, 6, apart=0.6))) for _ in range(100)]
+    assert np.mean(said) < 0.12
+
+
+def thrusters(rng, ct):
+    """Logs of one thruster, each with a thrust coefficient of its own."""
+    time = 0.05 * np.arange(400)
+    for k, factor in enumerate(ct):
+        command = np.repeat(rng.uniform(-4, 4, 20), 20)
+        parameters = {**thruster.JASON, "ct": factor * thruster.JASON["ct"]}
+        record = thruster.simulate(time, command, **parameters)
+        speed, thrust = (record.measured[n] for n in ("speed", "thrust"))
+        yield dft.Log(
+            time,
+            {"command": command},
+            {
+                "speed": speed + 0.01 * np.std(speed) * rng.standard_normal(400),
+                "thrust": thrust + 0.01 * np.std(thrust) * rng.standard_normal(400),
+            },
+            name=f"run {k}",
+        )
+
+
+def said_of(ct, seed):
+    """The odd logs of thrusters, two of them unseen, by a fit and its trial without candidates."""
+    logs = list(thrusters(np.random.default_rng(seed), ct))
+    train, unseen = logs[:-2], logs[-2:]
+    fit = dft.fit(dft.Thruster().replace(thruster.JASON), train, starts=1, doubts=False)
+    trials = Trials(fit.model, [], train, unseen, fit.substeps)
+    trained = dft.compare(fit, train, initial=fit.initial).runs
+    runs = (*trained, *dft.compare(fit, unseen).runs)
+    return odd_logs(trials, trials.base(), runs)
+
+
+@pytest.mark.parametrize("place", [1, 4])
+def test_a_log_with_another_thruster_is_named_whether_training_or_unseen(place):
+    ct = np.ones(5)
+    ct[place] = 0.9
+    (odd,) = said_of(ct, seed=place)
+    assert (odd.log, odd.channel) == (f"run {place}", "thrust")
+    told = re.search(r"it asks for ct some (\d+) % lower than the others", odd.evidence)
+    assert told is not None
+    assert 4 <= int(told[1]) <= 16  # four standard errors to either side
+    assert odd.share > 1 / 5
+
+
+def test_of_sound_logs_none_is_named():
+    assert said_of(np.ones(5), seed=8) == ()
+
+
+def test_the_summary_names_what_carries_much_of_the_error_and_the_cautions_all():
+    found = made.found()
+    odd = OddLog("14V", "thrust", "its thrust error is 3.4 times that of the median log", 0.6)
+    much = replace(found, odd_logs=(odd, replace(odd, log="20V", share=0.1)))
+    words = "Log 14V is unlike the others: its thrust error is 3.4 times that of the median log."
+    assert words in much.summary
+    assert "60 % of the squared thrust error" in much.summary
+    assert "20V" not in much.summary
+    assert sum("is unlike the others" in words for words in caution_words(much)) == 2
