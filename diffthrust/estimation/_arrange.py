@@ -22,8 +22,10 @@ from diffthrust.simulation._starts import following
 from diffthrust.simulation._step_size import sensor_noise
 from diffthrust.simulation._trajectory import Grid, Key
 
-_WASTE = 1.25
-"""Logs share a batch while the longest is at most this many times the shortest."""
+_WASTE = 0.25
+"""Logs share a batch while what they are padded with is at most this share of their samples,"""
+_LITTLE = 1000
+"""or so many samples: each batch has its own part in the compiled code, and takes seconds."""
 
 
 def build(
@@ -194,17 +196,18 @@ def _grouped(
     model: Model, logs: Sequence[Log]
 ) -> list[tuple[list[int], tuple[tuple[str, str], ...]]]:
     """Logs of the same inputs and of similar length, which are simulated as one batch."""
-    groups: list[tuple[list[int], tuple[tuple[str, str], ...], int]] = []
-    for index in sorted(range(len(logs)), key=lambda i: (len(logs[i]), i)):
-        log = logs[index]
-        hold = hold_of(log, inputs_of(model, log))
-        for members, theirs, shortest in groups:
-            if theirs == hold and len(log) <= _WASTE * shortest:
+    groups: list[tuple[list[int], tuple[tuple[str, str], ...]]] = []
+    for index in sorted(range(len(logs)), key=lambda i: (-len(logs[i]), i)):
+        hold = hold_of(logs[index], inputs_of(model, logs[index]))
+        for members, theirs in groups:
+            samples = sum(len(logs[i]) for i in (*members, index))
+            padded = len(logs[members[0]]) * (len(members) + 1)
+            if theirs == hold and padded - samples <= max(_WASTE * samples, _LITTLE):
                 members.append(index)
                 break
         else:
-            groups.append(([index], hold, len(log)))
-    return [(members, hold) for members, hold, _ in groups]
+            groups.append(([index], hold))
+    return groups
 
 
 def _batch(

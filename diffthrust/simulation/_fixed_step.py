@@ -10,7 +10,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from diffthrust._support._running.batching import padded_length, run_program
+from diffthrust._support._running.batching import run_program, shared_length
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust.logs._log import Log
@@ -27,7 +27,7 @@ def _compiled(static: tuple[Key, Grid], numbers: Any) -> Any:
 
 
 def _run(key: Key, grid: Grid, values: Any, time: Any, inputs: Any, start: Any) -> Any:
-    spare = padded_length(time.size) - time.size
+    spare = shared_length(time.size) - time.size
     if spare:  # steps of no length: the state rests
         time, inputs = jax.tree.map(lambda s: np.pad(s, (0, spare), "edge"), (time, inputs))
     return run_program(_compiled, (key, grid), (values, time, inputs, start))

@@ -15,6 +15,7 @@ Outside `SharedRuns` a program is run at once, as it is.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Generator, Hashable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
@@ -32,6 +33,8 @@ from diffthrust._support.warned import silence
 
 _present: ContextVar[SharedRuns | None] = ContextVar("shared_runs", default=None)
 _ladder: ContextVar[Sequence[int]] = ContextVar("ladder", default=())
+_SHORT = 16
+"""No shorter series are worth a program of their own."""
 
 
 def shared_runs() -> SharedRuns | None:
@@ -54,6 +57,17 @@ def padded_length(samples: int) -> int:
     lengths = _ladder.get()
     at = int(np.searchsorted(lengths, samples))
     return int(lengths[at]) if at < len(lengths) else samples
+
+
+def shared_length(samples: int) -> int:
+    """As `padded_length`, and elsewhere the least of a few lengths, two to each doubling.
+
+    Each length is a program of its own, which is never given back.
+    """
+    if _ladder.get():
+        return padded_length(samples)
+    halves = math.ceil(2 * math.log2(max(samples, _SHORT)))
+    return max(samples, math.ceil(2 ** (halves / 2) - 1e-9))
 
 
 def run_program(program: Callable[..., Any], static: Hashable, numbers: Any, rows: int = 1) -> Any:
