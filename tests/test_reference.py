@@ -119,6 +119,8 @@ CASES = {
     "axial_flow": 0.3,
     "cavitation": {"shortfall": 0.4, "onset": 35.0},
     "thrust_degradation": {"fraction": 0.3, "instant": 5.02},
+    "thrust_exponent": 1.7,
+    "load_exponent": 1.6,
     "speed_sensor_scale": 0.05,
     "speed_sensor_offset": 0.4,
     "speed_sensor_lag": 0.2,
@@ -335,6 +337,8 @@ STEADY = [
     ("inflow_thrust_loss", 0.1, 2.0, "thrust", 0.02 * 84 / 0.037 - 0.05 * np.sqrt(84 / 0.037)),
     ("thrust_degradation", {"fraction": 0.3, "instant": 2.0}, 2.0, "thrust", 0.7 * 1.68 / 0.037),
     ("cavitation", {"shortfall": 0.5, "onset": 30.0}, 2.0, "thrust", 9.0 + 0.5 * (1.68 / 0.037)),
+    ("thrust_exponent", 1.5, 2.0, "thrust", 32.0 * ((84 / 0.037) ** 0.5 / 40.0) ** 1.5),
+    ("load_exponent", 2.5, 2.0, "speed", 40.0 * (84 / 0.037 / 1600.0) ** 0.4),
     ("speed_sensor_scale", 0.05, 2.0, "speed", 1.05 * np.sqrt(84 / 0.037)),
     ("speed_sensor_offset", -0.7, 2.0, "speed", np.sqrt(84 / 0.037) - 0.7),
     ("thrust_sensor_scale", 0.05, 2.0, "thrust", 1.05 * 1.68 / 0.037),
@@ -456,6 +460,7 @@ def test_twin_thrusters_turn_towards_the_weaker_side():
 VESSEL_CASES = {
     "swapped_thrusters": 1.0,
     "differential_gain": 0.1,
+    "force_exponent": 1.3,
     "rudder_rate_limit": 0.2,
     "propeller_lag": 0.5,
     "rudder_lag": 0.5,
@@ -473,7 +478,7 @@ VESSEL_CASES = {
 }
 
 
-TWIN_EFFECTS = ("swapped_thrusters", "differential_gain")
+TWIN_EFFECTS = ("swapped_thrusters", "differential_gain", "force_exponent")
 
 
 def busy_vessel(twin, **options):

@@ -8,7 +8,10 @@ from diffthrust.effects._command import CommandDelay as CommandDelay
 from diffthrust.effects._command import CommandOffset as CommandOffset
 from diffthrust.effects._command import CommandRateLimit as CommandRateLimit
 from diffthrust.effects._command import CommandSaturation as CommandSaturation
+from diffthrust.effects._curves import LoadExponent as LoadExponent
+from diffthrust.effects._curves import ThrustExponent as ThrustExponent
 from diffthrust.effects._drive import DifferentialGain as DifferentialGain
+from diffthrust.effects._drive import ForceExponent as ForceExponent
 from diffthrust.effects._drive import PropellerInflow as PropellerInflow
 from diffthrust.effects._drive import PropellerLag as PropellerLag
 from diffthrust.effects._drive import PropellerWalk as PropellerWalk

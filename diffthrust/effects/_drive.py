@@ -4,6 +4,7 @@ import math
 
 import jax.numpy as jnp
 
+from diffthrust.effects._curves import power
 from diffthrust.effects._recorded import rate_limited
 from diffthrust.effects._shaft import ActuatorLag
 from diffthrust.models._base.component import registered
@@ -212,3 +213,27 @@ class SwappedThrusters(Effect):
         """The force that this thruster gives."""
         other = s.right_force if port == "left_force" else s.left_force
         return value + self.share * (other - value)
+
+
+@registered
+class ForceExponent(Effect):
+    """The forces of two thrusters are a power of what their static map says.
+
+    Acts on the recorded forces [N], left and right alike: multiplied by
+    (|force| / reference)^(exponent - 1). ``reference`` is the force at which the map holds; it is
+    held, as another one rescales the vessel's masses and dampings. A vessel whose thrusters are
+    given as efforts has such an exponent of its own. Null: exponent = 1. Source: a map from the
+    command to the force that was measured at another voltage, or taken for linear; Siramdasu &
+    Fahimi 2013, equation 6, for the power law.
+    """
+
+    name = "force_exponent"
+    ports = ("left_force", "right_force")
+    exponent: float = parameter(1.2, bounds=(0.3, 3), null=1.0, size=0.3, probes=(0.7, 1.5))
+    reference: float = parameter(
+        10.0, "{left_force}", bounds=(0, None), fixed=True, probes=relative_to("left_force", 0.6)
+    )
+
+    def at(self, port: str, value: Signal, s: Signals) -> Signal:
+        """The force that this thruster gives."""
+        return value * power(value, self.reference, self.exponent - 1.0)

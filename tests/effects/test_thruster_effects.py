@@ -48,8 +48,10 @@ NAMES = [
     "thrust_sensor_offset",
     "thrust_sensor_lag",
     "thrust_sensor_delay",
+    "thrust_exponent",
+    "load_exponent",
 ]
-PURE_NUMBERS = {"change", "share", "fraction", "shortfall", "restored", "spread"}
+PURE_NUMBERS = {"change", "share", "fraction", "shortfall", "restored", "spread", "exponent"}
 PARAMETERS = [f"{n}.{k}" for n in NAMES for k, p in CATALOGUE[n].declared.items() if not p.fixed]
 
 
@@ -241,6 +243,8 @@ RECOVERED = {
     "thrust_sensor_offset": {"offset": (2.0, 0.01)},
     "thrust_sensor_lag": {"time_constant": (0.15, 2e-3)},
     "thrust_sensor_delay": {"delay": (0.08, 2e-3)},
+    "thrust_exponent": {"exponent": (1.7, 2e-3)},
+    "load_exponent": {"exponent": (1.6, 2e-3)},
 }
 """Hidden values of an effect's parameters, the main one first, and how near a fit must come."""
 

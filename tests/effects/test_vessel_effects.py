@@ -32,6 +32,7 @@ CATALOGUE = {
     "reverse_propeller_asymmetry",
     "differential_gain",
     "swapped_thrusters",
+    "force_exponent",
     "water_current",
     "wind",
 }
@@ -43,7 +44,7 @@ HINGED = {
     "rudder_rate_limit",
     "propeller_lag",
 }
-TWIN = {"differential_gain", "swapped_thrusters"}
+TWIN = {"differential_gain", "swapped_thrusters", "force_exponent"}
 AT_EACH_CHANGE = ("quadratic_yaw_drag", "rudder_lag", "wind")
 CASES = [
     (name, drive)
@@ -102,7 +103,7 @@ def test_every_effect_is_described(name):
     assert set(effect.ports) <= set(places)
     assert "Null:" in effect.__doc__
     assert "Source:" in effect.__doc__
-    ratios = {"gain", "change", "fraction", "share"}
+    ratios = {"gain", "change", "fraction", "share", "exponent"}
     for parameter, described in effect.declared.items():
         assert bool(described.unit) != (parameter in ratios and described.unit == ""), parameter
         assert described.value != described.null
@@ -184,6 +185,7 @@ FOUND = {
     "rudder_rate_limit": ({"rate": 0.3}, {}),
     "reverse_propeller_asymmetry": ({"change": -0.3}, {"lowest": -60.0}),
     "differential_gain": ({"gain": -0.1}, {"drive": "twin"}),
+    "force_exponent": ({"exponent": 1.4}, {"drive": "twin"}),
     "water_current": ({"to_north": 0.1, "to_east": -0.15}, {}),
     "wind": ({"along": 0.02, "across": 0.05, "turning": -0.01}, {"blowing": True}),
 }

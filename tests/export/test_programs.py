@@ -49,12 +49,13 @@ GROUPS = (
                   "reverse_load_asymmetry", "reverse_drive_asymmetry", "linear_damping",
                   "thrust_degradation", "thrust_sensor_offset", "speed_sensor_scale")),
     ("motor", ("command_deadband", "reverse_drive_asymmetry", "cavitation")),
+    ("thruster", ("thrust_exponent", "load_exponent")),
     ("loop", ("command_deadband", "slew_limit", "command_rate_limit", "thrust_sensor_lag")),
     ("propeller", ("propeller_lag", "rudder_lag", "rudder_offset", "rudder_inflow", "water_current",
                    "propeller_walk", "propeller_inflow", "reverse_propeller_asymmetry")),
     ("propeller", ("rudder_rate_limit", "sway_yaw_coupling", "quadratic_sway_drag", "wind")),
     ("twin", ("differential_gain", "quadratic_surge_drag", "quadratic_yaw_drag", "wind")),
-    ("twin", ("swapped_thrusters", "water_current")),
+    ("twin", ("swapped_thrusters", "force_exponent", "water_current")),
 )  # fmt: skip
 
 

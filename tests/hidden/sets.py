@@ -74,7 +74,7 @@ LIMITS = (
     "cavitation",
     "thrust_sensor_offset",
 )
-TWIN_ONLY = ("differential_gain", "swapped_thrusters")
+TWIN_ONLY = ("differential_gain", "swapped_thrusters", "force_exponent")
 EITHER = (
     "quadratic_surge_drag",
     "quadratic_sway_drag",

@@ -74,6 +74,12 @@ THRUSTER: dict[str, Size] = {
     ),
     "thrust_sensor_lag": Size(0.06, 0.0018, 0.2, lambda x, k: {"time_constant": x}),
     "thrust_sensor_delay": Size(0.06, 0.0013, 0.15, lambda x, k: {"delay": x}),
+    "thrust_exponent": Size(
+        0.12, 0.007, 0.3, lambda x, k: {"exponent": 2.0 - x, "reference": 0.6 * k["speed"]}, True
+    ),
+    "load_exponent": Size(
+        0.12, 0.006, 0.3, lambda x, k: {"exponent": 2.0 - x, "reference": 0.6 * k["speed"]}, True
+    ),
 }
 
 #: Exactly the same as other values of the free base parameters: nothing can find these.
@@ -139,6 +145,9 @@ VESSEL: dict[str, Size] = {
         lambda x, k: {"to_north": x * k["surge"], "to_east": -0.7 * x * k["surge"]},
     ),
     "sway_yaw_coupling": Size(0.2, 0.0037, 0.6, lambda x, k: {"mass": x, "damping": x}),
+    "force_exponent": Size(
+        0.06, 0.003, 0.1, lambda x, k: {"exponent": 1.0 + x, "reference": 0.6 * k["force"]}, True
+    ),
 }
 
 VESSEL_OUTSIDE: dict[str, Size] = {

@@ -160,6 +160,11 @@ def thrust_degradation(thrust, s, *, fraction=0.0, instant=30.0):
     return thrust * (1.0 - fraction) if s.time >= instant else thrust
 
 
+def other_power(value, s, *, exponent=2.0, reference=40.0):
+    """Of ``exponent`` instead of 2, the same at the ``reference`` speed [rad/s]."""
+    return value * (abs(s.speed) / reference) ** (exponent - 2.0) if s.speed else value
+
+
 # Sensors.
 
 
@@ -202,6 +207,8 @@ THRUSTER: dict[str, Effect] = {
     "axial_flow": Effect("thrust", axial_flow, state=True),
     "cavitation": Effect("thrust", cavitation),
     "thrust_degradation": Effect("thrust", thrust_degradation),
+    "thrust_exponent": Effect("thrust", other_power),
+    "load_exponent": Effect("load", other_power),
     "speed_sensor_scale": Effect("speed_sensor", sensor_scale),
     "speed_sensor_offset": Effect("speed_sensor", sensor_offset),
     "speed_sensor_lag": Effect("speed_sensor", sensor_lag, state=True),

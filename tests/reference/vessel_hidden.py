@@ -16,6 +16,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from .hidden import Effect, command_rate_limit
 
 
@@ -37,6 +39,15 @@ def differential_gain(time, inputs, *, gain=0.0):
         "left_force": inputs["left_force"] * (1.0 + gain),
         "right_force": inputs["right_force"] * (1.0 - gain),
     }
+
+
+def force_exponent(time, inputs, *, exponent=1.0, reference=10.0):
+    """Both forces by a power of the recorded ones, the same at the ``reference`` [N]."""
+    both = {name: np.asarray(inputs[name], float) for name in ("left_force", "right_force")}
+    powers = {
+        n: np.sign(f) * reference * np.abs(f / reference) ** exponent for n, f in both.items()
+    }
+    return time, {**inputs, **powers}
 
 
 def rudder_rate_limit(time, inputs, *, rate=math.inf):
@@ -130,6 +141,7 @@ def sway_yaw_coupling(m23, d23, *, mass=0.0, damping=0.0):
 VESSEL: dict[str, Effect] = {
     "swapped_thrusters": Effect("inputs", swapped_thrusters),
     "differential_gain": Effect("inputs", differential_gain),
+    "force_exponent": Effect("inputs", force_exponent),
     "rudder_rate_limit": Effect("inputs", rudder_rate_limit),
     "propeller_lag": Effect("propeller", lag, state=True),
     "rudder_lag": Effect("rudder", lag, state=True),
