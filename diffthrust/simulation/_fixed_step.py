@@ -21,7 +21,8 @@ from diffthrust.simulation._trajectory import Grid, Key, driven, trajectory
 
 
 @partial(jax.jit, static_argnums=0)
-def _compiled(static: tuple[Key, Grid], numbers: Any) -> Any:
+def compiled_simulation(static: tuple[Key, Grid], numbers: Any) -> Any:
+    """A trajectory of the model and grid that are static, compiled once."""
     values, time, inputs, start = numbers
     return trajectory(static[0].model.bind(values), static[1], time, inputs, start, {})
 
@@ -30,7 +31,7 @@ def _run(key: Key, grid: Grid, values: Any, time: Any, inputs: Any, start: Any) 
     spare = shared_length(time.size) - time.size
     if spare:  # steps of no length: the state rests
         time, inputs = jax.tree.map(lambda s: np.pad(s, (0, spare), "edge"), (time, inputs))
-    return run_program(_compiled, (key, grid), (values, time, inputs, start))
+    return run_program(compiled_simulation, (key, grid), (values, time, inputs, start))
 
 
 def simulate_fixed(

@@ -14,7 +14,7 @@ import diffthrust as dft
 from diffthrust import InputError, Log, Model, simulate
 from diffthrust.effects import ActuatorLag, CommandDeadband, ReverseThrustAsymmetry
 from diffthrust.models import MODELS, Ports, Relaxing, Signals
-from diffthrust.simulation._fixed_step import _compiled  # private: compilations
+from diffthrust.simulation._fixed_step import compiled_simulation  # private: compilations
 
 JASON = thruster.JASON
 
@@ -552,9 +552,9 @@ def test_logs_of_many_lengths_share_few_programs():
     time = 0.05 * np.arange(400)
     log = dft.Log(time, {"command": rng.uniform(-4.0, 4.0, time.size)}, {})
     whole = dft.simulate(dft.Thruster(), log, substeps=3)
-    before = _compiled._cache_size()
+    before = compiled_simulation._cache_size()
     for count in range(257, 300):
         part = dft.Log(time[:count], {"command": log.inputs["command"][:count]}, {})
         speed = dft.simulate(dft.Thruster(), part, substeps=3)["speed"]
         assert speed == pytest.approx(whole["speed"][:count], rel=1e-12)
-    assert _compiled._cache_size() <= before + 1
+    assert compiled_simulation._cache_size() <= before + 1
