@@ -16,6 +16,7 @@ from diffthrust.diagnosis._findings import (  # private: made by hand
     Stage,
     TriedEffect,
 )
+from diffthrust.diagnosis._worth import Worth  # private: made by hand
 from diffthrust.effects import ActuatorLag, CommandDeadband
 
 BAND = 0.4  # hidden dead band [V]
@@ -157,6 +158,17 @@ def unexplained() -> dft.Diagnosis:
         before=full.before,
         after=full.before,
         missing=full.missing[:1],
+    )
+
+
+def undecided() -> dft.Diagnosis:
+    """Whole runs are poor, and random forces explain them as well as a dead band."""
+    return replace(
+        unexplained(),
+        verdict="undecided",
+        remaining=None,
+        one_step={"speed": 0.1, "thrust": 0.1},
+        possible={"command_deadband": Worth(0.4, 0.2, 0.6)},
     )
 
 

@@ -23,9 +23,7 @@ _SPOILT = 1.2
 """An effect is refused with which the error of whole unseen runs grows by more than this."""
 _GROWN = 1.01
 """So it is where those of unseen and of training runs together (the product of both, each in the
-mean of the channels) grow by more than this;"""
-_NOTHING = 1e-4
-"""and where the error of no channel changes by more than this over whole training runs."""
+mean of the channels) grow by more than this."""
 
 
 # -- the information criterion, which charges for the noise of a trial as well ---------------------
@@ -141,8 +139,6 @@ def no_better(last: Stage, stage: Stage) -> Refusal | None:
     if not math.isfinite(stage.train.nrmse):
         return Refusal.FAILS
     trained = _growth(last.train, stage.train)
-    if all(abs(growth - 1.0) < _NOTHING for growth in trained):
-        return Refusal.NO_CHANGE
     if last.holdout is not None and stage.holdout is not None:
         if stage.holdout.nrmse > _SPOILT * last.holdout.nrmse:
             return Refusal.UNSEEN_RUNS

@@ -10,7 +10,7 @@ from diffthrust._support.names import listing
 from diffthrust._support.progress import ProgressOption, progressing, teller
 from diffthrust.comparison._compare import Comparison, compare
 from diffthrust.diagnosis._candidates import Candidates
-from diffthrust.diagnosis._findings import Missing, Verdict
+from diffthrust.diagnosis._findings import Missing
 from diffthrust.diagnosis._groups import groups_of, proposal
 from diffthrust.diagnosis._missing import missing_signals
 from diffthrust.diagnosis._odd_logs import odd_logs
@@ -18,6 +18,8 @@ from diffthrust.diagnosis._result import Diagnosis
 from diffthrust.diagnosis._search import SearchState, Tools, begun
 from diffthrust.diagnosis._stages import next_stage
 from diffthrust.diagnosis._trials import TrialFit
+from diffthrust.diagnosis._verdict import verdict_of
+from diffthrust.diagnosis._whole_runs import from_whole_runs
 from diffthrust.estimation._arguments import by_input, check_arguments, listed
 from diffthrust.estimation._origin import origin_of, same_logs
 from diffthrust.estimation._result import Fit
@@ -91,7 +93,9 @@ def diagnose(
         first = known.present.trial
         while len(known.present.trial.effects) < _MOST_STAGES:
             before, known = known, next_stage(tools, known)
-            if known.number == before.number:
+            if known.found == before.found:
+                known = from_whole_runs(tools, known)
+            if known.found == before.found:
                 break
         found = _reported(tools, known, first, unseen, limits, experiment)
     before = fit.origin if isinstance(fit, Fit) else None
@@ -120,26 +124,23 @@ def _reported(
     with tools.clock("remaining"):
         remaining = known.present.remaining
     left: tuple[Missing, ...] = ()
-    if remaining is not None and present.effects:
+    if remaining is not None and known.number:
         with tools.clock("missing"):
             left = missing_signals(trials, present)
     ends = known.stages[0].fit, known.stages[-1].fit
     trained = _held_against(*ends, trials.logs, trained=True)
     held = _held_against(*ends, unseen) if unseen else trained
-    verdict: Verdict = "effects_found" if present.effects else "adequate"
-    if remaining is not None or held[1].hints:
-        verdict = "unexplained"
     tested = {candidate.effect for candidate in known.ranking}
     sizes = map(float, present.quadratic.sigma)
-    return Diagnosis(
-        verdict=verdict,
+    found = Diagnosis(
+        verdict="adequate",
         model=tools.given,
         best=tuple(ends[1].model.effects[len(tools.given.effects) :]),
         groups=groups,
         stages=known.stages,
         ranking=known.ranking,
         remaining=remaining,
-        untestable=known.untestable,
+        untestable={n: why for n, why in known.untestable.items() if n not in present.effects},
         dropped=known.dropped,
         before=held[0],
         after=held[1],
@@ -150,9 +151,20 @@ def _reported(
         one_step=dict(zip(trials.channels, sizes, strict=True)),
         trained=trained,
         odd_logs=odd_logs(trials, present, (*trained[1].runs, *(held[1].runs if unseen else ()))),
-        experiment=proposal(tools, known, groups, limits) if experiment else None,
+        experiment=None,
         seconds=tools.clock.seconds,
+        worth=known.worth,
+        detectable=known.detectable,
     )
+    with tools.clock("headroom"):
+        found = replace(found, verdict=verdict_of(found))
+    if found.verdict in ("undecided", "unexplained"):
+        possible = {n: w for n, w in known.possible.items() if n not in present.effects}
+        found = replace(found, possible=possible)
+    if experiment:
+        rivals = [*groups, *((None, name) for name in found.possible)]
+        found = replace(found, experiment=proposal(tools, known, rivals, limits))
+    return found
 
 
 def _held_against(

@@ -14,7 +14,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.results import Brief
 from diffthrust.comparison._compare import Comparison
 from diffthrust.diagnosis._headroom import Headroom, headroom_of
-from diffthrust.diagnosis._worth import Worth
+from diffthrust.diagnosis._worth import Worth, far_above
 from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._origin import Origin
 from diffthrust.estimation._result import Fit
@@ -59,7 +59,6 @@ class Refusal(StrEnum):
     SMALL_PART = "explains a small part of what a signal of unknown form explains"
     UNSEEN_LOGS = "costs the unseen logs what it gains on the training logs"
     FAILS = "predicts the next sample better, and cannot be carried over whole runs"
-    NO_CHANGE = "predicts the next sample better, and changes nothing in whole runs"
     UNSEEN_RUNS = "predicts the next sample better, and whole unseen runs worse"
     ALL_RUNS = (
         "predicts the next sample better, and whole runs worse, unseen and training ones together"
@@ -210,6 +209,10 @@ class Remaining:
         return str(self.signal)
 
 
+_REPEATS = 0.1
+"""Errors repeat of which a flexible model surely explains more than this share of the squares."""
+
+
 @dataclass(frozen=True)
 class OddLog:
     """A log that disagrees with the others.
@@ -318,6 +321,19 @@ class Findings(Brief):
     def fit(self) -> Fit:
         """The fit of the last stage."""
         return self.stages[-1].fit
+
+    @property
+    def far(self) -> tuple[str, ...]:
+        """The channels whose errors over whole runs are large and last, the worst first."""
+        last = self.stages[-1]
+        return far_above(last.holdout or last.train, self.one_step)
+
+    @property
+    def repeating(self) -> tuple[str, ...]:
+        """Those of them whose errors surely repeat, as a flexible model shows."""
+        room = self.headroom if self.far else None
+        known = room[1].channels if room else {}
+        return tuple(name for name in self.far if name in known and known[name].low > _REPEATS)
 
     def shown(self, missing: Sequence[Missing]) -> tuple[Missing, ...]:
         """Missing signals in the units in which the logs were written."""

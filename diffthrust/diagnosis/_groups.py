@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from diffthrust._support.errors import InputError
+from diffthrust.diagnosis._admit import MARGIN
 from diffthrust.diagnosis._criteria import price_of, unseen_gain
 from diffthrust.diagnosis._screen import levels_of, screened
 from diffthrust.diagnosis._search import SearchState, Tools
-from diffthrust.diagnosis._stages import MARGIN
 from diffthrust.diagnosis._trials import TrialFit
+from diffthrust.diagnosis._whole_runs import are_poor, fitted_whole, over_whole_runs, trial_worth
 from diffthrust.experiments._result import Experiment
 from diffthrust.experiments._suggest import suggest_experiment
 
 _ALIKE = 8.0
 """Effects whose criteria differ by less than this cannot be told apart (odds of some 50 to 1)."""
+_MOST_OF_IT = 0.9
+"""Where whole runs stay poor, neither can those be that remove so much of what the effect does,"""
+_LEFT = 1.1
+"""and leave an error over whole runs no larger than so many times its own;"""
+_NAMED = 2
+"""so many of them are named, the best."""
 
 
 def groups_of(tools: Tools, known: SearchState, first: TrialFit) -> tuple[tuple[str, ...], ...]:
@@ -28,7 +35,7 @@ def groups_of(tools: Tools, known: SearchState, first: TrialFit) -> tuple[tuple[
     rivals = {c.effect for c in known.ranking if c.delta_bic < -MARGIN} - barred
     levels = levels_of(trials, first)
     groups = []
-    for name in present.effects:
+    for name in known.stages[-1].effects:
         without = trials.further(known.present.without(name))
         alike, price = [name], price_of(trials, present, name)
         others = sorted(rivals - {*present.effects})
@@ -39,29 +46,61 @@ def groups_of(tools: Tools, known: SearchState, first: TrialFit) -> tuple[tuple[
                 worse -= unseen_gain(trials, present, trial)
             if 2 * worse + price_of(trials, trial) - price < _ALIKE:
                 alike.append(rival)
-        groups.append(tuple(alike))
+        groups.append((*alike, *_alike_over_whole_runs(tools, known, name, {*alike} | barred)))
     return tuple(groups)
+
+
+def _alike_over_whole_runs(
+    tools: Tools, known: SearchState, name: str, others: Collection[str]
+) -> list[str]:
+    """The rivals of an effect, when it was added, that do nearly the same to whole runs.
+
+    Where whole runs stay poor the model is wrong in more than this, and the likelihood of the next
+    sample, in which random forces take up what is wrong, does not tell them apart. Not those in
+    ``others``, which are known already.
+    """
+    trials = tools.trials
+    at, stage = next((k, s) for k, s in enumerate(known.stages) if name in s.effects)
+    tried = [c.effect for c in known.ranking if c.stage == at - 1 and c.delta_bic < -MARGIN]
+    rivals = [rival for rival in tried if rival not in {*others, *stage.effects}]
+    if not rivals or not are_poor(tools, known, known.stages[-1]):
+        return []
+    whole = over_whole_runs(trials)
+    given = fitted_whole(tools, stage)
+    without = fitted_whole(tools, stage, [n for n in stage.effects if n != name])
+    own = trial_worth(trials, without, given).share
+    begun = screened(whole, rivals, without, levels_of(trials, without))
+    shares = {
+        rival: trial_worth(trials, without, whole.further(trial)).share
+        for rival, trial in begun.items()
+    }
+    near = _MOST_OF_IT * own, 1.0 - _LEFT**2 * (1.0 - own)
+    alike = sorted((r for r in shares if shares[r] > max(near)), key=lambda r: -shares[r])
+    return alike[:_NAMED]
 
 
 def proposal(
     tools: Tools,
     known: SearchState,
-    groups: Sequence[Sequence[str]],
+    groups: Sequence[Sequence[str | None]],
     limits: Mapping[str, tuple[float, float]] | None,
 ) -> Experiment | None:
-    """The test, within limits of the inputs, that would separate the first group of several."""
+    """The test, within limits of the inputs, that would separate the first group of several.
+
+    The groups of the added effects, one after the other; in others ``None`` is the model as it is.
+    """
     trials = tools.trials
     for i, group in enumerate(groups):
         if len(group) < 2:
             continue
-        tools.say("looking for a test that separates " + " and ".join(group), 0.95)
-        effects = [trials.candidates[n] for n in known.present.trial.effects]
+        others = [trials.candidates[n] for k, n in enumerate(known.stages[-1].effects) if k != i]
+        tools.say("looking for a test that separates " + " and ".join(filter(None, group)), 0.95)
         rivals = [known.stages[-1].fit]
         log = max(trials.logs, key=lambda log: log.duration)
         try:
             for name in group[1:3]:
-                effects[i] = trials.candidates[name]
-                rivals.append(tools.refit(tools.given + effects))
+                changed = [*others, trials.candidates[name or ""]]
+                rivals.append(tools.refit(tools.given + changed))
             with tools.clock("experiment"):
                 return suggest_experiment(
                     rivals,

@@ -18,6 +18,7 @@ from diffthrust.diagnosis._tables import (
     meaning_rows,
     ranking_rows,
     stage_rows,
+    worth_rows,
 )
 from diffthrust.diagnosis._words import (
     caution_words,
@@ -67,6 +68,7 @@ def page(diag: Findings, *, title: str = "", spec: str = "") -> str:
         verdict=capitalised(verdict_words(diag)),
         summary=summary(diag),
         stages=stage_rows(diag),
+        worth=worth_rows(diag),
         dropped=dropped_words(diag),
         room=headroom_rows(diag) if diag.headroom else None,
         findable=headroom_words(diag),

@@ -17,6 +17,7 @@ from diffthrust.diagnosis._criteria import criterion
 from diffthrust.diagnosis._findings import Refusal, Remaining, Stage, TriedEffect
 from diffthrust.diagnosis._structure import remaining_structure
 from diffthrust.diagnosis._trials import TrialFit, Trials
+from diffthrust.diagnosis._worth import Worth
 from diffthrust.effects import EFFECTS
 from diffthrust.estimation._fit import fit as fit_model
 from diffthrust.estimation._result import Fit
@@ -52,7 +53,8 @@ class Tools:
     Args:
         given: the model that is diagnosed.
         trials: fits of it with any candidate.
-        refit: fits a model to whole runs, with the options of the first fit.
+        unseen: unseen logs.
+        refit: fits a model to whole runs, with the first fit's options; given values are starts.
         guess: values from which the first fit began.
         say: told how far the work is.
         clock: times its parts.
@@ -60,7 +62,8 @@ class Tools:
 
     given: Model
     trials: Trials
-    refit: Callable[[Model], Fit]
+    unseen: tuple[Log, ...]
+    refit: Callable[..., Fit]
     guess: Mapping[str, float]
     say: Progress
     clock: Clock
@@ -112,6 +115,10 @@ class SearchState:
         dropped: effects that later ones made superfluous.
         refused: effects that were not added at the last stage, with the reason.
         silent: effects that promised nothing at some stage.
+        detectable: effects of the present model that matter for no stage: they change nothing over
+            whole runs, and are kept lest their evidence is taken for that of others.
+        worth: of the effects that were added or are detectable.
+        possible: effects that whole runs alone speak for, with their worth there.
     """
 
     present: Present
@@ -121,11 +128,19 @@ class SearchState:
     dropped: tuple[str, ...] = ()
     refused: Mapping[str, Refusal] = field(default_factory=dict)
     silent: frozenset[str] = frozenset()
+    detectable: tuple[str, ...] = ()
+    worth: Mapping[str, Worth] = field(default_factory=dict)
+    possible: Mapping[str, Worth] = field(default_factory=dict)
 
     @property
     def number(self) -> int:
         """Of the last stage."""
         return len(self.stages) - 1
+
+    @property
+    def found(self) -> tuple[int, tuple[str, ...]]:
+        """How far the search has come: a round that leaves it as it was ends the search."""
+        return self.number, self.detectable
 
 
 def begun(
@@ -140,10 +155,11 @@ def begun(
     say("fitting the model as it is", 0.0)
     clock, options = Clock(), fit.options if isinstance(fit, Fit) else {}
 
-    def refit(model: Model) -> Fit:
+    def refit(model: Model, guesses: Sequence[Mapping[str, float]] = ()) -> Fit:
+        told = {"starts": 4, "seed": seed, "guesses": guesses, **options}
         with clock("refit"), warnings.catch_warnings():
             warnings.simplefilter("ignore", CoarseStepWarning)  # a note of the fit says the same
-            return fit_model(model, train, holdout=unseen or None, starts=4, seed=seed, **options)
+            return fit_model(model, train, holdout=unseen or None, **told)
 
     first = fit if isinstance(fit, Fit) else refit(fit)
     guess = first.guess
@@ -153,7 +169,7 @@ def begun(
     say("compiling the trials", 0.1)
     with clock("compile"):
         trials, trial = _compiled(first, effects, train, unseen)
-    tools = Tools(first.model, trials, refit, guess, say, clock)
+    tools = Tools(first.model, trials, tuple(unseen), refit, guess, say, clock)
     return tools, SearchState(Present(trials, trial), (Stage((), first),), untestable)
 
 

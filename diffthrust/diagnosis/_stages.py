@@ -9,38 +9,29 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import NamedTuple
 
+from diffthrust.diagnosis._admit import CLEAR, MARGIN, Tried, admit
 from diffthrust.diagnosis._criteria import (
     criterion,
-    missed,
-    no_better,
     price_of,
     simulation_errors,
     unseen_cost,
     unseen_gain,
 )
-from diffthrust.diagnosis._findings import Refusal, Stage, TriedEffect
-from diffthrust.diagnosis._ports import KNOTS
+from diffthrust.diagnosis._findings import TriedEffect
 from diffthrust.diagnosis._score_test import redundant
 from diffthrust.diagnosis._screen import is_idle, levels_of, screened
 from diffthrust.diagnosis._search import PLAIN, Present, SearchState, Tools
-from diffthrust.diagnosis._structure import gain_of
-from diffthrust.diagnosis._trials import TrialFit, Trials, side_by_side, with_values
+from diffthrust.diagnosis._trials import TrialFit, Trials, side_by_side
 from diffthrust.estimation._estimate import Estimate, shown_unit
 from diffthrust.logs._written import ShownUnits
 
-MARGIN = 4.0
-"""An effect is added where it lowers the information criterion by more than this, so that one of
-some thirty candidates passes by chance in about one diagnosis of a hundred."""
 SCREENS = 3
 """Most screens for one stage: a better noise may come to light again and again on flat ridges."""
 _CARRIED = 6
 """So many of the effects tried at a stage are fitted to the end."""
 _ALONE = 0.05
 """An effect is worth a closer look where its likelihood ratio alone would come so rarely."""
-_CLEAR = 20.0
-"""Where the criterion falls by more than this, no noise that it makes superfluous matters."""
 _WORSE = 3.0
 """A noise that costs the unseen logs more log-likelihood than this (odds of 20 to 1) is no better
 one. An effect is refused whose gain is no longer worth its price when that cost is taken from it:
@@ -49,17 +40,6 @@ _GONE = 1e-2
 """A positive parameter below this share of what simulations say is as good as zero."""
 _POOR = 0.5
 """With a larger error of whole training runs (NRMSE) the fit may have gone astray."""
-_PART = 0.3
-"""An effect that explains less than this part of what an unknown signal does is not it."""
-_OWN = 0.5
-"""It is something else, and missing as well, if it keeps so much of its gain beside that signal."""
-
-
-class Tried(NamedTuple):
-    """An effect that was tried beside the present model, and what is told of it."""
-
-    candidate: TriedEffect
-    trial: TrialFit
 
 
 def next_stage(tools: Tools, known: SearchState) -> SearchState:
@@ -69,7 +49,7 @@ def next_stage(tools: Tools, known: SearchState) -> SearchState:
     """
     for again in reversed(range(SCREENS)):
         before, known = known, one_round(tools, known, again > 0)
-        if known.number > before.number or known.present is before.present:
+        if known.found != before.found or known.present is before.present:
             break
     return known
 
@@ -83,7 +63,9 @@ def one_round(tools: Tools, known: SearchState, again: bool) -> SearchState:
         known, tried = screen(tools, known)
     if again and (quieter := better_noise(tools.trials, known.present, tried)):
         return replace(known, present=quieter)
-    earlier = tuple(one for one in known.ranking if one.stage < known.number)
+    earlier = tuple(
+        one for one in known.ranking if one.stage < known.number or one.effect in known.detectable
+    )
     known = replace(known, refused={}, ranking=(*earlier, *(candidate for candidate, _ in tried)))
     for place, (candidate, trial) in enumerate(tried):
         if place and candidate.p_value < _ALONE:  # beside the first its noise was not priced
@@ -154,7 +136,7 @@ def rate(trials: Trials, known: SearchState, trial: TrialFit, leading: float) ->
     p_value = float(chdtrc(len(own), ratio))
     delta = price_of(trials, trial) - ratio
     behind = price_of(trials, trial) + 2 * trial.cost - leading
-    if delta > -_CLEAR and p_value < _ALONE and behind < _CLEAR:
+    if delta > -CLEAR and p_value < _ALONE and behind < CLEAR:
         delta = criterion(trials, trial) - present.criterion
     errors = simulation_errors(trials, trial)
     named, shown = trials.problem.named, ShownUnits(log.written for log in trials.logs)
@@ -194,73 +176,3 @@ def better_noise(trials: Trials, present: Present, tried: list[Tried]) -> Presen
             if not unseen_cost(trials, without) > unseen_cost(trials, alike) + _WORSE:
                 return Present(trials, without)
     return None
-
-
-def admit(tools: Tools, known: SearchState, tried: Tried) -> SearchState | Refusal:
-    """Add an effect, with a stage of its own, or say why not.
-
-    Without a stage nor a refusal the effect has turned out superfluous.
-    """
-    trials, before, (candidate, trial) = tools.trials, known.present, tried
-    if not comparable(tools, before, tried):
-        return Refusal.SMALL_PART
-    with tools.clock("screen"):
-        settled = trials.settled(trial.effects, trial.values, trial.begin, trial.limit)
-    unseen = unseen_gain(trials, before.trial, settled)
-    if candidate.delta_bic - 2 * min(unseen, 0.0) > -MARGIN:
-        return Refusal.UNSEEN_LOGS
-    added = replace(known, present=Present(trials, settled))
-    fewer = drop(trials, added)
-    if {*fewer.present.trial.effects} == {*before.trial.effects}:
-        return fewer
-    tools.say(f"refitting with {candidate.effect}", 0.3 + 0.1 * known.number)
-    last, fitted = known.stages[-1], refitted(tools, fewer.present.trial)
-    swapped = fewer.dropped != known.dropped and candidate.effect in fewer.present.trial.effects
-    if swapped and missed(last, fitted):
-        fewer, fitted = added, refitted(tools, settled)
-    refusal = no_better(last, fitted)
-    return refusal or replace(fewer, stages=(*known.stages, fitted))
-
-
-def comparable(tools: Tools, present: Present, tried: Tried) -> bool:
-    """Whether an effect explains what is missing, not a small part that it happens to touch.
-
-    A function of one signal that no known effect is like may explain far more. What an effect
-    explains is its own where that function explains as much beside it as it did alone.
-    """
-    trials, (candidate, trial) = tools.trials, tried
-    with tools.clock("remaining"):
-        left = present.remaining
-    if left is None:
-        return True
-    unknown = left.gain - KNOTS * math.log(trials.samples)
-    if -candidate.delta_bic > _PART * unknown:
-        return True
-    with tools.clock("remaining"):
-        beside = gain_of(trials, trial, left)
-    kept = candidate.likelihood_ratio - (left.gain - beside)
-    return kept > max(_OWN * candidate.likelihood_ratio, price_of(trials, trial) + MARGIN)
-
-
-def drop(trials: Trials, known: SearchState) -> SearchState:
-    """Take out every effect without which the criterion is no worse.
-
-    The last one too: on its way to the optimum the fit may have found a better noise.
-    """
-    effects = known.present.trial.effects
-    for name in effects:
-        present = known.present
-        without = present.without(name)
-        loss = 2 * (without.cost - present.trial.cost) - price_of(trials, present.trial, name)
-        if loss < _CLEAR:
-            loss = criterion(trials, without) - present.criterion
-        if loss < MARGIN:
-            dropped = known.dropped if name == effects[-1] else (*known.dropped, name)
-            known = replace(known, present=Present(trials, without), dropped=dropped)
-    return known
-
-
-def refitted(tools: Tools, trial: TrialFit) -> Stage:
-    """The model with the effects of a trial, fitted to whole runs."""
-    effects = [tools.trials.candidates[n] for n in trial.effects]
-    return Stage(trial.effects, tools.refit(with_values(tools.given + effects, trial.values)))

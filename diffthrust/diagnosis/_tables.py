@@ -13,6 +13,7 @@ from rich.text import Text
 
 from diffthrust._support.tables import number, plain_table, with_error
 from diffthrust._support.words import percent, spelt
+from diffthrust.diagnosis._matter_words import leading, share_cells
 from diffthrust.diagnosis._skeleton import HOW, skeleton
 from diffthrust.diagnosis._words import (
     caution_words,
@@ -66,6 +67,10 @@ def diagnosis_table(diag: Findings) -> RenderableType:
         Text.assemble(("Verdict: ", "bold"), (verdict_words(diag), f"bold {colour}")),
         Text(summary(diag)),
         *_section("Stages", _rich(stage_rows(diag)), dropped_words(diag)),
+        *_section(
+            "What each effect removes of the squared error over whole runs",
+            *([_rich(worth_rows(diag))] if worth_rows(diag) else []),
+        ),
         *_section(
             "How much there is to find",
             *([_rich(headroom_rows(diag))] if diag.headroom else []),
@@ -126,7 +131,26 @@ def headroom_words(diag: Findings) -> list[str]:
     said = [first.summary]
     if len(diag.stages) > 1:
         said.append(f"With the effects that were added: {last.summary}")
+    if diag.remaining is not None and not last.worth:
+        said.append("From one sample to the next structure remains all the same: see what remains.")
     return said
+
+
+def worth_rows(diag: Findings) -> Rows:
+    """What each effect removes of the squared errors over whole runs."""
+    kinds = {
+        "matters": leading(diag),
+        "detectable, changes nothing": diag.detectable,
+        "possible": tuple(diag.possible),
+    }
+    worth = {**diag.worth, **diag.possible}
+    rows = tuple(
+        (spelt(name), kind, *share_cells(worth[name]))
+        for kind, names in kinds.items()
+        for name in names
+        if name in worth
+    )
+    return Rows(("Effect", "", "Removes", "90 % interval"), (rows,), numbers=(2, 3))
 
 
 def stage_rows(diag: Findings) -> Rows:

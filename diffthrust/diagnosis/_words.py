@@ -9,6 +9,15 @@ from typing import TYPE_CHECKING
 from diffthrust._support.tables import number
 from diffthrust._support.words import an, apart, capitalised, joined, percent, probability, spelt
 from diffthrust.diagnosis._given_words import much_words, odd_words
+from diffthrust.diagnosis._matter_words import (
+    errors_of,
+    forced_words,
+    leading,
+    possible_words,
+    repeating_words,
+    undecided_words,
+    worth_words,
+)
 from diffthrust.diagnosis._ports import words_and_unit
 from diffthrust.estimation._origin import effects_line, form_lines, python_line
 from diffthrust.models._base.effect import Effect
@@ -19,10 +28,7 @@ if TYPE_CHECKING:
     from diffthrust.diagnosis._findings import Findings, Missing
     from diffthrust.estimation._estimate import Estimate
     from diffthrust.estimation._result import Fit
-    from diffthrust.simulation._errors import Errors
 
-_GROWN = 4.0
-"""Errors over whole runs are told apart from one-step errors where they are so much larger."""
 _NAMED = 2
 """Channels that the summary names (more are told by their mean), and hints that it repeats."""
 
@@ -39,6 +45,8 @@ def summary(diag: Findings) -> str:
     if diag.best:
         them = "it" if len(diag.best) == 1 else "them"
         sentences = [f"The {model} lacks {joined(_lacking(diag))}: with {them} {gain_words(diag)}."]
+    elif diag.verdict == "undecided":
+        sentences = undecided_words(diag)
     elif diag.verdict == "adequate" and not (diag.ranking or diag.silent):
         sentences = [
             f"These logs can test none of the effects: whether the {model} lacks one, they do not "
@@ -47,21 +55,26 @@ def summary(diag: Findings) -> str:
     elif diag.verdict == "adequate":
         tried = len({c.effect for c in diag.ranking} | {*diag.silent})
         all_tried = f"none of the {tried} effects that were tried" if tried > 1 else "no effect"
-        sentences = [f"The {model} is adequate: {all_tried} helps on these logs."]
-        errors = _errors(diag)[2].channels
+        helps = "matters over whole runs" if diag.detectable else "helps on these logs"
+        sentences = [f"The {model} is adequate: {all_tried} {helps}."]
+        errors = errors_of(diag)[2].channels
         blind = [spelt(name) for name, e in errors.items() if e.nrmse >= 1.0]
         if blind:
             sentences = [
                 f"These logs tell of nothing that the {model} lacks, and yet it follows "
                 f"{joined(blind)} no better than a constant would: do they move what drives it?"
             ]
+    elif diag.held:
+        sentences = []
     else:
         sentences = [f"The {model} lacks something that no known effect explains."]
+    sentences += worth_words(diag)
     if diag.verdict == "unexplained":
-        sentences.append(remaining_words(diag))
-    if not diag.best:
+        sentences += [remaining_words(diag), *possible_words(diag)]
+    if not diag.best and diag.verdict != "undecided":
         sentences.append(f"{capitalised(level_words(diag))}.")
-    sentences += forced_words(diag)
+    if diag.verdict != "undecided":
+        sentences += forced_words(diag)
     sentences += much_words(diag)
     if diag.before.hints:
         sentences.append("A channel may not mean what its name says:")
@@ -108,7 +121,7 @@ def sized_words(name: str, fit: Fit) -> str:
 
 def gain_words(diag: Findings) -> str:
     """How the error of each channel changed from the first stage to the last."""
-    logs, before, after = _errors(diag)
+    logs, before, after = errors_of(diag)
     worst = sorted(before.channels, key=lambda name: -_rank(before.channels[name].nrmse))[:_NAMED]
     names = [name for name in before.channels if name in worst]
     parts = []
@@ -131,7 +144,7 @@ def gain_words(diag: Findings) -> str:
 
 def level_words(diag: Findings) -> str:
     """How large the error of each channel is at the last stage."""
-    logs, _, after = _errors(diag)
+    logs, _, after = errors_of(diag)
     parts = [
         f"the {spelt(name)} error{f' on {logs}' if i == 0 else ''} is "
         f"{number(e.shown.value, 2)} {e.shown.unit}".rstrip()
@@ -139,22 +152,6 @@ def level_words(diag: Findings) -> str:
         for i, (name, e) in enumerate(after.channels.items())
     ]
     return joined(parts)
-
-
-def forced_words(diag: Findings) -> list[str]:
-    """How much of the error over whole runs is left to random forces and lasting sensor errors."""
-    logs, _, after = _errors(diag)
-    grown = {n: e.rmse / diag.one_step[n] for n, e in after.channels.items() if n in diag.one_step}
-    name = max(grown, key=lambda n: _rank(grown[n]), default="")
-    if not name or not grown[name] > _GROWN:
-        return []
-    size, unit = after.channels[name].shown
-    whole, step = (f"{number(x, 2)} {unit}".rstrip() for x in (size, size / grown[name]))
-    return [
-        f"From one sample to the next the {spelt(name)} is predicted to {step}, over whole runs of "
-        f"{logs} to {whole}: the rest the diagnosis leaves to random forces and lasting errors of "
-        "sensors, which no signal of these logs explains."
-    ]
 
 
 def refused_words(diag: Findings) -> list[str]:
@@ -211,7 +208,13 @@ def remaining_words(diag: Findings) -> str:
     left = diag.remaining
     if left is None:
         if diag.verdict == "unexplained":
-            return "Structure remains that no known effect explains; its place is not clear."
+            return (
+                repeating_words(diag)
+                if diag.repeating
+                else "Structure remains that no known effect explains; its place is not clear."
+            )
+        if diag.verdict == "undecided":
+            return "What remains lasts, and cannot be told from random forces."
         return "Nothing that can be told from noise remains."
     enters = "it enters at" if left.manner == "adds" else "it scales what passes"
     still = "Structure still remains" if diag.best else "Structure remains"
@@ -283,20 +286,13 @@ def stage_words(diag: Findings, index: int) -> str:
 
 def _lacking(diag: Findings) -> list[str]:
     """The added effects with their values, and what each cannot be told from."""
-    words = []
-    for name, group in zip(diag.added, diag.groups, strict=True):
+    words, groups = [], dict(zip(diag.added, diag.groups, strict=True))
+    for name in leading(diag):
+        group = groups[name]
         rivals = joined((an(spelt(other)) for other in group if other != name), "or")
         untold = f" (these logs cannot tell it from {rivals})" if rivals else ""
         words.append(sized_words(name, diag.fit) + untold)
     return words
-
-
-def _errors(diag: Findings) -> tuple[str, Errors, Errors]:
-    """Name of the logs that count, and the errors on them at the first and the last stage."""
-    first, last = diag.stages[0], diag.stages[-1]
-    if first.holdout is not None and last.holdout is not None:
-        return "unseen logs", first.holdout, last.holdout
-    return "the training logs", first.train, last.train
 
 
 def _measured(estimate: Estimate) -> str:

@@ -1,9 +1,47 @@
-"""What an effect is worth: how much of the error over whole runs it removes."""
+"""What an effect is worth: how much of the error over whole runs it removes, and how sure that is.
+
+The share of the squared errors is taken over all samples of all logs, each channel in units of its
+own spread. Its interval is by bootstrap over logs, and over blocks of time within them that are
+longer than the errors last (Künsch 1989).
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from diffthrust._support.correlation import autocorrelation, integral
+from diffthrust.simulation._errors import Errors
+
+_LEVEL = 0.9
+_DRAWS = 1000
+_BLOCKS = (4, 24)
+"""Fewest and most blocks of a log; few where errors last for long."""
+_LONGER = 2.0
+"""A block is so many times as long as the errors last."""
+_SMALL = 0.03
+"""An effect that removes no more than this of the squared whole-run errors does not matter,"""
+_OF_ONE = 0.2
+"""unless it removes more than this of those of one channel."""
+_FAR = 4.0
+"""Errors over whole runs lie far above those from one sample to the next, and above the noise of
+the sensor that is in them, where they are so many times as large,"""
+_RELEVANT = 0.1
+"""and are no less than this share (NRMSE) of what the channel does."""
+
+
+class BeforeAfter(NamedTuple):
+    """The errors of one channel over one log, without an effect and with it; ``(T,)`` each.
+
+    NaN where nothing was measured.
+    """
+
+    measured: np.ndarray
+    before: np.ndarray
+    after: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -14,6 +52,7 @@ class Worth:
         share: 0 changes nothing, 1 leaves no error, below 0 makes it larger.
         low: lower end of the 90 % interval.
         high: upper end.
+        channels: the same of each channel alone, where there are several.
 
     Example:
         >>> Worth(0.72, 0.6, 0.8).to_json()
@@ -23,7 +62,131 @@ class Worth:
     share: float
     low: float
     high: float
+    channels: Mapping[str, Worth] = field(default_factory=dict)
+
+    @property
+    def sure(self) -> bool:
+        """Whether it is surely worth something, and more than a few per cent."""
+        return self.low > 0 and self.share > _SMALL
 
     def to_json(self) -> dict[str, Any]:
         """The worth as plain data."""
         return {"share": self.share, "interval": [self.low, self.high]}
+
+
+def worth_of(logs: Sequence[Mapping[str, BeforeAfter]], seed: int = 0) -> Worth:
+    """What removes errors is worth.
+
+    Args:
+        logs: for each log the errors of its channels.
+        seed: of the bootstrap.
+
+    Example:
+        >>> error = np.random.default_rng(0).standard_normal(500)
+        >>> worth = worth_of([{"speed": BeforeAfter(10 * error, error, 0.5 * error)}])
+        >>> round(worth.share, 2), worth.sure
+        (0.75, True)
+    """
+    names = list(dict.fromkeys(name for log in logs for name in log))
+    table = _table(logs, names)
+    drawn = [_drawn(table, seed), np.sum([b.sum(axis=0) for b in table], axis=0)[None]]
+    whole = _interval(*(sums.sum(axis=1) for sums in drawn))
+    if len(names) == 1:
+        return whole
+    alone = {name: _interval(*(sums[:, c] for sums in drawn)) for c, name in enumerate(names)}
+    return Worth(whole.share, whole.low, whole.high, alone)
+
+
+def matters(worth: Worth, everywhere: Worth) -> bool:
+    """Whether whole runs are surely better by an effect, over all channels or one of them by much.
+
+    Args:
+        worth: on unseen logs; must be more than a trifle.
+        everywhere: on training and unseen logs together: where random forces last for as long as
+            an unseen log does, only all logs together can be sure.
+    """
+
+    def surely(one: Worth, every: Worth, least: float) -> bool:
+        return one.share > least and max(one.low, every.low) > 0
+
+    pairs = ((one, everywhere.channels.get(name, one)) for name, one in worth.channels.items())
+    alone = any(surely(one, every, _OF_ONE) for one, every in pairs)
+    return surely(worth, everywhere, _SMALL) or (worth.share > 0 and alone)
+
+
+def far_above(whole: Errors, one_step: Mapping[str, float]) -> tuple[str, ...]:
+    """The channels whose errors over whole runs are large and last, the worst first.
+
+    Args:
+        whole: errors over whole runs.
+        one_step: standard deviation of the errors from one sample to the next, by channel.
+    """
+    grown = {
+        name: error.rmse / max(one_step[name], 1e-300)
+        for name, error in whole.channels.items()
+        if name in one_step and not error.nrmse < _RELEVANT
+    }
+    far = [name for name, times in grown.items() if not times < _FAR]
+    return tuple(sorted(far, key=lambda name: -whole.channels[name].nrmse))
+
+
+def _table(logs: Sequence[Mapping[str, BeforeAfter]], names: Sequence[str]) -> list[np.ndarray]:
+    """For each log the squared errors of its blocks, ``(blocks, channels, 2)``.
+
+    Before and after, in units of the variance of each channel and of its number of samples.
+    """
+    unit = {}
+    for name in names:
+        measured = np.concatenate([log[name].measured for log in logs if name in log])
+        unit[name] = float(np.nanvar(measured)) * np.isfinite(measured).sum()
+    table = []
+    for log in logs:
+        size = len(next(iter(log.values())).measured)
+        squares, lasts = np.zeros((size, len(names), 2)), 1.0
+        for c, name in enumerate(names):
+            if name not in log or not unit[name] > 0:
+                continue
+            one = log[name]
+            seen = np.isfinite(one.measured)
+            for k, rest in enumerate((one.before, one.after)):
+                squares[seen, c, k] = np.where(np.isfinite(rest), rest, np.inf)[seen] ** 2
+                lasts = max(lasts, _lasting(np.where(seen, rest, np.nan)))
+            squares[:, c] /= unit[name]
+        pieces = int(np.clip(size / (_LONGER * lasts), *_BLOCKS))
+        table.append(np.array([b.sum(axis=0) for b in np.array_split(squares, min(pieces, size))]))
+    return table
+
+
+def _lasting(rest: np.ndarray) -> float:
+    """For how many samples errors last."""
+    seen = rest[~np.isnan(rest)]
+    if seen.size < _BLOCKS[0] or not np.all(np.isfinite(seen)) or not np.ptp(seen) > 0:
+        return 1.0
+    return integral(autocorrelation([rest], rest.size // _BLOCKS[0]))
+
+
+def _drawn(table: Sequence[np.ndarray], seed: int) -> np.ndarray:
+    """Sums over logs and blocks that were drawn with replacement, ``(draws, channels, 2)``."""
+    rng = np.random.default_rng(seed)
+    drawn = np.zeros((_DRAWS, *table[0].shape[1:]))
+    picked = rng.integers(0, len(table), (_DRAWS, len(table)))
+    for k, blocks in enumerate(table):
+        for turn in range(len(table)):
+            (those,) = np.nonzero((picked == k).sum(axis=1) > turn)
+            at = rng.integers(0, len(blocks), (len(those), len(blocks)))
+            drawn[those] += blocks[at].sum(axis=1)
+    return drawn
+
+
+def _interval(drawn: np.ndarray, total: np.ndarray) -> Worth:
+    """The share and its interval, from squared errors before and after; ``(n, 2)``, ``(1, 2)``."""
+    ends = np.quantile(_removed(drawn), [0.5 * (1 - _LEVEL), 0.5 * (1 + _LEVEL)], method="nearest")
+    return Worth(float(_removed(total)[0]), float(ends[0]), float(ends[1]))
+
+
+def _removed(sums: np.ndarray) -> np.ndarray:
+    """The share that is gone of squared errors before and after, ``(n, 2)``."""
+    before, after = sums.T
+    known = (before > 0) & np.isfinite(before)
+    left = np.divide(after, before, out=np.ones_like(before), where=known)
+    return 1.0 - np.where(np.isinf(before) & np.isfinite(after), 0.0, left)

@@ -1,0 +1,173 @@
+"""Whether an effect that was tried is added: what it makes superfluous, and whether it matters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+from diffthrust.diagnosis._criteria import (
+    criterion,
+    missed,
+    no_better,
+    price_of,
+    unseen_gain,
+)
+from diffthrust.diagnosis._findings import Refusal, Stage, TriedEffect
+from diffthrust.diagnosis._ports import KNOTS
+from diffthrust.diagnosis._search import Present, SearchState, Tools
+from diffthrust.diagnosis._structure import gain_of
+from diffthrust.diagnosis._trials import TrialFit, Trials, with_values
+from diffthrust.diagnosis._worth import BeforeAfter, matters, worth_of
+from diffthrust.logs._log import Log
+from diffthrust.simulation._runs import runs_over
+
+MARGIN = 4.0
+"""An effect is added where it lowers the information criterion by more than this, so that one of
+some thirty candidates passes by chance in about one diagnosis of a hundred."""
+CLEAR = 20.0
+"""Where the criterion falls by more than this, no noise that it makes superfluous matters."""
+_PART = 0.3
+"""An effect that explains less than this part of what an unknown signal does is not it."""
+_OWN = 0.5
+"""It is something else, and missing as well, if it keeps so much of its gain beside that signal."""
+
+
+class Tried(NamedTuple):
+    """An effect that was tried beside the present model, and what is told of it."""
+
+    candidate: TriedEffect
+    trial: TrialFit
+
+
+def admit(
+    tools: Tools, known: SearchState, tried: Tried, proven: bool = False
+) -> SearchState | Refusal:
+    """Add an effect, with a stage of its own if it matters over whole runs, or say why not.
+
+    Without a stage, a refusal, or a mention among the detectable it has turned out superfluous.
+
+    Args:
+        tools: what the search works with.
+        known: what it knows.
+        tried: the effect.
+        proven: whole unseen runs speak for it: then their one-step errors, in which random forces
+            may do the same, are not asked.
+    """
+    trials, before, (candidate, trial) = tools.trials, known.present, tried
+    if not comparable(tools, before, tried):
+        return Refusal.SMALL_PART
+    with tools.clock("screen"):
+        settled = trials.settled(trial.effects, trial.values, trial.begin, trial.limit)
+    unseen = unseen_gain(trials, before.trial, settled)
+    if not proven and candidate.delta_bic - 2 * min(unseen, 0.0) > -MARGIN:
+        return Refusal.UNSEEN_LOGS
+    added = replace(known, present=Present(trials, settled))
+    fewer = drop(trials, added)
+    if {*fewer.present.trial.effects} == {*before.trial.effects}:
+        return fewer
+    tools.say(f"refitting with {candidate.effect}", 0.3 + 0.1 * known.number)
+    last, fitted = known.stages[-1], refitted(tools, fewer)
+    swapped = fewer.dropped != known.dropped and candidate.effect in fewer.present.trial.effects
+    if swapped and missed(last, fitted):
+        fewer, fitted = added, refitted(tools, added)
+    refusal = no_better(last, fitted)
+    return refusal or counted(tools, fewer, fitted, candidate.effect)
+
+
+def counted(tools: Tools, known: SearchState, fitted: Stage, name: str) -> SearchState:
+    """The search with an effect that was just fitted: a stage more, or one more detectable."""
+    last = known.stages[-1]
+    without = [one for one in known.stages if {*one.effects} <= {*fitted.effects} - {name}]
+    trained = _pairs(without[-1], fitted, tools.trials.logs, trained=True)
+    unseen = _pairs(without[-1], fitted, tools.unseen)
+    worth, everywhere = worth_of(unseen or trained), worth_of([*trained, *unseen])
+    known = replace(known, worth={**known.worth, name: worth})
+    in_place_of_others = not {*last.effects} <= {*fitted.effects}
+    if matters(worth, everywhere) or in_place_of_others:
+        return replace(known, stages=(*known.stages, fitted))
+    return replace(known, detectable=(*known.detectable, name))
+
+
+def _pairs(
+    before: Stage, after: Stage, logs: Sequence[Log], trained: bool = False
+) -> list[dict[str, BeforeAfter]]:
+    """The errors of two stages over whole runs, log by log."""
+    if not logs:
+        return []
+    early, late = (
+        runs_over(
+            stage.fit.model,
+            logs,
+            initial=stage.fit.initial if trained else None,
+            substeps=stage.fit.substeps,
+        )
+        for stage in (before, after)
+    )
+    return [
+        {
+            name: BeforeAfter(trace.measured, trace.residual, new.channels[name].residual)
+            for name, trace in old.channels.items()
+        }
+        for old, new in zip(early, late, strict=True)
+    ]
+
+
+def comparable(tools: Tools, present: Present, tried: Tried) -> bool:
+    """Whether an effect explains what is missing, not a small part that it happens to touch.
+
+    A function of one signal that no known effect is like may explain far more. What an effect
+    explains is its own where that function explains as much beside it as it did alone.
+    """
+    trials, (candidate, trial) = tools.trials, tried
+    with tools.clock("remaining"):
+        left = present.remaining
+    if left is None:
+        return True
+    unknown = left.gain - KNOTS * math.log(trials.samples)
+    if -candidate.delta_bic > _PART * unknown:
+        return True
+    with tools.clock("remaining"):
+        beside = gain_of(trials, trial, left)
+    kept = candidate.likelihood_ratio - (left.gain - beside)
+    return kept > max(_OWN * candidate.likelihood_ratio, price_of(trials, trial) + MARGIN)
+
+
+def drop(trials: Trials, known: SearchState) -> SearchState:
+    """Take out every effect without which the criterion is no worse.
+
+    The last one too: on its way to the optimum the fit may have found a better noise.
+    """
+    effects = known.present.trial.effects
+    for name in effects:
+        present = known.present
+        without = present.without(name)
+        loss = 2 * (without.cost - present.trial.cost) - price_of(trials, present.trial, name)
+        if loss < CLEAR:
+            loss = criterion(trials, without) - present.criterion
+        if loss < MARGIN:
+            dropped = known.dropped if name == effects[-1] else (*known.dropped, name)
+            detectable = tuple(n for n in known.detectable if n != name)
+            known = replace(
+                known, present=Present(trials, without), dropped=dropped, detectable=detectable
+            )
+    return known
+
+
+def refitted(tools: Tools, known: SearchState) -> Stage:
+    """The present model without what is only detectable, fitted to whole runs.
+
+    It begins at the values of its trial, and where the last stage ended with the new effects at
+    their nulls, so that it ends no worse than that.
+    """
+    last, values = known.stages[-1].fit.model, known.present.trial.values
+    names = tuple(n for n in known.present.trial.effects if n not in known.detectable)
+    effects = [tools.trials.candidates[n] for n in names]
+    model = with_values(tools.given + effects, values)
+    start = {n: p.value for n, p in last.parameters.items()}
+    for name in {*names} - {effect.name for effect in last.effects}:
+        null = tools.trials.candidates[name].at_null()._parameters
+        start |= {f"{name}.{n}": p.value for n, p in null.items() if math.isfinite(p.value)}
+    free = {n for n, p in model.parameters.items() if not p.fixed}
+    return Stage(names, tools.refit(model, [{n: v for n, v in start.items() if n in free}]))

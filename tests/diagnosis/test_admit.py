@@ -1,0 +1,56 @@
+"""Whether an effect fills a stage: made-up fits of a model whose output is a constant."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from diffthrust.diagnosis import _admit  # private: one step alone
+from diffthrust.diagnosis._findings import Stage  # private: made by hand
+from diffthrust.diagnosis._search import SearchState  # private: one step alone
+
+RNG = np.random.default_rng(0)
+MEASURED, REST = RNG.standard_normal(600), RNG.standard_normal(600)
+
+
+@pytest.fixture
+def counted(monkeypatch):
+    """What a search knows after an effect by which errors over whole runs shrink to so much."""
+
+    def runs_over(size, logs, initial, substeps):
+        trace = SimpleNamespace(measured=MEASURED, residual=size * REST)
+        return [SimpleNamespace(channels={"speed": trace}) for _ in logs]
+
+    monkeypatch.setattr(_admit, "runs_over", runs_over)
+
+    def after(left, effects=("lag", "wind"), unseen=("C",)):
+        def stage(size, *names):
+            return Stage(names, SimpleNamespace(model=size, initial=None, substeps=1))
+
+        tools = SimpleNamespace(trials=SimpleNamespace(logs=("A", "B")), unseen=unseen)
+        known = SearchState(None, (stage(2.0), stage(1.0, "lag")), {})
+        return _admit.counted(tools, known, stage(left, *effects), "wind")
+
+    return after
+
+
+@pytest.mark.parametrize("unseen", [("C",), ()])
+def test_what_matters_fills_a_stage(counted, unseen):
+    known = counted(0.5, unseen=unseen)
+    assert [stage.effects for stage in known.stages] == [(), ("lag",), ("lag", "wind")]
+    assert known.worth["wind"].share == pytest.approx(0.75)
+    assert known.detectable == ()
+
+
+def test_what_changes_nothing_is_detectable_and_fills_none(counted):
+    known = counted(0.995)
+    assert [stage.effects for stage in known.stages] == [(), ("lag",)]
+    assert known.detectable == ("wind",)
+    assert known.worth["wind"].share == pytest.approx(0.01, abs=0.001)
+    assert known.found == (1, ("wind",))  # the search goes on from there
+
+
+def test_what_takes_the_place_of_another_effect_is_worth_what_both_are(counted):
+    known = counted(0.995, effects=("wind",))
+    assert known.stages[-1].effects == ("wind",)
+    assert known.worth["wind"].share == pytest.approx(1 - (0.995 / 2.0) ** 2)

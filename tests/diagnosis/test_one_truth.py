@@ -1,0 +1,82 @@
+"""One truth a page: fields, verdict and words of a diagnosis agree."""
+
+from dataclasses import replace
+
+import made_diagnosis as made
+import pytest
+from one_truth import contradictions
+
+import diffthrust as dft
+from diffthrust.diagnosis._verdict import verdict_of  # private: the verdict alone
+from diffthrust.diagnosis._worth import Worth  # private: made by hand
+
+SMALL = Worth(0.01, 0.0, 0.02)
+
+
+@pytest.mark.parametrize(
+    "made_up", [made.found, made.diagnosis, made.adequate, made.unexplained, made.undecided]
+)
+def test_what_is_told_agrees(made_up):
+    diag = made_up()
+    assert contradictions(diag) == []
+    assert verdict_of(diag) == diag.verdict
+
+
+@pytest.mark.parametrize(
+    ("wrong", "where"),
+    [
+        (lambda: replace(made.found(), untestable={"command_deadband": "x"}), "untestable"),
+        (lambda: replace(made.found(), detectable=("command_deadband",)), "detectable"),
+        (lambda: replace(made.found(), silent=("command_deadband",)), "silent"),
+        (lambda: replace(made.found(), stages=made.found().stages[:1]), "last model"),
+        (lambda: replace(made.found(), verdict="adequate"), "verdict adequate"),
+        (lambda: replace(made.unexplained(), verdict="undecided"), "verdict undecided"),
+        (lambda: replace(made.adequate(), verdict="undecided"), "whole runs are good"),
+        (lambda: replace(made.undecided(), verdict="adequate"), "far off"),
+    ],
+)
+def test_contradictions_are_seen(wrong, where):
+    assert any(where in words for words in contradictions(wrong()))
+
+
+def test_errors_that_repeat_are_not_left_to_chance():
+    """A flexible model explains most of what the model as given leaves: structure remains."""
+    train, unseen = made.logs()
+    diag = made.found()
+    first = diag.stages[0].fit
+    held = dft.compare(first, train, initial=first.initial), dft.compare(first, unseen)
+    diag = replace(
+        diag, best=(), groups=(), stages=diag.stages[:1], before=held[1], after=held[1],
+        trained=(held[0], held[0]), one_step={"speed": 0.01, "thrust": 0.01},
+    )  # fmt: skip
+    assert diag.repeating
+    diag = replace(diag, verdict=verdict_of(diag))
+    assert diag.verdict == "unexplained"
+    assert "so that it repeats" in diag.summary
+    assert "random forces and lasting errors" not in diag.summary
+    assert contradictions(diag) == []
+
+
+def test_what_matters_leads_and_what_does_not_is_told_as_such():
+    diag = replace(
+        made.diagnosis(),
+        worth={"command_deadband": Worth(0.2, 0.1, 0.3), "actuator_lag": Worth(0.7, 0.6, 0.8),
+               "thrust_sensor_lag": SMALL},
+        detectable=("thrust_sensor_lag",),
+    )  # fmt: skip
+    text = diag.summary
+    assert text.index("an actuator lag") < text.index("a command dead band of")
+    assert "actuator lag 70 % (60 % to 80 %) and command dead band 20 % (10 % to 30 %)" in text
+    assert "also show a thrust sensor lag (it removes 1 % (0 % to 2 %)" in text
+    assert contradictions(diag) == []
+
+
+def test_undecided_says_what_is_possible_and_which_record_would_decide():
+    text = made.undecided().summary
+    assert text.startswith("Undecided: over whole runs of unseen logs the thrust error is ")
+    assert "let random forces explain it as well as physics" in text
+    assert "would remove a command dead band 40 % (20 % to 60 %)" in text
+    assert "inputs of one of these logs are repeated" in text
+    proposed = replace(made.undecided(), experiment=made.diagnosis().experiment)
+    assert f"A record would decide: {proposed.experiment.sentence}" in proposed.summary
+    assert "lacks" not in text
