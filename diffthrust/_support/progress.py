@@ -22,6 +22,8 @@ _PAUSE = 0.05
 """Seconds between two drawings at least."""
 _WIDEST = 100
 """Characters of the widest bar."""
+_SURE = 0.05
+"""Of less than this share nothing can be told of the time left."""
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
@@ -41,8 +43,20 @@ def progressing(work: Callable[_P, _R]) -> Callable[_P, _R]:
 
 
 def teller(progress: ProgressOption) -> Progress:
-    """The function to tell; one that does nothing where none was given."""
-    return progress if callable(progress) else lambda message, share: None
+    """The function to tell, of shares that never fall; it does nothing where none was given.
+
+    Work that does not know how much is left may tell of too little, but takes nothing back.
+    """
+    if not callable(progress):
+        return lambda message, share: None
+    tell, most = progress, 0.0
+
+    def rising(message: str, share: float) -> None:
+        nonlocal most
+        most = max(most, min(share, 1.0))
+        tell(message, most)
+
+    return rising
 
 
 def part(tell: Progress, first: float, last: float) -> Progress:
@@ -99,11 +113,17 @@ def bar(begin: str = "working") -> Iterator[Progress | None]:
 
 def _line(message: str, share: float, seconds: float) -> str:
     """What is done, how much of it, and for how long, as wide as the terminal."""
-    clock = f"{int(seconds) // 60:02d}:{int(seconds) % 60:02d}"
+    clock = _clock(seconds)
+    if _SURE <= share < 1.0:
+        clock += f", {_clock(seconds * (1.0 - share) / share)} left"
     room = min(_WIDEST, shutil.get_terminal_size().columns) - 1
     words = message[: room // 2]
     full = max(room - len(words) - len(clock) - 11, 1)
     return f"{words}  {100 * share:3.0f} % [{'#' * int(share * full):{full}}] {clock}"
+
+
+def _clock(seconds: float) -> str:
+    return f"{int(seconds) // 60:02d}:{int(seconds) % 60:02d}"
 
 
 def _place_to_draw() -> Callable[[str], None] | None:

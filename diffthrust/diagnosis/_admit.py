@@ -67,7 +67,7 @@ def admit(
     fewer = drop(trials, added)
     if {*fewer.present.trial.effects} == {*before.trial.effects}:
         return fewer
-    tools.say(f"refitting with {candidate.effect}", 0.3 + 0.1 * known.number)
+    tools.say(f"refitting with {candidate.effect}", known.share(0.7))
     last, fitted = known.stages[-1], refitted(tools, fewer)
     swapped = fewer.dropped != known.dropped and candidate.effect in fewer.present.trial.effects
     if swapped and missed(last, fitted):

@@ -15,7 +15,7 @@ from diffthrust.diagnosis._groups import groups_of, proposal
 from diffthrust.diagnosis._missing import missing_signals
 from diffthrust.diagnosis._odd_logs import odd_logs
 from diffthrust.diagnosis._result import Diagnosis
-from diffthrust.diagnosis._search import SearchState, Tools, begun
+from diffthrust.diagnosis._search import SOUGHT, SearchState, Tools, begun
 from diffthrust.diagnosis._stages import next_stage
 from diffthrust.diagnosis._trials import TrialFit
 from diffthrust.diagnosis._verdict import verdict_of
@@ -98,6 +98,7 @@ def diagnose(
             if known.found == before.found:
                 break
         found = _reported(tools, known, first, unseen, limits, experiment)
+    say("done", 1.0)
     before = fit.origin if isinstance(fit, Fit) else None
     origin, notes = origin_of(train, unseen, before.spec if before else None), ()
     if before and found.stages[0].fit is not fit and not same_logs(before.train, origin.train):
@@ -118,7 +119,7 @@ def _reported(
     # what the first model lacks is seen with errors limited as they are at the end
     first = replace(first, limit=present.limit)
     groups = groups_of(tools, known, first)
-    tools.say("what no known effect explains", 0.9)
+    tools.say("what no known effect explains", SOUGHT)
     with tools.clock("missing"):
         missing = missing_signals(trials, first)
     with tools.clock("remaining"):

@@ -8,13 +8,14 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.progress import Progress, ProgressOption, part, progressing, teller
 from diffthrust._support.results import Result
 from diffthrust._support.words import percent
 from diffthrust.comparison._compare import Comparison, compare
-from diffthrust.diagnosis._regressions import ErrorRecord, Flexible, Rung, chosen, features_for
+from diffthrust.diagnosis._explainable import explainable
+from diffthrust.diagnosis._regressions import ErrorRecord, Rung
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._runs import Run
@@ -25,11 +26,9 @@ if TYPE_CHECKING:
     from diffthrust.estimation._result import Fit
 
 _BLOCKS = 4
-"""Stretches that a lone record is cut into, so that one can be left out."""
-_PIECES = 12
-"""Blocks of a record for the bootstrap: errors last, but for less than a block."""
-_DRAWS = 1000
-_LEVEL = 0.9
+"""Stretches that one record or two are cut into, so that some can be left out, and halved;"""
+_FEWEST = 3
+"""so many records are left whole."""
 _MOST = 20_000
 """Samples that are used; more are thinned."""
 _WORTH = 0.1
@@ -44,10 +43,10 @@ class ChannelHeadroom:
         physics: NRMSE of the model on those records.
         corrected: NRMSE with the correction.
         share: of the squared error that the correction explains; below zero where it harms.
-        low: lower end of the 90 % interval of the share, by bootstrap over blocks of time.
+        low: lower end of the 90 % interval of what corrections could explain that learn from
+            records without end.
         high: upper end.
-        rung: the form of the correction; where several were chosen for several records, the most
-            flexible of them.
+        rung: the form of the correction.
         signals: what it was given.
     """
 
@@ -109,12 +108,14 @@ class Headroom(Result):
         return f"{self.model}: of the squared error could be explained: {shares}"
 
 
+@progressing
 def headroom(
     fit: Fit | Model,
     logs: Log | Sequence[Log],
     *,
     holdout: Log | Sequence[Log] | None = None,
     seed: int = 0,
+    progress: ProgressOption = None,
 ) -> Headroom:
     """How much of the errors of a model could any model of moderate flexibility explain.
 
@@ -129,7 +130,8 @@ def headroom(
         fit: a fit, or a model at its present values.
         logs: one or several.
         holdout: unseen ones.
-        seed: of the random features and of the bootstrap.
+        seed: of the random features, and of the halves of the logs.
+        progress: True for a bar, or a function of a message and the share done.
 
     Returns:
         For each measured channel the share of the squared error, with an interval; a sentence.
@@ -140,14 +142,21 @@ def headroom(
     Example:
         >>> print(dft.diagnosis.headroom(fit, train, holdout=unseen).summary)
     """
-    return headroom_of(compare(fit, logs), compare(fit, holdout) if holdout else None, seed)
+    tell = teller(progress)
+    tell("simulating", 0.0)
+    learn, judge = compare(fit, logs), compare(fit, holdout) if holdout else None
+    return headroom_of(learn, judge, seed, part(tell, 0.1, 1.0))
 
 
-def headroom_of(learn: Comparison, judge: Comparison | None, seed: int = 0) -> Headroom:
+def headroom_of(
+    learn: Comparison, judge: Comparison | None, seed: int = 0, progress: Progress | None = None
+) -> Headroom:
     """`headroom` from comparisons with the logs to learn from, and with unseen ones."""
     model, runs, unseen = learn.model, learn.runs, judge.runs if judge else None
-    channels = {}
-    for name in dict.fromkeys(n for run in (unseen or runs) for n in run.channels):
+    channels, tell = {}, teller(progress)
+    names = list(dict.fromkeys(n for run in (unseen or runs) for n in run.channels))
+    for k, name in enumerate(names):
+        tell(f"what could be explained of {name}", k / len(names))
         train = [_record(model, run, name) for run in runs if name in run.channels]
         test = [_record(model, run, name) for run in unseen or () if name in run.channels]
         measured = [r.channels[name].measured for r in (unseen or runs) if name in r.channels]
@@ -158,6 +167,7 @@ def headroom_of(learn: Comparison, judge: Comparison | None, seed: int = 0) -> H
             "headroom: the logs to learn from and the unseen ones have no channel in common.",
             "Give logs that measure the same channels.",
         )
+    tell("done", 1.0)
     return Headroom(channels, "unseen" if unseen else "left-out", str(model))
 
 
@@ -183,71 +193,29 @@ def _thinned(records: list[ErrorRecord]) -> list[ErrorRecord]:
 def _channel(
     train: list[ErrorRecord], test: list[ErrorRecord], measured: np.ndarray, seed: int
 ) -> ChannelHeadroom:
-    if len(train) == 1:
-        train = _cut(train[0])
+    if len(train) < _FEWEST:
+        train = [part for record in train for part in _cut(record, _BLOCKS // len(train))]
     if sum(int(np.isfinite(r.error).sum()) for r in train) < 100:
         raise InputError(
             "headroom: expected 100 or more samples to learn from, found fewer.",
             "Give longer logs.",
         )
-    features = features_for(train, seed)
-    used: list[Flexible] = []
-    if test:
-        used.append(chosen(train, features))
-        rests = [(r.error, r.error - used[0](r)) for r in test]
-    else:
-        rests = []
-        for k, own in enumerate(train):
-            others = [r for i, r in enumerate(train) if i != k]
-            used.append(chosen(others if len(others) > 1 else _cut(others[0]), features))
-            rests.append((own.error, own.error - used[-1](own)))
-    before, after = (np.concatenate(parts) for parts in zip(*rests, strict=True))
-    seen = np.isfinite(before)
-    spread = float(np.nanstd(measured))
-    low, high = _interval(rests, seed)
-    rung = max((one.rung for one in used), key=list(Rung).index)
-    return ChannelHeadroom(
-        float(np.sqrt(np.mean(before[seen] ** 2))) / spread,
-        float(np.sqrt(np.mean(after[seen] ** 2))) / spread,
-        float(_explained(np.sum(before[seen] ** 2), np.sum(after[seen] ** 2))),
-        low,
-        high,
-        rung,
-        features.names,
-    )
+    found = explainable(train, test, seed)
+    seen = np.concatenate([record.error for record in test or train])
+    physics = float(np.sqrt(np.nanmean(seen**2))) / float(np.nanstd(measured))
+    corrected = physics * float(np.sqrt(1.0 - found.share))
+    return ChannelHeadroom(physics, corrected, *found)
 
 
-def _cut(record: ErrorRecord) -> list[ErrorRecord]:
+def _cut(record: ErrorRecord, into: int) -> list[ErrorRecord]:
     """A record in stretches, one after the other."""
-    edges = np.linspace(0, record.time.size, _BLOCKS + 1).astype(int)
+    edges = np.linspace(0, record.time.size, into + 1).astype(int)
     return [
         ErrorRecord(
             record.time[a:b], {n: v[a:b] for n, v in record.signals.items()}, record.error[a:b]
         )
         for a, b in pairwise(edges)
     ]
-
-
-def _interval(rests: list[tuple[np.ndarray, np.ndarray]], seed: int) -> tuple[float, float]:
-    """The share over resampled blocks of time."""
-    sums = []
-    for before, after in rests:
-        seen = np.isfinite(before)
-        pieces = min(_PIECES, int(seen.sum()))
-        for block in np.array_split(np.flatnonzero(seen), max(pieces, 1)):
-            sums.append((np.sum(before[block] ** 2), np.sum(after[block] ** 2)))
-    table = np.array(sums)
-    rng = np.random.default_rng(seed)
-    drawn = table[rng.integers(0, len(table), (_DRAWS, len(table)))].sum(axis=1)
-    shares = _explained(drawn[:, 0], drawn[:, 1])
-    ends = np.quantile(shares, [0.5 * (1 - _LEVEL), 0.5 * (1 + _LEVEL)])
-    return float(ends[0]), float(ends[1])
-
-
-def _explained(before: ArrayLike, after: ArrayLike) -> np.ndarray:
-    """The share of squared errors that a correction takes away; none where there is no error."""
-    before, after = np.asarray(before), np.asarray(after)
-    return 1.0 - np.divide(after, before, out=np.ones_like(before), where=before > 0)
 
 
 def _share(value: float) -> str:

@@ -66,27 +66,6 @@ class ErrorRecord(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Flexible:
-    """A rung and a ridge, fitted to records.
-
-    Args:
-        rung: its form.
-        features: what turns a record into regressors.
-        weights: ``(p,)``; empty on the lowest rung.
-    """
-
-    rung: Rung
-    features: Features
-    weights: np.ndarray
-
-    def __call__(self, record: ErrorRecord) -> np.ndarray:
-        """The error that the regression expects, ``(n,)``."""
-        if not self.weights.size:
-            return np.zeros(record.time.size)
-        return self.features.of(record, self.rung) @ self.weights
-
-
-@dataclass(frozen=True)
 class Features:
     """Regressors from the signals of a record, scaled as in the records that they were made for.
 
@@ -167,22 +146,59 @@ def features_for(records: Sequence[ErrorRecord], seed: int) -> Features:
     )
 
 
-def chosen(records: Sequence[ErrorRecord], features: Features) -> Flexible:
-    """The rung and ridge that predict left-out records best, fitted to all of them.
+@dataclass(frozen=True)
+class Learner:
+    """A rung with the ridge that predicts left-out records best, ready to learn from any of them.
+
+    Args:
+        rung: its form.
+        ridge: as a share of the samples.
+        loss: squared error of what was left out, as a share of that of no correction.
+        features: what turns a record into regressors.
+        blocks: what it needs of each record.
+        basis: what turns a solution into weights.
+    """
+
+    rung: Rung
+    ridge: float
+    loss: float
+    features: Features
+    blocks: Sequence[_Sums]
+    basis: np.ndarray
+
+    def weights(self, of: Sequence[int]) -> np.ndarray:
+        """What some of the records teach, ``(p,)``."""
+        return self.basis @ ridge_solution(pooled_sums([self.blocks[i] for i in of]), self.ridge)
+
+    def samples(self, of: Sequence[int]) -> int:
+        """How many samples these records have."""
+        return sum(self.blocks[i].samples for i in of)
+
+
+def learners_for(records: Sequence[ErrorRecord], features: Features) -> list[Learner]:
+    """A learner for each rung above none; without those whose equations have no solution."""
+    found = []
+    for rung in list(Rung)[1:]:
+        blocks, basis = regression(records, features, rung)
+        losses = _left_out(blocks)
+        if np.all(np.isfinite(losses)):
+            least = int(np.argmin(losses))
+            ridge, loss = float(_RIDGES[least]), float(losses[least])
+            found.append(Learner(rung, ridge, loss, features, blocks, basis))
+    return found
+
+
+def chosen(learners: Sequence[Learner]) -> Learner | None:
+    """The learner that predicts left-out records best; none where no correction does as well.
 
     A higher rung must be better than the last good one by a hundredth of the squared error: a tie
     goes to the simpler model.
     """
-    best, best_rung, best_ridge = 1.0, Rung.NOTHING, 0.0
-    for rung in list(Rung)[1:]:
-        losses = _left_out(regression(records, features, rung)[0])
-        least = int(np.argmin(losses))
-        if losses[least] < best - 0.01:
-            best, best_rung, best_ridge = losses[least], rung, float(_RIDGES[least])
-    if best_rung is Rung.NOTHING:
-        return Flexible(best_rung, features, np.empty(0))
-    blocks, basis = regression(records, features, best_rung)
-    return Flexible(best_rung, features, basis @ ridge_solution(pooled_sums(blocks), best_ridge))
+    best, taken = 1.0, None
+    for learner in learners:
+        if learner.loss < best - 0.01:
+            best, taken = learner.loss, learner
+    return taken
 
 
 class _Sums(NamedTuple):

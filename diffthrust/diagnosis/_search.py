@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.progress import Progress
+from diffthrust._support.progress import Progress, part
 from diffthrust.diagnosis._candidates import Candidates, candidates_of
 from diffthrust.diagnosis._criteria import criterion
 from diffthrust.diagnosis._findings import Refusal, Remaining, Stage, TriedEffect
@@ -29,6 +29,14 @@ from diffthrust.simulation._step_size import CoarseStepWarning
 
 PLAIN = 200.0
 """No doubt is left where the criterion falls, or the log-likelihood is lost, by so much."""
+FITTED = 0.1
+"""Share of a diagnosis after which the model as given is fitted;"""
+_COMPILED = 0.15
+"""the trials can begin;"""
+SOUGHT = 0.85
+"""and no further effect is looked for."""
+_LEFT = 0.6
+"""A stage leaves this part of what was left."""
 _MOST_SUBSTEPS = 2
 """Integrator steps per sample of the trials: over one sample ahead, errors do not build up."""
 
@@ -142,6 +150,14 @@ class SearchState:
         """How far the search has come: a round that leaves it as it was ends the search."""
         return self.number, self.detectable
 
+    def share(self, done: float) -> float:
+        """The share of the whole search, where so much of the next stage is done.
+
+        Nobody knows how many stages will come: each takes a part of what is left.
+        """
+        left = _LEFT ** (self.number + done)
+        return SOUGHT - (SOUGHT - _COMPILED) * left
+
 
 def begun(
     fit: Fit | Model,
@@ -155,18 +171,21 @@ def begun(
     say("fitting the model as it is", 0.0)
     clock, options = Clock(), fit.options if isinstance(fit, Fit) else {}
 
-    def refit(model: Model, guesses: Sequence[Mapping[str, float]] = ()) -> Fit:
-        told = {"starts": 4, "seed": seed, "guesses": guesses, **options}
+    def refit(
+        model: Model, guesses: Sequence[Mapping[str, float]] = (), tell: Progress | None = None
+    ) -> Fit:
+        told = {"starts": 4, "seed": seed, "guesses": guesses, "progress": tell, **options}
         with clock("refit"), warnings.catch_warnings():
             warnings.simplefilter("ignore", CoarseStepWarning)  # a note of the fit says the same
             return fit_model(model, train, holdout=unseen or None, **told)
 
-    first = fit if isinstance(fit, Fit) else refit(fit)
+    tell = part(say, 0.0, FITTED)
+    first = fit if isinstance(fit, Fit) else refit(fit, tell=tell)
     guess = first.guess
     if first is fit and not _is_of_these_logs(first, train, unseen):
-        first = refit(first.model)
+        first = refit(first.model, tell=tell)
     effects, untestable = candidates_of(first.model, (*train, *unseen), wanted)
-    say("compiling the trials", 0.1)
+    say("compiling the trials", FITTED)
     with clock("compile"):
         trials, trial = _compiled(first, effects, train, unseen)
     tools = Tools(first.model, trials, tuple(unseen), refit, guess, say, clock)

@@ -85,7 +85,7 @@ def screen(tools: Tools, known: SearchState) -> tuple[SearchState, list[Tried]]:
     names = [n for n in trials.candidates if n not in present.effects]
 
     def say(name: str) -> None:
-        share = 0.2 + 0.1 * known.number + 0.1 * names.index(name) / len(names)
+        share = known.share(0.5 * names.index(name) / len(names))
         tools.say(f"stage {known.number + 1}: trying {name}", share)
 
     promising, untestable = [], dict(known.untestable)

@@ -85,7 +85,7 @@ def from_whole_runs(tools: Tools, known: SearchState) -> SearchState:
     """
     if not are_poor(tools, known, known.stages[-1]):
         return replace(known, possible={})
-    tools.say("fitting the effects to whole runs", 0.85)
+    tools.say("fitting the effects to whole runs", known.share(0.5))
     with tools.clock("whole runs"):
         lowering = _lowering(tools, known)
     known = replace(known, possible={name: worth for name, (worth, _) in lowering.items()})

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from diffthrust._support.progress import ProgressOption, progressing, teller
 from diffthrust.estimation._result import Fit
 from diffthrust.experiments._confront import outputs_of
 from diffthrust.experiments._designs import Design, design_key, grid
@@ -30,6 +31,7 @@ _ROUNDS = (1.5, 1.25, 1.12)
 _LEADERS = 4
 
 
+@progressing
 def suggest_experiment(
     rivals: Sequence[Model | Fit],
     *,
@@ -43,6 +45,7 @@ def suggest_experiment(
     rest: float = 1.0,
     correlation_time: float | None = None,
     seed: int = 0,
+    progress: ProgressOption = None,
 ) -> Experiment:
     """Find the command sequence that best separates the predictions of rival models.
 
@@ -72,6 +75,7 @@ def suggest_experiment(
         correlation_time: of the noise [s], where it is not white: after this time its correlation
             has fallen to 1/e. Process noise makes differences that last count for less.
         seed: of the random sequences; the result is the same for the same arguments.
+        progress: True for a bar, or a function of a message and the share done.
 
     Returns:
         An `Experiment`; look at ``sentence`` first.
@@ -101,20 +105,26 @@ def suggest_experiment(
         correlation_time=correlation_time,
         seed=seed,
     )
-    space = request.space
+    space, tell = request.space, teller(progress)
     tried: dict[tuple[object, ...], tuple[float, Design]] = {}
+    tell("trying commands", 0.0)
     _try(grid(space), request, tried)
-    for factor in _ROUNDS:
+    for k, factor in enumerate(_ROUNDS):
+        tell("refining the best", 0.4 + 0.3 * k / len(_ROUNDS))
         around = [
             design.changed(faster, larger, space)
             for _, design in _best(tried)[:_LEADERS]
             for faster, larger in ((factor, 1), (1 / factor, 1), (1, factor), (1, 1 / factor))
         ]
         _try(around, request, tried)
+    checked = 0
     while True:  # a promise must hold against the best imitation found, not only the first
+        tell("seeking the best imitation", 1.0 - 0.3 * 0.7**checked)
+        checked += 1
         worth, design = _best(tried)[0]
         verified = _Verified.of(design, request)
         if verified.worth >= worth * (1 - 1e-6):
+            tell("done", 1.0)
             return _result(request, _best(tried), verified)
         tried[design_key(design)] = (verified.worth, design)
 

@@ -12,7 +12,12 @@ import pytest
 from places import ROOT
 
 import diffthrust as dft
-from diffthrust._support.progress import bar, part, progressing  # private: shared by all work
+from diffthrust._support.progress import (  # private: shared by all work
+    bar,
+    part,
+    progressing,
+    teller,
+)
 
 LOOK = """
 import time
@@ -55,11 +60,12 @@ def test_the_bar_never_goes_back_and_its_clock_runs():
     shares = [int(found[1]) for line in seen if (found := re.search(r"(\d+) %", line))]
     assert shares == sorted(shares)
     assert {0, 20, 60, 90} == set(shares)
-    clocks = [line.strip()[-5:] for line in seen if "60 %" in line]
+    clocks = [line.rsplit("] ", 1)[1][:5] for line in seen if "60 %" in line]
     assert len(set(clocks)) >= 2  # between two words of progress
     assert max(map(len, seen)) <= 80
-    before, after = " ".join(seen).rsplit("]", 1)[1].split("over")
-    assert not before.strip()[5:].strip()  # the line of the bar is empty again
+    assert all(re.search(r"\] \d\d:\d\d, \d\d:\d\d left", line) for line in seen if "60 %" in line)
+    before, after = " ".join(seen).rsplit("left", 1)[1].split("over")
+    assert not before.strip()  # the line of the bar is empty again
     assert not after.strip()
 
 
@@ -103,6 +109,15 @@ def test_profiles_and_maps_tell_how_far_they_are():
         work(lambda message, share, told=told: told.append(share))
         assert told == sorted(told)
         assert len(told) >= 1
+
+
+def test_what_is_told_never_falls():
+    told = []
+    tell = teller(lambda *word: told.append(word))
+    for share in (0.2, 0.5, 0.3, 1.2, 0.9):
+        tell("working", share)
+    assert [share for _, share in told] == [0.2, 0.5, 0.5, 1.0, 1.0]
+    assert teller(None)("working", 0.5) is None
 
 
 def test_a_part_goes_from_its_share_to_the_next():

@@ -11,6 +11,7 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
 from diffthrust._support.names import listing
+from diffthrust._support.progress import ProgressOption, progressing, teller
 from diffthrust._support.results import Result
 from diffthrust._support.words import percent
 from diffthrust.estimation._registry import LIKELIHOODS
@@ -119,6 +120,7 @@ class Prediction(Result):
         return prediction_figure(self.log, self.time, self.channels, self.level, self.random_forces)
 
 
+@progressing
 def predict(
     source: Any,
     model: Any,
@@ -129,6 +131,7 @@ def predict(
     seed: int = 0,
     noise: bool = True,
     substeps: int | None = None,
+    progress: ProgressOption = None,
 ) -> Prediction:
     """The band in which a log's measurements are expected, and the share that lies inside.
 
@@ -153,6 +156,7 @@ def predict(
         seed: of the draws.
         noise: count the coverage of the band with noise, or of the one without.
         substeps: integrator steps per sample; chosen where ``None``.
+        progress: True for a bar, or a function of a message and the share done.
 
     Returns:
         A `Prediction`; see ``.sentence``, ``.coverage`` and ``.plot()``.
@@ -176,6 +180,8 @@ def predict(
         raise InputError(
             f"substeps: expected a whole number of at least 1, found {substeps!r}.", "Correct it."
         )
+    tell = teller(progress)
+    tell("drawing parameters", 0.0)
     drawn, log = draws_of(source, model, count=draws, seed=seed, level=level), log.unrepeated
     channels = [name for name in drawn.model.outputs if name in log.measured]
     if not channels:
@@ -189,10 +195,13 @@ def predict(
         middle = {n: float(np.median(v)) for n, v in drawn.values.items()}
         substeps = choose_substeps(drawn.model.replace(middle), log)
     rng = np.random.default_rng([seed, 1])
+    tell("simulating the draws", 0.2)
     means = mean_runs(drawn, log, channels, substeps, rng)
+    tell("simulating their noise", 0.6)
     random = LIKELIHOODS[drawn.likelihood].corrects
     shown = random_runs(drawn, log, channels, substeps, rng) if random else {}
     bands = {c: band_of(drawn, log, c, means[c], shown.get(c), level, noise) for c in channels}
+    tell("done", 1.0)
     return Prediction(
         log=log.name,
         time=log.time,
