@@ -24,7 +24,15 @@ from diffthrust.diagnosis._score_test import promised_gain
 from diffthrust.estimation._arrange import build
 from diffthrust.estimation._laws import StudentT
 from diffthrust.estimation._likelihood import Quadratic
-from diffthrust.estimation._observer import CLIP, REAL, WIDE, guesses, is_memory, observer_of
+from diffthrust.estimation._observer import (
+    CLIP,
+    REAL,
+    WIDE,
+    guesses,
+    is_memory,
+    observer_of,
+    uncorrected,
+)
 from diffthrust.estimation._one_step import cost, passes, with_clip
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._registry import NOISE_MODELS
@@ -237,6 +245,8 @@ class Trials:
 
         begun = side_by_side(one, guesses(self.nuisance))
         trial = min(begun, key=lambda trial: trial.expected)
+        if not np.isfinite(trial.cost):  # corrections ran away, by a spike before a gap
+            trial = one(uncorrected(self.nuisance))
         for _ in range(2):
             trial = self.further(trial, budget=_LONG)
             trial = replace(trial, limit=Limit(CLIP * trial.quadratic.sigma, limit.reach))

@@ -160,6 +160,11 @@ def guesses(names: Collection[str]) -> tuple[dict[str, float], ...]:
     return {}, quiet, {**quiet, **{n: 0.9 for n in quiet if n.endswith(".colour")}}
 
 
+def uncorrected(names: Collection[str]) -> dict[str, float]:
+    """Gains with which nothing is corrected: a simulation, finite wherever the model's own is."""
+    return {n: 0.0 for n in names if not is_memory(n)}
+
+
 class Limits(NamedTuple):
     """By channel the size of a large error, and at how many times that errors are limited."""
 
