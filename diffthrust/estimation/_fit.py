@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Literal, NamedTuple
 
@@ -23,12 +23,14 @@ from diffthrust.estimation._likelihood import noise_levels
 from diffthrust.estimation._multistart import Search
 from diffthrust.estimation._notes import correlation_notes
 from diffthrust.estimation._origin import origin_of
+from diffthrust.estimation._polish import polished, rounding_of
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._registry import likelihood_of
 from diffthrust.estimation._residuals import Likelihood
 from diffthrust.estimation._result import Fit
 from diffthrust.estimation._solver import Solved
-from diffthrust.estimation._status import Checks, Local, examine, judge
+from diffthrust.estimation._status import GRADIENT_LIMIT, Checks, Local, examine, judge
+from diffthrust.estimation._vanished import alive, vanished_notes
 from diffthrust.logs._log import Log
 from diffthrust.logs._written import ShownUnits
 from diffthrust.models._base.model import Model
@@ -255,6 +257,7 @@ def _pass(task: _Task, model: Model, substeps: int, shares: tuple[float, float])
     horizons, notes = task.horizons, ()
     tell = part(task.tell, *shares)
     tell("compiling", 0.0)
+    model = alive(model)
     arrange = partial(
         build,
         logs=task.logs,
@@ -277,6 +280,7 @@ def _pass(task: _Task, model: Model, substeps: int, shares: tuple[float, float])
         (length, search, final), notes = by_left_out(Ended(length, search, final), task.logs)
     if task.likelihood.corrects:
         search, final = refined(search, final)
+    search = polished(search, final)
     model = final.model_at(search.best.z)
     states = tuple(final.initial_states(search.best.z))
     failed = not np.isfinite(search.best.quadratic.cost)
@@ -289,6 +293,8 @@ def _judged(optimum: _Optimum, again: tuple[str, ...], doubts: tuple[Doubt, ...]
     """What a fit reports of its optimum; ``again`` is the note on a refit."""
     search, problem, best = optimum.search, optimum.problem, optimum.best
     local, cost = examine(problem, best.z, best.quadratic), float(best.quadratic.cost)
+    if np.isfinite(cost) and local.gradient > GRADIENT_LIMIT:
+        local = replace(local, rounding=rounding_of(problem, best))
     agreeing = search.agreeing_on(problem)
     alone = search.begun - len(search.guesses) == 1
     status, message = judge(local, cost, search.begun, agreeing, search.rivals(problem), alone)
@@ -296,6 +302,7 @@ def _judged(optimum: _Optimum, again: tuple[str, ...], doubts: tuple[Doubt, ...]
     correlated = correlation_notes(problem, best.z, optimum.runs)
     train = pooled_errors(optimum.runs)
     little, doubts = explained(train, doubts)
+    gone = vanished_notes(problem, best.z)
     of_logs = [f"{run.name}: {note}" for run in optimum.runs for note in run.log.notes]
     return {
         "model": optimum.released,
@@ -311,7 +318,15 @@ def _judged(optimum: _Optimum, again: tuple[str, ...], doubts: tuple[Doubt, ...]
         "horizon": optimum.horizon,
         "held": problem.held,
         "substeps": optimum.substeps,
-        "notes": (*optimum.notes, *again, *optimum.unmoved, *optimum.coarse, *correlated, *of_logs),
+        "notes": (
+            *optimum.notes,
+            *again,
+            *optimum.unmoved,
+            *gone,
+            *optimum.coarse,
+            *correlated,
+            *of_logs,
+        ),
         "correlation": correlated,
         "doubts": doubts,
     }

@@ -18,21 +18,15 @@ from diffthrust.estimation._one_step import with_clip
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._residuals import Innovations
 from diffthrust.estimation._result import Fit
-from diffthrust.estimation._solver import Solved, solve
 from diffthrust.logs._log import Log
 from diffthrust.simulation._inputs import bridged
 
-_NEWTON = 6
-"""At most so many steps of Newton's method end a search."""
-_SHARE = 1e-3
-"""Gradients are compared so many standard errors to either side."""
-
 
 def refined(search: Search, problem: Problem) -> tuple[Search, Problem]:
-    """The search of a fit carried to its end, with large errors limited where the law forgives."""
+    """The search of a fit with large errors limited where the law forgives."""
     if problem.layout.likelihood.law.forgiving:
-        search, problem = _clipped(search, problem)
-    return _polished(search, problem), problem
+        return _clipped(search, problem)
+    return search, problem
 
 
 def _clipped(search: Search, problem: Problem) -> tuple[Search, Problem]:
@@ -49,49 +43,6 @@ def _clipped(search: Search, problem: Problem) -> tuple[Search, Problem]:
     if freer.best.quadratic.cost < search.best.quadratic.cost - REAL:
         return freer, wide
     return search, problem
-
-
-def _polished(search: Search, problem: Problem) -> Search:
-    """The search with its best optimum carried to the end by Newton's method.
-
-    Gains and memories lie on flat ridges, where the Gauss-Newton curvature is no guide and a search
-    creeps. The curvature is taken from differences of the gradient over a small share of an error.
-    """
-    (best, count), *others = search.optima
-    for _ in range(_NEWTON):
-        if best.done or not np.isfinite(best.quadratic.cost):
-            break
-        further = _newton(problem, best)
-        if further is None:
-            break
-        best = further
-    return replace(search, optima=((best, count), *others))
-
-
-def _newton(problem: Problem, at: Solved) -> Solved | None:
-    """One step within the bounds; ``None`` where none falls further."""
-    q, (low, high) = at.quadratic, problem.limits()
-    length = np.sqrt(np.diagonal(q.information))
-    edge = ((at.z <= low + 1e-9) & (q.gradient > 0)) | ((at.z >= high - 1e-9) & (q.gradient < 0))
-    free = np.flatnonzero(~edge & (length > 0))
-    moves = np.zeros((free.size, at.z.size))
-    moves[np.arange(free.size), free] = 1 / length[free]
-
-    def slope(z: np.ndarray) -> np.ndarray:
-        return moves @ solve(problem, z, budget=1).quadratic.gradient
-
-    apart = [slope(at.z + _SHARE * d) - slope(at.z - _SHARE * d) for d in moves]
-    curvature = np.array(apart) / (2 * _SHARE)
-    if not np.all(np.isfinite(curvature)):
-        return None
-    values, vectors = np.linalg.eigh(0.5 * (curvature + curvature.T))
-    along = vectors.T @ (moves @ q.gradient)
-    step = -(vectors @ (along / np.maximum(np.abs(values), 1e-9))) @ moves
-    for share in (1.0, 0.25, 0.05):
-        trial = solve(problem, np.clip(at.z + share * step, low, high), budget=1)
-        if float(trial.quadratic.cost) < float(q.cost):
-            return trial
-    return None
 
 
 def disturbance_of(problem: Problem, z: np.ndarray) -> dict[str, Estimate]:

@@ -10,8 +10,9 @@ import numpy as np
 
 from diffthrust.estimation._likelihood import Quadratic
 from diffthrust.estimation._problem import Problem
+from diffthrust.estimation._vanished import vanished
 
-_GRADIENT_LIMIT = 1e-5
+GRADIENT_LIMIT = 1e-5
 """A stationary point has max |J_j . r| / (|J_j| |r|) below this (true ones: below 1e-7)."""
 RANK_LIMIT = 1e-13
 """Eigenvalues of the scaled information below this share of the largest count as zero: parameters
@@ -61,7 +62,10 @@ class Checks:
 
 @dataclass(frozen=True)
 class Local:
-    """The neighbourhood of an optimum: what is known there and what is not."""
+    """The neighbourhood of an optimum: what is known there and what is not.
+
+    ``rounding`` is the part of the gradient that floating-point numbers do not resolve.
+    """
 
     gradient: float
     rank: int
@@ -69,8 +73,10 @@ class Local:
     samples: int
     condition: float
     at_bound: tuple[str, ...]
+    vanished: tuple[str, ...]
     covariance: np.ndarray
     combinations: tuple[str, ...]
+    rounding: float = 0.0
 
 
 def examine(problem: Problem, z: np.ndarray, q: Quadratic) -> Local:
@@ -85,16 +91,12 @@ def examine(problem: Problem, z: np.ndarray, q: Quadratic) -> Local:
     k, free = len(problem.own), len(problem.free)
     out = np.full((k, k), np.nan)
     if not np.isfinite(q.cost):
-        return Local(np.inf, 0, z.size, 0, np.inf, (), out, ())
+        return Local(np.inf, 0, z.size, 0, np.inf, (), (), out, ())
     g, information = np.asarray(q.gradient), np.asarray(q.information)
     at_low = (z <= low + 1e-9) & (g >= 0)
     at_high = (z >= high - 1e-9) & (g <= 0)
-    # a logarithm that ran far below its start has no bound to touch: the value is zero to all ends
-    vanished = np.zeros(z.size, bool)
-    for i, name in enumerate(problem.free):
-        p = problem.named[name]
-        vanished[i] = p.transform == "log" and z[i] < np.log(p.value) - 23.0
-    bound = at_low | at_high | vanished
+    gone = vanished(problem, z)
+    bound = at_low | at_high | gone
     # an initial state that nothing measured depends on is no unknown of the fit
     place = np.arange(z.size)
     unseen = (place >= free) & (np.diagonal(information) <= 0)
@@ -135,6 +137,7 @@ def examine(problem: Problem, z: np.ndarray, q: Quadratic) -> Local:
         samples=int(samples),
         condition=float(condition) if inside.size else 1.0,
         at_bound=names,
+        vanished=tuple(problem.free[i] for i in np.flatnonzero(gone[:k])),
         covariance=out,
         combinations=combinations,
     )
@@ -202,10 +205,11 @@ def judge(
             "No start could be simulated: every one diverged. "
             "Start from other values, narrow the bounds, or raise substeps."
         )
-    if local.gradient > _GRADIENT_LIMIT:
+    allowed = max(GRADIENT_LIMIT, local.rounding)
+    if local.gradient > allowed:
         return Status.NOT_CONVERGED, (
             f"The search stopped where the error still falls (gradient {local.gradient:.1e}, "
-            f"allowed {_GRADIENT_LIMIT:.0e}). Start nearer, or try more starts."
+            f"allowed {allowed:.0e}). Start nearer, or try more starts."
         )
     if local.samples <= local.columns:
         return Status.NOT_IDENTIFIABLE, (
@@ -228,12 +232,19 @@ def judge(
             "Raise starts, or start nearer."
         )
     if local.at_bound:
-        return Status.AT_BOUND, (
-            f"Converged with {_names(local.at_bound)} at a bound, "
-            "held there by the data: a parameter at a bound has no standard error."
-        )
+        return Status.AT_BOUND, _of_bounds(local)
     single = " A single start says nothing of other optima." if starts == 1 else ""
     return Status.CONVERGED, f"Converged: {agreeing} of {starts} starts agree.{single}"
+
+
+def _of_bounds(local: Local) -> str:
+    ends = [name for name in local.at_bound if name not in local.vanished]
+    at = [f"{_names(ends)} at a bound"] * bool(ends)
+    at += [f"{_names(local.vanished)} at zero"] * bool(local.vanished)
+    return (
+        f"Converged with {' and '.join(at)}, held there by the data: a parameter at a bound has no "
+        "standard error."
+    )
 
 
 def _names(names: Sequence[str]) -> str:

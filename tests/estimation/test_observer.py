@@ -257,7 +257,7 @@ def test_substeps_change_nothing_at_a_fine_step():
 
 
 def test_a_batch_of_unequal_logs_is_its_logs():
-    logs = [linear_log().slice(0.0, 6.0), linear_log().slice(10.0, 15.5)]
+    logs = [linear_log().slice(10.0, 15.5), linear_log().slice(0.0, 6.0)]
     both = arranged(FirstOrder(), logs)
     assert both.order == ((1, 0),)
     together = errors_at(both, both.start())

@@ -1,0 +1,135 @@
+"""The end of a search: steps of Newton's method where Gauss-Newton steps creep.
+
+In curved valleys, on flat ridges and where the residuals are large, the Gauss-Newton curvature is a
+poor guide. The true one is taken from differences of the gradient, along the principal axes of the
+information, a small share of a standard error to either side: along these axes all curvatures are
+near one, however ill the parameters' own coordinates are conditioned.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from diffthrust.estimation._multistart import Search
+from diffthrust.estimation._problem import Problem
+from diffthrust.estimation._solver import Solved, solve
+from diffthrust.estimation._status import GRADIENT_LIMIT, RANK_LIMIT, examine
+
+_STEPS = 6
+"""At most so many steps,"""
+_ROUNDS = 3
+"""so many times, with a search in between."""
+_LINES = 3
+_NEAR = 0.05
+"""Rounding is looked at along so many lines, at points so many standard errors apart."""
+_FACTOR = 3.0
+"""A gradient up to so many standard deviations of what rounding makes is none,"""
+_AWAY = 0.1
+"""if it comes from so near the minimum, in standard errors."""
+_SHARE = 1e-3
+"""Gradients are compared so many standard errors to either side."""
+_EQUAL = 1e-13
+"""Costs that differ by less than this share are equal: then the gradient decides."""
+
+
+def polished(search: Search, problem: Problem) -> Search:
+    """The search with its best optimum carried to the end, if it had not come there."""
+    (best, count), *others = search.optima
+    for _ in range(_ROUNDS):
+        best = _by_newton(problem, best)
+        if not np.isfinite(best.quadratic.cost) or best.done or _steepness(problem, best) == 0:
+            break
+        best = solve(problem, best.z)  # from far away a trust region is the safer guide
+    return replace(search, optima=((best, count), *others))
+
+
+def rounding_of(problem: Problem, end: Solved) -> float:
+    """Up to where the gradient at an optimum is not resolved, on the scale of `Checks.gradient`.
+
+    From fourth differences along lines (Moré & Wild 2011, section 3), which are those of rounding,
+    for all that is smooth falls out of them: a few times what rounding makes of the gradient, or
+    the gradient itself where all that it promises is lost in the rounding of the cost. Zero where
+    the minimum would be further away than a small share of a standard error.
+    """
+    q, (low, high) = end.quadratic, problem.limits()
+    moves = _axes(end, low, high)
+    away = float(np.linalg.norm(moves @ q.gradient))
+    if not moves.size or away > _AWAY:
+        return 0.0
+    length = np.sqrt(np.diagonal(q.information))
+    length = np.where(length > 0, length, np.inf) * np.sqrt(float(q.energy))
+    noise = np.zeros(1 + end.z.size)
+    for turn in np.random.default_rng(0).standard_normal((_LINES, len(moves))):
+        step = _NEAR * turn / np.linalg.norm(turn) @ moves
+        points = [np.clip(end.z + i * step, low, high) for i in range(-3, 4)]
+        near = [solve(problem, z, budget=1).quadratic for z in points]
+        table = np.array([[one.cost, *(one.gradient / length)] for one in near])
+        noise = np.maximum(noise, np.sqrt(np.mean(np.diff(table, 4, axis=0) ** 2, axis=0) / 70.0))
+    if not np.all(np.isfinite(noise)):
+        return 0.0
+    lost = 0.5 * away**2 < _FACTOR * noise[0]
+    return max(_FACTOR * float(noise[1:].max()), _steepness(problem, end) if lost else 0.0)
+
+
+def _by_newton(problem: Problem, best: Solved) -> Solved:
+    for _ in range(_STEPS):
+        if not np.isfinite(best.quadratic.cost) or (best.done and _steepness(problem, best) == 0):
+            break
+        further = _newton(problem, best)
+        if further is None:
+            break
+        best = further
+    return best
+
+
+def _steepness(problem: Problem, at: Solved) -> float:
+    """The gradient, zero where it is as small as that of an optimum."""
+    gradient = examine(problem, at.z, at.quadratic).gradient
+    return gradient if gradient > GRADIENT_LIMIT else 0.0
+
+
+def _newton(problem: Problem, at: Solved) -> Solved | None:
+    """One step within the bounds; ``None`` where none falls further."""
+    q, (low, high) = at.quadratic, problem.limits()
+    moves = _axes(at, low, high)
+
+    def slope(z: np.ndarray) -> np.ndarray:
+        return moves @ solve(problem, z, budget=1).quadratic.gradient
+
+    apart = [slope(at.z + _SHARE * d) - slope(at.z - _SHARE * d) for d in moves]
+    curvature = np.array(apart) / (2 * _SHARE)
+    if not curvature.size or not np.all(np.isfinite(curvature)):
+        return None
+    values, vectors = np.linalg.eigh(0.5 * (curvature + curvature.T))
+    along = vectors.T @ (moves @ q.gradient)
+    step = -(vectors @ (along / np.maximum(np.abs(values), 1e-9))) @ moves
+    for share in (1.0, 0.25, 0.05):
+        trial = solve(problem, np.clip(at.z + share * step, low, high), budget=1)
+        if _better(problem, trial, at):
+            return trial
+    return None
+
+
+def _axes(at: Solved, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Moves of one standard error along the principal axes of what is free, ``(axes, n)``."""
+    q = at.quadratic
+    length = np.sqrt(np.diagonal(q.information))
+    edge = ((at.z <= low + 1e-9) & (q.gradient > 0)) | ((at.z >= high - 1e-9) & (q.gradient < 0))
+    free = np.flatnonzero(~edge & (length > 0))
+    scaled = q.information[np.ix_(free, free)] / np.outer(length[free], length[free])
+    values, vectors = np.linalg.eigh(scaled)
+    values = np.maximum(values, RANK_LIMIT * values.max(initial=1.0))
+    moves = np.zeros((free.size, at.z.size))
+    moves[:, free] = (vectors / np.sqrt(values)).T / length[free]
+    return moves
+
+
+def _better(problem: Problem, trial: Solved, at: Solved) -> bool:
+    """A lower cost; or one that is equal but for rounding, and a smaller gradient."""
+    gain = float(at.quadratic.cost) - float(trial.quadratic.cost)
+    rounding = _EQUAL * abs(float(at.quadratic.cost))
+    if not abs(gain) <= rounding:
+        return gain > 0
+    return _steepness(problem, trial) < _steepness(problem, at)
