@@ -21,6 +21,7 @@ from diffthrust.diagnosis._tables import (
     worth_rows,
 )
 from diffthrust.diagnosis._words import (
+    bound_words,
     caution_words,
     closing_words,
     dropped_words,
@@ -77,7 +78,7 @@ def page(diag: Findings, *, title: str = "", spec: str = "") -> str:
         still=failure_words(diag.after) if len(diag.stages) > 1 else [],
         missing=[missing_words(missing, diag.model) for missing in diag.shown(diag.missing)],
         ranking=ranking_rows(diag),
-        refused=refused_words(diag),
+        refused=[*refused_words(diag), *bound_words(diag)],
         silent=silent_words(diag),
         left=[missing_words(missing, diag.model) for missing in diag.shown(diag.left[:1])],
         meanings=meaning_rows(diag),

@@ -122,6 +122,7 @@ class SearchState:
         ranking: the effects tried at each stage.
         dropped: effects that later ones made superfluous.
         refused: effects that were not added at the last stage, with the reason.
+        turned_down: every refusal so far, with the effects that were present.
         silent: effects that promised nothing at some stage.
         detectable: effects of the present model that matter for no stage: they change nothing over
             whole runs, and are kept lest their evidence is taken for that of others.
@@ -135,6 +136,7 @@ class SearchState:
     ranking: tuple[TriedEffect, ...] = ()
     dropped: tuple[str, ...] = ()
     refused: Mapping[str, Refusal] = field(default_factory=dict)
+    turned_down: Mapping[str, tuple[Refusal, tuple[str, ...]]] = field(default_factory=dict)
     silent: frozenset[str] = frozenset()
     detectable: tuple[str, ...] = ()
     worth: Mapping[str, Worth] = field(default_factory=dict)

@@ -18,13 +18,14 @@ from diffthrust.diagnosis._criteria import (
     unseen_cost,
     unseen_gain,
 )
-from diffthrust.diagnosis._findings import TriedEffect
+from diffthrust.diagnosis._findings import Refusal, TriedEffect
 from diffthrust.diagnosis._score_test import redundant
 from diffthrust.diagnosis._screen import is_idle, levels_of, screened
 from diffthrust.diagnosis._search import PLAIN, Present, SearchState, Tools
 from diffthrust.diagnosis._trials import TrialFit, Trials, side_by_side
 from diffthrust.estimation._estimate import Estimate, shown_unit
 from diffthrust.logs._written import ShownUnits
+from diffthrust.models._base.parameter import Parameter
 
 SCREENS = 3
 """Most screens for one stage: a better noise may come to light again and again on flat ridges."""
@@ -38,6 +39,8 @@ one. An effect is refused whose gain is no longer worth its price when that cost
 of training and unseen logs neither speaks louder than its likelihood."""
 _GONE = 1e-2
 """A positive parameter below this share of what simulations say is as good as zero."""
+_AT_BOUND = 1e-6
+"""A value so near to its bound, as a share of it, was stopped by it."""
 _POOR = 0.5
 """With a larger error of whole training runs (NRMSE) the fit may have gone astray."""
 
@@ -72,11 +75,37 @@ def one_round(tools: Tools, known: SearchState, again: bool) -> SearchState:
             candidate = rate(tools.trials, known, trial, math.inf)
         if candidate.delta_bic > -MARGIN:
             continue
-        outcome = admit(tools, known, Tried(candidate, trial))
+        outcome = still_refused(tools, known, candidate.effect)
+        outcome = outcome or admit(tools, known, Tried(candidate, trial))
         if isinstance(outcome, SearchState):
             return outcome
-        known = replace(known, refused={**known.refused, candidate.effect: outcome})
+        known = refusing(known, candidate.effect, outcome)
     return known
+
+
+def refusing(known: SearchState, name: str, why: Refusal) -> SearchState:
+    """The search with an effect that was refused beside the present ones."""
+    told = why, known.present.trial.effects
+    return replace(
+        known,
+        refused={**known.refused, name: why},
+        turned_down={**known.turned_down, name: told},
+    )
+
+
+def still_refused(tools: Tools, known: SearchState, name: str) -> Refusal | None:
+    """Why whole runs have refused an effect, where nothing that came since could change that.
+
+    That is so where no effect was added or dropped since that shares a port or a signal with it.
+    """
+    why, beside = known.turned_down.get(name, (None, ()))
+    if why is None or not why.by_whole_runs:
+        return None
+    candidates = tools.trials.candidates
+    own = {*candidates[name].ports, *candidates[name].needs}
+    moved = {*known.present.trial.effects} ^ {*beside}
+    touched = any(own & {*candidates[n].ports, *candidates[n].needs} for n in moved)
+    return None if touched else why
 
 
 def screen(tools: Tools, known: SearchState) -> tuple[SearchState, list[Tried]]:
@@ -152,11 +181,28 @@ def rate(trials: Trials, known: SearchState, trial: TrialFit, leading: float) ->
         holdout_nrmse=errors[1],
         parameters={
             n.partition(".")[2]: Estimate(
-                trial.values[n], None, named[n].unit, False, False, *sizes[n]
+                trial.values[n],
+                None,
+                named[n].unit,
+                False,
+                stopped(named[n], trial.values[n]),
+                *sizes[n],
             )
             for n in own
         },
     )
+
+
+def stopped(parameter: Parameter, value: float) -> bool:
+    """Whether a bound stopped a parameter; at its null an effect has gone, and was not stopped.
+
+    Example:
+        >>> stopped(parameter(4.0, bounds=(0, 5), null=0.0), 5.0)
+        True
+    """
+    ends = (end for end in parameter.limits if math.isfinite(end))
+    near = (e for e in ends if abs(value - e) <= _AT_BOUND * max(abs(e), parameter.scale))
+    return any(end != parameter.null for end in near)
 
 
 def better_noise(trials: Trials, present: Present, tried: list[Tried]) -> Present | None:

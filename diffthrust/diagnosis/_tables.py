@@ -16,6 +16,7 @@ from diffthrust._support.words import percent, spelt
 from diffthrust.diagnosis._matter_words import leading, share_cells
 from diffthrust.diagnosis._skeleton import HOW, skeleton
 from diffthrust.diagnosis._words import (
+    bound_words,
     caution_words,
     closing_words,
     dropped_words,
@@ -85,6 +86,7 @@ def diagnosis_table(diag: Findings) -> RenderableType:
             "Effects tried",
             *([_rich(ranking_rows(diag))] if diag.ranking else []),
             *refused_words(diag),
+            *bound_words(diag),
             silent_words(diag),
         ),
         *_section("What these logs cannot tell apart", *group_words(diag)),

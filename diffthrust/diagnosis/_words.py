@@ -162,6 +162,27 @@ def refused_words(diag: Findings) -> list[str]:
     ]
 
 
+def bound_words(diag: Findings) -> list[str]:
+    """The parameters of effects, added or promising, that a bound has stopped, and the mend."""
+    stopped = {
+        (c.effect, name): e
+        for c in diag.ranking
+        if c.effect not in diag.added and (c.delta_bic < 0 or c.effect in diag.possible)
+        for name, e in c.parameters.items()
+        if e.at_bound
+    }
+    nulls = {n: p.null for n, p in diag.fit.model.parameters.items()}
+    for full, e in diag.fit.parameters.items():
+        effect, _, name = full.rpartition(".")
+        if effect in diag.added and e.at_bound and e.value != nulls[full]:
+            stopped[effect, name] = e
+    return [
+        f"{capitalised(spelt(name))} of {an(spelt(effect))} stopped at its bound of "
+        f"{_measured(e)}: the effect may explain more beyond it. Widen the bound, if nature allows."
+        for (effect, name), e in stopped.items()
+    ]
+
+
 def silent_words(diag: Findings) -> str:
     """The effects that were tried in vain."""
     names = joined(an(spelt(name)) for name in diag.silent)

@@ -80,3 +80,13 @@ def test_undecided_says_what_is_possible_and_which_record_would_decide():
     proposed = replace(made.undecided(), experiment=made.diagnosis().experiment)
     assert f"A record would decide: {proposed.experiment.sentence}" in proposed.summary
     assert "lacks" not in text
+
+
+def test_a_parameter_that_a_bound_stopped_is_told_with_the_mend():
+    diag = made.found()
+    tried = diag.ranking[1]
+    estimate = diag.fit.parameters["command_deadband.width"]
+    stopped = replace(tried, parameters={"time_constant": replace(estimate, at_bound=True)})
+    told = replace(diag, ranking=(diag.ranking[0], stopped)).report()
+    assert "Time constant of an actuator lag stopped at its bound of" in " ".join(told.split())
+    assert "stopped at its bound" not in diag.report()

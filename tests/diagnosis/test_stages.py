@@ -6,11 +6,15 @@ from types import SimpleNamespace
 import pytest
 
 import diffthrust as dft
+from diffthrust.diagnosis._findings import Refusal  # private: made by hand
 from diffthrust.diagnosis._search import PLAIN, Present, SearchState  # private: one step alone
 from diffthrust.diagnosis._stages import (  # private: one step alone
     SCREENS,
     next_stage,
     other_values,
+    refusing,
+    still_refused,
+    stopped,
 )
 
 
@@ -99,3 +103,31 @@ def test_effects_are_tried_with_other_values_where_the_model_has_gone_astray():
     # an observer that explains all by random forces leaves the model nothing to do
     assert values_besides(0.2, 1e-6, guess) == {"alpha": 0.037, "beta": 42.0}
     assert values_besides(0.8, 1e-6, {}) == {"alpha": 0.037, "beta": 42.0}
+
+
+@pytest.mark.parametrize(
+    ("since", "why", "still"),
+    [
+        ((), Refusal.ALL_RUNS, True),
+        (("thrust_sensor_lag",), Refusal.ALL_RUNS, True),  # at another port
+        (("linear_damping",), Refusal.ALL_RUNS, False),  # at the same
+        ((), Refusal.UNSEEN_LOGS, False),  # what costs no fit to whole runs is asked again
+    ],
+)
+def test_what_was_refused_is_not_fitted_again_unless_something_changed(since, why, still):
+    candidates = {n: dft.effects.EFFECTS[n]() for n in ("coulomb_friction", *since)}
+    tools = SimpleNamespace(trials=SimpleNamespace(candidates=candidates))
+    before = SimpleNamespace(trial=SimpleNamespace(effects=()))
+    known = refusing(SearchState(before, (None,), {}), "coulomb_friction", why)
+    after = SimpleNamespace(trial=SimpleNamespace(effects=since))
+    told = still_refused(tools, replace(known, present=after), "coulomb_friction")
+    assert told == (why if still else None)
+    assert known.refused == {"coulomb_friction": why}
+
+
+def test_a_bound_stops_a_parameter_where_the_effect_is_not_gone():
+    rim = dft.parameter(4.0, "cm", bounds=(0, 5), null=0.0)
+    assert stopped(rim, 5.0)
+    assert not stopped(rim, 4.9)
+    assert not stopped(rim, 0.0)  # its null
+    assert not stopped(dft.parameter(1.0, null=0.0), 1e9)
