@@ -112,7 +112,7 @@ def unseen_cost(trials: Trials, trial: TrialFit) -> float:
     """
     if trials.unseen is None:
         return float("nan")
-    held = trial.limit.on(trials.unseen.focus(trial.names, trial.values))
+    held = trial.limit.on(trials.ready(trial.effects).unseen.focus(trial.names, trial.values))
     value = cost(settled_start(held))
     return value if np.isfinite(value) else float("inf")
 
@@ -123,7 +123,8 @@ def simulation_errors(trials: Trials, trial: TrialFit) -> tuple[float, float | N
     pure = replace(trial, values={**trial.values, **still})
     if trials.unseen is None:
         return nrmse(pure.there), None
-    return nrmse(pure.there), nrmse(trials.unseen.focus(pure.names, pure.values))
+    unseen = trials.ready(trial.effects).unseen
+    return nrmse(pure.there), nrmse(unseen.focus(pure.names, pure.values))
 
 
 # -- simulations over whole runs, against the evidence of one-step errors --------------------------

@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -14,9 +12,7 @@ import numpy as np
 from jax import Array
 
 from diffthrust.logs._log import Log
-from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
-from diffthrust.models._base.parameter import parameter
 from diffthrust.models._base.signals import Signals
 from diffthrust.simulation._inputs import inputs_of
 from diffthrust.simulation._integrate import plain_rate
@@ -120,21 +116,6 @@ def slopes_along(
     _, by_state = jax.jvp(driven, (own, still), (ones, jnp.zeros_like(still)))
     _, by_port = jax.jvp(driven, (own, still), (zeros, jnp.ones_like(still)))
     return np.asarray(by_state if place.state else still), np.asarray(by_port)
-
-
-@cache
-def unknown_at(port: str) -> type[Effect]:
-    """An effect that adds given series to what passes a port, each times a free coefficient."""
-    series = tuple(f"unknown.{port}.{i}" for i in range(KNOTS))
-
-    def call(self: Effect, value: Any, s: Signals) -> Any:
-        for i, one in enumerate(series):
-            value = value + getattr(self, f"c{i}") * s[one]
-        return value
-
-    body = {f"c{i}": parameter(0.0, null=0.0, size=1.0) for i in range(KNOTS)}
-    place = {"name": f"unknown_{port}", "port": port, "needs": series, "__call__": call}
-    return type("Unknown", (Effect,), {**body, **place})
 
 
 def knots_of(values: np.ndarray) -> np.ndarray:

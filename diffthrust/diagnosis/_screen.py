@@ -1,4 +1,8 @@
-"""Which effects are worth a fit: score tests next to their nulls, and probes at several sizes."""
+"""Which effects are worth a fit: score tests next to their nulls, and probes at several sizes.
+
+First by the linear response of the present trial, which costs next to nothing (`shortlist`); then
+those that promise most are fitted from their best probes.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +10,9 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from diffthrust.diagnosis._probes import is_limit, probes
+from diffthrust.diagnosis._probes import probes
 from diffthrust.diagnosis._score_test import promised_gain
+from diffthrust.diagnosis._shortlist import inside, shortlist
 from diffthrust.diagnosis._trials import TrialFit, Trials, side_by_side
 from diffthrust.estimation._solver import solve
 
@@ -26,10 +31,6 @@ _AT_NULL = 1e-6
 """An effect does nothing that is nearer to its null than this, in units of its scale."""
 _IDLE = 1e-6
 """A probe that changes the cost by less does nothing: a limit that nothing reaches."""
-_HALVINGS = 10
-"""So often the gap is halved between a limit that acts and one that nothing reaches."""
-_INSIDE = (0.999, 0.997, 0.99, 0.97)
-"""A limit is tried at these shares of the least that nothing reaches: faint ones lie there."""
 _FAR = 0.25
 """A probe whose cost rises by more than this times the samples is no start."""
 
@@ -58,10 +59,14 @@ def screened(
         Trials by name; candidates of which nothing is to be hoped are left out.
     """
     points = {name: probes(trials.candidates[name], levels) for name in names}
+    for name in names:
+        say(name)
+    names = shortlist(trials, present, points)
+    points = {name: points[name] for name in names}
+    trials.ready((*present.effects, *names))
     scored = null_scores(trials, present, {name: near for name, (near, _) in points.items()})
 
     def one(name: str) -> TrialFit | None:
-        say(name)
         effects = (*present.effects, name)
 
         def followed(point: _Point, budget: int) -> TrialFit:
@@ -145,7 +150,8 @@ def null_scores(
         effects = (*present.effects, *group)
         values = {**present.values, **{k: v for point in group.values() for k, v in point.items()}}
         names = trials.moved(effects)
-        problem = present.limit.on(trials.problem.focus(names, values, present.begin))
+        whole = trials.ready(effects).problem
+        problem = present.limit.on(whole.focus(names, values, present.begin))
         q = solve(problem, problem.start(), budget=1).quadratic
         if not np.isfinite(q.cost):
             return [np.inf] * len(group)
@@ -201,19 +207,14 @@ def _far(
         values = {**present.values, **point}
         return trials.cost(effects, values, present.begin, present.limit)
 
-    def acts(cost: float) -> bool:
+    def moves(cost: float) -> bool:
         return abs(cost - present.cost) > _IDLE
 
     tried = [(cost(point), point) for point in points]
-    if is_limit(trials.candidates[name]) and len(points[0]) == 1:
-        (key,) = points[0]
-        below = max((point[key] for at, point in tried if acts(at)), default=np.inf)
-        above = min((point[key] for at, point in tried if not acts(at)), default=0.0)
-        if below < above:
-            edge = edge_of(below, above, lambda value: acts(cost({key: value})))
-            tried += [(cost({key: share * edge}), {key: share * edge}) for share in _INSIDE]
+    more = inside(trials.candidates[name], points, lambda point: moves(cost(point)))
+    tried += [(cost(point), point) for point in more]
     worth = present.cost + _FAR * trials.samples  # NaN and infinite costs are worth nothing
-    tried = [(at, point) for at, point in tried if acts(at) and at < worth]
+    tried = [(at, point) for at, point in tried if moves(at) and at < worth]
     chosen = sorted(tried, key=lambda pair: pair[0])[:2]
     return [(followed(point, 1).expected, point) for _, point in chosen]
 
@@ -234,16 +235,3 @@ def anew(
     if 2 * (without - cost) < _HOPE or not tried:
         return []
     return [trials.solve(effects, {**values, **point}, None, limit, _MANY)]
-
-
-def edge_of(low: float, high: float, acts: Callable[[float], bool]) -> float:
-    """The largest value, about, at which a limit still acts, between one that does and one not.
-
-    Example:
-        >>> round(edge_of(1.0, 2.0, lambda value: value < 1.5), 2)
-        1.5
-    """
-    for _ in range(_HALVINGS):
-        middle = float(np.sqrt(low * high))
-        low, high = (middle, high) if acts(middle) else (low, middle)
-    return low

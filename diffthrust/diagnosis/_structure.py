@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from diffthrust.diagnosis._findings import Remaining, SignalForm
-from diffthrust.diagnosis._ports import KNOTS, DrivingPort, hats, knots_of
+from diffthrust.diagnosis._ports import DrivingPort, hats, knots_of
 from diffthrust.diagnosis._score_test import score_test
 from diffthrust.diagnosis._trials import TrialFit, Trials, side_by_side
-from diffthrust.estimation._problem import Problem
-from diffthrust.estimation._solver import solve
 from diffthrust.simulation._linearise import slopes_at
 
 _LEVEL = 0.01
@@ -99,29 +96,21 @@ def unknown(
         The p-value of the score test, robust to correlation within blocks of time; the
         estimated coefficients; their covariance.
     """
-    names = [f"unknown_{port}.c{i}" for i in range(KNOTS)]
+    response = trial.response
+    return _scored(trials, trial, response.to(port, response.batched(series)))
+
+
+def _scored(
+    trials: Trials, trial: TrialFit, answers: Sequence[np.ndarray]
+) -> tuple[float, np.ndarray, np.ndarray]:
+    """Score test of coordinates that the errors answer so, by batch ``(B, K, C, T)``."""
+    q, width = trial.response.quadratic(answers), trial.response.problem.shared
     # errors that are white say of the observer's gains nothing that they say of a mean
-    known = [n for n in trial.names if n not in trials.nuisance]
-    names = names[: trials.width - len(known)]
-    problem = trial.limit.on(trial.problem.focus((*known, *names), trial.values, trial.begin))
-    problem = _with_series(problem, trials.unknowns[port].needs, series)
-    q = solve(problem, problem.start(), budget=1).quadratic
-    p, estimated, covariance = score_test(q, len(known), len(names))
-    beyond = KNOTS - len(names)  # hats for which so many effects left no room
-    return p, np.pad(estimated, (0, beyond)), np.pad(covariance, (0, beyond))
-
-
-def _with_series(problem: Problem, names: Sequence[str], series: Sequence[np.ndarray]) -> Problem:
-    """The problem with other series in some of its inputs; for each log ``(K, T)``."""
-    batches = []
-    for batch, indices in zip(problem.numbers.batches, problem.order, strict=True):
-        length = batch.time.shape[1]
-        rows = np.zeros((len(names), len(indices), length))
-        for row, index in enumerate(indices):
-            rows[:, row, : series[index].shape[1]] = series[index]
-        anew = dict(zip(names, rows, strict=True))
-        batches.append(replace(batch, inputs={**batch.inputs, **anew}))
-    return replace(problem, numbers=replace(problem.numbers, batches=batches))
+    known = [i for i, name in enumerate(trial.names) if name not in trials.nuisance]
+    more = answers[0].shape[1]
+    kept = [*known, *range(width, width + more)]
+    part = q._replace(information=q.information[np.ix_(kept, kept)], scores=q.scores[kept])
+    return score_test(part, len(known), more)
 
 
 class Suspect(NamedTuple):

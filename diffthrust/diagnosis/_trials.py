@@ -1,9 +1,10 @@
-"""All effects that logs can test, in one compiled problem, each of them on request.
+"""The model with some effects, fitted to the same logs again and again.
 
-The model under test carries every candidate at its null value, where it does nothing, and at each
-place a signal of unknown form. Which parameters move is a matter of numbers (`Problem.focus`), so
-that hundreds of trials share one compilation. Nothing here changes once it is made: what a trial
-has come to, and under which limit of errors, it carries itself.
+A trial is compiled for the model with a few effects, those that are worth one (`Trials.ready`), at
+their null values, where they do nothing. Which parameters move is a matter of numbers
+(`Problem.focus`), so that hundreds of trials share one compilation; and effects that have been
+compiled together stay together, so that few are made. What a trial has come to, and under which
+limit of errors, it carries itself.
 """
 
 from __future__ import annotations
@@ -13,13 +14,15 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import TypeVar
+from threading import RLock
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from jaxtyping import Float
 
 from diffthrust._support.errors import InputError
-from diffthrust.diagnosis._ports import KNOTS, places_of, port_readings, unknown_at
+from diffthrust.diagnosis._ports import places_of, port_readings
+from diffthrust.diagnosis._response import Response
 from diffthrust.diagnosis._score_test import promised_gain
 from diffthrust.estimation._arrange import build
 from diffthrust.estimation._laws import StudentT
@@ -50,6 +53,8 @@ _ENOUGH = 2e-3
 """A trial ends where a full step would gain less log-likelihood than this."""
 _LONG = 60
 """Steps that carry a trial to its end: a search that goes on creeps along a flat ridge."""
+_TOGETHER = 8
+"""So many effects are compiled together, as far as they are no more at once that are tried."""
 _ROOM = 4
 """Parameters of effects that are estimated together with all of the model's and the observer's;
 with more, the observer's memories are held at what they were, and then its gains."""
@@ -128,6 +133,19 @@ class TrialFit:
         """For each training log the series of inputs and states, predicted one step ahead."""
         return [one.path for one in passes(self.there)]
 
+    @cached_property
+    def response(self) -> Response:
+        """What the errors answer to anything that is added to the model."""
+        return Response(self.there)
+
+
+class Program(NamedTuple):
+    """What is compiled together: the effects, the training logs, and the unseen ones."""
+
+    effects: frozenset[str]
+    problem: Problem
+    unseen: Problem | None
+
 
 class Trials:
     """Fits of a model with any of the candidates, over the same logs.
@@ -155,24 +173,19 @@ class Trials:
         self.logs = tuple(logs)
         self.channels = measured_outputs(model, logs)
         self.places = places_of(model, logs[0], self.channels)
-        self.unknowns = {place.port: unknown_at(place.port)() for place in self.places}
-        everything = model
-        for effect in (*candidates, *self.unknowns.values()):
-            everything = everything + effect.at_null()
         self.candidates = {effect.name: effect for effect in candidates}
         self.own = tuple(n for n, p in model.parameters.items() if not p.fixed)
         remembering = {p for e in model.effects if e.memory for p in e.ports}
         lasts = NOISE_MODELS[noise_model].lasts
         observer = observer_of(model, logs[0], self.channels, remembering, lasts)
-        likelihood = Innovations(law=StudentT(), observer=observer)
-        arranged = partial(build, everything, substeps=substeps, likelihood=likelihood)
-        series = [name for effect in self.unknowns.values() for name in effect.needs]
-        first = arranged([_with_room(log, series) for log in logs])
+        self._arranged = partial(
+            build, substeps=substeps, likelihood=Innovations(law=StudentT(), observer=observer)
+        )
+        self._unseen, self._lock = tuple(unseen), RLock()
+        first = self._arranged(model, self.logs)
         self.nuisance = tuple(n for n, p in first.nuisance.items() if not p.fixed)
-        self.width = len(self.own) + max(len(self.nuisance), KNOTS) + _ROOM
-        self.problem = replace(first, layout=replace(first.layout, width=self.width))
-        held = [_with_room(log, series) for log in unseen]
-        self.unseen = arranged(held, width=self.width) if held else None
+        self.width = len(self.own) + len(self.nuisance) + _ROOM
+        self._programs = [self._program(())]
         counts = first.numbers.counts
         self.counts = dict(zip(self.channels, map(float, counts), strict=True))
         self.samples = float(np.sum(counts))
@@ -183,6 +196,43 @@ class Trials:
                 "Give longer logs, or fix parameters.",
             )
 
+    def _program(self, effects: Collection[str]) -> Program:
+        """The model with these effects at their nulls."""
+        model, free = self.model, 0
+        for name in self.candidates:
+            if name in effects:
+                model = model + self.candidates[name].at_null()
+                free += sum(not p.fixed for p in self.candidates[name]._parameters.values())
+        width = self.width - _ROOM + min(free, _ROOM)
+        problem = self._arranged(model, self.logs, width=width)
+        unseen = self._arranged(model, self._unseen, width=width) if self._unseen else None
+        return Program(frozenset(effects), problem, unseen)
+
+    def ready(self, effects: Collection[str]) -> Program:
+        """What is compiled for trials of these effects; made where there is none yet.
+
+        What was compiled last is left for good: of its effects those come along that there is a
+        place for.
+        """
+        with self._lock:
+            for program in reversed(self._programs):
+                if program.effects >= {*effects}:
+                    return program
+            last = [n for n in self._programs[-1].effects if n not in effects]
+            beside = sorted(last)[: max(0, _TOGETHER - len(effects))]
+            self._programs.append(self._program((*effects, *beside)))
+            return self._programs[-1]
+
+    @property
+    def problem(self) -> Problem:
+        """The training logs, with what was compiled last."""
+        return self._programs[-1].problem
+
+    @property
+    def unseen(self) -> Problem | None:
+        """The unseen logs, with what was compiled last."""
+        return self._programs[-1].unseen
+
     @property
     def room(self) -> int:
         """Parameters of effects for which there is room beside all of the model's own and noise."""
@@ -190,7 +240,7 @@ class Trials:
 
     def moved(self, effects: Sequence[str]) -> tuple[str, ...]:
         """The parameters that are estimated with some effects present."""
-        named = self.problem.named
+        named = self.ready(effects).problem.named
         theirs = [n for n in named if n.rpartition(".")[0] in effects and not named[n].fixed]
         free = max(0, self.width - len(self.own) - len(theirs))
         return (*self.own, *sorted(self.nuisance, key=is_memory)[:free], *theirs)  # gains first
@@ -209,11 +259,12 @@ class Trials:
         Parameters named in ``still`` stay where they are.
         """
         names = tuple(name for name in self.moved(effects) if name not in still)
-        problem = limit.on(self.problem.focus(names, values, begin))
+        whole = self.ready(effects).problem
+        problem = limit.on(whole.focus(names, values, begin))
         optimum = solve(problem, problem.start(), budget, _ENOUGH)
         q, z = optimum.quadratic, optimum.z
         known = (tuple(effects), problem.values(z), q, names)
-        ended = partial(TrialFit, *known, limit=limit, problem=self.problem)
+        ended = partial(TrialFit, *known, limit=limit, problem=whole)
         if not np.isfinite(q.cost):
             return ended(cost=np.inf, promise=0.0, begin=begin)
         low, high = problem.limits()
@@ -258,20 +309,10 @@ class Trials:
         Here it is seen at what size errors are limited.
         """
         start = {n: p.value for n, p in self.problem.named.items()}
-        self._compile(start)
         limited = self.settled((), start, None, Limit(np.full(len(self.channels), np.inf)))
         widened = replace(limited, limit=replace(limited.limit, reach=WIDE))
         wide = self.further(widened, budget=_LONG)
         return wide if wide.cost < limited.cost - REAL else limited
-
-    def _compile(self, values: Mapping[str, float]) -> None:
-        """Compile what all trials need side by side, not one after the other as it is called."""
-        problem = self.problem.focus(self.moved(()), values)
-        work = [partial(solve, problem, problem.start(), 1), partial(cost, problem)]
-        if self.unseen is not None:
-            work.append(partial(cost, self.unseen.focus(self.moved(()), values)))
-        with ThreadPoolExecutor(len(work)) as pool:
-            list(pool.map(lambda compiled: compiled(), work))
 
     def cost(
         self,
@@ -281,7 +322,8 @@ class Trials:
         limit: Limit,
     ) -> float:
         """Negative log-likelihood at given values: a tenth of the work of a derivative."""
-        return cost(limit.on(self.problem.focus(self.moved(effects), values, begin)))
+        problem = self.ready(effects).problem
+        return cost(limit.on(problem.focus(self.moved(effects), values, begin)))
 
     def absent(self, effect: str, values: Mapping[str, float]) -> dict[str, float]:
         """The values with one effect at its null."""
@@ -296,12 +338,3 @@ class Trials:
 def with_values(model: Model, values: Mapping[str, float]) -> Model:
     """A model at the values of a trial."""
     return model.replace({n: values[n] for n in model.parameters if n in values})
-
-
-def _with_room(log: Log, names: Sequence[str]) -> Log:
-    """A log with room for the series of the unknown signals, zero at first."""
-    return log.replaced(
-        inputs={**log.inputs, **dict.fromkeys(names, np.zeros(len(log)))},
-        units={**log.units, **dict.fromkeys(names, "")},
-        hold={**log.hold, **dict.fromkeys(names, "linear")},
-    )

@@ -282,8 +282,9 @@ def innovations(
     """Errors of the one-step predictions, ``(C, T)``, and the states before each correction.
 
     The states come with ``moved.STATE``, what the correction adds to a corrected state, and
-    ``pushed.STATE``, the random acceleration until the next sample; and with ``rest.CHANNEL``, what
-    is left of a measurement before its own past has predicted it.
+    ``pushed.STATE``, the random acceleration until the next sample; with ``rest.CHANNEL``, what is
+    left of a measurement before its own past has predicted it, and ``colour.CHANNEL``, what that
+    past predicts.
 
     Args:
         observer: what is corrected by what.
@@ -310,18 +311,22 @@ def innovations(
             errors.append(run.error(c, modelled, run.rows[c], path[f"colour.{c}"]))
         else:
             gain, limit = values[f"noise.{c}.colour"], run.limit[observer.channels.index(c)]
-            errors.append(_whitened(rest, run.rows[c], gain, run.rows[f"colour.{c}"], limit))
+            kept = run.rows[f"colour.{c}"]
+            new, noted[f"colour.{c}"] = _whitened(rest, run.rows[c], gain, kept, limit)
+            errors.append(new)
     return jnp.stack(errors), {**path, **noted}
 
 
-def _whitened(rest: Any, measured: Any, gain: Any, kept: Any, limit: Any) -> Any:
-    """What remains of a residual after its own past has predicted it."""
+def _whitened(
+    rest: Any, measured: Any, gain: Any, kept: Any, limit: Any
+) -> tuple[jax.Array, jax.Array]:
+    """What remains of a residual after its own past has predicted it, and that prediction."""
 
     def body(colour: Any, x: Any) -> tuple[Any, Any]:
         r, seen, keep = x
         e = jnp.where(seen, r - colour, 0.0)
-        return keep * (colour + gain * limited(e, limit)), e
+        return keep * (colour + gain * limited(e, limit)), (e, colour)
 
     seen = ~jnp.isnan(measured)
-    _, errors = jax.lax.scan(body, jnp.zeros(()), (rest, seen, kept))
-    return errors
+    _, both = jax.lax.scan(body, jnp.zeros(()), (rest, seen, kept))
+    return both

@@ -43,10 +43,8 @@ def passes(problem: Problem, z: np.ndarray | None = None) -> list[Pass]:
         problem: the problem.
         z: coordinates, initial states included; the problem's own values where ``None``.
     """
-    z = problem.start() if z is None else z
     by_log: dict[int, Pass] = {}
-    batches = problem.numbers.batches
-    by_batch, _ = _pass(problem.layout, problem.numbers, jnp.asarray(z))
+    batches, by_batch = problem.numbers.batches, batch_passes(problem, z)
     for batch, indices, (errors, path) in zip(batches, problem.order, by_batch, strict=True):
         measured = np.asarray(batch.measured)
         errors = np.where(np.isnan(measured), np.nan, errors)
@@ -57,6 +55,12 @@ def passes(problem: Problem, z: np.ndarray | None = None) -> list[Pass]:
             signals = {name: values[row, :size] for name, values in series.items()}
             by_log[index] = Pass(errors[row, :, :size], measured[row, :, :size], signals)
     return [by_log[index] for index in range(len(problem.logs))]
+
+
+def batch_passes(problem: Problem, z: np.ndarray | None = None) -> list[tuple[Any, dict[str, Any]]]:
+    """Errors ``(B, C, T)``, zero where nothing was measured, and the path of each batch of logs."""
+    z = problem.start() if z is None else z
+    return _pass(problem.layout, problem.numbers, jnp.asarray(z))[0]
 
 
 def settled_start(problem: Problem) -> Problem:

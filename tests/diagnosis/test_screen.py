@@ -10,13 +10,13 @@ import diffthrust as dft
 from diffthrust.diagnosis._probes import probes  # private: the screen alone
 from diffthrust.diagnosis._screen import (  # private: the screen alone
     anew,
-    edge_of,
     is_idle,
     levels_of,
     null_scores,
     packed,
     screened,
 )
+from diffthrust.diagnosis._shortlist import edge_of  # private: the search alone
 from diffthrust.diagnosis._trials import Trials  # private: the screen alone
 from diffthrust.estimation._observer import WIDE  # private: its constant
 from diffthrust.estimation._solver import solved_by_passes  # private: how often it was compiled
@@ -130,8 +130,9 @@ def test_a_limit_that_cuts_only_the_highest_commands_is_found():
     )
 
 
-def test_all_trials_share_one_compilation(trials):
+def test_trials_of_a_few_effects_share_one_compilation(trials):
     made, base = trials
+    screened(made, list(made.candidates), base, levels_of(made, base))
     before = solved_by_passes._cache_size()
     screened(made, list(made.candidates), base, levels_of(made, base))
     made.settled(("coulomb_friction",), base.values, base.begin, base.limit)
@@ -141,6 +142,21 @@ def test_all_trials_share_one_compilation(trials):
     assert (
         solved_by_passes._cache_size() == before + 1
     )  # from the first guess to the last limit of errors
+
+
+def test_what_promises_nothing_is_neither_compiled_nor_fitted():
+    rng = np.random.default_rng(12)
+    command = inputs.low_passed_random(TIME, 2.0, rng)
+    record = thruster.simulate(TIME, command, method="rk4")
+    record = noise.measure(record, rng, speed=noise.Sensor(0.3), thrust=noise.Sensor(0.2))
+    log = dft.Log(record.time, record.inputs, record.measured)
+    known = dft.effects.EFFECTS
+    names = ("coulomb_friction", "linear_damping", "actuator_lag", "command_offset")
+    made = Trials(dft.Thruster(), [known[n]() for n in names], [log], [])
+    base = made.base()
+    before = solved_by_passes._cache_size()
+    assert not screened(made, names, base, levels_of(made, base))
+    assert solved_by_passes._cache_size() == before
 
 
 @pytest.mark.slow

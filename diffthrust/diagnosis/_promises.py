@@ -1,0 +1,200 @@
+"""What effects promise beside a trial, by the linear response of its errors: no fit is made.
+
+Next to its null an effect is what its derivatives are along the path of the trial; at a size, what
+it makes of the signals that pass its ports there. Either is carried to the errors (`Response`), and
+a Gauss-Newton step of the effect's parameters with all others tells what a fit would gain, about.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from diffthrust.diagnosis._response import Response
+from diffthrust.diagnosis._score_test import promised_gain
+from diffthrust.diagnosis._step_slopes import Passing
+from diffthrust.models._base.effect import Effect
+from diffthrust.models._base.signals import Signals
+from diffthrust.simulation._integrate import integrate
+
+_APART = 1e-4
+"""Derivatives by a parameter without a null are taken over this share of its value."""
+_ACTS = 1e-6
+"""A point whose cost is the same to this does nothing."""
+
+Point = Mapping[str, float]
+Shift = dict[str, tuple[list[np.ndarray], ...]]
+"""By place what is added there at each sample and when the next comes, by batch ``(B, T)``."""
+
+
+class Promise(NamedTuple):
+    """What an effect would gain from some point.
+
+    Args:
+        gain: of log-likelihood, after a full step.
+        point: the values of its parameters.
+        acts: whether the errors change at all.
+    """
+
+    gain: float
+    point: Point
+    acts: bool
+
+
+def promises(
+    response: Response, effect: Effect, near: Sequence[Point], far: Sequence[Point]
+) -> list[Promise]:
+    """What an effect would gain from some points.
+
+    Args:
+        response: of the trial.
+        effect: the effect.
+        near: points next to its null, by full names; there only parameters with a null move.
+        far: other points.
+    """
+    asked = [_asked(response, effect, point, True) for point in near]
+    asked += [_asked(response, effect, point, False) for point in far]
+    answers = answered(response, [shift for one in asked for shift in one.shifts])
+    out = []
+    for one in asked:
+        count = len(one.shifts)
+        found, answers = [part[:, :count] for part in answers], [a[:, count:] for a in answers]
+        out.append(_promised(response, effect, one, found))
+    return out
+
+
+class _Asked(NamedTuple):
+    """A point, the parameters that move there, and the shifts whose answers tell.
+
+    The first shift is the effect's own, where the point is not next to the null; the others are its
+    derivatives.
+    """
+
+    point: Point
+    near: bool
+    moved: list[str]
+    shifts: list[Shift]
+
+
+def acts(response: Response, effect: Effect, point: Point) -> bool:
+    """Whether an effect adds anything anywhere."""
+    shift = shift_of(response, effect, {n.partition(".")[2]: v for n, v in point.items()})
+    return any(np.any(one) for parts in shift.values() for one in parts[0])
+
+
+def _asked(response: Response, effect: Effect, point: Point, near: bool) -> _Asked:
+    named = effect._parameters
+    values = {name.partition(".")[2]: value for name, value in point.items()}
+    here = shift_of(response, effect, values)
+    moved = [n for n in values if not named[n].fixed and not (near and named[n].null is None)]
+    shifts = [] if near else [here]
+    for name in moved:
+        value, scale = values[name], named[name].scale
+        step = value - (named[name].null or 0.0) if near else _APART * (abs(value) or scale)
+        beside = {**values, name: value - step if near else value + step}
+        step = -step if near else step
+        shifts.append(_difference(shift_of(response, effect, beside), here, step / scale))
+    return _Asked(point, near, moved, shifts)
+
+
+def _difference(one: Shift, other: Shift, per: float) -> Shift:
+    return {
+        place: tuple(
+            [(a - b) / per for a, b in zip(*parts, strict=True)]
+            for parts in zip(one[place], other[place], strict=True)
+        )
+        for place in one
+    }
+
+
+def _promised(
+    response: Response, effect: Effect, asked: _Asked, found: list[np.ndarray]
+) -> Promise:
+    nothing = Promise(0.0, asked.point, False)
+    if not all(np.all(np.isfinite(part)) for part in found):
+        return nothing
+    change = [] if asked.near else [part[:, 0] for part in found]
+    if change and not any(np.any(part != 0) for part in change):
+        return nothing
+    more = found if asked.near else [part[:, 1:] for part in found]
+    q = response.quadratic(more, change)
+    size, movable = response.problem.shared, ~response.held(q.gradient)
+    for i, name in enumerate(asked.moved):
+        p = effect._parameters[name]
+        if asked.near and p.null is not None:  # it cannot leave its null beyond a bound
+            slope, (low, high) = q.gradient[size + i], p.limits
+            outward = (p.null <= low and slope > 0) or (p.null >= high and slope < 0)
+            movable[size + i] = not outward
+    gain = response.cost - float(q.cost) + promised_gain(q, movable)
+    shown = np.diagonal(q.information)[size : size + len(asked.moved)]
+    acts = np.any(shown > 0) if asked.near else abs(float(q.cost) - response.cost) > _ACTS
+    return Promise(gain, asked.point, bool(acts))
+
+
+def answered(response: Response, shifts: Sequence[Shift]) -> list[np.ndarray]:
+    """The errors' answers to some shifts of one effect, by batch ``(B, K, C, T)``."""
+    shape = [(e.shape[0], len(shifts), *e.shape[1:]) for e in response.errors]
+    total = [np.zeros(one) for one in shape]
+    for place in shifts[0] if shifts else ():
+        ends = [
+            [np.stack(parts, axis=1) for parts in zip(*(s[place][i] for s in shifts), strict=True)]
+            for i in (0, 1)
+        ]
+        found = response.to(place, *ends)
+        total = [a + b for a, b in zip(total, found, strict=True)]
+    return total
+
+
+def shift_of(response: Response, effect: Effect, values: Point) -> Shift:
+    """What an effect adds at its places along the path."""
+    effect = effect._bound(dict(values))
+    out: Shift = {}
+    for place in effect.ports:
+        if place in response.slopes[0].places:
+            parts = [_added(place, effect, s.early, s.late) for s in response.slopes]
+            out[place] = tuple([np.asarray(p[i]) for p in parts] for i in (0, 1))
+    return out
+
+
+@partial(jax.jit, static_argnums=0)
+def _added(place: str, effect: Effect, early: Passing, late: Passing) -> Any:
+    """What an effect adds at a place, early and late, ``(B, T)`` each; compiled once for each."""
+    ends = [(part.places[place][0], {**part.series, **part.places[place][1]})
+            for part in (early, late)]  # fmt: skip
+    if effect.states:
+        return jax.vmap(partial(_integrated, place, effect))(*ends)
+
+    def added(value: Any, signals: Mapping[str, Any]) -> Any:
+        return effect.at(place, value, Signals(signals)) - value
+
+    added = jax.vmap(added) if effect.memory else added
+    return tuple(jnp.broadcast_to(added(*end), end[0].shape) for end in ends)
+
+
+def _integrated(place: str, effect: Effect, early: Any, late: Any) -> Any:
+    """The same of an effect with states, which run along; its mean until the next sample is exact.
+
+    The value that arrives is among the signals as "value", what was added so far as "added".
+    """
+    rows = [{**signals, "value": value} for value, signals in (early, late)]
+    inputs = {n: (v[:-1], rows[1][n][:-1]) for n, v in rows[0].items()}
+    first = Signals({n: v[0] for n, v in rows[0].items()} | dict.fromkeys(effect.states, 0.0))
+    begin = {n: effect.initial(first.value, first).get(n, 0.0) for n in effect.states}
+
+    def rates(state: Mapping[str, Any], u: Mapping[str, Any]) -> dict[str, Any]:
+        s = Signals({**u, **state})
+        added = effect.at(place, s.value, s) - s.value
+        return {**effect.rates(s.value, s), "added": added}
+
+    steps = jnp.diff(rows[0]["time"])
+    path = integrate(rates, {**begin, "added": 0.0}, inputs, steps, {})
+    s = Signals({**rows[0], **{n: path[n] for n in effect.states}})
+    at_sample = effect.at(place, s.value, s) - s.value
+    still = steps > 0
+    mean = jnp.where(still, jnp.diff(path["added"]) / jnp.where(still, steps, 1.0), 0.0)
+    return at_sample, 2.0 * jnp.append(mean, 0.0) - at_sample

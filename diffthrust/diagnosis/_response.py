@@ -1,0 +1,182 @@
+"""What one-step errors answer to anything that is added at a port or to a channel.
+
+Along the path of a trial the innovations form is linearised sample by sample: how the states after
+a sample, and its errors, depend on the states before it, on the parameters, and on a push at each
+port and channel. All samples are linearised side by side, in one small program for each model;
+whatever is then added anywhere is carried through these matrices by a program that knows no model.
+So every candidate and every signal of unknown form is tried without compiling anything for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from diffthrust.diagnosis._step_slopes import StepSlopes, step_slopes
+from diffthrust.estimation._likelihood import Quadratic
+from diffthrust.estimation._one_step import batch_passes
+from diffthrust.estimation._problem import Problem
+
+_AT_ONCE = 32
+"""So many series are carried through a log together."""
+_BLOCKS = 48
+"""Blocks of time into which each log is divided for the scatter of the gradient."""
+
+Series = Sequence[np.ndarray]
+"""By batch of logs ``(B, K, T)``."""
+
+
+class Response:
+    """The answer of the one-step errors of a trial.
+
+    Args:
+        problem: the logs, at the values of the trial and under its limit of errors.
+
+    Example:
+        >>> answer = Response(trial.there).to("shaft", series)
+        >>> response.quadratic(answer).information
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        layout, numbers = problem.layout, problem.numbers
+        passed = batch_passes(problem)
+        self.errors = [np.asarray(errors) for errors, _ in passed]
+        paths = [path for _, path in passed]
+        self.slopes = step_slopes(layout, numbers, problem.start(), paths)
+        self.cost = float(_law(layout, numbers, self.errors)[0])
+
+    def to(self, place: str, series: Series, ends: Series | None = None) -> list[np.ndarray]:
+        """Derivatives of the errors by a factor of each of some series, added at a place.
+
+        Args:
+            place: a port, an input, or a measured channel.
+            series: by batch ``(B, K, T)``.
+            ends: what they have become when the next sample comes; its own values where ``None``.
+
+        Returns:
+            By batch ``(B, K, C, T)``.
+        """
+        if ends is None:
+            ends = [np.concatenate([one[..., 1:], one[..., -1:]], axis=-1) for one in series]
+        held = [dict(grid.hold).get(place) == "zero" for grid in self.problem.layout.grids]
+        return [
+            _answer(slopes, slopes.places.index(place), one, one if still else 0.5 * (one + end))
+            for slopes, one, end, still in zip(self.slopes, series, ends, held, strict=True)
+        ]
+
+    def quadratic(
+        self, more: Sequence[np.ndarray] = (), change: Sequence[np.ndarray] = ()
+    ) -> Quadratic:
+        """The likelihood of the trial with more coordinates, after its own shared ones.
+
+        Args:
+            more: derivatives of the errors by these coordinates, by batch ``(B, K, C, T)``.
+            change: what the errors are changed by, by batch ``(B, C, T)``.
+        """
+        layout, numbers = self.problem.layout, self.problem.numbers
+        errors = self.errors
+        if change:
+            errors = [e + d for e, d in zip(errors, change, strict=True)]
+        cost, sigma = _law(layout, numbers, errors)
+        sigma = np.asarray(sigma)
+        n, extra = layout.shared, more[0].shape[1] if more else 0
+        size, starts = n + extra, len(layout.starts)
+        count = sum(one.shape[0] for one in errors)
+        information = np.zeros((size + count * starts,) * 2)
+        gradient, energy, scores, at = np.zeros(size + count * starts), 0.0, [], size
+        for i, rest in enumerate(errors):
+            root = np.sqrt(np.asarray(layout.likelihood.law.weights(rest, sigma)))
+            root = root / sigma[None, :, None]
+            rest, jacobian = rest * root, self.slopes[i].jacobian
+            parts = [jacobian[:, :n], *([more[i]] if more else []), jacobian[:, n:]]
+            rows = np.concatenate(parts, axis=1) * root[:, None]
+            scores.append(_by_blocks(rows[:, :size] * rest[:, None]))
+            flat = rows.reshape(*rows.shape[:2], -1)
+            gram, slope = flat @ flat.transpose(0, 2, 1), flat @ rest.reshape(len(rest), -1, 1)
+            energy += float(np.sum(rest**2))
+            information[:size, :size] += gram[:, :size, :size].sum(axis=0)
+            gradient[:size] += slope[:, :size, 0].sum(axis=0)
+            for own, down in zip(gram, slope, strict=True):
+                here = slice(at, at + starts)
+                information[:size, here] = own[:size, size:]
+                information[here, :size] = own[size:, :size]
+                information[here, here] = own[size:, size:]
+                gradient[here] = down[size:, 0]
+                at += starts
+        return Quadratic(
+            np.asarray(cost), gradient, information, np.asarray(energy), sigma,
+            np.concatenate(scores, axis=1),
+        )  # fmt: skip
+
+    def held(self, gradient: np.ndarray) -> np.ndarray:
+        """Which coordinates of a `quadratic` lie at a bound that the gradient moves them beyond."""
+        (low, high), z = self.problem.limits(), self.problem.start()
+        shared, more = self.problem.shared, gradient.size - z.size
+        low, high, z = (
+            np.concatenate([side[:shared], np.full(more, fill), side[shared:]])
+            for side, fill in ((low, -np.inf), (high, np.inf), (z, 0.0))
+        )
+        return ((z <= low + 1e-9) & (gradient >= 0)) | ((z >= high - 1e-9) & (gradient <= 0))
+
+    def batched(self, series: Sequence[np.ndarray]) -> list[np.ndarray]:
+        """Series log by log, ``(K, T)`` each, as they are batched: ``(B, K, T)``."""
+        out = []
+        for batch, indices in zip(self.problem.numbers.batches, self.problem.order, strict=True):
+            rows = np.zeros((len(indices), len(series[0]), batch.time.shape[1]))
+            for row, index in enumerate(indices):
+                rows[row, :, : series[index].shape[1]] = series[index]
+            out.append(rows)
+        return out
+
+
+def _by_blocks(products: np.ndarray) -> np.ndarray:
+    """Sums of ``(B, k, C, T)`` over channels and blocks of time, ``(k, B * blocks)``."""
+    size = -(-products.shape[-1] // _BLOCKS)
+    padding = _BLOCKS * size - products.shape[-1]
+    padded = np.pad(products.sum(axis=2), ((0, 0), (0, 0), (0, padding)))
+    sums = padded.reshape(*padded.shape[:2], _BLOCKS, size).sum(axis=-1)
+    return sums.transpose(1, 0, 2).reshape(sums.shape[1], -1)
+
+
+@partial(jax.jit, static_argnums=0)
+def _law(layout: Any, numbers: Any, errors: Any) -> Any:
+    return layout.cost(numbers, errors)
+
+
+def _answer(slopes: StepSlopes, place: int, series: np.ndarray, over: np.ndarray) -> np.ndarray:
+    """The errors' answer to series ``(B, K, T)`` at a place, ``(B, K, C, T)``."""
+    count = series.shape[1]
+    room = ((0, 0), (0, -count % _AT_ONCE), (0, 0))
+    series, over = np.pad(series, room), np.pad(over, room)
+    now, later, shown = (part[..., place] for part in (slopes.now, slopes.over, slopes.shown))
+    out = [
+        np.asarray(_carried(slopes.carry, slopes.seen, now, later, shown, *part))
+        for at in range(0, count, _AT_ONCE)
+        for part in [(series[:, at : at + _AT_ONCE], over[:, at : at + _AT_ONCE])]
+    ]
+    return np.concatenate(out, axis=1)[:, :count]
+
+
+@jax.jit
+def _carried(
+    carry: Any, seen: Any, now: Any, later: Any, shown: Any, series: Any, over: Any
+) -> Any:
+    def one(log: Any) -> Any:
+        carry, seen, now, later, shown, series, over = log
+
+        def body(x: Any, row: Any) -> tuple[Any, Any]:
+            a, c, b, o, d, p, q = row
+            error = c @ x + d[:, None] * p[None, :]
+            return a @ x + b[:, None] * p[None, :] + o[:, None] * q[None, :], error
+
+        start = jnp.zeros((carry.shape[-1], series.shape[0]))
+        rows = (carry, seen, now, later, shown, series.T, over.T)
+        return jax.lax.scan(body, start, rows)[1].transpose(2, 1, 0)
+
+    return jax.lax.map(one, (carry, seen, now, later, shown, series, over))

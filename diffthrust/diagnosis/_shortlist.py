@@ -1,0 +1,82 @@
+"""Which effects are worth a fit at all, by what they promise beside the present trial."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+
+import numpy as np
+
+from diffthrust.diagnosis._probes import is_limit
+from diffthrust.diagnosis._promises import acts, promises
+from diffthrust.diagnosis._trials import TrialFit, Trials
+from diffthrust.models._base.effect import Effect
+
+_SHORT = 8
+"""So many of the effects that promise most are fitted."""
+_WORTH = 0.5
+"""Not those that promise less than this part of what the criterion charges for a parameter,"""
+_MARGIN = 4.0
+"""and for being one of many;"""
+_SHARE = 0.02
+"""nor those that promise less than this part of what the best does."""
+
+_HALVINGS = 10
+"""So often the gap is halved between a limit that acts and one that nothing reaches."""
+_INSIDE = (0.999, 0.997, 0.99, 0.97)
+"""A limit is tried at these shares of the least that nothing reaches: faint ones lie there."""
+
+_Point = Mapping[str, float]
+
+
+def shortlist(
+    trials: Trials,
+    present: TrialFit,
+    points: Mapping[str, tuple[Sequence[_Point], Sequence[_Point]]],
+) -> list[str]:
+    """The effects that are worth a fit, the one that promises most first."""
+    response, gains = present.response, {}
+    worth = _WORTH * (math.log(trials.samples) + _MARGIN)
+    for name, (near, far) in points.items():
+        effect = trials.candidates[name]
+        acting = partial(acts, response, effect)
+        far = [*far, *inside(effect, far, acting)]
+        found = promises(response, effect, near, far)
+        gains[name] = max((2 * one.gain for one in found), default=0.0)
+        # one with a threshold that lies beyond what moves next to its null
+        silent = bool(near) and not any(one.acts for one in found[: len(near)])
+        if silent and any(one.acts for one in found):
+            gains[name] = max(gains[name], worth)
+    least = max(worth, _SHARE * max(gains.values(), default=0.0))
+    ranked = sorted((n for n in gains if gains[n] >= least), key=lambda n: -gains[n])
+    return ranked[:_SHORT]
+
+
+def inside(
+    effect: Effect, points: Sequence[_Point], acting: Callable[[_Point], bool]
+) -> list[_Point]:
+    """For a limit points just inside the least that nothing reaches."""
+    if not is_limit(effect) or len(points[0]) != 1:
+        return []
+    (key,) = points[0]
+    tried = [(acting(point), point[key]) for point in points]
+    below = max((value for acts, value in tried if acts), default=np.inf)
+    above = min((value for acts, value in tried if not acts), default=0.0)
+    if not below < above:
+        return []
+    edge = edge_of(below, above, lambda value: acting({key: value}))
+    return [{key: share * edge} for share in _INSIDE]
+
+
+def edge_of(low: float, high: float, acts: Callable[[float], bool]) -> float:
+    """The largest value, about, at which a limit still acts, between one that does and one not.
+
+    Example:
+        >>> round(edge_of(1.0, 2.0, lambda value: value < 1.5), 2)
+        1.5
+    """
+    for _ in range(_HALVINGS):
+        middle = float(np.sqrt(low * high))
+        low, high = (middle, high) if acts(middle) else (low, middle)
+    return low

@@ -1,0 +1,89 @@
+"""The linear response of one-step errors, against derivatives of whole passes."""
+
+import jax
+import numpy as np
+import pytest
+from reference import inputs, noise, thruster
+
+import diffthrust as dft
+from diffthrust.diagnosis._promises import (  # private: worked out, not fitted
+    answered,
+    promises,
+    shift_of,
+)
+from diffthrust.diagnosis._trials import Trials  # private: the trials alone
+from diffthrust.estimation._likelihood import jacobians  # private: by another way
+
+TIME = np.arange(400) * 0.05
+NAMES = ("linear_damping", "speed_sensor_scale", "command_offset", "actuator_lag", "axial_flow")
+
+
+@pytest.fixture(scope="module")
+def trials():
+    rng = np.random.default_rng(3)
+    logs = []
+    for _ in range(2):
+        command = inputs.low_passed_random(TIME, 2.0, rng)
+        record = thruster.simulate(TIME, command, method="rk4", coulomb_friction=20.0)
+        record = noise.measure(record, rng, speed=noise.Sensor(0.3), thrust=noise.Sensor(0.2))
+        seen = {n: np.where(rng.random(TIME.size) < 0.1, np.nan, v)
+                for n, v in record.measured.items()}  # fmt: skip
+        logs.append(dft.Log(record.time, record.inputs, seen))
+    made = Trials(dft.Thruster(), [dft.effects.EFFECTS[n]() for n in NAMES], logs, [], substeps=2)
+    return made, made.base()
+
+
+def test_derivatives_by_parameters_and_starts_are_those_of_whole_passes(trials):
+    _, base = trials
+    there = base.there
+    by_scan = jax.jit(jacobians, static_argnums=0)(there.layout, there.numbers, there.start())
+    for (errors, jacobian), ours, slopes in zip(
+        by_scan, base.response.errors, base.response.slopes, strict=True
+    ):
+        np.testing.assert_allclose(ours, errors, atol=1e-12)
+        size = np.abs(jacobian).max()
+        np.testing.assert_allclose(slopes.jacobian, jacobian, atol=1e-9 * size)
+    q = base.response.quadratic()
+    np.testing.assert_allclose(q.information, base.quadratic.information, rtol=1e-9, atol=1e-6)
+    assert float(q.cost) == pytest.approx(base.cost, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_answer_to_an_effect_is_its_derivative_in_a_pass(trials, name):
+    made, base = trials
+    effect = made.candidates[name]
+    own = next(n for n, p in effect._parameters.items() if p.null is not None)
+    full, p = f"{name}.{own}", effect._parameters[own]
+    step = 1e-4 * p.scale if name != "actuator_lag" else 0.02
+    values = {f"{name}.{n}": q.value for n, q in effect._parameters.items() if not q.fixed}
+    names = (*base.names, full)
+    costs = [
+        made.ready(NAMES).problem.focus(names, {**base.values, **values, full: value}, base.begin)
+        for value in (step, 0.0)
+    ]
+    by_scan = [
+        [errors for errors, _ in jax.jit(jacobians, static_argnums=0)(
+            one.layout, base.limit.on(one).numbers, one.start())]
+        for one in costs
+    ]  # fmt: skip
+    exact = np.concatenate([(a - b).ravel() for a, b in zip(*by_scan, strict=True)])
+    theirs = {n: q.value for n, q in effect._parameters.items() if not q.fixed}
+    shift = shift_of(base.response, effect, {**theirs, own: step})
+    answer = np.concatenate([part.ravel() for part in answered(base.response, [shift])])
+    alike = exact @ answer / np.linalg.norm(exact) / np.linalg.norm(answer)
+    assert alike > 0.99
+    assert np.linalg.norm(answer) == pytest.approx(np.linalg.norm(exact), rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("name", "point"),
+    [("linear_damping", {"rate": 1e-5}), ("speed_sensor_scale", {"change": 1e-6})],
+)
+def test_a_promise_tells_what_is_worth_a_fit(trials, name, point):
+    made, base = trials
+    point = {f"{name}.{n}": value for n, value in point.items()}
+    (promised,) = promises(base.response, made.candidates[name], [point], [])
+    fitted = made.solve((name,), {**base.values, **point}, base.begin, base.limit)
+    gained = base.cost - fitted.cost
+    assert (promised.gain > 20) == (gained > 20)  # a damping is there, a wrong scale is not
+    assert promised.gain == pytest.approx(gained, rel=0.7, abs=1.5)
