@@ -44,10 +44,6 @@ def shortlist(
         far = [*far, *inside(effect, far, acting)]
         found = promises(response, effect, near, far)
         gains[name] = max((2 * one.gain for one in found), default=0.0)
-        # one with a threshold that lies beyond what moves next to its null
-        silent = bool(near) and not any(one.acts for one in found[: len(near)])
-        if silent and any(one.acts for one in found):
-            gains[name] = max(gains[name], worth)
     least = max(worth, _SHARE * max(gains.values(), default=0.0))
     ranked = sorted((n for n in gains if gains[n] >= least), key=lambda n: -gains[n])
     return ranked[:_SHORT]
