@@ -10,7 +10,7 @@ So every candidate and every signal of unknown form is tried without compiling a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import jax
@@ -113,6 +113,36 @@ class Response:
             np.asarray(cost), gradient, information, np.asarray(energy), sigma,
             np.concatenate(scores, axis=1),
         )  # fmt: skip
+
+    @cached_property
+    def weighted(self) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """By batch the root of the weights, and the errors and shared derivatives under it."""
+        layout, out = self.problem.layout, []
+        sigma = np.asarray(_law(layout, self.problem.numbers, self.errors)[1])
+        for rest, slopes in zip(self.errors, self.slopes, strict=True):
+            root = np.sqrt(np.asarray(layout.likelihood.law.weights(rest, sigma)))
+            root = root / sigma[None, :, None]
+            shared = slopes.jacobian[:, : layout.shared] * root[:, None]
+            out.append((root, rest * root, shared))
+        return out
+
+    def scores(
+        self, known: Sequence[int], more: Sequence[np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Information, and gradient by blocks of time, of some coordinates and of more.
+
+        Args:
+            known: some of the shared coordinates.
+            more: derivatives of the errors by further ones, by batch ``(B, K, C, T)``.
+        """
+        size = len(known) + more[0].shape[1]
+        information, scores = np.zeros((size, size)), []
+        for (root, rest, shared), added in zip(self.weighted, more, strict=True):
+            rows = np.concatenate([shared[:, list(known)], added * root[:, None]], axis=1)
+            scores.append(_by_blocks(rows * rest[:, None]))
+            flat = rows.reshape(*rows.shape[:2], -1)
+            information += (flat @ flat.transpose(0, 2, 1)).sum(axis=0)
+        return information, np.concatenate(scores, axis=1)
 
     def held(self, gradient: np.ndarray) -> np.ndarray:
         """Which coordinates of a `quadratic` lie at a bound that the gradient moves them beyond."""

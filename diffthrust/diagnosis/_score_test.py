@@ -14,18 +14,24 @@ _SAME = 1e-6
 """An effect is redundant that keeps less than this of its information beside the others."""
 
 
-def score_test(q: Quadratic, base: int, more: int) -> tuple[float, np.ndarray, np.ndarray]:
-    """Robust score test of ``more`` coordinates at zero, after ``base`` estimated ones.
+def score_test(
+    information: np.ndarray, scores: np.ndarray, base: int
+) -> tuple[float, np.ndarray, np.ndarray]:
+    """Robust score test of coordinates at zero, after ``base`` estimated ones.
 
     The gradient is made orthogonal to that of the estimated coordinates (Neyman 1959). Its square
     in units of the information is divided by the scatter of the gradient over blocks of time in the
     same units, so that errors that last for less than a block raise no alarm. Also the one-step
     estimate of the coordinates and its covariance.
+
+    Args:
+        information: of all of them, ``(n, n)``.
+        scores: the gradient by blocks of time, ``(n, blocks)``.
+        base: how many are estimated; the first ones.
     """
     from scipy.special import fdtrc  # slow to import
 
-    information = np.asarray(q.information)[: base + more, : base + more]
-    scores = np.asarray(q.scores)[: base + more]
+    more = len(scores) - base
     nuisance, cross = information[:base, :base], information[base:, :base]
     through = cross @ np.linalg.pinv(nuisance, rcond=1e-11, hermitian=True)
     left = information[base:, base:] - through @ cross.T

@@ -104,13 +104,10 @@ def _scored(
     trials: Trials, trial: TrialFit, answers: Sequence[np.ndarray]
 ) -> tuple[float, np.ndarray, np.ndarray]:
     """Score test of coordinates that the errors answer so, by batch ``(B, K, C, T)``."""
-    q, width = trial.response.quadratic(answers), trial.response.problem.shared
     # errors that are white say of the observer's gains nothing that they say of a mean
     known = [i for i, name in enumerate(trial.names) if name not in trials.nuisance]
-    more = answers[0].shape[1]
-    kept = [*known, *range(width, width + more)]
-    part = q._replace(information=q.information[np.ix_(kept, kept)], scores=q.scores[kept])
-    return score_test(part, len(known), more)
+    information, scores = trial.response.scores(known, answers)
+    return score_test(information, scores, len(known))
 
 
 class Suspect(NamedTuple):

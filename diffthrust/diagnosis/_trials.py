@@ -295,6 +295,8 @@ class Trials:
             return self.solve(effects, {**values, **guess}, begin, limit, budget=12)
 
         begun = side_by_side(one, guesses(self.nuisance))
+        if not any(np.isfinite(trial.cost) for trial in begun):  # corrections carry it off
+            begun.append(one({n: 0.0 for n in self.nuisance if not is_memory(n)}))
         trial = min(begun, key=lambda trial: trial.expected)
         if not np.isfinite(trial.cost):  # corrections ran away, by a spike before a gap
             trial = one(uncorrected(self.nuisance))

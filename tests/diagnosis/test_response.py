@@ -46,6 +46,11 @@ def test_derivatives_by_parameters_and_starts_are_those_of_whole_passes(trials):
     q = base.response.quadratic()
     np.testing.assert_allclose(q.information, base.quadratic.information, rtol=1e-9, atol=1e-6)
     assert float(q.cost) == pytest.approx(base.cost, abs=1e-9)
+    more = [np.ones((len(e), 1, *e.shape[1:])) for e in base.response.errors]
+    information, scores = base.response.scores([0, 2], more)
+    whole, kept = base.response.quadratic(more), [0, 2, base.response.problem.shared]
+    np.testing.assert_allclose(information, whole.information[np.ix_(kept, kept)], rtol=1e-9)
+    np.testing.assert_allclose(scores, whole.scores[kept], rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", NAMES)
