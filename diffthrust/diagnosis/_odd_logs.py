@@ -72,9 +72,10 @@ def _fall(trials: Trials, trial: TrialFit, one: Deviation) -> float:
     pure = replace(trial, values={**trial.values, **still})
     problem, row = pure.there, one.log
     if row >= len(trials.logs):
-        assert trials.unseen is not None
+        unseen = trials.ready(trial.effects).unseen
+        assert unseen is not None
         row -= len(trials.logs)
-        problem = trial.limit.on(trials.unseen.focus(pure.names, pure.values))
+        problem = trial.limit.on(unseen.focus(pure.names, pure.values))
     known = [i for i, n in enumerate(trial.names) if n not in trials.nuisance]
     low, high = problem.limits()
     sums = []

@@ -27,9 +27,6 @@ _AT_ONCE = 32
 _BLOCKS = 48
 """Blocks of time into which each log is divided for the scatter of the gradient."""
 
-Series = Sequence[np.ndarray]
-"""By batch of logs ``(B, K, T)``."""
-
 
 class Response:
     """The answer of the one-step errors of a trial.
@@ -51,7 +48,9 @@ class Response:
         self.slopes = step_slopes(layout, numbers, problem.start(), paths)
         self.cost = float(_law(layout, numbers, self.errors)[0])
 
-    def to(self, place: str, series: Series, ends: Series | None = None) -> list[np.ndarray]:
+    def to(
+        self, place: str, series: Sequence[np.ndarray], ends: Sequence[np.ndarray] | None = None
+    ) -> list[np.ndarray]:
         """Derivatives of the errors by a factor of each of some series, added at a place.
 
         Args:

@@ -139,7 +139,7 @@ class TrialFit:
         return Response(self.there)
 
 
-class Program(NamedTuple):
+class Compiled(NamedTuple):
     """What is compiled together: the effects, the training logs, and the unseen ones."""
 
     effects: frozenset[str]
@@ -196,7 +196,7 @@ class Trials:
                 "Give longer logs, or fix parameters.",
             )
 
-    def _program(self, effects: Collection[str]) -> Program:
+    def _program(self, effects: Collection[str]) -> Compiled:
         """The model with these effects at their nulls."""
         model, free = self.model, 0
         for name in self.candidates:
@@ -206,9 +206,9 @@ class Trials:
         width = self.width - _ROOM + min(free, _ROOM)
         problem = self._arranged(model, self.logs, width=width)
         unseen = self._arranged(model, self._unseen, width=width) if self._unseen else None
-        return Program(frozenset(effects), problem, unseen)
+        return Compiled(frozenset(effects), problem, unseen)
 
-    def ready(self, effects: Collection[str]) -> Program:
+    def ready(self, effects: Collection[str]) -> Compiled:
         """What is compiled for trials of these effects; made where there is none yet.
 
         What was compiled last is left for good: of its effects those come along that there is a

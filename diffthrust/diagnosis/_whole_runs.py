@@ -40,7 +40,7 @@ def over_whole_runs(trials: Trials) -> Trials:
 def fitted_whole(tools: Tools, last: Stage, effects: Sequence[str] | None = None) -> TrialFit:
     """The model of a stage, or with fewer effects, fitted to whole runs from its values."""
     trials = tools.trials
-    values = {n: p.value for n, p in trials.problem.named.items()}
+    values = {n: p.value for n, p in trials.ready(last.effects).problem.named.items()}
     values |= {n: p.value for n, p in last.fit.model.parameters.items() if n in values}
     values |= {n: 0.0 for n in trials.nuisance if not is_memory(n)}
     names = last.effects if effects is None else tuple(effects)
@@ -53,14 +53,15 @@ def fitted_whole(tools: Tools, last: Stage, effects: Sequence[str] | None = None
 
 def trial_worth(trials: Trials, before: TrialFit, after: TrialFit) -> Worth:
     """What one trial removes of the errors of another, on unseen logs if there are any."""
-    on = trials.unseen or trials.problem
+    there = trials.ready({*before.effects, *after.effects})
+    on = there.unseen or there.problem
 
     def held(trial: TrialFit) -> list[dict[str, tuple[np.ndarray, np.ndarray]]]:
-        begin = trial.begin if on is trials.problem else None
-        there = trial.limit.on(on.focus(trial.names, trial.values, begin))
+        begin = trial.begin if on is there.problem else None
+        problem = trial.limit.on(on.focus(trial.names, trial.values, begin))
         return [
             dict(zip(trials.channels, zip(one.measured, one.errors, strict=True), strict=True))
-            for one in passes(there)
+            for one in passes(problem)
         ]
 
     return worth_of(
