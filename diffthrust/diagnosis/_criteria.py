@@ -110,9 +110,10 @@ def unseen_cost(trials: Trials, trial: TrialFit) -> float:
 
     NaN without unseen logs, infinite where the trial cannot be carried over them.
     """
-    if trials.unseen is None:
+    unseen = trials.ready(trial.effects).unseen
+    if unseen is None:
         return float("nan")
-    held = trial.limit.on(trials.ready(trial.effects).unseen.focus(trial.names, trial.values))
+    held = trial.limit.on(unseen.focus(trial.names, trial.values))
     value = cost(settled_start(held))
     return value if np.isfinite(value) else float("inf")
 
@@ -121,9 +122,9 @@ def simulation_errors(trials: Trials, trial: TrialFit) -> tuple[float, float | N
     """NRMSE of the simulation, without correction, on training and unseen logs."""
     still = {n: 0.0 for n in trials.problem.nuisance if not is_memory(n)}
     pure = replace(trial, values={**trial.values, **still})
-    if trials.unseen is None:
-        return nrmse(pure.there), None
     unseen = trials.ready(trial.effects).unseen
+    if unseen is None:
+        return nrmse(pure.there), None
     return nrmse(pure.there), nrmse(unseen.focus(pure.names, pure.values))
 
 

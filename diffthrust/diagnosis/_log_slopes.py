@@ -153,8 +153,9 @@ def widened(logs: Sequence[Slopes], among: Sequence[int], one: Deviation) -> Dev
 def slopes(trials: Trials, trial: TrialFit) -> list[Slopes]:
     """What each log says of the model's parameters, training logs first, then unseen ones."""
     problems = [trial.there]
-    if trials.unseen is not None:
-        held = trial.limit.on(trials.unseen.focus(trial.names, trial.values))
+    unseen = trials.ready(trial.effects).unseen
+    if unseen is not None:
+        held = trial.limit.on(unseen.focus(trial.names, trial.values))
         problems.append(settled_start(held))
     known = [i for i, n in enumerate(trial.names) if n not in trials.nuisance]
     sigma = np.asarray(trial.quadratic.sigma)

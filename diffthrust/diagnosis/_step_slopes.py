@@ -86,9 +86,9 @@ def step_slopes(
     """By batch, along the paths of a pass at coordinates ``z``."""
     out = []
     for index, found in enumerate(_slopes(layout, numbers, z, list(paths))):
-        early, late, *matrices = jax.tree.map(np.asarray, found)
+        parts = jax.tree.map(np.asarray, found)
         places = (*layout.key.model.ports, *layout.channels, *_inputs(numbers, index))
-        out.append(StepSlopes(places, *matrices, early, late))
+        out.append(StepSlopes(places, *parts))
     return out
 
 
@@ -126,7 +126,7 @@ class _Step:
         self.ends = np.cumsum((0, *sizes))
 
     def slopes(self) -> Any:
-        """What passes the places, early and late, and the matrices of `StepSlopes`."""
+        """What `StepSlopes` holds, but the places."""
         ends, still = self.ends, jnp.zeros(self.ends[-1])
         begin, after, errors = jax.jacfwd(self.step)(still)
         after, errors = jnp.moveaxis(after, 0, 1), jnp.moveaxis(errors, 0, 1)
@@ -140,7 +140,8 @@ class _Step:
         rows = (after[..., states], after[..., own], errors[..., states], errors[..., own])
         jacobian = jax.lax.scan(body, begin[:, own], rows)[1].transpose(2, 1, 0)
         matrices = after[..., states], after[..., now], after[..., over]
-        return *self.passings(), *matrices, errors[..., states], errors[..., now], jacobian
+        by = errors[..., states], errors[..., now]
+        return *matrices, *by, jacobian, *self.passings()
 
     def parts(self, w: Any) -> list[Any]:
         return [w[a:b] for a, b in zip(self.ends[:-1], self.ends[1:], strict=True)]
