@@ -130,7 +130,16 @@ def _promised(
             slope, (low, high) = q.gradient[size + i], p.limits
             outward = (p.null <= low and slope > 0) or (p.null >= high and slope < 0)
             movable[size + i] = not outward
-    gain = response.cost - float(q.cost) + promised_gain(q, movable)
+    if asked.near:
+        gain = promised_gain(q, movable)
+    else:
+        names = [(effect._parameters[n], asked.point[f"{effect.name}.{n}"]) for n in asked.moved]
+        ends = np.array([[(end - v) / p.scale for end in p.limits] for p, v in names])
+        low, high = ends.reshape(-1, 2).T
+        # far from where the observer was fitted its slopes are no guide
+        problem = response.problem
+        movable[: len(problem.free)] &= [n not in problem.nuisance for n in problem.free]
+        gain = response.cost - response.after(q, movable, more, change, (low, high))
     shown = np.diagonal(q.information)[size : size + len(asked.moved)]
     acts = np.any(shown > 0) if asked.near else abs(float(q.cost) - response.cost) > _ACTS
     return Promise(gain, asked.point, bool(acts))

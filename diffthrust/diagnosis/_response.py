@@ -35,8 +35,7 @@ class Response:
         problem: the logs, at the values of the trial and under its limit of errors.
 
     Example:
-        >>> answer = Response(trial.there).to("shaft", series)
-        >>> response.quadratic(answer).information
+        >>> response.quadratic(response.to("shaft", series)).information
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -113,6 +112,40 @@ class Response:
             np.concatenate(scores, axis=1),
         )  # fmt: skip
 
+    def after(
+        self,
+        q: Quadratic,
+        movable: np.ndarray,
+        more: Sequence[np.ndarray],
+        change: Sequence[np.ndarray],
+        limits: tuple[np.ndarray, np.ndarray],
+    ) -> float:
+        """The cost after a full step within a `quadratic`, as far as the errors are linear.
+
+        The further coordinates move within ``limits``.
+        """
+        n, extra = self.problem.shared, more[0].shape[1] if more else 0
+        own = slice(n, n + extra)
+        step = _full_step(q.information, q.gradient, movable)
+        room = np.clip(step[own], *limits)
+        if np.any(room != step[own]):  # those that would go beyond their bounds go to them
+            movable = movable.copy()
+            movable[own] = False
+            slope = q.gradient + q.information[:, own] @ room
+            step = _full_step(q.information, slope, movable)
+            step[own] = room
+        starts = step[n + extra :].reshape(-1, len(self.problem.layout.starts))
+        errors, at = [], 0
+        for i, (rest, off) in enumerate(zip(self.errors, change, strict=True)):
+            jacobian, count = self.slopes[i].jacobian, len(rest)
+            rest = rest + off + np.tensordot(step[:n], jacobian[:, :n], (0, 1))
+            rest = rest + np.einsum("bj,bjct->bct", starts[at : at + count], jacobian[:, n:])
+            if extra:
+                rest = rest + np.tensordot(step[n : n + extra], more[i], (0, 1))
+            errors.append(rest)
+            at += count
+        return float(_law(self.problem.layout, self.problem.numbers, errors)[0])
+
     @cached_property
     def weighted(self) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
         """By batch the root of the weights, and the errors and shared derivatives under it."""
@@ -162,6 +195,17 @@ class Response:
                 rows[row, :, : series[index].shape[1]] = series[index]
             out.append(rows)
         return out
+
+
+def _full_step(information: np.ndarray, gradient: np.ndarray, movable: np.ndarray) -> np.ndarray:
+    """Of Gauss and Newton, in the coordinates that may move."""
+    length = np.sqrt(np.diagonal(information))
+    live = (length > 0) & movable
+    scaled = information[np.ix_(live, live)] / np.outer(length[live], length[live])
+    step = np.zeros(gradient.size)
+    slope = gradient[live] / length[live]
+    step[live] = -(np.linalg.pinv(scaled, rcond=1e-9, hermitian=True) @ slope) / length[live]
+    return step
 
 
 def _by_blocks(products: np.ndarray) -> np.ndarray:

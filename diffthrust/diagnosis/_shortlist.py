@@ -19,13 +19,17 @@ _WORTH = 0.5
 """Not those that promise less than this part of what the criterion charges for a parameter,"""
 _MARGIN = 4.0
 """and for being one of many;"""
-_SHARE = 0.02
+_SHARE = 0.005
 """nor those that promise less than this part of what the best does."""
 
 _HALVINGS = 10
 """So often the gap is halved between a limit that acts and one that nothing reaches."""
 _INSIDE = (0.999, 0.997, 0.99, 0.97)
-"""A limit is tried at these shares of the least that nothing reaches: faint ones lie there."""
+"""A limit is tried at these shares of the least that nothing reaches: faint ones lie there;"""
+_BETWEEN = 8
+"""and at so many places between these and the probes that act."""
+_FURTHEST = 1e4
+"""It is not sought further beyond them than this."""
 
 _Point = Mapping[str, float]
 
@@ -52,17 +56,19 @@ def shortlist(
 def inside(
     effect: Effect, points: Sequence[_Point], acting: Callable[[_Point], bool]
 ) -> list[_Point]:
-    """For a limit points just inside the least that nothing reaches."""
+    """For a limit points between those that act and the least that nothing reaches."""
     if not is_limit(effect) or len(points[0]) != 1:
         return []
     (key,) = points[0]
-    tried = [(acting(point), point[key]) for point in points]
-    below = max((value for acts, value in tried if acts), default=np.inf)
-    above = min((value for acts, value in tried if not acts), default=0.0)
-    if not below < above:
+    below = max((point[key] for point in points if acting(point)), default=np.inf)
+    above = below
+    while above < _FURTHEST * below and acting({key: above}):
+        above *= 2.0
+    if not np.isfinite(below) or acting({key: above}):
         return []
     edge = edge_of(below, above, lambda value: acting({key: value}))
-    return [{key: share * edge} for share in _INSIDE]
+    between = np.geomspace(below, _INSIDE[-1] * edge, _BETWEEN)[1:-1]
+    return [{key: float(value)} for value in (*between, *(edge * share for share in _INSIDE))]
 
 
 def edge_of(low: float, high: float, acts: Callable[[float], bool]) -> float:
