@@ -103,13 +103,14 @@ def _asked(response: Response, effect: Effect, point: Point, near: bool) -> _Ask
 
 
 def _difference(one: Shift, other: Shift, per: float) -> Shift:
-    return {
-        place: tuple(
-            [(a - b) / per for a, b in zip(*parts, strict=True)]
-            for parts in zip(one[place], other[place], strict=True)
-        )
-        for place in one
-    }
+    with np.errstate(invalid="ignore"):  # what is not finite is left out later
+        return {
+            place: tuple(
+                [(a - b) / per for a, b in zip(*parts, strict=True)]
+                for parts in zip(one[place], other[place], strict=True)
+            )
+            for place in one
+        }
 
 
 def _promised(
