@@ -14,6 +14,7 @@ from diffthrust.diagnosis._probes import probes
 from diffthrust.diagnosis._score_test import promised_gain
 from diffthrust.diagnosis._shortlist import inside, shortlist
 from diffthrust.diagnosis._trials import TrialFit, Trials, side_by_side
+from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._solver import solve
 
 _HOPE = 2.0
@@ -156,7 +157,7 @@ def null_scores(
         if not np.isfinite(q.cost):
             return [np.inf] * len(group)
         costs = []
-        barred = np.array([_barred(trials, n, g) for n, g in zip(names, q.gradient, strict=False)])
+        barred = np.array([_barred(whole, n, g) for n, g in zip(names, q.gradient, strict=False)])
         for name in group:
             others = tuple(f"{other}." for other in group if other != name)
             movable = np.ones(q.gradient.size, bool)
@@ -171,9 +172,9 @@ def null_scores(
     return promised
 
 
-def _barred(trials: Trials, name: str, slope: float) -> bool:
+def _barred(problem: Problem, name: str, slope: float) -> bool:
     """Whether a parameter of an effect would have to leave its null beyond a bound."""
-    p = trials.problem.named.get(name)
+    p = problem.named.get(name)
     if p is None or p.null is None:
         return False
     low, high = p.limits

@@ -168,8 +168,8 @@ def rate(trials: Trials, known: SearchState, trial: TrialFit, leading: float) ->
     if delta > -CLEAR and p_value < _ALONE and behind < CLEAR:
         delta = criterion(trials, trial) - present.criterion
     errors = simulation_errors(trials, trial)
-    named, shown = trials.problem.named, ShownUnits(log.written for log in trials.logs)
-    sizes = {n: shown_unit(named[n], trials.problem.model, shown) for n in own}
+    named, shown = trial.problem.named, ShownUnits(log.written for log in trials.logs)
+    sizes = {n: shown_unit(named[n], trial.problem.model, shown) for n in own}
     return TriedEffect(
         stage=known.number,
         effect=trial.effects[-1],
