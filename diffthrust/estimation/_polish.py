@@ -37,6 +37,8 @@ _EQUAL = 1e-13
 def polished(search: Search, problem: Problem) -> Search:
     """The search with its best optimum carried to the end, if it had not come there."""
     (best, count), *others = search.optima
+    if best.done and _is_flat(problem, best):
+        return search
     for _ in range(_ROUNDS):
         best = _by_newton(problem, best)
         if not np.isfinite(best.quadratic.cost) or best.done or _steepness(problem, best) == 0:
@@ -82,6 +84,14 @@ def _by_newton(problem: Problem, best: Solved) -> Solved:
             break
         best = further
     return best
+
+
+def _is_flat(problem: Problem, at: Solved) -> bool:
+    """Whether the gradient is that of an optimum by itself, without a look at bounds and rank."""
+    q, samples = at.quadratic, float(np.sum(problem.numbers.counts))
+    length = np.sqrt(np.diagonal(q.information))
+    slope = np.abs(q.gradient) / np.where(length > 0, length, 1.0)
+    return bool(slope.max(initial=0.0) <= GRADIENT_LIMIT * np.sqrt(0.01 * samples))
 
 
 def _steepness(problem: Problem, at: Solved) -> float:
