@@ -15,6 +15,7 @@ from diffthrust.diagnosis._criteria import (
     unseen_gain,
 )
 from diffthrust.diagnosis._findings import Refusal, Stage, TriedEffect
+from diffthrust.diagnosis._held import built
 from diffthrust.diagnosis._ports import KNOTS
 from diffthrust.diagnosis._search import Present, SearchState, Tools
 from diffthrust.diagnosis._structure import gain_of
@@ -85,7 +86,8 @@ def counted(tools: Tools, known: SearchState, fitted: Stage, name: str) -> Searc
     worth, everywhere = worth_of(unseen or trained), worth_of([*trained, *unseen])
     known = replace(known, worth={**known.worth, name: worth})
     in_place_of_others = not {*last.effects} <= {*fitted.effects}
-    if matters(worth, everywhere) or in_place_of_others:
+    constant = name in tools.trials.held  # the others are wrong beside it, whatever runs say
+    if constant or matters(worth, everywhere) or in_place_of_others:
         return replace(known, stages=(*known.stages, fitted))
     return replace(known, detectable=(*known.detectable, name))
 
@@ -163,11 +165,11 @@ def refitted(tools: Tools, known: SearchState) -> Stage:
     """
     last, values = known.stages[-1].fit.model, known.present.trial.values
     names = tuple(n for n in known.present.trial.effects if n not in known.detectable)
-    effects = [tools.trials.candidates[n] for n in names]
-    model = with_values(tools.given + effects, values)
+    candidates = tools.trials.candidates
+    model = with_values(built(tools.given, names, candidates), values)
     start = {n: p.value for n, p in last.parameters.items()}
-    for name in {*names} - {effect.name for effect in last.effects}:
-        null = tools.trials.candidates[name].at_null()._parameters
+    for name in ({*names} & {*candidates}) - {effect.name for effect in last.effects}:
+        null = candidates[name].at_null()._parameters
         start |= {f"{name}.{n}": p.value for n, p in null.items() if math.isfinite(p.value)}
     free = {n for n, p in model.parameters.items() if not p.fixed}
     return Stage(names, tools.refit(model, [{n: v for n, v in start.items() if n in free}]))

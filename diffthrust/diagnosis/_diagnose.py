@@ -12,6 +12,7 @@ from diffthrust.comparison._compare import Comparison, compare
 from diffthrust.diagnosis._candidates import Candidates
 from diffthrust.diagnosis._findings import Missing
 from diffthrust.diagnosis._groups import groups_of, proposal
+from diffthrust.diagnosis._held_values import held_values
 from diffthrust.diagnosis._missing import missing_signals
 from diffthrust.diagnosis._odd_logs import odd_logs
 from diffthrust.diagnosis._result import Diagnosis
@@ -148,13 +149,14 @@ def _reported(
         missing=missing,
         left=left,
         refused={n: why for n, why in known.refused.items() if n not in present.effects},
-        silent=tuple(sorted(known.silent - tested - {*known.untestable})),
+        silent=tuple(sorted(known.silent - tested - {*known.untestable, *trials.held})),
+        held=held_values(tools.given, present, ends[1]),
         one_step=dict(zip(trials.channels, sizes, strict=True)),
         trained=trained,
         odd_logs=odd_logs(trials, present, (*trained[1].runs, *(held[1].runs if unseen else ()))),
         experiment=None,
         seconds=tools.clock.seconds,
-        worth=known.worth,
+        worth={n: w for n, w in known.worth.items() if n not in trials.held},
         detectable=known.detectable,
     )
     with tools.clock("headroom"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from diffthrust._support.tables import with_error
 from diffthrust._support.words import percent, spelt
 
 if TYPE_CHECKING:
@@ -26,6 +27,25 @@ def odd_words(diag: Findings) -> list[str]:
         ['Log 14V is unlike the others: its thrust error is 3.4 times that of the median log. ...']
     """
     return [_odd_words(odd) for odd in diag.odd_logs]
+
+
+def held_words(diag: Findings) -> list[str]:
+    """Every constant against which the logs speak.
+
+    Example:
+        >>> held_words(diag)
+        ["lever_arm is held at 0.5 m; these logs want 0.399 ± 0.002 m. Measure it anew, or ..."]
+    """
+    return [
+        f"{name} is held at {_amount(f'{held.value:.4g}', held.unit)}; these logs want "
+        f"{_amount(' ± '.join(with_error(held.wanted, held.std_error)), held.unit)}. Measure it "
+        f"anew, or free it: model.free('{name}')."
+        for name, held in diag.held.items()
+    ]
+
+
+def _amount(size: str, unit: str) -> str:
+    return f"{size} {unit}".rstrip()
 
 
 def _odd_words(odd: OddLog) -> str:

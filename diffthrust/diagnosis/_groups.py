@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 from diffthrust._support.errors import InputError
 from diffthrust.diagnosis._admit import MARGIN
 from diffthrust.diagnosis._criteria import price_of, unseen_gain
+from diffthrust.diagnosis._held import built
 from diffthrust.diagnosis._screen import levels_of, screened
 from diffthrust.diagnosis._search import SearchState, Tools
 from diffthrust.diagnosis._trials import TrialFit
@@ -35,7 +36,7 @@ def groups_of(tools: Tools, known: SearchState, first: TrialFit) -> tuple[tuple[
     rivals = {c.effect for c in known.ranking if c.delta_bic < -MARGIN} - barred
     levels = levels_of(trials, first)
     groups = []
-    for name in known.stages[-1].effects:
+    for name in (n for n in known.stages[-1].effects if n in trials.candidates):
         without = trials.further(known.present.without(name))
         alike, price = [name], price_of(trials, present, name)
         others = sorted(rivals - {*present.effects})
@@ -90,17 +91,17 @@ def proposal(
     The groups of the added effects, one after the other; in others ``None`` is the model as it is.
     """
     trials = tools.trials
-    for i, group in enumerate(groups):
+    for group in groups:
         if len(group) < 2:
             continue
-        others = [trials.candidates[n] for k, n in enumerate(known.stages[-1].effects) if k != i]
+        others = [n for n in known.stages[-1].effects if n != group[0]]
         tools.say("looking for a test that separates " + " and ".join(filter(None, group)), 0.95)
         rivals = [known.stages[-1].fit]
         log = max(trials.logs, key=lambda log: log.duration)
         try:
             for name in group[1:3]:
-                changed = [*others, trials.candidates[name or ""]]
-                rivals.append(tools.refit(tools.given + changed))
+                changed = built(tools.given, [*others, name or ""], trials.candidates)
+                rivals.append(tools.refit(changed))
             with tools.clock("experiment"):
                 return suggest_experiment(
                     rivals,

@@ -85,7 +85,7 @@ class Diagnosis(Result, Findings):
             "groups": [list(group) for group in self.groups],
             "stages": [
                 {
-                    "effects": list(stage.effects),
+                    "effects": [n for n in stage.effects if n not in self.held],
                     "parameters": {n: e.to_json() for n, e in stage.fit.parameters.items()},
                     "train": stage.train.to_json(),
                     "holdout": stage.holdout.to_json() if stage.holdout else None,

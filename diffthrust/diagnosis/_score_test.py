@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from diffthrust.diagnosis._held import of_effect
 from diffthrust.estimation._likelihood import Quadratic
 
 _MOST_REMOVED = 0.9
@@ -73,7 +74,7 @@ def redundant(q: Quadratic, names: Sequence[str], effect: str) -> bool:
     """Whether an effect does nothing that the other estimated parameters cannot."""
     live = np.diagonal(q.information) > 0
     own = np.zeros(live.size, bool)
-    own[: len(names)] = [n.rpartition(".")[0] == effect for n in names]
+    own[: len(names)] = [of_effect(n, effect) for n in names]
     length = np.sqrt(np.diagonal(q.information)[live])
     scaled = q.information[np.ix_(live, live)] / np.outer(length, length)
     own = own[live]

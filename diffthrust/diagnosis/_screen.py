@@ -12,7 +12,7 @@ import numpy as np
 
 from diffthrust.diagnosis._probes import probes
 from diffthrust.diagnosis._score_test import promised_gain
-from diffthrust.diagnosis._shortlist import inside, shortlist
+from diffthrust.diagnosis._shortlist import constants, inside, shortlist
 from diffthrust.diagnosis._trials import TrialFit, Trials, side_by_side
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._solver import solve
@@ -59,16 +59,21 @@ def screened(
     Returns:
         Trials by name; candidates of which nothing is to be hoped are left out.
     """
-    points = {name: probes(trials.candidates[name], levels) for name in names}
+    effects = [name for name in names if name not in trials.held]
+    points = {name: probes(trials.candidates[name], levels) for name in effects}
     for name in names:
         say(name)
-    names = shortlist(trials, present, points)
-    points = {name: points[name] for name in names}
+    effects = shortlist(trials, present, points)
+    names = [*effects, *constants(trials, present, [n for n in names if n in trials.held])]
+    points = {name: points[name] for name in effects}
     trials.ready((*present.effects, *names))
     scored = null_scores(trials, present, {name: near for name, (near, _) in points.items()})
 
     def one(name: str) -> TrialFit | None:
         effects = (*present.effects, name)
+        if name in trials.held:
+            trial = trials.solve(effects, present.values, present.begin, present.limit, _FEW)
+            return trial if 2 * (present.cost - trial.expected) > _KEEP else None
 
         def followed(point: _Point, budget: int) -> TrialFit:
             values = {**present.values, **point}
@@ -123,6 +128,8 @@ def levels_of(trials: Trials, trial: TrialFit) -> dict[str, float]:
 
 def is_idle(trials: Trials, trial: TrialFit) -> bool:
     """Whether the last effect of a trial has gone back to its null."""
+    if trial.effects[-1] in trials.held:
+        return False
     effect = trials.candidates[trial.effects[-1]]
     return all(
         abs(trial.values[f"{effect.name}.{name}"] - p.null) < _AT_NULL * p.scale

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from diffthrust.diagnosis._probes import is_limit
 from diffthrust.diagnosis._promises import acts, promises
+from diffthrust.diagnosis._score_test import promised_gain
 from diffthrust.diagnosis._trials import TrialFit, Trials
+from diffthrust.estimation._one_step import batch_passes
 from diffthrust.models._base.effect import Effect
 
 _SHORT = 8
@@ -22,6 +25,8 @@ _MARGIN = 4.0
 _SHARE = 0.005
 """nor those that promise less than this part of what the best does."""
 
+_APART = 1e-4
+"""Derivatives by a constant are differences over this share of its scale."""
 _HALVINGS = 10
 """So often the gap is halved between a limit that acts and one that nothing reaches."""
 _INSIDE = (0.999, 0.997, 0.99, 0.97)
@@ -40,8 +45,7 @@ def shortlist(
     points: Mapping[str, tuple[Sequence[_Point], Sequence[_Point]]],
 ) -> list[str]:
     """The effects that are worth a fit, the one that promises most first."""
-    response, gains = present.response, {}
-    worth = _WORTH * (math.log(trials.samples) + _MARGIN)
+    response, gains, worth = present.response, {}, _worth(trials)
     for name, (near, far) in points.items():
         effect = trials.candidates[name]
         acting = partial(acts, response, effect)
@@ -51,6 +55,30 @@ def shortlist(
     least = max(worth, _SHARE * max(gains.values(), default=0.0))
     ranked = sorted((n for n in gains if gains[n] >= least), key=lambda n: -gains[n])
     return ranked[:_SHORT]
+
+
+def _worth(trials: Trials) -> float:
+    """The likelihood ratio from which on a fit is worth it."""
+    return _WORTH * (math.log(trials.samples) + _MARGIN)
+
+
+def constants(trials: Trials, present: TrialFit, names: Sequence[str]) -> list[str]:
+    """Those of some held parameters that are worth a fit, each freed at its value."""
+    response, worth, found = present.response, _worth(trials), []
+    problem = response.problem
+    for name in names:
+        p = trials.model.parameters[name]
+        step = _APART * p.scale * (-1.0 if p.value + _APART * p.scale > p.limits[1] else 1.0)
+        values = {**problem.numbers.values, name: np.asarray(p.value + step)}
+        moved = batch_passes(replace(problem, numbers=replace(problem.numbers, values=values)))
+        pairs = zip(moved, response.errors, strict=True)
+        slopes = [(np.asarray(a) - b)[:, None] * (p.scale / step) for (a, _), b in pairs]
+        if not all(np.all(np.isfinite(slope)) for slope in slopes):
+            continue
+        q = response.quadratic(slopes)
+        if 2 * promised_gain(q, ~response.held(q.gradient)) >= worth:
+            found.append(name)
+    return found
 
 
 def inside(

@@ -102,8 +102,10 @@ def still_refused(tools: Tools, known: SearchState, name: str) -> Refusal | None
     if why is None or not why.by_whole_runs:
         return None
     candidates = tools.trials.candidates
-    own = {*candidates[name].ports, *candidates[name].needs}
     moved = {*known.present.trial.effects} ^ {*beside}
+    if not {name, *moved} <= {*candidates}:  # a constant may act anywhere
+        return None if moved else why
+    own = {*candidates[name].ports, *candidates[name].needs}
     touched = any(own & {*candidates[n].ports, *candidates[n].needs} for n in moved)
     return None if touched else why
 
@@ -111,7 +113,7 @@ def still_refused(tools: Tools, known: SearchState, name: str) -> Refusal | None
 def screen(tools: Tools, known: SearchState) -> tuple[SearchState, list[Tried]]:
     """Try all candidates that are not in the model: those that promise something, best first."""
     trials, present = tools.trials, known.present.trial
-    names = [n for n in trials.candidates if n not in present.effects]
+    names = [n for n in (*trials.candidates, *trials.held) if n not in present.effects]
 
     def say(name: str) -> None:
         share = known.share(0.5 * names.index(name) / len(names))
@@ -123,7 +125,8 @@ def screen(tools: Tools, known: SearchState) -> tuple[SearchState, list[Tried]]:
         # what gains so much, the other parameters cannot do from where they are
         gains = present.cost - trial.cost > PLAIN
         if not gains and redundant(trial.quadratic, trial.names, name):
-            untestable.setdefault(name, "other parameters do the same to what is measured")
+            if name not in trials.held:
+                untestable.setdefault(name, "other parameters do the same to what is measured")
         else:
             promising.append((name, trial))
     silent = known.silent | ({*names} - {name for name, _ in promising})
@@ -180,7 +183,7 @@ def rate(trials: Trials, known: SearchState, trial: TrialFit, leading: float) ->
         train_nrmse=errors[0],
         holdout_nrmse=errors[1],
         parameters={
-            n.partition(".")[2]: Estimate(
+            n.removeprefix(f"{trial.effects[-1]}."): Estimate(
                 trial.values[n],
                 None,
                 named[n].unit,

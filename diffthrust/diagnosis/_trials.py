@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import Float
 
 from diffthrust._support.errors import InputError
+from diffthrust.diagnosis._held import held_of, of_effect
 from diffthrust.diagnosis._ports import places_of, port_readings
 from diffthrust.diagnosis._response import Response
 from diffthrust.diagnosis._score_test import promised_gain
@@ -92,7 +93,7 @@ class TrialFit:
     """The model with some effects, fitted in the innovations form.
 
     Args:
-        effects: names of the effects that are present.
+        effects: names of the effects that are present, and of held parameters that are freed.
         values: all parameters by full name, the observer's included.
         quadratic: the likelihood near the optimum, in the coordinates of ``names``.
         names: the parameters that were estimated.
@@ -121,7 +122,7 @@ class TrialFit:
     def own(self, effect: str | None = None) -> list[str]:
         """The estimated parameters of one effect; of the last one if not said."""
         effect = effect or self.effects[-1]
-        return [n for n in self.names if n.rpartition(".")[0] == effect]
+        return [n for n in self.names if of_effect(n, effect)]
 
     @property
     def there(self) -> Problem:
@@ -150,6 +151,8 @@ class Compiled(NamedTuple):
 class Trials:
     """Fits of a model with any of the candidates, over the same logs.
 
+    A parameter that the model holds at a number is a candidate, too, by its own name.
+
     Args:
         model: the model with the effects that it has already.
         candidates: effects to try, at any values.
@@ -173,6 +176,7 @@ class Trials:
         self.logs = tuple(logs)
         self.channels = measured_outputs(model, logs)
         self.places = places_of(model, logs[0], self.channels)
+        self.held = held_of(model)
         self.candidates = {effect.name: effect for effect in candidates}
         self.own = tuple(n for n, p in model.parameters.items() if not p.fixed)
         remembering = {p for e in model.effects if e.memory for p in e.ports}
@@ -197,8 +201,9 @@ class Trials:
             )
 
     def _program(self, effects: Collection[str]) -> Compiled:
-        """The model with these effects at their nulls."""
-        model, free = self.model, 0
+        """The model with these effects at their nulls, and constants that may be freed."""
+        constants = [name for name in self.held if name in effects]
+        model, free = self.model.free(*constants), len(constants)
         for name in self.candidates:
             if name in effects:
                 model = model + self.candidates[name].at_null()
@@ -241,7 +246,13 @@ class Trials:
     def moved(self, effects: Sequence[str]) -> tuple[str, ...]:
         """The parameters that are estimated with some effects present."""
         named = self.ready(effects).problem.named
-        theirs = [n for n in named if n.rpartition(".")[0] in effects and not named[n].fixed]
+        theirs = [
+            n
+            for n in named
+            if n not in self.own
+            and any(of_effect(n, effect) for effect in effects)
+            and not named[n].fixed
+        ]
         free = max(0, self.width - len(self.own) - len(theirs))
         return (*self.own, *sorted(self.nuisance, key=is_memory)[:free], *theirs)  # gains first
 
@@ -328,7 +339,9 @@ class Trials:
         return cost(limit.on(problem.focus(self.moved(effects), values, begin)))
 
     def absent(self, effect: str, values: Mapping[str, float]) -> dict[str, float]:
-        """The values with one effect at its null."""
+        """The values with one effect at its null, or one parameter where it is held."""
+        if effect in self.held:
+            return {**values, effect: self.model.parameters[effect].value}
         null = self.candidates[effect].at_null()
         return {**values, **{f"{effect}.{n}": p.value for n, p in null._parameters.items()}}
 

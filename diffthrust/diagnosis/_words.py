@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from diffthrust._support.tables import number
 from diffthrust._support.words import an, apart, capitalised, joined, percent, probability, spelt
-from diffthrust.diagnosis._given_words import much_words, odd_words
+from diffthrust.diagnosis._given_words import held_words, much_words, odd_words
 from diffthrust.diagnosis._matter_words import (
     errors_of,
     forced_words,
@@ -68,6 +68,7 @@ def summary(diag: Findings) -> str:
         sentences = []
     else:
         sentences = [f"The {model} lacks something that no known effect explains."]
+    sentences += held_words(diag)
     sentences += worth_words(diag)
     if diag.verdict == "unexplained":
         sentences += [remaining_words(diag), *possible_words(diag)]
@@ -84,6 +85,8 @@ def summary(diag: Findings) -> str:
 
 def verdict_words(diag: Findings) -> str:
     """The verdict as a person would say it."""
+    if diag.verdict == "effects_found" and not diag.best:
+        return "a constant is held elsewhere"
     return {
         "adequate": "adequate",
         "effects_found": "effects found",
@@ -296,11 +299,12 @@ def closing_words(diag: Findings) -> list[str]:
 
 
 def stage_words(diag: Findings, index: int) -> str:
-    """What a stage added: "as given", "+ command dead band"; "- ..." for what was dropped."""
+    """What a stage added: "as given", "+ command dead band", "lever_arm freed"; "- ..." if lost."""
     if index == 0:
         return "as given"
     now, before = diag.stages[index].effects, diag.stages[index - 1].effects
-    changes = [f"+ {spelt(name)}" for name in now if name not in before]
+    new = [name for name in now if name not in before]
+    changes = [f"{name} freed" if name in diag.held else f"+ {spelt(name)}" for name in new]
     changes += [f"- {spelt(name)}" for name in before if name not in now]
     return ", ".join(changes)
 

@@ -23,11 +23,12 @@ def counted(monkeypatch):
 
     monkeypatch.setattr(_admit, "runs_over", runs_over)
 
-    def after(left, effects=("lag", "wind"), unseen=("C",)):
+    def after(left, effects=("lag", "wind"), unseen=("C",), held=()):
         def stage(size, *names):
             return Stage(names, SimpleNamespace(model=size, initial=None, substeps=1))
 
-        tools = SimpleNamespace(trials=SimpleNamespace(logs=("A", "B")), unseen=unseen)
+        trials = SimpleNamespace(logs=("A", "B"), held=held)
+        tools = SimpleNamespace(trials=trials, unseen=unseen)
         known = SearchState(None, (stage(2.0), stage(1.0, "lag")), {})
         return _admit.counted(tools, known, stage(left, *effects), "wind")
 
@@ -48,6 +49,10 @@ def test_what_changes_nothing_is_detectable_and_fills_none(counted):
     assert known.detectable == ("wind",)
     assert known.worth["wind"].share == pytest.approx(0.01, abs=0.001)
     assert known.found == (1, ("wind",))  # the search goes on from there
+
+
+def test_a_constant_fills_a_stage_whatever_it_changes(counted):
+    assert counted(0.995, held=("wind",)).stages[-1].effects == ("lag", "wind")
 
 
 def test_what_takes_the_place_of_another_effect_is_worth_what_both_are(counted):

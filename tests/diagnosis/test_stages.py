@@ -111,11 +111,12 @@ def test_effects_are_tried_with_other_values_where_the_model_has_gone_astray():
         ((), Refusal.ALL_RUNS, True),
         (("thrust_sensor_lag",), Refusal.ALL_RUNS, True),  # at another port
         (("linear_damping",), Refusal.ALL_RUNS, False),  # at the same
+        (("ct",), Refusal.ALL_RUNS, False),  # a constant, which may act anywhere
         ((), Refusal.UNSEEN_LOGS, False),  # what costs no fit to whole runs is asked again
     ],
 )
 def test_what_was_refused_is_not_fitted_again_unless_something_changed(since, why, still):
-    candidates = {n: dft.effects.EFFECTS[n]() for n in ("coulomb_friction", *since)}
+    candidates = {n: dft.effects.EFFECTS[n]() for n in ("coulomb_friction", *since) if n != "ct"}
     tools = SimpleNamespace(trials=SimpleNamespace(candidates=candidates))
     before = SimpleNamespace(trial=SimpleNamespace(effects=()))
     known = refusing(SearchState(before, (None,), {}), "coulomb_friction", why)

@@ -1,0 +1,43 @@
+"""What the logs want in place of constants that a model holds."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from diffthrust.diagnosis._findings import HeldValue
+from diffthrust.diagnosis._trials import TrialFit
+from diffthrust.estimation._result import Fit
+from diffthrust.models._base.model import Model
+
+
+def held_values(given: Model, trial: TrialFit, fit: Fit) -> dict[str, HeldValue]:
+    """What the logs want in place of the constants that were freed.
+
+    Args:
+        given: the model as it was given.
+        trial: the last trial.
+        fit: of the last stage.
+    """
+    errors = _standard_errors(trial)
+    out = {}
+    for name in (n for n in trial.effects if n in given.parameters):
+        p, told = given.parameters[name], fit.parameters[name]
+        wanted, error = told.value, told.std_error
+        if told.fixed or error is None:
+            wanted, error = trial.values[name], errors[name]
+        out[name] = HeldValue(p.value, wanted, error, p.unit)
+    return out
+
+
+def _standard_errors(trial: TrialFit) -> dict[str, float]:
+    """Standard errors of the parameters of a trial; infinite where nothing tells of one."""
+    q, there = trial.quadratic, trial.there
+    length = np.sqrt(np.diagonal(q.information))
+    live = length > 0
+    scaled = q.information[np.ix_(live, live)] / np.outer(length[live], length[live])
+    spread = np.full(length.size, np.inf)
+    inverse = np.linalg.pinv(scaled, rcond=1e-12, hermitian=True)
+    spread[live] = np.sqrt(np.diagonal(inverse)) / length[live]
+    spread *= there.layout.likelihood.law.excess**0.5
+    slopes = np.abs(there.slopes(there.start()))
+    return dict(zip(trial.names, map(float, spread[: len(slopes)] * slopes), strict=True))

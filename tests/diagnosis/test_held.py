@@ -1,0 +1,95 @@
+"""Constants that are held at a wrong value."""
+
+from dataclasses import replace
+
+import made_diagnosis as made
+import numpy as np
+import pytest
+from reference import noise, vessel
+
+import diffthrust as dft
+from diffthrust.diagnosis._findings import HeldValue  # private: made by hand
+from diffthrust.diagnosis._held import built, held_of, of_effect  # private: names alone
+from diffthrust.diagnosis._words import stage_words, verdict_words  # private: each sentence alone
+
+ARM = 0.40
+
+
+def boats(seed, logs=3, size=500):
+    """Runs of a boat with two thrusters, whose sway and yaw depend on each other."""
+    rng = np.random.default_rng(seed)
+    parameters = {**vessel.SIRAMDASU, "m11": 4.4, "m22": 6.0, "lever_arm": ARM}
+    time = 0.1 * np.arange(size)
+    for k in range(logs):
+        forces = {
+            side: np.repeat(rng.uniform(-0.5, 2.5, size // 25 + 1), 25)[:size]
+            for side in ("left_force", "right_force")
+        }
+        record = vessel.simulate(time, forces, parameters=parameters)
+        spread = {
+            n: 0.01 * float(np.std(record.measured[n])) for n in ("surge", "sway", "yaw_rate")
+        }
+        record = noise.measure(record, rng, **{n: noise.Sensor(s) for n, s in spread.items()})
+        yield dft.Log(record.time, record.inputs, record.measured, name=f"run {k}")
+
+
+def diagnosed(arm, seed):
+    *train, unseen = boats(seed)
+    model = dft.Vessel(drive="twin").replace(lever_arm=arm)
+    return dft.diagnose(
+        model, train, holdout=unseen, candidates="quadratic_yaw_drag", experiment=False
+    )
+
+
+def test_a_lever_arm_held_at_a_wrong_value_is_named_and_freed():
+    diag = diagnosed(0.50, seed=3)
+    assert diag.added == ()
+    assert diag.verdict == "effects_found"
+    (held,) = diag.held.values()
+    assert held.value == 0.50
+    assert held.wanted == pytest.approx(ARM, abs=4 * held.std_error)
+    assert held.std_error < 0.01
+    assert "lever_arm is held at 0.5 m; these logs want 0.4" in diag.summary
+    assert diag.model.parameters["lever_arm"].fixed  # as it was given
+    assert not diag.fit.model.parameters["lever_arm"].fixed
+    assert stage_words(diag, 1) == "lever_arm freed"
+    data = diag.to_json()
+    assert data["held"]["lever_arm"]["value"] == 0.50
+    assert [stage["effects"] for stage in data["stages"]] == [[], []]
+    assert "lever_arm" in diag.report()
+
+
+def test_one_held_at_the_right_value_is_left_alone():
+    """A likelihood ratio that would lower the criterion by 4 comes in one set of two thousand."""
+    diag = diagnosed(ARM, seed=3)
+    assert diag.held == {}
+    assert diag.verdict == "adequate"
+    assert "lever_arm" not in {*diag.silent, *diag.untestable, *diag.refused}
+
+
+def test_constants_are_parameters_that_are_held_at_a_number_and_no_form():
+    model = dft.Thruster().fix("ct") + dft.effects.CommandDeadband()
+    assert held_of(model) == ("ct",)
+
+
+def test_a_constant_is_a_candidate_by_its_own_name():
+    assert of_effect("lever_arm", "lever_arm")
+    assert of_effect("wind.coefficient", "wind")
+    assert of_effect("wind.height", "wind.height")
+    assert not of_effect("wind.height", "wind.coefficient")
+    deadband = dft.effects.CommandDeadband()
+    candidates = {"command_deadband": deadband}
+    model = built(dft.Thruster().fix("ct"), ["ct", "command_deadband"], candidates)
+    assert not model.parameters["ct"].fixed
+    assert [effect.name for effect in model.effects] == ["command_deadband"]
+
+
+def test_the_summary_tells_a_constant_beside_an_effect_and_alone():
+    held = {"lever_arm": HeldValue(0.5, 0.4, 0.01, "m")}
+    words = "lever_arm is held at 0.5 m; these logs want 0.400 ± 0.010 m."
+    beside = replace(made.found(), held=held)
+    assert "lacks a command dead band" in beside.summary
+    assert words in beside.summary
+    alone = replace(made.adequate(), verdict="effects_found", held=held)
+    assert alone.summary.startswith(words)
+    assert verdict_words(alone) == "a constant is held elsewhere"
