@@ -63,10 +63,11 @@ def screened(
     points = {name: probes(trials.candidates[name], levels) for name in effects}
     for name in names:
         say(name)
-    effects = shortlist(trials, present, points)
+    effects, later = shortlist(trials, present, points)
     names = [*effects, *constants(trials, present, [n for n in names if n in trials.held])]
     points = {name: points[name] for name in effects}
-    trials.ready((*present.effects, *names))
+    if names:
+        trials.ready((*present.effects, *names), later)
     scored = null_scores(trials, present, {name: near for name, (near, _) in points.items()})
 
     def one(name: str) -> TrialFit | None:

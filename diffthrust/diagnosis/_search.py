@@ -37,6 +37,8 @@ SOUGHT = 0.85
 """and no further effect is looked for."""
 _LEFT = 0.6
 """A stage leaves this part of what was left."""
+_STARTS = 4, 2
+"""Starts of a fit, and of a refit, which has a trial and an earlier stage to begin from besides."""
 _MOST_SUBSTEPS = 2
 """Integrator steps per sample of the trials: over one sample ahead, errors do not build up."""
 
@@ -176,7 +178,8 @@ def begun(
     def refit(
         model: Model, guesses: Sequence[Mapping[str, float]] = (), tell: Progress | None = None
     ) -> Fit:
-        told = {"starts": 4, "seed": seed, "guesses": guesses, "progress": tell, **options}
+        starts = _STARTS[bool(guesses)]
+        told = {"starts": starts, "seed": seed, "guesses": guesses, "progress": tell, **options}
         with clock("refit"), warnings.catch_warnings():
             warnings.simplefilter("ignore", CoarseStepWarning)  # a note of the fit says the same
             return fit_model(model, train, holdout=unseen or None, **told)

@@ -43,8 +43,8 @@ def shortlist(
     trials: Trials,
     present: TrialFit,
     points: Mapping[str, tuple[Sequence[_Point], Sequence[_Point]]],
-) -> list[str]:
-    """The effects that are worth a fit, the one that promises most first."""
+) -> tuple[list[str], list[str]]:
+    """The effects that are worth a fit, the one that promises most first; and all others so."""
     response, gains, worth = present.response, {}, _worth(trials)
     for name, (near, far) in points.items():
         effect = trials.candidates[name]
@@ -53,8 +53,9 @@ def shortlist(
         found = promises(response, effect, near, far)
         gains[name] = max((2 * one.gain for one in found), default=0.0)
     least = max(worth, _SHARE * max(gains.values(), default=0.0))
-    ranked = sorted((n for n in gains if gains[n] >= least), key=lambda n: -gains[n])
-    return ranked[:_SHORT]
+    ranked = sorted(gains, key=lambda n: -gains[n])
+    short = [n for n in ranked if gains[n] >= least][:_SHORT]
+    return short, ranked[len(short) :]
 
 
 def _worth(trials: Trials) -> float:

@@ -54,8 +54,9 @@ _ENOUGH = 2e-3
 """A trial ends where a full step would gain less log-likelihood than this."""
 _LONG = 60
 """Steps that carry a trial to its end: a search that goes on creeps along a flat ridge."""
-_TOGETHER = 8
-"""So many effects are compiled together, as far as they are no more at once that are tried."""
+_TOGETHER = 16
+"""So many effects are compiled together, if no more are tried at once: each program takes longer to
+compile than all of its passes take."""
 _ROOM = 4
 """Parameters of effects that are estimated together with all of the model's and the observer's;
 with more, the observer's memories are held at what they were, and then its gains."""
@@ -201,9 +202,8 @@ class Trials:
             )
 
     def _program(self, effects: Collection[str]) -> Compiled:
-        """The model with these effects at their nulls, and constants that may be freed."""
-        constants = [name for name in self.held if name in effects]
-        model, free = self.model.free(*constants), len(constants)
+        """The model with these effects at their nulls; any of its constants may be freed."""
+        model, free = self.model.free(*self.held), len(self.held)
         for name in self.candidates:
             if name in effects:
                 model = model + self.candidates[name].at_null()
@@ -211,21 +211,22 @@ class Trials:
         width = self.width - _ROOM + min(free, _ROOM)
         problem = self._arranged(model, self.logs, width=width)
         unseen = self._arranged(model, self._unseen, width=width) if self._unseen else None
-        return Compiled(frozenset(effects), problem, unseen)
+        return Compiled(frozenset((*effects, *self.held)), problem, unseen)
 
-    def ready(self, effects: Collection[str]) -> Compiled:
+    def ready(self, effects: Collection[str], later: Sequence[str] = ()) -> Compiled:
         """What is compiled for trials of these effects; made where there is none yet.
 
-        What was compiled last is left for good: of its effects those come along that there is a
-        place for.
+        As far as there is a place for them, those come along that were compiled last, and then
+        those that may be tried ``later``, the likeliest first.
         """
         with self._lock:
             for program in reversed(self._programs):
                 if program.effects >= {*effects}:
                     return program
-            last = [n for n in self._programs[-1].effects if n not in effects]
-            beside = sorted(last)[: max(0, _TOGETHER - len(effects))]
-            self._programs.append(self._program((*effects, *beside)))
+            last = sorted(self._programs[-1].effects)
+            wanted = dict.fromkeys((*effects, *last, *later))
+            wanted = [n for n in wanted if n in self.candidates][: max(_TOGETHER, len(effects))]
+            self._programs.append(self._program(wanted))
             return self._programs[-1]
 
     @property

@@ -33,7 +33,7 @@ no more whether it predicts their next sample better."""
 def over_whole_runs(trials: Trials) -> Trials:
     """The same trials without an observer: no random force, no lasting error is estimated."""
     whole = copy(trials)
-    whole.nuisance, whole.width = (), trials.width - len(trials.nuisance)
+    whole.nuisance = ()
     return whole
 
 

@@ -189,9 +189,9 @@ def _mirrored(
     for i in problem.sign_free():
         turned = best.z.copy()
         turned[i] = -turned[i]
-        trial = solve(problem, turned)
+        trial = solve(problem, turned, FIRST_BUDGET)
         if _cost(trial) < _cost(best) - _SAME:
-            best = trial
+            best = solve(problem, trial.z)
     return distinct([(best, count), *optima[1:]])
 
 
