@@ -7,6 +7,7 @@ longer than the errors last (Künsch 1989).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -70,8 +71,11 @@ class Worth:
         return self.low > 0 and self.share > _SMALL
 
     def to_json(self) -> dict[str, Any]:
-        """The worth as plain data."""
-        return {"share": self.share, "interval": [self.low, self.high]}
+        """The worth as plain data; ``None`` for what is not finite: runs that fail have no error."""
+        share, low, high = (
+            x if math.isfinite(x) else None for x in (self.share, self.low, self.high)
+        )
+        return {"share": share, "interval": [low, high]}
 
 
 def worth_of(logs: Sequence[Mapping[str, BeforeAfter]], seed: int = 0) -> Worth:
