@@ -71,7 +71,7 @@ class Worth:
         return self.low > 0 and self.share > _SMALL
 
     def to_json(self) -> dict[str, Any]:
-        """The worth as plain data; ``None`` for what is not finite: runs that fail have no error."""
+        """The worth as plain data; ``None`` where it is not finite, as of runs that fail."""
         share, low, high = (
             x if math.isfinite(x) else None for x in (self.share, self.low, self.high)
         )
