@@ -17,6 +17,9 @@ from diffthrust.estimation._one_step import cost, nrmse, settled_start
 from diffthrust.simulation._errors import Errors
 
 _REMEMBERED = {"drift": "memory", "colour": "correlation"}
+_SURE = 10.0
+"""A noise whose gains lie so many times its price from zero (Wald's statistic) is not taken out to
+see what is lost."""
 _BUDGET = 12
 """Steps of a fit without one of the noises."""
 _SPOILT = 1.2
@@ -71,6 +74,8 @@ def criterion(trials: Trials, trial: TrialFit) -> float:
     there = [n for n in named if any(trial.values[gain] != 0 for gain in n.gains)]
     still = {p for n in named if n not in there for p in n.parameters}
     for noise in sorted(there, key=lambda n: max(abs(trial.values[gain]) for gain in n.gains)):
+        if wald(trial, noise.gains) > _SURE * len(noise.parameters) * price:
+            continue
         values = {**trial.values, **dict.fromkeys(noise.gains, 0.0)}
         fewer = still | {*noise.parameters}
         without = trials.solve(
@@ -80,6 +85,16 @@ def criterion(trials: Trials, trial: TrialFit) -> float:
             trial, still = without, fewer
     own = sum(name not in trials.nuisance for name in trial.names)
     return 2 * trial.cost + price * (own + len(trials.nuisance) - len(still))
+
+
+def wald(trial: TrialFit, names: Sequence[str]) -> float:
+    """How far some parameters of a trial are from zero, squared, in their standard errors."""
+    at = [trial.names.index(name) for name in names if name in trial.names]
+    size = np.array([trial.values[trial.names[i]] for i in at])
+    scales = np.array([trial.problem.named[trial.names[i]].scale for i in at])
+    covariance = np.linalg.pinv(trial.quadratic.information, rcond=1e-11, hermitian=True)
+    own, z = covariance[np.ix_(at, at)], size / scales
+    return float(z @ np.linalg.pinv(own, hermitian=True) @ z)
 
 
 def price_of(trials: Trials, trial: TrialFit, effect: str | None = None) -> float:

@@ -52,7 +52,7 @@ Answer = TypeVar("Answer")
 
 _ENOUGH = 2e-3
 """A trial ends where a full step would gain less log-likelihood than this."""
-_LONG = 60
+_LONG = 40
 """Steps that carry a trial to its end: a search that goes on creeps along a flat ridge."""
 _TOGETHER = 16
 """So many effects are compiled together, if no more are tried at once: each program takes longer to
