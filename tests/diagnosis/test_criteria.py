@@ -11,6 +11,7 @@ from diffthrust.diagnosis._criteria import (  # private: each criterion alone
     missed,
     no_better,
     noises,
+    wald,
 )
 from diffthrust.simulation._errors import ChannelError, Errors  # private: made by hand
 
@@ -79,6 +80,15 @@ class Made:
     effects: tuple = ("effect",)
     begin: None = None
     limit: None = None
+    known: float = 0.0
+
+    @property
+    def quadratic(self):
+        return SimpleNamespace(information=self.known * np.eye(len(self.names)))
+
+    @property
+    def problem(self):
+        return SimpleNamespace(named={name: SimpleNamespace(scale=0.1) for name in self.names})
 
 
 class Costs:
@@ -107,3 +117,13 @@ def test_the_criterion_takes_out_the_noise_that_is_not_worth_its_price(drift, co
     expected = 2 * (100.0 + lost) + (2 + kept) * np.log(SAMPLES)
     found = criterion(Costs(drift, colour), Made(100.0, values))
     assert found == pytest.approx(expected)
+
+
+def test_a_noise_that_is_plainly_there_is_not_taken_out():
+    """With drift 0.1, a coordinate of 1, known to 0.05, Wald's statistic is 400."""
+    values = dict.fromkeys(NOISE, 0.1)
+    trial = Made(100.0, values, known=400.0)
+    assert wald(trial, NOISE[:1]) == pytest.approx(400.0)
+    assert wald(trial, NOISE[::2]) == pytest.approx(800.0)
+    nothing_may_be_tried = SimpleNamespace(nuisance=NOISE, samples=SAMPLES)
+    assert criterion(nothing_may_be_tried, trial) == pytest.approx(200 + 6 * np.log(SAMPLES))
