@@ -84,7 +84,9 @@ def counted(tools: Tools, known: SearchState, fitted: Stage, name: str) -> Searc
     trained = _pairs(without[-1], fitted, tools.trials.logs, trained=True)
     unseen = _pairs(without[-1], fitted, tools.unseen)
     worth, everywhere = worth_of(unseen or trained), worth_of([*trained, *unseen])
-    known = replace(known, worth={**known.worth, name: worth})
+    begun, before = (s.holdout or s.train for s in (known.stages[0], without[-1]))
+    told = worth.of((before.nrmse / begun.nrmse) ** 2 if begun.nrmse > 0 else 1.0)
+    known = replace(known, worth={**known.worth, name: told})
     in_place_of_others = not {*last.effects} <= {*fitted.effects}
     constant = name in tools.trials.held  # the others are wrong beside it, whatever runs say
     if constant or matters(worth, everywhere) or in_place_of_others:

@@ -92,7 +92,7 @@ def diagnose(
     with simulated_once():
         tools, known = begun(fit, train, unseen, candidates, seed, say)
         first = known.present.trial
-        while len(known.present.trial.effects) < _MOST_STAGES:
+        while max(known.number, len(known.detectable)) < _MOST_STAGES:
             before, known = known, next_stage(tools, known)
             if known.found == before.found:
                 known = from_whole_runs(tools, known)
@@ -150,7 +150,7 @@ def _reported(
         left=left,
         refused={n: why for n, why in known.refused.items() if n not in present.effects},
         silent=tuple(sorted(known.silent - tested - {*known.untestable, *trials.held})),
-        held=held_values(tools.given, present, ends[1]),
+        held=held_values(tools.given, present),
         one_step=dict(zip(trials.channels, sizes, strict=True)),
         trained=trained,
         odd_logs=odd_logs(trials, present, (*trained[1].runs, *(held[1].runs if unseen else ()))),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
@@ -325,8 +326,12 @@ class Findings(Brief):
     @property
     def far(self) -> tuple[str, ...]:
         """The channels whose errors over whole runs are large and last, the worst first."""
-        last = self.stages[-1]
-        return far_above(last.holdout or last.train, self.one_step)
+        last, noise = self.stages[-1], dict(self.one_step)
+        for run in self.after.runs:
+            for name, trace in run.channels.items():
+                stated = run.log.noise_in(name, trace.unit)
+                noise[name] = min(stated or math.inf, noise.get(name, math.inf))
+        return far_above(last.holdout or last.train, noise)
 
     @property
     def repeating(self) -> tuple[str, ...]:

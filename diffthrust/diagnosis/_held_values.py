@@ -6,27 +6,25 @@ import numpy as np
 
 from diffthrust.diagnosis._findings import HeldValue
 from diffthrust.diagnosis._trials import TrialFit
-from diffthrust.estimation._result import Fit
 from diffthrust.models._base.model import Model
 
 
-def held_values(given: Model, trial: TrialFit, fit: Fit) -> dict[str, HeldValue]:
+def held_values(given: Model, trial: TrialFit) -> dict[str, HeldValue]:
     """What the logs want in place of the constants that were freed.
+
+    By the innovations form, whose standard errors hold under random forces; whole runs would bend
+    a constant to hide what they accumulate.
 
     Args:
         given: the model as it was given.
         trial: the last trial.
-        fit: of the last stage.
     """
     errors = _standard_errors(trial)
-    out = {}
-    for name in (n for n in trial.effects if n in given.parameters):
-        p, told = given.parameters[name], fit.parameters[name]
-        wanted, error = told.value, told.std_error
-        if told.fixed or error is None:
-            wanted, error = trial.values[name], errors[name]
-        out[name] = HeldValue(p.value, wanted, error, p.unit)
-    return out
+    freed = {n: given.parameters[n] for n in trial.effects if n in given.parameters}
+    return {
+        name: HeldValue(p.value, trial.values[name], errors[name], p.unit)
+        for name, p in freed.items()
+    }
 
 
 def _standard_errors(trial: TrialFit) -> dict[str, float]:

@@ -52,7 +52,9 @@ def odd_logs(trials: Trials, trial: TrialFit, runs: Sequence[Run]) -> tuple[OddL
         told[off.log] = [_parameter_words(trials, trial, off)]
     found = []
     for k, channel in channels.items():
-        one = next(one for one in beside_others(runs, channel) if one.place == k)
+        one = next((one for one in beside_others(runs, channel) if one.place == k), None)
+        if one is None:  # it does not measure what tells of it
+            continue
         words = [_error_words(channel, one.ratio)] if one.ratio > _TOLD else []
         found.append(OddLog(one.run, channel, joined(words + told.get(k, [])), one.share))
     return tuple(sorted(found, key=lambda odd: -odd.share))

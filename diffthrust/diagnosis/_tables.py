@@ -132,7 +132,7 @@ def headroom_words(diag: Findings) -> list[str]:
     first, last = diag.headroom
     said = [first.summary]
     if len(diag.stages) > 1:
-        said.append(f"With the effects that were added: {last.summary}")
+        said.append(f"At the last stage: {last.summary}")
     if diag.remaining is not None and not last.worth:
         said.append("From one sample to the next structure remains all the same: see what remains.")
     return said

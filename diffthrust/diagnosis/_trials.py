@@ -57,6 +57,8 @@ _LONG = 40
 _TOGETHER = 16
 """So many effects are compiled together, if no more are tried at once: each program takes longer to
 compile than all of its passes take."""
+_MOST_PRESENT = 5
+"""So many effects, of the most parameters, find room in a trial."""
 _ROOM = 4
 """Parameters of effects that are estimated together with all of the model's and the observer's;
 with more, the observer's memories are held at what they were, and then its gains."""
@@ -201,17 +203,23 @@ class Trials:
                 "Give longer logs, or fix parameters.",
             )
 
-    def _program(self, effects: Collection[str]) -> Compiled:
+    def _program(self, effects: Collection[str], least: int = 0) -> Compiled:
         """The model with these effects at their nulls; any of its constants may be freed."""
         model, free = self.model.free(*self.held), len(self.held)
         for name in self.candidates:
             if name in effects:
                 model = model + self.candidates[name].at_null()
-                free += sum(not p.fixed for p in self.candidates[name]._parameters.values())
-        width = self.width - _ROOM + min(free, _ROOM)
+                free += self._free(name)
+        width = max(self.width - _ROOM + min(free, _ROOM), least)
         problem = self._arranged(model, self.logs, width=width)
         unseen = self._arranged(model, self._unseen, width=width) if self._unseen else None
         return Compiled(frozenset((*effects, *self.held)), problem, unseen)
+
+    def _free(self, name: str) -> int:
+        """Parameters that are estimated of a candidate."""
+        if name in self.held:
+            return 1
+        return sum(not p.fixed for p in self.candidates[name]._parameters.values())
 
     def ready(self, effects: Collection[str], later: Sequence[str] = ()) -> Compiled:
         """What is compiled for trials of these effects; made where there is none yet.
@@ -226,7 +234,9 @@ class Trials:
             last = sorted(self._programs[-1].effects)
             wanted = dict.fromkeys((*effects, *last, *later))
             wanted = [n for n in wanted if n in self.candidates][: max(_TOGETHER, len(effects))]
-            self._programs.append(self._program(wanted))
+            # beside those that are there each must find room for all of its own
+            most = sum(sorted(map(self._free, wanted))[-_MOST_PRESENT:])
+            self._programs.append(self._program(wanted, len(self.own) + most))
             return self._programs[-1]
 
     @property

@@ -11,10 +11,10 @@ def verdict_of(found: Findings) -> Verdict:
     Structure remains where the one-step errors depend on a signal, where a channel contradicts the
     model, and where errors over whole runs are large and last and a flexible model surely explains
     a tenth of them: they repeat, so that no random force makes them. Large errors that do not
-    repeat, without an effect that was found, leave it undecided.
+    repeat leave it undecided without an effect that was found; a constant alone decides nothing.
     """
     if found.remaining is not None or found.after.hints or found.repeating:
         return "unexplained"
-    if found.added or found.held:
+    if found.added or (found.held and not found.far):
         return "effects_found"
     return "undecided" if found.far else "adequate"

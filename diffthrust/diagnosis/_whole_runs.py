@@ -20,11 +20,14 @@ from diffthrust.diagnosis._search import SearchState, Tools
 from diffthrust.diagnosis._stages import rate
 from diffthrust.diagnosis._trials import Limit, TrialFit, Trials, side_by_side
 from diffthrust.diagnosis._worth import BeforeAfter, Worth, far_above, worth_of
+from diffthrust.effects import EFFECTS
 from diffthrust.estimation._observer import is_memory
 from diffthrust.estimation._one_step import passes
 
 _MOST = 4
 """So many of the effects that whole runs speak for are tried again, and told."""
+_USERS = 3
+"""So many effects of the user's own that promise nothing are fitted all the same."""
 _CLEARLY = 0.1
 """An effect that surely removes more than this of the squared errors of whole unseen runs is asked
 no more whether it predicts their next sample better."""
@@ -113,10 +116,25 @@ def _lowering(tools: Tools, known: SearchState) -> dict[str, tuple[Worth, TrialF
     names = [n for n in trials.candidates if n not in present]
     whole = over_whole_runs(trials)
     begun = screened(whole, names, base, levels_of(trials, base))
+    users = [
+        n for n in names if n not in begun and type(trials.candidates[n]) is not EFFECTS.get(n)
+    ]
+    begun |= {name: _fitted_anew(tools, known, base, name) for name in users[:_USERS]}
     ended = dict(zip(begun, side_by_side(whole.further, list(begun.values())), strict=True))
     worths = {name: trial_worth(trials, base, trial) for name, trial in ended.items()}
     best = sorted((n for n in ended if worths[n].sure), key=lambda n: -worths[n].share)
     return {name: (worths[name], ended[name]) for name in best[:_MOST]}
+
+
+def _fitted_anew(tools: Tools, known: SearchState, base: TrialFit, name: str) -> TrialFit:
+    """A whole-run fit of an effect that promised nothing where the model is, from several starts.
+
+    A model that is wrong at heart may have run to where its effect shows no more.
+    """
+    fit = tools.refit(known.stages[-1].fit.model + tools.trials.candidates[name])
+    values = {**base.values, **{n: p.value for n, p in fit.model.parameters.items()}}
+    whole = over_whole_runs(tools.trials)
+    return whole.solve((*base.effects, name), values, None, base.limit)
 
 
 def _begun_anew(tools: Tools, known: SearchState, name: str, whole: TrialFit) -> TrialFit:

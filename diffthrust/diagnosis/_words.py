@@ -73,7 +73,8 @@ def summary(diag: Findings) -> str:
     if diag.verdict == "unexplained":
         sentences += [remaining_words(diag), *possible_words(diag)]
     if not diag.best and diag.verdict != "undecided":
-        sentences.append(f"{capitalised(level_words(diag))}.")
+        told = gain_words if diag.held else level_words
+        sentences.append(f"{capitalised(told(diag))}.")
     if diag.verdict != "undecided":
         sentences += forced_words(diag)
     sentences += much_words(diag)

@@ -30,7 +30,7 @@ _OF_ONE = 0.2
 _FAR = 4.0
 """Errors over whole runs lie far above those from one sample to the next, and above the noise of
 the sensor that is in them, where they are so many times as large,"""
-_RELEVANT = 0.1
+_RELEVANT = 0.05
 """and are no less than this share (NRMSE) of what the channel does."""
 
 
@@ -48,6 +48,8 @@ class BeforeAfter(NamedTuple):
 @dataclass(frozen=True)
 class Worth:
     """Share of the squared whole-run error that an effect removes, of unseen logs if there are any.
+
+    A diagnosis takes it of the error of the model as given, so that shares add up.
 
     Args:
         share: 0 changes nothing, 1 leaves no error, below 0 makes it larger.
@@ -69,6 +71,11 @@ class Worth:
     def sure(self) -> bool:
         """Whether it is surely worth something, and more than a few per cent."""
         return self.low > 0 and self.share > _SMALL
+
+    def of(self, part: float) -> Worth:
+        """The same as a share of a larger error, of which ``part`` was left before."""
+        part = part if math.isfinite(part) else 1.0
+        return Worth(self.share * part, self.low * part, self.high * part)
 
     def to_json(self) -> dict[str, Any]:
         """The worth as plain data; ``None`` where it is not finite, as of runs that fail."""
@@ -123,7 +130,8 @@ def far_above(whole: Errors, one_step: Mapping[str, float]) -> tuple[str, ...]:
 
     Args:
         whole: errors over whole runs.
-        one_step: standard deviation of the errors from one sample to the next, by channel.
+        one_step: standard deviation of the errors from one sample to the next, by channel, or the
+            noise of its sensor where that is stated.
     """
     grown = {
         name: error.rmse / max(one_step[name], 1e-300)
