@@ -8,6 +8,7 @@ import pytest
 from diffthrust.diagnosis import _admit  # private: one step alone
 from diffthrust.diagnosis._findings import Stage  # private: made by hand
 from diffthrust.diagnosis._search import SearchState  # private: one step alone
+from diffthrust.diagnosis._worth import Worth  # private: made by hand
 
 RNG = np.random.default_rng(0)
 MEASURED, REST = RNG.standard_normal(600), RNG.standard_normal(600)
@@ -25,7 +26,9 @@ def counted(monkeypatch):
 
     def after(left, effects=("lag", "wind"), unseen=("C",), held=()):
         def stage(size, *names):
-            return Stage(names, SimpleNamespace(model=size, initial=None, substeps=1))
+            error = SimpleNamespace(nrmse=size)
+            known = {"initial": None, "substeps": 1, "train": error, "holdout": error}
+            return Stage(names, SimpleNamespace(model=size, **known))
 
         trials = SimpleNamespace(logs=("A", "B"), held=held)
         tools = SimpleNamespace(trials=trials, unseen=unseen)
@@ -59,3 +62,11 @@ def test_what_takes_the_place_of_another_effect_is_worth_what_both_are(counted):
     known = counted(0.995, effects=("wind",))
     assert known.stages[-1].effects == ("wind",)
     assert known.worth["wind"].share == pytest.approx(1 - (0.995 / 2.0) ** 2)
+
+
+def test_worths_are_shares_of_one_whole():
+    """What halves an error that is a tenth of the first removes 0.75 of a hundredth."""
+    assert Worth(0.75, 0.5, 0.9).of(0.01).to_json() == {
+        "share": pytest.approx(0.0075),
+        "interval": [pytest.approx(0.005), pytest.approx(0.009)],
+    }
