@@ -42,7 +42,7 @@ def counted(monkeypatch):
 def test_what_matters_fills_a_stage(counted, unseen):
     known = counted(0.5, unseen=unseen)
     assert [stage.effects for stage in known.stages] == [(), ("lag",), ("lag", "wind")]
-    assert known.worth["wind"].share == pytest.approx(0.75)
+    assert known.worth["wind"].share == pytest.approx(0.75 / 4)  # the lag left a quarter
     assert known.detectable == ()
 
 
@@ -50,7 +50,7 @@ def test_what_changes_nothing_is_detectable_and_fills_none(counted):
     known = counted(0.995)
     assert [stage.effects for stage in known.stages] == [(), ("lag",)]
     assert known.detectable == ("wind",)
-    assert known.worth["wind"].share == pytest.approx(0.01, abs=0.001)
+    assert known.worth["wind"].share == pytest.approx(0.01 / 4, abs=0.0003)
     assert known.found == (1, ("wind",))  # the search goes on from there
 
 
