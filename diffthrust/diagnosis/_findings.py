@@ -210,7 +210,7 @@ class Remaining:
         return str(self.signal)
 
 
-_REPEATS = 0.1
+_REPEATS = 0.25
 """Errors repeat of which a flexible model surely explains more than this share of the squares."""
 
 

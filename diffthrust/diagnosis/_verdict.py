@@ -10,7 +10,7 @@ def verdict_of(found: Findings) -> Verdict:
 
     Structure remains where the one-step errors depend on a signal, where a channel contradicts the
     model, and where errors over whole runs are large and last and a flexible model surely explains
-    a tenth of them: they repeat, so that no random force makes them. Large errors that do not
+    a quarter of them: they repeat, so that no random force makes them. Large errors that do not
     repeat leave it undecided without an effect that was found; a constant alone decides nothing.
     """
     if found.remaining is not None or found.after.hints or found.repeating:

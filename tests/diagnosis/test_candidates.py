@@ -46,7 +46,7 @@ def installed(monkeypatch):
 
 def test_the_whole_catalogue_of_the_model_is_tried():
     tried, untestable = candidates_of(dft.Thruster(), [log(inputs=("inflow", "supply_voltage"))])
-    assert len(tried) == 24
+    assert len(tried) == 26
     assert not untestable
 
 
