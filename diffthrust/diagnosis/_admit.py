@@ -20,6 +20,7 @@ from diffthrust.diagnosis._ports import KNOTS
 from diffthrust.diagnosis._search import Present, SearchState, Tools
 from diffthrust.diagnosis._structure import gain_of
 from diffthrust.diagnosis._trials import TrialFit, Trials, with_values
+from diffthrust.diagnosis._whole_fits import beside_whole, change_between, fitted_whole
 from diffthrust.diagnosis._worth import BeforeAfter, matters, worth_of
 from diffthrust.logs._log import Log
 from diffthrust.simulation._runs import runs_over
@@ -68,6 +69,9 @@ def admit(
     fewer = drop(trials, added)
     if {*fewer.present.trial.effects} == {*before.trial.effects}:
         return fewer
+    outcome = of_little_worth(tools, fewer, candidate.effect)
+    if outcome is not None:
+        return outcome
     tools.say(f"refitting with {candidate.effect}", known.share(0.7))
     last, fitted = known.stages[-1], refitted(tools, fewer)
     swapped = fewer.dropped != known.dropped and candidate.effect in fewer.present.trial.effects
@@ -77,6 +81,39 @@ def admit(
     return refusal or counted(tools, fewer, fitted, candidate.effect)
 
 
+def of_little_worth(tools: Tools, known: SearchState, name: str) -> SearchState | Refusal | None:
+    """What becomes of an effect that does nothing to whole runs, by trials: it is not refitted.
+
+    ``None`` where it does, and where trials cannot tell: the stage that it leads to decides.
+    """
+    trials, last, present = tools.trials, known.stages[-1], known.present.trial
+    names = _of_stage(known)
+    if name in trials.held or name not in names or not {*last.effects} <= {*names}:
+        return None
+    with tools.clock("whole runs"):
+        before = fitted_whole(trials, last)
+        change = change_between(trials, before, beside_whole(trials, last, present, names))
+    if not math.isfinite(change.after.train.nrmse):
+        return None
+    if refusal := no_better(change.before, change.after):
+        return refusal
+    if matters(change.worth, change.everywhere):
+        return None
+    told = change.worth.of(left_of(known, last))
+    return replace(known, worth={**known.worth, name: told}, detectable=(*known.detectable, name))
+
+
+def left_of(known: SearchState, stage: Stage) -> float:
+    """The share of the squared error of the model as given that is left at a stage."""
+    begun, now = (s.holdout or s.train for s in (known.stages[0], stage))
+    return (now.nrmse / begun.nrmse) ** 2 if begun.nrmse > 0 else 1.0
+
+
+def _of_stage(known: SearchState) -> tuple[str, ...]:
+    """The effects that a stage of the present model has: not those that are only detectable."""
+    return tuple(n for n in known.present.trial.effects if n not in known.detectable)
+
+
 def counted(tools: Tools, known: SearchState, fitted: Stage, name: str) -> SearchState:
     """The search with an effect that was just fitted: a stage more, or one more detectable."""
     last = known.stages[-1]
@@ -84,8 +121,7 @@ def counted(tools: Tools, known: SearchState, fitted: Stage, name: str) -> Searc
     trained = _pairs(without[-1], fitted, tools.trials.logs, trained=True)
     unseen = _pairs(without[-1], fitted, tools.unseen)
     worth, everywhere = worth_of(unseen or trained), worth_of([*trained, *unseen])
-    begun, before = (s.holdout or s.train for s in (known.stages[0], without[-1]))
-    told = worth.of((before.nrmse / begun.nrmse) ** 2 if begun.nrmse > 0 else 1.0)
+    told = worth.of(left_of(known, without[-1]))
     known = replace(known, worth={**known.worth, name: told})
     in_place_of_others = not {*last.effects} <= {*fitted.effects}
     constant = name in tools.trials.held  # the others are wrong beside it, whatever runs say
@@ -166,7 +202,7 @@ def refitted(tools: Tools, known: SearchState) -> Stage:
     their nulls, so that it ends no worse than that.
     """
     last, values = known.stages[-1].fit.model, known.present.trial.values
-    names = tuple(n for n in known.present.trial.effects if n not in known.detectable)
+    names = _of_stage(known)
     candidates = tools.trials.candidates
     model = with_values(built(tools.given, names, candidates), values)
     start = {n: p.value for n, p in last.parameters.items()}

@@ -6,11 +6,11 @@ import math
 import statistics
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from diffthrust.diagnosis._findings import Refusal, Stage
+from diffthrust.diagnosis._findings import Refusal
 from diffthrust.diagnosis._trials import TrialFit, Trials
 from diffthrust.estimation._observer import is_memory
 from diffthrust.estimation._one_step import cost, nrmse, settled_start
@@ -146,12 +146,22 @@ def simulation_errors(trials: Trials, trial: TrialFit) -> tuple[float, float | N
 # -- simulations over whole runs, against the evidence of one-step errors --------------------------
 
 
-def missed(last: Stage, stage: Stage) -> bool:
+class OverRuns(Protocol):
+    """What has errors over whole training and unseen runs: a stage."""
+
+    @property
+    def train(self) -> Errors: ...
+
+    @property
+    def holdout(self) -> Errors | None: ...
+
+
+def missed(last: OverRuns, stage: OverRuns) -> bool:
     """Whether whole training runs miss an effect that one-step errors can do without."""
     return statistics.geometric_mean(_growth(last.train, stage.train)) > _GROWN
 
 
-def no_better(last: Stage, stage: Stage) -> Refusal | None:
+def no_better(last: OverRuns, stage: OverRuns) -> Refusal | None:
     """Why the simulations of a new stage speak against it, if they do."""
     if not math.isfinite(stage.train.nrmse):
         return Refusal.FAILS

@@ -11,7 +11,8 @@ from diffthrust.diagnosis._held import built
 from diffthrust.diagnosis._screen import levels_of, screened
 from diffthrust.diagnosis._search import SearchState, Tools
 from diffthrust.diagnosis._trials import TrialFit
-from diffthrust.diagnosis._whole_runs import are_poor, fitted_whole, over_whole_runs, trial_worth
+from diffthrust.diagnosis._whole_fits import fitted_whole, over_whole_runs, worth_between
+from diffthrust.diagnosis._whole_runs import are_poor
 from diffthrust.experiments._result import Experiment
 from diffthrust.experiments._suggest import suggest_experiment
 
@@ -67,12 +68,12 @@ def _alike_over_whole_runs(
     if not rivals or not are_poor(tools, known, known.stages[-1]):
         return []
     whole = over_whole_runs(trials)
-    given = fitted_whole(tools, stage)
-    without = fitted_whole(tools, stage, [n for n in stage.effects if n != name])
-    own = trial_worth(trials, without, given).share
+    given = fitted_whole(trials, stage)
+    without = fitted_whole(trials, stage, [n for n in stage.effects if n != name])
+    own = worth_between(trials, without, given).share
     begun = screened(whole, rivals, without, levels_of(trials, without))
     shares = {
-        rival: trial_worth(trials, without, whole.further(trial)).share
+        rival: worth_between(trials, without, whole.further(trial)).share
         for rival, trial in begun.items()
     }
     near = _MOST_OF_IT * own, 1.0 - _LEFT**2 * (1.0 - own)

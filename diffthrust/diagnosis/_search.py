@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.progress import Progress, part
@@ -39,8 +40,10 @@ _LEFT = 0.6
 """A stage leaves this part of what was left."""
 _STARTS = 4, 2
 """Starts of a fit, and of a refit, which has a trial and an earlier stage to begin from besides."""
-_MOST_SUBSTEPS = 2
-"""Integrator steps per sample of the trials: over one sample ahead, errors do not build up."""
+_SUBSTEPS = 2
+"""Integrator steps per sample of the trials: over one sample ahead, errors do not build up;"""
+_ALIKE = 0.02
+"""more of them where whole runs would err by another share than this."""
 
 
 class Clock:
@@ -174,14 +177,19 @@ def begun(
     """Fit the model as it is, and compile the trials."""
     say("fitting the model as it is", 0.0)
     clock, options = Clock(), fit.options if isinstance(fit, Fit) else {}
+    begun_with: dict[str, Any] = {}
 
     def refit(
         model: Model, guesses: Sequence[Mapping[str, float]] = (), tell: Progress | None = None
     ) -> Fit:
         starts = _STARTS[bool(guesses)]
         told = {"starts": starts, "seed": seed, "guesses": guesses, "progress": tell, **options}
-        with clock("refit"), warnings.catch_warnings():
-            warnings.simplefilter("ignore", CoarseStepWarning)  # a note of the fit says the same
+        with clock("refit"), warnings.catch_warnings(record=True) as seen:  # its notes say the same
+            warnings.simplefilter("always", CoarseStepWarning)
+            if begun_with:
+                fitted = fit_model(model, train, holdout=unseen or None, **told, **begun_with)
+                if not any(issubclass(one.category, CoarseStepWarning) for one in seen):
+                    return fitted
             return fit_model(model, train, holdout=unseen or None, **told)
 
     tell = part(say, 0.0, FITTED)
@@ -189,6 +197,9 @@ def begun(
     guess = first.guess
     if first is fit and not _is_of_these_logs(first, train, unseen):
         first = refit(first.model, tell=tell)
+    begun_with["substeps"] = first.substeps  # what the first fit took needs no second look
+    if first.horizon is None:
+        begun_with["horizon"] = None
     effects, untestable = candidates_of(first.model, (*train, *unseen), wanted)
     say("compiling the trials", FITTED)
     with clock("compile"):
@@ -213,12 +224,23 @@ def _compiled(
     fit: Fit, effects: Sequence[Effect], train: Sequence[Log], unseen: Sequence[Log]
 ) -> tuple[Trials, TrialFit]:
     """The trials, and the first of them: the model as it is."""
-    for substeps in dict.fromkeys((min(fit.substeps, _MOST_SUBSTEPS), fit.substeps)):
+    for substeps in dict.fromkeys((_few_substeps(fit, train), fit.substeps)):
         trials = Trials(fit.model, effects, train, unseen, substeps, fit.noise_model)
         first = trials.base()
         if math.isfinite(first.cost):
             return trials, first
     raise _not_finite(fit, effects, train)
+
+
+def _few_substeps(fit: Fit, train: Sequence[Log]) -> int:
+    """The fewest integrator steps per sample with which whole runs err as with those of a fit."""
+    substeps = min(_SUBSTEPS, fit.substeps)
+    while substeps < fit.substeps:
+        runs = runs_over(fit.model, train, initial=fit.initial, substeps=substeps)
+        if math.isclose(pooled_errors(runs).nrmse, fit.train.nrmse, rel_tol=_ALIKE):
+            break
+        substeps *= 2
+    return substeps
 
 
 def _not_finite(fit: Fit, effects: Sequence[Effect], train: Sequence[Log]) -> InputError:

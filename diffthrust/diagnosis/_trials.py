@@ -50,11 +50,11 @@ from diffthrust.simulation._inputs import measured_outputs
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
 
-_ENOUGH = 2e-3
+_ENOUGH = 0.05
 """A trial ends where a full step would gain less log-likelihood than this."""
 _LONG = 40
 """Steps that carry a trial to its end: a search that goes on creeps along a flat ridge."""
-_TOGETHER = 16
+_TOGETHER = 8
 """So many effects are compiled together, if no more are tried at once: each program takes longer to
 compile than all of its passes take."""
 _MOST_PRESENT = 5
@@ -105,6 +105,7 @@ class TrialFit:
         begin: the initial states of the logs, one after the other.
         limit: how errors were limited.
         problem: the training logs.
+        alone: makes the same problem with no other effects in its program.
     """
 
     effects: tuple[str, ...]
@@ -116,6 +117,7 @@ class TrialFit:
     begin: Float[np.ndarray, " starts"] | None
     limit: Limit
     problem: Problem = field(repr=False)
+    alone: Callable[[], Problem] = field(repr=False)
 
     @property
     def expected(self) -> float:
@@ -130,7 +132,10 @@ class TrialFit:
     @property
     def there(self) -> Problem:
         """The training logs at these values and under this limit."""
-        return self.limit.on(self.problem.focus(self.names, self.values, self.begin))
+        return self._within(self.problem)
+
+    def _within(self, problem: Problem) -> Problem:
+        return self.limit.on(problem.focus(self.names, self.values, self.begin))
 
     @cached_property
     def path(self) -> list[dict[str, np.ndarray]]:
@@ -140,7 +145,7 @@ class TrialFit:
     @cached_property
     def response(self) -> Response:
         """What the errors answer to anything that is added to the model."""
-        return Response(self.there)
+        return Response(self._within(self.alone()))
 
 
 class Compiled(NamedTuple):
@@ -205,15 +210,18 @@ class Trials:
 
     def _program(self, effects: Collection[str], least: int = 0) -> Compiled:
         """The model with these effects at their nulls; any of its constants may be freed."""
+        problem = self._problem(effects, self.logs, least)
+        unseen = self._problem(effects, self._unseen, least) if self._unseen else None
+        return Compiled(frozenset((*effects, *self.held)), problem, unseen)
+
+    def _problem(self, effects: Collection[str], logs: Sequence[Log], least: int = 0) -> Problem:
         model, free = self.model.free(*self.held), len(self.held)
         for name in self.candidates:
             if name in effects:
                 model = model + self.candidates[name].at_null()
                 free += self._free(name)
         width = max(self.width - _ROOM + min(free, _ROOM), least)
-        problem = self._arranged(model, self.logs, width=width)
-        unseen = self._arranged(model, self._unseen, width=width) if self._unseen else None
-        return Compiled(frozenset((*effects, *self.held)), problem, unseen)
+        return self._arranged(model, logs, width=width)
 
     def _free(self, name: str) -> int:
         """Parameters that are estimated of a candidate."""
@@ -286,7 +294,8 @@ class Trials:
         optimum = solve(problem, problem.start(), budget, _ENOUGH)
         q, z = optimum.quadratic, optimum.z
         known = (tuple(effects), problem.values(z), q, names)
-        ended = partial(TrialFit, *known, limit=limit, problem=whole)
+        alone = partial(self._problem, effects, self.logs)
+        ended = partial(TrialFit, *known, limit=limit, problem=whole, alone=alone)
         if not np.isfinite(q.cost):
             return ended(cost=np.inf, promise=0.0, begin=begin)
         low, high = problem.limits()

@@ -7,8 +7,6 @@ well: from there its trial begins anew, and what whole runs alone speak for is t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -18,11 +16,10 @@ from diffthrust.diagnosis._findings import Stage
 from diffthrust.diagnosis._screen import levels_of, screened
 from diffthrust.diagnosis._search import SearchState, Tools
 from diffthrust.diagnosis._stages import rate
-from diffthrust.diagnosis._trials import Limit, TrialFit, Trials, side_by_side
-from diffthrust.diagnosis._worth import BeforeAfter, Worth, far_above, worth_of
+from diffthrust.diagnosis._trials import TrialFit, side_by_side
+from diffthrust.diagnosis._whole_fits import fitted_whole, over_whole_runs, worth_between
+from diffthrust.diagnosis._worth import Worth, far_above
 from diffthrust.effects import EFFECTS
-from diffthrust.estimation._observer import is_memory
-from diffthrust.estimation._one_step import passes
 
 _MOST = 4
 """So many of the effects that whole runs speak for are tried again, and told."""
@@ -31,48 +28,6 @@ _USERS = 3
 _CLEARLY = 0.1
 """An effect that surely removes more than this of the squared errors of whole unseen runs is asked
 no more whether it predicts their next sample better."""
-
-
-def over_whole_runs(trials: Trials) -> Trials:
-    """The same trials without an observer: no random force, no lasting error is estimated."""
-    whole = copy(trials)
-    whole.nuisance = ()
-    return whole
-
-
-def fitted_whole(tools: Tools, last: Stage, effects: Sequence[str] | None = None) -> TrialFit:
-    """The model of a stage, or with fewer effects, fitted to whole runs from its values."""
-    trials = tools.trials
-    values = {n: p.value for n, p in trials.ready(last.effects).problem.named.items()}
-    values |= {n: p.value for n, p in last.fit.model.parameters.items() if n in values}
-    values |= {n: 0.0 for n in trials.nuisance if not is_memory(n)}
-    names = last.effects if effects is None else tuple(effects)
-    for name in {*last.effects} - {*names}:
-        values = trials.absent(name, values)
-    free = Limit(np.full(len(trials.channels), np.inf))
-    whole = over_whole_runs(trials)
-    return whole.further(whole.solve(names, values, None, free))
-
-
-def trial_worth(trials: Trials, before: TrialFit, after: TrialFit) -> Worth:
-    """What one trial removes of the errors of another, on unseen logs if there are any."""
-    there = trials.ready({*before.effects, *after.effects})
-    on = there.unseen or there.problem
-
-    def held(trial: TrialFit) -> list[dict[str, tuple[np.ndarray, np.ndarray]]]:
-        begin = trial.begin if on is there.problem else None
-        problem = trial.limit.on(on.focus(trial.names, trial.values, begin))
-        return [
-            dict(zip(trials.channels, zip(one.measured, one.errors, strict=True), strict=True))
-            for one in passes(problem)
-        ]
-
-    return worth_of(
-        [
-            {name: BeforeAfter(seen, rest, late[name][1]) for name, (seen, rest) in early.items()}
-            for early, late in zip(held(before), held(after), strict=True)
-        ]
-    )
 
 
 def are_poor(tools: Tools, known: SearchState, last: Stage) -> bool:
@@ -111,7 +66,8 @@ def from_whole_runs(tools: Tools, known: SearchState) -> SearchState:
 
 def _lowering(tools: Tools, known: SearchState) -> dict[str, tuple[Worth, TrialFit]]:
     """The effects that surely lower the errors over whole runs, each fitted to them, best first."""
-    trials, base = tools.trials, fitted_whole(tools, known.stages[-1])
+    trials = tools.trials
+    base = fitted_whole(trials, known.stages[-1])
     present = {*known.present.trial.effects}
     names = [n for n in trials.candidates if n not in present]
     whole = over_whole_runs(trials)
@@ -121,7 +77,7 @@ def _lowering(tools: Tools, known: SearchState) -> dict[str, tuple[Worth, TrialF
     ]
     begun |= {name: _fitted_anew(tools, known, base, name) for name in users[:_USERS]}
     ended = dict(zip(begun, side_by_side(whole.further, list(begun.values())), strict=True))
-    worths = {name: trial_worth(trials, base, trial) for name, trial in ended.items()}
+    worths = {name: worth_between(trials, base, trial) for name, trial in ended.items()}
     best = sorted((n for n in ended if worths[n].sure), key=lambda n: -worths[n].share)
     return {name: (worths[name], ended[name]) for name in best[:_MOST]}
 

@@ -1,0 +1,151 @@
+"""Trials fitted to whole runs: their problem with nothing that corrects the states.
+
+They share what is compiled for the innovations form, so that it costs little to know what an effect
+does to whole runs before the model is fitted anew with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+from typing import NamedTuple
+
+import numpy as np
+
+from diffthrust.diagnosis._findings import Stage
+from diffthrust.diagnosis._trials import Limit, TrialFit, Trials
+from diffthrust.diagnosis._worth import BeforeAfter, Worth, worth_of
+from diffthrust.estimation._observer import is_memory
+from diffthrust.estimation._one_step import passes
+from diffthrust.simulation._errors import Errors, errors
+
+_Pairs = list[dict[str, tuple[np.ndarray, np.ndarray]]]
+
+
+def over_whole_runs(trials: Trials) -> Trials:
+    """The same trials without an observer: no random force, no lasting error is estimated."""
+    whole = copy(trials)
+    whole.nuisance = ()
+    return whole
+
+
+def fitted_whole(trials: Trials, last: Stage, effects: Sequence[str] | None = None) -> TrialFit:
+    """The model of a stage, or with fewer effects, fitted to whole runs from its values."""
+    values = _values_of(trials, last)
+    names = last.effects if effects is None else tuple(effects)
+    for name in {*last.effects} - {*names}:
+        values = trials.absent(name, values)
+    whole = over_whole_runs(trials)
+    return whole.further(whole.solve(names, values, None, _free(trials)))
+
+
+def beside_whole(trials: Trials, last: Stage, trial: TrialFit, effects: Sequence[str]) -> TrialFit:
+    """The model of a stage with other effects, fitted to whole runs.
+
+    From the values of a trial, and from those of the stage with the trial's for what it lacks; the
+    better of both.
+    """
+    there, still = _values_of(trials, last), _still(trials)
+    theirs = {n: v for n, v in trial.values.items() if n not in trials.nuisance}
+    lacking = {n: v for n, v in theirs.items() if n not in last.fit.model.parameters}
+    whole = over_whole_runs(trials)
+    ends = [
+        whole.solve(effects, {**there, **values, **still}, None, _free(trials))
+        for values in (theirs, lacking)
+    ]
+    return min(ends, key=lambda end: end.cost)
+
+
+def worth_between(trials: Trials, before: TrialFit, after: TrialFit) -> Worth:
+    """What one trial removes of the errors of another, on unseen logs if there are any."""
+    one, other = _held(trials, before, after), _held(trials, after, before)
+    return worth_of(_pairs(one.unseen or one.trained, other.unseen or other.trained))
+
+
+class WholeRuns(NamedTuple):
+    """What trials over whole runs say of a change, as `Stage` does of fits.
+
+    Args:
+        train: errors on training logs.
+        holdout: on unseen ones.
+    """
+
+    train: Errors
+    holdout: Errors | None
+
+
+class Change(NamedTuple):
+    """Whole runs before a change and after it.
+
+    Args:
+        before: without it.
+        after: with it.
+        worth: on unseen logs, if there are any.
+        everywhere: on training and unseen logs together.
+    """
+
+    before: WholeRuns
+    after: WholeRuns
+    worth: Worth
+    everywhere: Worth
+
+
+def change_between(trials: Trials, before: TrialFit, after: TrialFit) -> Change:
+    """What whole runs say of one trial in place of another."""
+    one, other = _held(trials, before, after), _held(trials, after, before)
+    trained, unseen = _pairs(one.trained, other.trained), _pairs(one.unseen, other.unseen)
+    worth = worth_of(unseen or trained), worth_of([*trained, *unseen])
+    return Change(one.errors, other.errors, *worth)
+
+
+class _Held(NamedTuple):
+    """A trial over whole runs: measurements and errors by log and channel."""
+
+    trained: _Pairs
+    unseen: _Pairs
+
+    @property
+    def errors(self) -> WholeRuns:
+        return WholeRuns(_pooled(self.trained), _pooled(self.unseen) if self.unseen else None)
+
+
+def _held(trials: Trials, trial: TrialFit, beside: TrialFit) -> _Held:
+    there = trials.ready({*trial.effects, *beside.effects})
+    found: list[_Pairs] = []
+    for on, begin in ((there.problem, trial.begin), (there.unseen, None)):
+        runs = (
+            [] if on is None else passes(trial.limit.on(on.focus(trial.names, trial.values, begin)))
+        )
+        found.append(
+            [
+                dict(zip(trials.channels, zip(one.measured, one.errors, strict=True), strict=True))
+                for one in runs
+            ]
+        )
+    return _Held(*found)
+
+
+def _pairs(before: _Pairs, after: _Pairs) -> list[dict[str, BeforeAfter]]:
+    return [
+        {name: BeforeAfter(seen, rest, late[name][1]) for name, (seen, rest) in early.items()}
+        for early, late in zip(before, after, strict=True)
+    ]
+
+
+def _pooled(runs: _Pairs) -> Errors:
+    return errors({name: [run[name] for run in runs] for name in runs[0]})
+
+
+def _values_of(trials: Trials, stage: Stage) -> dict[str, float]:
+    """The values of a stage, with all that is no part of it at its null and nothing corrected."""
+    values = {n: p.value for n, p in trials.ready(stage.effects).problem.named.items()}
+    values |= {n: p.value for n, p in stage.fit.model.parameters.items() if n in values}
+    return {**values, **_still(trials)}
+
+
+def _still(trials: Trials) -> Mapping[str, float]:
+    return {n: 0.0 for n in trials.problem.nuisance if not is_memory(n)}
+
+
+def _free(trials: Trials) -> Limit:
+    return Limit(np.full(len(trials.channels), np.inf))
