@@ -1,4 +1,4 @@
-"""Which effects are worth a fit: score tests next to their nulls, and probes at several sizes.
+"""Which effects are worth a fit: what they promise next to their nulls, and at several sizes.
 
 First by the linear response of the present trial, which costs next to nothing (`shortlist`); then
 those that promise most are fitted from their best probes.
@@ -11,11 +11,8 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from diffthrust.diagnosis._probes import probes
-from diffthrust.diagnosis._score_test import promised_gain
 from diffthrust.diagnosis._shortlist import constants, inside, shortlist
 from diffthrust.diagnosis._trials import TrialFit, Trials, side_by_side
-from diffthrust.estimation._problem import Problem
-from diffthrust.estimation._solver import solve
 
 _HOPE = 2.0
 """Likelihood ratio that a probe must promise to be followed."""
@@ -63,12 +60,10 @@ def screened(
     points = {name: probes(trials.candidates[name], levels) for name in effects}
     for name in names:
         say(name)
-    effects, later = shortlist(trials, present, points)
-    names = [*effects, *constants(trials, present, [n for n in names if n in trials.held])]
-    points = {name: points[name] for name in effects}
+    promised, later = shortlist(trials, present, points)
+    names = [*promised, *constants(trials, present, [n for n in names if n in trials.held])]
     if names:
         trials.ready((*present.effects, *names), later)
-    scored = null_scores(trials, present, {name: near for name, (near, _) in points.items()})
 
     def one(name: str) -> TrialFit | None:
         effects = (*present.effects, name)
@@ -98,7 +93,7 @@ def screened(
         def gain(expected: float) -> float:
             return 2 * (present.cost - expected)
 
-        starts = list(scored[name])
+        starts = [(present.cost - near.gain, near.point) for near in promised[name]]
         far = _far(trials, name, present, points[name][1], followed)
         silent = all(gain(expected) < _SILENT for expected, _ in starts)
         if far and silent:
@@ -137,69 +132,6 @@ def is_idle(trials: Trials, trial: TrialFit) -> bool:
         for name, p in effect._parameters.items()
         if p.null is not None
     )
-
-
-def null_scores(
-    trials: Trials, present: TrialFit, near: Mapping[str, Sequence[_Point]]
-) -> dict[str, list[tuple[float, _Point]]]:
-    """For each point next to a null the cost that a full step from there promises.
-
-    As many effects as there is room for are there at once: so near to their nulls none feels the
-    others, and one forward-mode pass scores them all.
-    """
-    promised: dict[str, list[tuple[float, _Point]]] = {name: [] for name in near}
-    turns = max(map(len, near.values()), default=0)
-    groups = [
-        group
-        for turn in range(turns)
-        for group in packed({n: p[turn] for n, p in near.items() if len(p) > turn}, trials.room)
-    ]
-
-    def scored(group: Mapping[str, _Point]) -> list[float]:
-        effects = (*present.effects, *group)
-        values = {**present.values, **{k: v for point in group.values() for k, v in point.items()}}
-        names = trials.moved(effects)
-        whole = trials.ready(effects).problem
-        problem = present.limit.on(whole.focus(names, values, present.begin))
-        q = solve(problem, problem.start(), budget=1).quadratic
-        if not np.isfinite(q.cost):
-            return [np.inf] * len(group)
-        costs = []
-        barred = np.array([_barred(whole, n, g) for n, g in zip(names, q.gradient, strict=False)])
-        for name in group:
-            others = tuple(f"{other}." for other in group if other != name)
-            movable = np.ones(q.gradient.size, bool)
-            movable[: len(names)] = [not n.startswith(others) for n in names] if others else True
-            movable[: len(names)] &= ~barred
-            costs.append(float(q.cost) - promised_gain(q, movable))
-        return costs
-
-    for group, costs in zip(groups, side_by_side(scored, groups), strict=True):
-        for (name, point), cost in zip(group.items(), costs, strict=True):
-            promised[name].append((cost, point))
-    return promised
-
-
-def _barred(problem: Problem, name: str, slope: float) -> bool:
-    """Whether a parameter of an effect would have to leave its null beyond a bound."""
-    p = problem.named.get(name)
-    if p is None or p.null is None:
-        return False
-    low, high = p.limits
-    return bool((p.null <= low and slope > 0) or (p.null >= high and slope < 0))
-
-
-def packed(points: Mapping[str, _Point], room: int) -> list[dict[str, _Point]]:
-    """The points in groups of no more parameters than there is room for; at least one each."""
-    groups: list[dict[str, _Point]] = []
-    free = 0
-    for name, point in points.items():
-        if not groups or len(point) > free:
-            groups.append({})
-            free = room
-        groups[-1][name] = point
-        free -= len(point)
-    return groups
 
 
 def _far(

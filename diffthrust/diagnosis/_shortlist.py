@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from diffthrust.diagnosis._probes import is_limit
-from diffthrust.diagnosis._promises import acts, promises
+from diffthrust.diagnosis._promises import Promise, acts, promises
 from diffthrust.diagnosis._score_test import promised_gain
 from diffthrust.diagnosis._trials import TrialFit, Trials
 from diffthrust.estimation._one_step import batch_passes
@@ -43,19 +43,23 @@ def shortlist(
     trials: Trials,
     present: TrialFit,
     points: Mapping[str, tuple[Sequence[_Point], Sequence[_Point]]],
-) -> tuple[list[str], list[str]]:
-    """The effects that are worth a fit, the one that promises most first; and all others so."""
-    response, gains, worth = present.response, {}, _worth(trials)
+) -> tuple[dict[str, list[Promise]], list[str]]:
+    """The effects that are worth a fit, the one that promises most first; and all others so.
+
+    With what each promises from its points next to the null.
+    """
+    response, gains, worth, nearby = present.response, {}, _worth(trials), {}
     for name, (near, far) in points.items():
         effect = trials.candidates[name]
         acting = partial(acts, response, effect)
         far = [*far, *inside(effect, far, acting)]
         found = promises(response, effect, near, far)
+        nearby[name] = found[: len(near)]
         gains[name] = max((2 * one.gain for one in found), default=0.0)
     least = max(worth, _SHARE * max(gains.values(), default=0.0))
     ranked = sorted(gains, key=lambda n: -gains[n])
     short = [n for n in ranked if gains[n] >= least][:_SHORT]
-    return short, ranked[len(short) :]
+    return {name: nearby[name] for name in short}, ranked[len(short) :]
 
 
 def _worth(trials: Trials) -> float:

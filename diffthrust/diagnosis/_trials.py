@@ -257,11 +257,6 @@ class Trials:
         """The unseen logs, with what was compiled last."""
         return self._programs[-1].unseen
 
-    @property
-    def room(self) -> int:
-        """Parameters of effects for which there is room beside all of the model's own and noise."""
-        return self.width - len(self.own) - len(self.nuisance)
-
     def moved(self, effects: Sequence[str]) -> tuple[str, ...]:
         """The parameters that are estimated with some effects present."""
         named = self.ready(effects).problem.named

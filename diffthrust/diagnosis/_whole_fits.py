@@ -19,6 +19,8 @@ from diffthrust.estimation._observer import is_memory
 from diffthrust.estimation._one_step import passes
 from diffthrust.simulation._errors import Errors, errors
 
+_FEW = 8
+"""Steps from each start of a fit to whole runs."""
 _Pairs = list[dict[str, tuple[np.ndarray, np.ndarray]]]
 
 
@@ -49,11 +51,11 @@ def beside_whole(trials: Trials, last: Stage, trial: TrialFit, effects: Sequence
     theirs = {n: v for n, v in trial.values.items() if n not in trials.nuisance}
     lacking = {n: v for n, v in theirs.items() if n not in last.fit.model.parameters}
     whole = over_whole_runs(trials)
-    ends = [
-        whole.solve(effects, {**there, **values, **still}, None, _free(trials))
+    begun = [
+        whole.solve(effects, {**there, **values, **still}, None, _free(trials), _FEW)
         for values in (theirs, lacking)
     ]
-    return min(ends, key=lambda end: end.cost)
+    return whole.further(min(begun, key=lambda end: end.expected))
 
 
 def worth_between(trials: Trials, before: TrialFit, after: TrialFit) -> Worth:

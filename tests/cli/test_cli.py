@@ -179,7 +179,8 @@ def test_in_a_process_of_its_own_the_cache_is_filled(sensor, tmp_path):
     assert result.stderr == ""
     assert "slope" in result.stdout
     kept = {file.name.split("-")[0] for file in cache.iterdir()}
-    assert {"jit_solved_by_passes", "jit_compiled_simulation"} <= kept  # the search and the simulation
+    search, simulation = "jit_solved_by_passes", "jit_compiled_simulation"
+    assert {search, simulation} <= kept
 
 
 @pytest.fixture

@@ -8,12 +8,11 @@ from reference import inputs, noise, thruster
 
 import diffthrust as dft
 from diffthrust.diagnosis._probes import probes  # private: the screen alone
+from diffthrust.diagnosis._promises import promises  # private: what is hoped for, alone
 from diffthrust.diagnosis._screen import (  # private: the screen alone
     anew,
     is_idle,
     levels_of,
-    null_scores,
-    packed,
     screened,
 )
 from diffthrust.diagnosis._shortlist import edge_of  # private: the search alone
@@ -22,12 +21,6 @@ from diffthrust.estimation._observer import WIDE  # private: its constant
 from diffthrust.estimation._solver import solved_by_passes  # private: how often it was compiled
 
 TIME = np.arange(500) * 0.05
-
-
-def test_points_share_a_pass_as_far_as_there_is_room():
-    points = {"a": {"a.x": 1.0}, "b": {"b.x": 1.0, "b.y": 1.0}, "c": {"c.x": 1.0}}
-    assert [list(group) for group in packed(points, 3)] == [["a", "b"], ["c"]]
-    assert [list(group) for group in packed(points, 0)] == [["a"], ["b"], ["c"]]
 
 
 @dataclass(frozen=True)
@@ -59,17 +52,16 @@ def trials():
 
 
 @pytest.mark.slow
-def test_effects_scored_together_are_scored_as_alone(trials):
+def test_next_to_a_null_is_promised_what_a_step_of_a_fit_from_there_promises(trials):
     made, base = trials
-    levels = levels_of(made, base)
-    near = {name: probes(effect, levels)[0] for name, effect in made.candidates.items()}
-    assert not near.pop("command_saturation")  # a limit has no neighbourhood of its null
-    together = null_scores(made, base, near)
-    for name, points in near.items():
-        alone = null_scores(made, base, {name: points})[name]
-        # the others are there at some 1e-5 of their size
-        assert together[name][0][0] == pytest.approx(alone[0][0], abs=0.05)
-    gain = {name: 2 * (base.cost - pairs[0][0]) for name, pairs in together.items()}
+    levels, gain = levels_of(made, base), {}
+    for name in ("coulomb_friction", "thrust_sensor_offset"):
+        effect = made.candidates[name]
+        point, *_ = near = probes(effect, levels)[0]
+        promised, *_ = promises(base.response, effect, near, [])
+        step = made.solve((name,), {**base.values, **point}, base.begin, base.limit, budget=1)
+        assert promised.gain == pytest.approx(base.cost - step.expected, abs=0.05)
+        gain[name] = 2 * promised.gain
     assert gain["coulomb_friction"] > 50 > 15 > gain["thrust_sensor_offset"]
 
 
