@@ -66,6 +66,9 @@ def admit(
     if not proven and candidate.delta_bic - 2 * min(unseen, 0.0) > -MARGIN:
         return Refusal.UNSEEN_LOGS
     added = replace(known, present=Present(trials, settled))
+    with tools.clock("remaining"):  # a constant may take up anything
+        if candidate.effect in trials.held and added.present.remaining is not None:
+            return Refusal.TAKES_UP
     fewer = drop(trials, added)
     if {*fewer.present.trial.effects} == {*before.trial.effects}:
         return fewer

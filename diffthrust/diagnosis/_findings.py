@@ -58,6 +58,7 @@ class Refusal(StrEnum):
     """Why an effect was not added although it fits the training logs better; "it ..."."""
 
     SMALL_PART = "explains a small part of what a signal of unknown form explains"
+    TAKES_UP = "takes up what is missing elsewhere: with it structure remains"
     UNSEEN_LOGS = "costs the unseen logs what it gains on the training logs"
     FAILS = "predicts the next sample better, and cannot be carried over whole runs"
     UNSEEN_RUNS = "predicts the next sample better, and whole unseen runs worse"
@@ -68,7 +69,7 @@ class Refusal(StrEnum):
     @property
     def by_whole_runs(self) -> bool:
         """Whether simulations over whole runs have spoken."""
-        return self not in (Refusal.SMALL_PART, Refusal.UNSEEN_LOGS)
+        return self not in (Refusal.SMALL_PART, Refusal.TAKES_UP, Refusal.UNSEEN_LOGS)
 
 
 @dataclass(frozen=True, repr=False)

@@ -76,7 +76,7 @@ class WholeRuns(NamedTuple):
     holdout: Errors | None
 
 
-class Change(NamedTuple):
+class WholeChange(NamedTuple):
     """Whole runs before a change and after it.
 
     Args:
@@ -92,12 +92,12 @@ class Change(NamedTuple):
     everywhere: Worth
 
 
-def change_between(trials: Trials, before: TrialFit, after: TrialFit) -> Change:
+def change_between(trials: Trials, before: TrialFit, after: TrialFit) -> WholeChange:
     """What whole runs say of one trial in place of another."""
     one, other = _held(trials, before, after), _held(trials, after, before)
     trained, unseen = _pairs(one.trained, other.trained), _pairs(one.unseen, other.unseen)
     worth = worth_of(unseen or trained), worth_of([*trained, *unseen])
-    return Change(one.errors, other.errors, *worth)
+    return WholeChange(one.errors, other.errors, *worth)
 
 
 class _Held(NamedTuple):

@@ -290,13 +290,21 @@ def caution_words(diag: Findings) -> list[str]:
 def closing_words(diag: Findings) -> list[str]:
     """The last lines: date, versions, hashes, and the model with what was found, to copy."""
     origin = diag.origin.sentences if diag.origin else ()
+    freed = ", ".join(f'"{name}"' for name in diag.held)
     return [
         *origin,
         "To copy into a spec file, and into Python:",
         effects_line(diag.model, diag.best),
         *form_lines((*diag.model.effects, *diag.best)),
+        *(f"[parameters] {_key(name)} = {{ fixed = false }}" for name in diag.held),
         python_line(diag.model, diag.best),
+        *[f"model = model.free({freed})"] * bool(freed),
     ]
+
+
+def _key(name: str) -> str:
+    """A parameter's name as a key of a spec file."""
+    return f'"{name}"' if "." in name else name
 
 
 def stage_words(diag: Findings, index: int) -> str:
