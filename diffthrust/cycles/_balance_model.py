@@ -15,7 +15,7 @@ from jaxtyping import Array, Complex, Float
 from diffthrust._support.transfer import Transfer
 from diffthrust.cycles._oscillation import CycleSeries
 from diffthrust.models._base.signals import Relaxing
-from diffthrust.simulation._integrate import plain_rate
+from diffthrust.simulation._runge_kutta import plain_rate
 
 _ITERATIONS = 20
 

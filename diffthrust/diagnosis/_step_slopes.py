@@ -16,7 +16,8 @@ from diffthrust.estimation._observer import Correction, Limits, limited
 from diffthrust.models._base.effect import Effect, Ports
 from diffthrust.models._base.parameter import parameter
 from diffthrust.models._base.signals import Relaxing, Signals
-from diffthrust.simulation._integrate import advance, exponential_weights
+from diffthrust.simulation._integrate import within
+from diffthrust.simulation._runge_kutta import advance, exponential_weights
 from diffthrust.simulation._trajectory import (
     arriving,
     equations_of,
@@ -199,7 +200,10 @@ class _Step:
         def rates(state: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
             return run.rates(rates_of(model, own, state, given), state)
 
-        ends = {n: jnp.concatenate([v[1:], v[-1:]]) for n, v in u.items()}
+        spans = {
+            n: (v,) if hold.get(n, "linear") == "zero" else (v, jnp.append(v[1:], v[-1:]))
+            for n, v in u.items()
+        }
         steps = jnp.diff(u["time"], append=u["time"][-1:]) / grid.substeps
         first = {n: self.path[n][0] for n in moving}
         weights = {
@@ -209,11 +213,7 @@ class _Step:
         }
 
         def further(part: Any, state: Mapping[str, Any]) -> dict[str, Any]:
-            given = {}
-            for n, v in u.items():
-                rise = (ends[n] - v) / grid.substeps
-                run_on = (v + rise * part, v + rise * (part + 1))
-                given[n] = (v,) if hold.get(n, "linear") == "zero" else run_on
+            given = {n: within(span, part, grid.substeps) for n, span in spans.items()}
             return advance(rates, state, given, steps, weights)
 
         state = {n: jnp.broadcast_to(states[n], steps.shape) for n in moving}

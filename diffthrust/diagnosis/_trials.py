@@ -190,9 +190,8 @@ class Trials:
         remembering = {p for e in model.effects if e.memory for p in e.ports}
         lasts = NOISE_MODELS[noise_model].lasts
         observer = observer_of(model, logs[0], self.channels, remembering, lasts)
-        self._arranged = partial(
-            build, substeps=substeps, likelihood=Innovations(law=StudentT(), observer=observer)
-        )
+        likelihood = Innovations(law=StudentT(), observer=observer)
+        self._arranged = partial(build, substeps=substeps, likelihood=likelihood, compact=True)
         self._unseen, self._lock = tuple(unseen), RLock()
         first = self._arranged(model, self.logs)
         self.nuisance = tuple(n for n, p in first.nuisance.items() if not p.fixed)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from diffthrust._support._running.batching import padded_length
+from diffthrust._support._running.batching import alone, padded_length
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust.estimation._numbers import Batch, ProblemNumbers, Restart
@@ -22,10 +22,10 @@ from diffthrust.simulation._starts import following
 from diffthrust.simulation._step_size import sensor_noise
 from diffthrust.simulation._trajectory import Grid, Key
 
-_WASTE = 0.25
-"""Logs share a batch while what they are padded with is at most this share of their samples,"""
-_LITTLE = 1000
-"""or so many samples: each batch has its own part in the compiled code, and takes seconds."""
+_WASTE = 1.0
+"""Logs share a batch while what they are padded with is at most this share of their samples: each
+batch has its own part in the compiled code, and takes seconds, and what is padded is left out of
+the simulation."""
 
 
 def build(
@@ -37,6 +37,7 @@ def build(
     segmented: bool = False,
     likelihood: Likelihood | None = None,
     width: int | None = None,
+    compact: bool = False,
 ) -> Problem:
     """Arrange a model and its logs for estimation.
 
@@ -73,7 +74,7 @@ def build(
             n for n in trusted(model) if segmented and any(_reads(log, n) for log in group)
         )
         uniform = all(log.even for log in group)
-        grids.append(Grid(hold, substeps, restarted, uniform))
+        grids.append(Grid(hold, substeps, restarted, uniform, compact, padded=alone()))
         batches.append(_batch(model, group, channels, starts, restarted, follow))
         order.append(tuple(indices))
     counts = _counts(batches)
@@ -202,7 +203,7 @@ def _grouped(
         for members, theirs in groups:
             samples = sum(len(logs[i]) for i in (*members, index))
             padded = len(logs[members[0]]) * (len(members) + 1)
-            if theirs == hold and padded - samples <= max(_WASTE * samples, _LITTLE):
+            if theirs == hold and padded - samples <= _WASTE * samples:
                 members.append(index)
                 break
         else:

@@ -33,7 +33,7 @@ from diffthrust.models._base.parameter import Parameter
 from diffthrust.models._base.signals import Signals
 from diffthrust.simulation._errors import wrapped
 from diffthrust.simulation._inputs import measured_outputs
-from diffthrust.simulation._integrate import with_push
+from diffthrust.simulation._runge_kutta import with_push
 from diffthrust.simulation._linearise import slopes_at
 from diffthrust.simulation._trajectory import Grid, equations_of, march, read_out
 
@@ -191,13 +191,10 @@ class Correction:
         step = jnp.diff(time, append=time[-1:])
         kept = {f"drift.{n}": values[f"noise.{n}.memory"] for n in observer.forced}
         kept |= {f"colour.{c}": values[f"noise.{c}.correlation"] for c in observer.channels}
-        self.rows: Mapping[str, Any] = {
-            name: jnp.exp(-step / memory) for name, memory in kept.items()
-        }
-        self.between: Mapping[str, float] = {**dict.fromkeys(kept, 1.0), "rate": 0.0}
+        left = {name: jnp.exp(-step / memory) for name, memory in kept.items()}
         rate = jnp.where(step > 0, 1.0 / jnp.where(step > 0, step, 1.0), 0.0)
         seen = {c: measured[i] for i, c in enumerate(observer.channels)}
-        self.rows = {**self.rows, **seen, "rate": rate}
+        self.rows: Mapping[str, Any] = {**left, **seen, "rate": rate}
         self.start: Mapping[str, Any] = {f"drift.{n}": 0.0 for n in observer.forced}
         self.start = {**self.start, **{f"colour.{c}": 0.0 for c in observer.fed}}
 

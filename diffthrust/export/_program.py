@@ -12,7 +12,7 @@ from diffthrust.export._operations import Operation, Operations
 from diffthrust.export._rendered import filled_in
 from diffthrust.export._source import ExportSource
 from diffthrust.export._trace import Traced, traced_model
-from diffthrust.simulation._integrate import SERIES, TURN
+from diffthrust.simulation._runge_kutta import SERIES, TURN
 
 HISTORY = 256
 """So many samples a delay remembers."""

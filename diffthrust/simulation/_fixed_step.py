@@ -10,7 +10,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from diffthrust._support._running.batching import run_program, shared_length
+from diffthrust._support._running.batching import alone, padded_length, run_program
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust.logs._log import Log
@@ -28,7 +28,7 @@ def compiled_simulation(static: tuple[Key, Grid], numbers: Any) -> Any:
 
 
 def _run(key: Key, grid: Grid, values: Any, time: Any, inputs: Any, start: Any) -> Any:
-    spare = shared_length(time.size) - time.size
+    spare = padded_length(time.size) - time.size
     if spare:  # steps of no length: the state rests
         time, inputs = jax.tree.map(lambda s: np.pad(s, (0, spare), "edge"), (time, inputs))
     return run_program(compiled_simulation, (key, grid), (values, time, inputs, start))
@@ -52,7 +52,7 @@ def simulated_from(
     inputs = inputs_of(key.model, log)
     outputs, states = _run(
         key,
-        Grid(hold_of(log, inputs), substeps, uniform=log.even),
+        Grid(hold_of(log, inputs), substeps, uniform=log.even, padded=alone()),
         {name: np.asarray(value, float) for name, value in values.items()},
         log.time,
         inputs,

@@ -14,7 +14,7 @@ from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Signals
 from diffthrust.simulation._inputs import inputs_of
-from diffthrust.simulation._integrate import plain_rate
+from diffthrust.simulation._runge_kutta import plain_rate
 from diffthrust.simulation._trajectory import equations_of
 
 

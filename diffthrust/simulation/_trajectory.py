@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -25,12 +24,16 @@ class Grid:
         substeps: steps of the integrator per sample.
         restarted: measured states that may be set anew.
         uniform: all samples are equally far apart.
+        compact: less code to compile, for many effects at a time; see `advance`.
+        padded: samples at the end that follow at once are left out; see `integrate`.
     """
 
     hold: tuple[tuple[str, str], ...]
     substeps: int = 1
     restarted: tuple[str, ...] = ()
     uniform: bool = False
+    compact: bool = False
+    padded: bool = False
 
 
 def trajectory(
@@ -85,24 +88,27 @@ def march(
 
     begin = states if observe is None else {**states, **observe.start}
     held = dict(grid.hold)
-    per_step = {
-        name: _per_step(value, held.get(name, "linear"), grid.substeps)
+    spans = {
+        name: (value[:-1],) if held.get(name, "linear") == "zero" else (value[:-1], value[1:])
         for name, value in {**series, "time": time}.items()
     }
-    steps = jnp.repeat(jnp.diff(time) / grid.substeps, grid.substeps)
-    anew = {
-        name: (_sparse(restart[name][0][:-1], grid.substeps), restart[name][1])
-        for name in grid.restarted
-    }
+    anew = {name: (restart[name][0][:-1], restart[name][1]) for name in grid.restarted}
     correct, rows = None, None
     if observe is not None:
-        correct = observe.correct
-        rows = {
-            name: _sparse(row[:-1], grid.substeps, observe.between.get(name, math.nan))
-            for name, row in observe.rows.items()
-        }
-    path = integrate(rates, begin, per_step, steps, anew, correct, rows, grid.uniform)
-    return series, {name: value[:: grid.substeps] for name, value in path.items()}
+        correct, rows = observe.correct, {name: row[:-1] for name, row in observe.rows.items()}
+    return series, integrate(
+        rates,
+        begin,
+        spans,
+        jnp.diff(time),
+        anew,
+        correct,
+        rows,
+        uniform=grid.uniform,
+        substeps=grid.substeps,
+        compact=grid.compact,
+        padded=grid.padded,
+    )
 
 
 def rates_of(
@@ -133,8 +139,6 @@ class Observe(Protocol):
     """The observer's own states at the start."""
     rows: Mapping[str, Any]
     """What it reads at each sample, ``(T,)`` each."""
-    between: Mapping[str, float]
-    """What it reads between samples instead; NaN where not named."""
 
     def rates(self, found: dict[str, Any], state: Mapping[str, Any]) -> dict[str, Any]:
         """The rates with what the observer adds, and those of its own states."""
@@ -184,25 +188,6 @@ def starting_point(model: Model, first: Signals, given: Mapping[str, Any]) -> di
     port = Ports(model.effects, s, starting=True)
     equations_of(model, s, port)
     return {**states, **{name: given.get(name, x) for name, x in port.initial.items()}}
-
-
-def _per_step(series: Any, hold: str, substeps: int) -> tuple[Any, ...]:
-    if hold == "zero":
-        return (jnp.repeat(series[:-1], substeps),)
-    if substeps == 1:
-        return series[:-1], series[1:]
-    share = (jnp.arange(substeps) / substeps)[None, :]
-    rise = jnp.diff(series)[:, None]
-    begin = (series[:-1, None] + rise * share).reshape(-1)
-    end = (series[:-1, None] + rise * (share + 1 / substeps)).reshape(-1)
-    return begin, end
-
-
-def _sparse(values: Any, substeps: int, between: float = math.nan) -> Any:
-    """Values at the first substep of each sample only."""
-    if substeps == 1:
-        return values
-    return jnp.full((values.shape[0], substeps), between).at[:, 0].set(values).reshape(-1)
 
 
 class Key:

@@ -14,10 +14,8 @@ import diffthrust as dft
 from diffthrust import Log, simulate
 from diffthrust.effects import ActuatorLag
 from diffthrust.models import Relaxing
-from diffthrust.simulation._integrate import (  # private: the integrator alone
-    exponential_weights,
-    integrate,
-)
+from diffthrust.simulation._integrate import integrate  # private: the integrator alone
+from diffthrust.simulation._runge_kutta import exponential_weights
 
 # Order.
 

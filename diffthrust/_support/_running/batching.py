@@ -52,20 +52,23 @@ def padded_to(lengths: Sequence[int]) -> Iterator[None]:
         _ladder.reset(token)
 
 
+def alone() -> bool:
+    """Whether programs run for one log at a time, so that what is padded can be left out."""
+    return shared_runs() is None
+
+
 def padded_length(samples: int) -> int:
-    """How long a log of so many samples is made: the least length that it fits in."""
+    """How long a log of so many samples is made: the least of a few lengths that it fits in.
+
+    They are those of `padded_to`, and beyond these two to each doubling. Each length is a program
+    of its own, which is never given back.
+    """
     lengths = _ladder.get()
     at = int(np.searchsorted(lengths, samples))
-    return int(lengths[at]) if at < len(lengths) else samples
-
-
-def shared_length(samples: int) -> int:
-    """As `padded_length`, and elsewhere the least of a few lengths, two to each doubling.
-
-    Each length is a program of its own, which is never given back.
-    """
-    if _ladder.get():
-        return padded_length(samples)
+    if at < len(lengths):
+        return int(lengths[at])
+    if len(lengths):
+        return samples
     halves = math.ceil(2 * math.log2(max(samples, _SHORT)))
     return max(samples, math.ceil(2 ** (halves / 2) - 1e-9))
 

@@ -34,7 +34,7 @@ from diffthrust.describing._periodic.period import (
     start_of,
 )
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._integrate import plain_rate
+from diffthrust.simulation._runge_kutta import plain_rate
 from diffthrust.simulation._trajectory import Key, rates_of
 
 MOST_EVALUATIONS = 80

@@ -121,7 +121,7 @@ class _Driven(Correction):
     """An observer run forward: what stands for the measurements are the errors themselves."""
 
     def error(self, channel: str, modelled: Any, measured: Any, colour: Any) -> Any:
-        """The error that was drawn; between samples there is none."""
+        """The error that was drawn."""
         return jnp.where(jnp.isnan(measured), 0.0, measured)
 
 
