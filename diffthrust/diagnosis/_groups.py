@@ -18,6 +18,8 @@ from diffthrust.experiments._suggest import suggest_experiment
 
 _ALIKE = 8.0
 """Effects whose criteria differ by less than this cannot be told apart (odds of some 50 to 1)."""
+_HOPELESS = 100.0
+"""Where a few steps promise no less a difference than this, more would not make up for it."""
 _MOST_OF_IT = 0.9
 """Where whole runs stay poor, neither can those be that remove so much of what the effect does,"""
 _LEFT = 1.1
@@ -42,6 +44,8 @@ def groups_of(tools: Tools, known: SearchState, first: TrialFit) -> tuple[tuple[
         alike, price = [name], price_of(trials, present, name)
         others = sorted(rivals - {*present.effects})
         for rival, trial in screened(trials, others, without, levels).items():
+            if 2 * (trial.expected - present.cost) > _HOPELESS:
+                continue
             trial = trials.further(trial)
             worse = trial.cost - present.cost
             if rival in known.refused:

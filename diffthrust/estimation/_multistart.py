@@ -18,8 +18,15 @@ FIRST_BUDGET = 12
 _ENDED = 8
 """At least so many starts are carried to the end: the first steps favour the near basin, which need
 not be the deep one, so that agreement among the best few alone would prove little."""
+_CLOSE = 1e-6
+"""Starts are compared where a full step would gain less log-likelihood than this; the best alone is
+carried on from there: half of a search's steps would creep along the last digits."""
 _SAME = 1e-4
-"""Log-likelihoods nearer than this are the same optimum."""
+"""Log-likelihoods nearer than this are the same optimum;"""
+_ROUNDED = 0.1
+_BESIDE = 0.05
+"""and so are they with a difference up to the first, if their coordinates are no further apart than
+the second, in standard errors: then it is of rounding, or of a kink."""
 _AGREED = 3
 """So many starts should end in the best optimum; with fewer, more are tried."""
 
@@ -67,9 +74,9 @@ class Search:
 
     def followed(self, problem: Problem) -> Search:
         """The search carried on to a related problem from its best few optima and the guesses."""
-        carried = [(solve(problem, solved.z), n) for solved, n in self.optima[:_CARRIED]]
-        carried += [(solve(problem, z), 1) for z in self.guesses]
-        return replace(self, optima=distinct(carried))
+        carried = [(_close(problem, solved.z), n) for solved, n in self.optima[:_CARRIED]]
+        carried += [(_close(problem, z), 1) for z in self.guesses]
+        return replace(self, optima=_best_ended(problem, distinct(carried)))
 
     def rivals(self, problem: Problem) -> tuple[str, ...]:
         """Parameters in which an equally good optimum differs from the best by over an error."""
@@ -122,11 +129,12 @@ def search(
     Every start is carried a few steps; the best quarter (at least `_ENDED`) are carried to the end.
     While the best optimum was found fewer than `_AGREED` times, the next best are carried on too,
     and then as many starts again are drawn, twice at most. ``first`` is the first start where it
-    was begun already. All ``guesses`` are carried to the end, whatever the others reach.
+    was begun already. All ``guesses`` are carried to the end, whatever the others reach; where there
+    are some, one start less has to agree: they were not drawn, but known to be good.
     """
-    tell = teller(progress)
+    tell, enough = teller(progress), _AGREED - bool(guesses)
     begun: list[Solved] = []
-    ended = [solve(problem, z) for z in guesses]
+    ended = [_close(problem, z) for z in guesses]
     total = 0
     for shares in _ROUNDS:
         say = part(tell, *shares)
@@ -139,18 +147,31 @@ def search(
             say(f"start {len(begun)}", 0.5 * (i + 1) / len(fresh))
         begun.sort(key=_rank)
         wanted = max(_ENDED, len(begun) // 4)
-        while begun and (wanted > 0 or _agreeing(ended) < _AGREED):
+        while begun and (wanted > 0 or _agreeing(ended) < enough):
             one = begun.pop(0)
             if np.isfinite(one.quadratic.cost):
-                ended.append(one if one.done else solve(problem, one.z))
+                ended.append(one if one.done else _close(problem, one.z))
             wanted -= 1
             say(f"refining {len(ended)}", 1.0 - 0.5 * len(begun) / total)
-        if starts == 1 or _agreeing(ended) >= _AGREED:
+        if starts == 1 or _agreeing(ended) >= enough:
             break
     if not ended:  # not one start could be simulated
         ended.append(solve(problem, problem.start(), budget=1))
-    optima = distinct([(solved, 1) for solved in ended])
+    optima = _best_ended(problem, distinct([(solved, 1) for solved in ended]))
     return Search(_mirrored(problem, optima), total + len(guesses), tuple(guesses))
+
+
+def _close(problem: Problem, z: np.ndarray) -> Solved:
+    return solve(problem, z, tolerance=_CLOSE)
+
+
+def _best_ended(
+    problem: Problem, optima: tuple[tuple[Solved, int], ...]
+) -> tuple[tuple[Solved, int], ...]:
+    """The best of several optima carried to the end."""
+    (best, count), *others = optima
+    ended = solve(problem, best.z) if np.isfinite(best.quadratic.cost) else best
+    return ((ended, count), *others)
 
 
 def distinct(ended: list[tuple[Solved, int]]) -> tuple[tuple[Solved, int], ...]:
@@ -175,10 +196,11 @@ def _same(one: Solved, other: Solved) -> bool:
     """Equal likelihoods, and nothing between them that either of the two would notice."""
     if not np.isfinite(_cost(other)):
         return not np.isfinite(_cost(one))
-    if abs(_cost(one) - _cost(other)) > _SAME + 1e-9 * abs(_cost(other)):
+    apart, away = abs(_cost(one) - _cost(other)), one.z - other.z
+    if apart > _ROUNDED:
         return False
-    away = one.z - other.z
-    return any(away @ s.quadratic.information @ away <= 1.0 for s in (one, other))
+    nearest = min(float(away @ s.quadratic.information @ away) for s in (one, other))
+    return nearest <= (1.0 if apart <= _SAME + 1e-9 * abs(_cost(other)) else _BESIDE**2)
 
 
 def _mirrored(
