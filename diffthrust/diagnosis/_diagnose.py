@@ -156,7 +156,11 @@ def _reported(
         odd_logs=odd_logs(trials, present, (*trained[1].runs, *(held[1].runs if unseen else ()))),
         experiment=None,
         seconds=tools.clock.seconds,
-        worth={n: w for n, w in known.worth.items() if n not in trials.held},
+        worth={
+            n: w
+            for n, w in known.worth.items()
+            if n in (*known.stages[-1].effects, *known.detectable) and n not in trials.held
+        },
         detectable=known.detectable,
     )
     with tools.clock("headroom"):

@@ -15,8 +15,8 @@ from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Signals
 from diffthrust.simulation._inputs import inputs_of
-from diffthrust.simulation._runge_kutta import plain_rate
 from diffthrust.simulation._linearise import Reading, slopes_at
+from diffthrust.simulation._runge_kutta import plain_rate
 from diffthrust.simulation._trajectory import equations_of
 
 KNOTS = 7

@@ -103,7 +103,7 @@ def _asked(response: Response, effect: Effect, point: Point, near: bool) -> _Ask
 
 
 def _difference(one: Shift, other: Shift, per: float) -> Shift:
-    with np.errstate(invalid="ignore"):  # what is not finite is left out later
+    with np.errstate(invalid="ignore", over="ignore"):  # what is not finite is left out later
         return {
             place: tuple(
                 [(a - b) / per for a, b in zip(*parts, strict=True)]

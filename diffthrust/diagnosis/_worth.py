@@ -161,7 +161,8 @@ def _table(logs: Sequence[Mapping[str, BeforeAfter]], names: Sequence[str]) -> l
             one = log[name]
             seen = np.isfinite(one.measured)
             for k, rest in enumerate((one.before, one.after)):
-                squares[seen, c, k] = np.where(np.isfinite(rest), rest, np.inf)[seen] ** 2
+                with np.errstate(over="ignore"):  # of a run that went astray
+                    squares[seen, c, k] = np.where(np.isfinite(rest), rest, np.inf)[seen] ** 2
                 lasts = max(lasts, _lasting(np.where(seen, rest, np.nan)))
             squares[:, c] /= unit[name]
         pieces = int(np.clip(size / (_LONGER * lasts), *_BLOCKS))
@@ -174,7 +175,8 @@ def _lasting(rest: np.ndarray) -> float:
     seen = rest[~np.isnan(rest)]
     if seen.size < _BLOCKS[0] or not np.all(np.isfinite(seen)) or not np.ptp(seen) > 0:
         return 1.0
-    return integral(autocorrelation([rest], rest.size // _BLOCKS[0]))
+    unit = np.abs(seen).max()  # of a run that went astray the squares would overflow
+    return integral(autocorrelation([rest / unit], rest.size // _BLOCKS[0]))
 
 
 def _drawn(table: Sequence[np.ndarray], seed: int) -> np.ndarray:

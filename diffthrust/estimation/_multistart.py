@@ -126,11 +126,12 @@ def search(
 ) -> Search:
     """Minimise from several starts.
 
-    Every start is carried a few steps; the best quarter (at least `_ENDED`) are carried to the end.
+    Every start is carried a few steps; the best quarter (at least `_ENDED`) are carried on until
+    little is left to be gained, and the best of them to the end.
     While the best optimum was found fewer than `_AGREED` times, the next best are carried on too,
     and then as many starts again are drawn, twice at most. ``first`` is the first start where it
-    was begun already. All ``guesses`` are carried to the end, whatever the others reach; where there
-    are some, one start less has to agree: they were not drawn, but known to be good.
+    was begun already. All ``guesses`` are carried on, whatever the others reach; where there are
+    some, one start less has to agree: they were not drawn, but known to be good.
     """
     tell, enough = teller(progress), _AGREED - bool(guesses)
     begun: list[Solved] = []

@@ -33,8 +33,8 @@ from diffthrust.models._base.parameter import Parameter
 from diffthrust.models._base.signals import Signals
 from diffthrust.simulation._errors import wrapped
 from diffthrust.simulation._inputs import measured_outputs
-from diffthrust.simulation._runge_kutta import with_push
 from diffthrust.simulation._linearise import slopes_at
+from diffthrust.simulation._runge_kutta import with_push
 from diffthrust.simulation._trajectory import Grid, equations_of, march, read_out
 
 CLIP = 4.0

@@ -83,7 +83,9 @@ def integrate(
             given = {name: within(value, part, substeps) for name, value in inputs_now.items()}
             return advance(rates, state, given, step / substeps, weights, compact)
 
-        return further(0, state) if substeps == 1 else jax.lax.fori_loop(0, substeps, further, state)
+        return (
+            further(0, state) if substeps == 1 else jax.lax.fori_loop(0, substeps, further, state)
+        )
 
     rows_of_steps = (dict(inputs), steps, values, {} if uniform else fast, rows)
     if padded:
@@ -106,6 +108,7 @@ def _until_the_end(
         state = body(state, jax.tree.map(lambda row: row[i], rows))
         return state, {name: after[name].at[i].set(state[name]) for name in after}
 
+    rows = jax.tree.map(jnp.asarray, rows)
     after = {name: jnp.broadcast_to(value, steps.shape) for name, value in first.items()}
     count = jnp.max(jnp.where(steps != 0.0, jnp.arange(1, steps.size + 1), 0))
     return jax.lax.fori_loop(0, count, one, (first, after))[1]

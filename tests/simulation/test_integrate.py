@@ -299,3 +299,53 @@ def test_a_restart_sets_the_state_with_its_own_sign_where_the_sensor_is_unsigned
 
 def test_a_model_without_states_integrates_nothing():
     assert integrate(lambda s, u: {}, {}, {}, jnp.ones(3), {}) == {}
+
+
+# How the same steps are compiled.
+
+STEP = 0.05
+
+
+def of_a_pair(steps, command, **how):
+    """A fast relaxing state and a plain one behind it, driven by a command that runs linearly."""
+
+    def rates(s, u):
+        lag = Relaxing((u["u"] - s["y"]) / 0.01, 1 / 0.01)
+        return {"y": lag, "x": s["y"] - s["x"] * jnp.abs(s["x"])}
+
+    given = {"u": (jnp.asarray(command[:-1]), jnp.asarray(command[1:]))}
+    return integrate(rates, {"y": 0.3, "x": -0.2}, given, jnp.asarray(steps), {}, **how)
+
+
+@pytest.mark.parametrize("how", [{}, {"uniform": True}, {"substeps": 3}])
+def test_stages_in_a_loop_give_what_stages_in_a_row_do(how):
+    steps, command = np.full(40, STEP), np.sin(np.arange(41.0))
+    plain, looped = (of_a_pair(steps, command, **how, compact=compact) for compact in (False, True))
+    for name in plain:
+        np.testing.assert_allclose(looped[name], plain[name], rtol=1e-12, atol=1e-14)
+
+
+def test_a_divided_step_is_as_many_short_ones():
+    time = STEP * np.arange(21)
+    command = np.sin(np.arange(21.0))
+    fine = np.linspace(0.0, time[-1], 4 * 20 + 1)
+    short = of_a_pair(np.diff(fine), np.interp(fine, time, command))
+    divided = of_a_pair(np.diff(time), command, substeps=4)
+    for name in short:
+        np.testing.assert_allclose(divided[name], short[name][::4], rtol=1e-11, atol=1e-13)
+
+
+@pytest.mark.parametrize("how", [{}, {"substeps": 3}, {"compact": True}])
+def test_what_a_log_is_padded_with_is_left_out(how):
+    steps, command = np.full(30, STEP), np.sin(np.arange(31.0))
+    whole = of_a_pair(steps, command, **how)
+    longer = np.append(steps, np.zeros(12)), np.append(command, np.full(12, command[-1]))
+    padded = of_a_pair(*longer, **how, padded=True)
+    for name in whole:
+        np.testing.assert_allclose(padded[name][:31], whole[name], rtol=1e-13, atol=0)
+        np.testing.assert_array_equal(padded[name][31:], padded[name][0])
+    slopes = jax.jacfwd(
+        lambda level: of_a_pair(longer[0], level * longer[1], **how, padded=True)["x"]
+    )
+    short = jax.jacfwd(lambda level: of_a_pair(steps, level * command, **how)["x"])
+    np.testing.assert_allclose(slopes(1.0)[:31], short(1.0), rtol=1e-11, atol=1e-14)
