@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import importlib.util
 import inspect
+import sys
 import traceback
 from collections.abc import Mapping
 from functools import lru_cache
+from hashlib import sha256
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -94,22 +95,40 @@ def _class(word: str, folder: Path, base: type, known: Mapping[str, type], what:
     )
 
 
-@lru_cache(maxsize=64)
 def _script(path: Path) -> ModuleType:
-    """Run a user's script as a module, once."""
-    described = importlib.util.spec_from_file_location(f"_user_{path.stem}", path)
-    if described is None or described.loader is None or not path.is_file():
-        raise InputError(f"{path}: expected a Python script, found none.", "Correct the path.")
-    module = importlib.util.module_from_spec(described)
+    """What a user's script defines, as its text is now."""
     try:
-        described.loader.exec_module(module)
-    except Exception as error:
+        source = path.read_bytes()
+    except OSError as error:
+        raise InputError(
+            f"{path}: expected a Python script, found none ({error.strerror or error}).",
+            "Correct the path.",
+        ) from None
+    return _executed(path, source)
+
+
+@lru_cache(maxsize=64)
+def _executed(path: Path, source: bytes) -> ModuleType:
+    """A module of this very text: not of compiled code that lies beside it, nor of an older text.
+
+    Whatever the script raises is an error of the script, also where it ends the interpreter: an
+    exit status of zero would say that all is well.
+    """
+    module = ModuleType(f"_user_{path.stem}_{sha256(source).hexdigest()[:12]}")
+    module.__file__ = str(path)
+    sys.modules[module.__name__] = module  # dataclasses look their module up there
+    try:
+        exec(compile(source, str(path), "exec"), module.__dict__)
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        del sys.modules[module.__name__]
         lines = [
             f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == str(path)
         ]
-        lines = lines or [getattr(error, "lineno", None)]
+        lines = lines or [getattr(error, "lineno", None) or 1]
         raise InputError(
             f"{path.name}, line {lines[-1]}: the script fails with {type(error).__name__}: {error}",
-            "Mend the script; it must run on its own.",
+            "Mend the script; it must run on its own, to its end.",
         ) from error
     return module

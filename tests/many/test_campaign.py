@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 import diffthrust as dft
 from diffthrust.cli import _app  # private: the app that the command runs
-from diffthrust.many._campaign import campaign, store  # private: patched, for a full disk
+from diffthrust.many._campaign import campaign, store, task  # private: patched, for what goes wrong
 from diffthrust.specs import load_spec
 
 
@@ -103,6 +103,29 @@ def test_a_script_that_a_spec_names_counts(dives):
     assert done.table["model"][0] == "own"
     script.write_text(script.read_text() + "\n")
     assert ran(dives)[1] == ["a"]
+
+
+def test_what_is_changed_while_it_is_worked_on_is_no_result(dives, monkeypatch):
+    spec = dives / "a" / "fit.toml"
+    spec.write_text(SENSOR.replace('"linear_sensor"', '"own.py:Own"'))
+    script = dives / "a" / "own.py"
+    script.write_text("import diffthrust as dft\nclass Own(dft.LinearSensor): name = 'own'\n")
+    fitted = task._TASKS["fit"]
+
+    def edited(spec, job):
+        result = fitted(spec, job)
+        if job.name == "a":
+            script.write_text(script.read_text() + "MARK = 1\n")
+        return result
+
+    with monkeypatch.context() as patched:
+        patched.setitem(task._TASKS, "fit", edited)
+        done, names = ran(dives)
+    row = list(done.table["name"]).index("a")
+    assert done.table["status"][row] == "failed"
+    assert "was changed while it was worked on" in done.table["error"][row]
+    done, names = ran(dives)
+    assert (names, done.table["status"][row]) == (["a"], "ok")
 
 
 def test_bad_specs_and_logs_are_rows_and_are_tried_again(dives):

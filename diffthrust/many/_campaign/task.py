@@ -86,9 +86,15 @@ def run_job(job: Job) -> ResultRow:
     """
     begun, mark = time.perf_counter(), None
     try:
-        spec = load_spec(job.spec)
-        mark = fingerprint(spec, job)
+        mark = fingerprint(load_spec(job.spec), job)
+        spec = load_spec(job.spec)  # of what the mark is of, unless the last look says otherwise
         result = _TASKS[job.task](spec, job)
+        if fingerprint(load_spec(job.spec), job) != mark:
+            raise InputError(
+                "The spec, one of its logs or a script that it names was changed while it was "
+                "worked on: nobody knows which state the result is of.",
+                "Run the campaign again.",
+            )
         seconds = time.perf_counter() - begun
         row = plain(
             {**head(job, "ok"), **result.columns, "seconds": seconds, "numbers": result.numbers}
