@@ -62,7 +62,7 @@ def _rows(name: str, path: Path, update: bool) -> tuple[list[CheckRow], bool, st
     if update:
         text = updated(spec.text, path, expected, fit, marks)
         if text != spec.text:
-            write_whole(path, text.encode("utf-8"))
+            _write_over(path, spec.text, text)
             expected = load_spec(path).file.expected
             assert expected is not None
             return list(compared(name, expected, fit)), True, ""
@@ -72,6 +72,23 @@ def _rows(name: str, path: Path, update: bool) -> tuple[list[CheckRow], bool, st
         mend = "Remove the empty [expected] block and run diffthrust check --update."
         rows = [CheckRow(name, "empty [expected] block", None, None, None, False, mend)]
     return rows, False, "" if all(row.ok for row in rows) else marks.since(expected)
+
+
+def _write_over(path: Path, before: str, after: str) -> None:
+    """Write a spec in place of the text that was read; an edit that came meanwhile is not lost.
+
+    Raises:
+        InputError: the file is another one by now.
+    """
+    if path.read_bytes() != before.encode("utf-8"):
+        beside = path.with_name(f"{path.name}.updated")
+        write_whole(beside, after.encode("utf-8"))
+        raise InputError(
+            f"{path}: the file was saved anew while its fit ran. It is left as it is; what would "
+            f"have been written is in {beside.name}.",
+            f"Remove {beside.name}, and run diffthrust check --update again.",
+        )
+    write_whole(path, after.encode("utf-8"))
 
 
 class Task(NamedTuple):

@@ -22,7 +22,7 @@ from diffthrust.checks._expected import with_expected  # private: the text alone
 from diffthrust.checks._marks import Marks  # private: what a block says of its making
 from diffthrust.checks._run import run_again  # private: one fit, in another order
 from diffthrust.checks._tables import check_table  # private: what a terminal shows
-from diffthrust.specs import load_spec
+from diffthrust.specs import Spec, load_spec
 from diffthrust.specs._file import ExpectedNumber  # private: what a block holds
 
 
@@ -412,3 +412,28 @@ def test_a_script_that_a_spec_names_is_part_of_it(fits):
     before = load_spec(path).sha256
     script.write_text(script.read_text() + "    horizon = 3.0\n")
     assert load_spec(path).sha256 != before
+
+
+def test_an_edit_that_comes_while_the_fit_runs_is_not_lost(fits, monkeypatch):
+    path = spec_of(fits)
+    without_expected(path)
+    fitted = Spec.fit
+
+    def slowly(self, *args, **kwargs):
+        fit = fitted(self, *args, **kwargs)
+        path.write_text(path.read_text() + "# looked at by hand\n")
+        return fit
+
+    monkeypatch.setattr(Spec, "fit", slowly)
+    checked = check(fits, update=True, jobs=1)
+    assert not checked.ok
+    assert "saved anew while its fit ran" in str(checked.rows)
+    assert path.read_text().endswith("# looked at by hand\n")
+    assert "[expected]" not in path.read_text()
+    beside = path.with_name("fit.toml.updated")
+    assert "[expected]" in beside.read_text()
+    monkeypatch.undo()
+    beside.unlink()
+    assert check(fits, update=True, jobs=1).ok
+    assert "# looked at by hand" in path.read_text()
+    assert check(fits, jobs=1).ok
