@@ -232,10 +232,10 @@ class _Optimum:
         return self.model.free(*self.silent) if self.silent else self.model
 
     @property
-    def unmoved(self) -> tuple[str, ...]:
-        """A note on what was held."""
+    def unmoved(self) -> str:
+        """A sentence on what was not estimated."""
         names = ", ".join(self.silent)
-        return (f"These logs say nothing about {names}: held at the value given.",) * bool(names)
+        return f" Not estimated, but held as given: {names}; these logs do not tell." * bool(names)
 
     @property
     def coarse(self) -> tuple[str, ...]:
@@ -310,7 +310,7 @@ def _judged(optimum: _Optimum, again: tuple[str, ...], doubts: tuple[Doubt, ...]
         "covariance": local.covariance,
         "free": problem.own,
         "status": status,
-        "message": message + little,
+        "message": message + optimum.unmoved + little,
         "checks": Checks(*figures, search.begun, agreeing),
         "train": train,
         "log_likelihood": -cost,
@@ -321,7 +321,6 @@ def _judged(optimum: _Optimum, again: tuple[str, ...], doubts: tuple[Doubt, ...]
         "notes": (
             *optimum.notes,
             *again,
-            *optimum.unmoved,
             *gone,
             *optimum.coarse,
             *correlated,

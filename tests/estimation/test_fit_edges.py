@@ -251,3 +251,14 @@ def test_sensors_that_begin_when_the_start_is_forgotten(first):
     assert fit.status.ok, fit.message
     assert all(within(fit, name, value) for name, value in true.items())
     assert abs(fit.initial[0]["speed"]) < 6.0 * np.nanmax(np.abs(measured["speed"]))
+
+
+def test_a_status_says_what_was_not_estimated():
+    made = record(seed=9)
+    given, seen = dict(made.inputs), dict(made.measured)
+    log = dft.Log(time=made.time, inputs=given, measured={"speed": seen["speed"]})
+    fit = dft.fit(dft.Thruster(**TRUE), log, starts=2)
+    assert fit.status.ok
+    assert "Not estimated, but held as given: ct; these logs do not tell." in fit.message
+    both = dft.Log(time=made.time, inputs=given, measured=seen)
+    assert "Not estimated" not in dft.fit(dft.Thruster(**TRUE), both, starts=2).message
