@@ -32,7 +32,8 @@ def candidates_of(
             tried where ``None``.
 
     Raises:
-        InputError: a wanted effect that does not exist or that the model has no port for.
+        InputError: a wanted effect that does not exist, that the model has no port for, or that is
+            called like one of its parameters.
     """
     asked, chosen = _asked_for(wanted)
     measured = {name for log in logs for name in log.measured}
@@ -48,6 +49,11 @@ def candidates_of(
         elsewhere = [port for port in effect.ports if port not in places]
         if effect.name in has:
             continue
+        if effect.name in model.parameters:  # each of these is a candidate by its own name
+            raise InputError(
+                f"candidates: the effect {effect.name!r} is called like a parameter of '{model}'.",
+                "Give the effect another name.",
+            )
         remembered = [p for p in effect.ports if effect.memory and p in model.states]
         if elsewhere:
             if effect.name in asked:

@@ -180,3 +180,21 @@ def test_all_stands_for_the_catalogue_beside_effects_of_ones_own():
     mine = dft.effects.CommandDeadband(width=1.0)
     both = candidates_of(dft.Thruster(), logs, [mine, "command_deadband", "all"])[0]
     assert [e.width for e in both if e.name == "command_deadband"] == [1.0]
+
+
+def test_an_effect_that_is_called_like_a_parameter_is_refused():
+    class Arm(dft.Effect):
+        name = "lever_arm"
+        port = "force"
+        size: float = dft.parameter(0.0, null=0.0)
+
+        def __call__(self, value, s):
+            return value + self.size
+
+    log = dft.Log(
+        time=0.1 * np.arange(50),
+        inputs={"propeller_speed": np.ones(50), "rudder_angle": np.zeros(50)},
+        measured={"surge": np.ones(50)},
+    )
+    with pytest.raises(dft.InputError, match=r"'lever_arm' is called like a parameter"):
+        candidates_of(dft.Vessel(), [log], [Arm()])
