@@ -83,15 +83,19 @@ def integrate(
             given = {name: within(value, part, substeps) for name, value in inputs_now.items()}
             return advance(rates, state, given, step / substeps, weights, compact)
 
-        return (
-            further(0, state) if substeps == 1 else jax.lax.fori_loop(0, substeps, further, state)
-        )
+        if substeps == 1:
+            return further(0, state)
+        return jax.lax.fori_loop(0, substeps, further, state)
+
+    def kept(state: dict[str, Any], x: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        after = body(state, x)
+        return after, after
 
     rows_of_steps = (dict(inputs), steps, values, {} if uniform else fast, rows)
     if padded:
         after = _until_the_end(body, first, rows_of_steps, steps)
     else:
-        _, after = jax.lax.scan(lambda state, x: (body(state, x),) * 2, first, rows_of_steps)
+        _, after = jax.lax.scan(kept, first, rows_of_steps)
     return {name: jnp.concatenate([first[name][None], after[name]]) for name in first}
 
 
