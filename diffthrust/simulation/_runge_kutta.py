@@ -21,7 +21,7 @@ from diffthrust.models._base.signals import Relaxing
 
 Rates = Callable[[Mapping[str, Any], Mapping[str, Any]], Mapping[str, Any]]
 """From states and inputs at one instant to the rate of each state."""
-Row = tuple[Any, ...]
+Coefficients = tuple[Any, ...]
 """A coefficient for each stage of a step; those that are known beforehand are floats."""
 
 
@@ -41,13 +41,13 @@ class Scheme(NamedTuple):
         turned: of the state, added to its rate: what the frozen decay has taken.
     """
 
-    times: Row
-    kept: Row
-    newest: Row
-    first: tuple[Row, ...]
-    share: Row
+    times: Coefficients
+    kept: Coefficients
+    newest: Coefficients
+    first: tuple[Coefficients, ...]
+    share: Coefficients
     end: Any = 1.0
-    turned: Row = ()
+    turned: Coefficients = ()
 
 
 _PLAIN = Scheme(
@@ -111,7 +111,7 @@ def advance(
     count = len(beside.times)
     saved = [tuple(float(i == j) for i in range(count)) for j in range(len(beside.first))]
 
-    def stage(now: Callable[[Row], Any], state: Any, sums: Any) -> tuple[Any, Any]:
+    def stage(now: Callable[[Coefficients], Any], state: Any, sums: Any) -> tuple[Any, Any]:
         """From the states and sums at a stage to those at the next; ``now`` reads a row."""
         found = rates(state, {n: _at(value, now(beside.times)) for n, value in inputs.items()})
         following, summed = {}, {}
@@ -150,7 +150,7 @@ def _at(value: tuple[Any, ...], time: Any) -> Any:
     return jnp.where(time == 0.0, value[0], jnp.where(time == 1.0, value[-1], middle))
 
 
-def _looked_up(row: Row, i: Any) -> Any:
+def _looked_up(row: Coefficients, i: Any) -> Any:
     if all(isinstance(value, float) for value in row):
         return row[0] if len(set(row)) == 1 else jnp.asarray(row)[i]
     return jnp.stack([jnp.asarray(value, float) for value in row])[i]

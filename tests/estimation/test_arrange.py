@@ -5,9 +5,9 @@ import pytest
 from reference import inputs, noise, thruster
 
 import diffthrust as dft
-from diffthrust.estimation._arrange import build
-from diffthrust.estimation._likelihood import jacobians
-from diffthrust.estimation._solver import solved_by_passes
+from diffthrust.estimation._arrange import build  # private: the shapes alone
+from diffthrust.estimation._likelihood import jacobians  # private: its cache
+from diffthrust.estimation._solver import solved_by_passes  # private: its cache
 
 
 def made(samples, seed=0):

@@ -15,7 +15,7 @@ from diffthrust import Log, simulate
 from diffthrust.effects import ActuatorLag
 from diffthrust.models import Relaxing
 from diffthrust.simulation._integrate import integrate  # private: the integrator alone
-from diffthrust.simulation._runge_kutta import exponential_weights
+from diffthrust.simulation._runge_kutta import exponential_weights  # private: the weights alone
 
 # Order.
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from diffthrust import InputError
-from diffthrust.specs._scripts import model_class
+from diffthrust.specs._scripts import model_class  # private: what a script is alone
 
 OWN = """import diffthrust as dft
 
