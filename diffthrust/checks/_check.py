@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NoReturn
 
@@ -28,6 +28,7 @@ def check(
     progress: ProgressOption = None,
     jobs: int | None = None,
     junit: Path | str | None = None,
+    trust: Path | str | Iterable[Path | str] = (),
 ) -> Checked:
     """Run every ``fit.toml`` below a folder and compare with its [expected] block.
 
@@ -43,6 +44,7 @@ def check(
             1 runs all in this process. By default as many as there are processors, at most one for
             three fits.
         junit: a file to write, ending in ``.xml``, in the JUnit format that CI services read.
+        trust: folders whose scripts specs may run, besides those in and below their own.
 
     Returns:
         A row for each quantity. A fit that cannot be run, or that expects nothing, is a row that
@@ -59,7 +61,8 @@ def check(
         raise InputError(f"jobs: expected 1 or more, found {jobs}.", "Give how many at a time.")
     if junit is not None:
         ending(Path(junit), ".xml")
-    tasks = tasks_in(Path(directory), update)
+    given = (trust,) if isinstance(trust, str | Path) else trust
+    tasks = tasks_in(Path(directory), update, [os.path.abspath(place) for place in given])
     runs = _runs(tasks, min(len(tasks), jobs or default_jobs(len(tasks))), teller(progress))
     _warn(runs)
     checked = Checked(tuple(runs))
@@ -70,7 +73,7 @@ def check(
     return checked
 
 
-def tasks_in(directory: Path, update: bool = False) -> list[Task]:
+def tasks_in(directory: Path, update: bool = False, trust: Sequence[str] = ()) -> list[Task]:
     """The fits at and below a folder, in the order of their names.
 
     Folders whose names begin with a dot are left out; links are followed, each folder once.
@@ -91,7 +94,7 @@ def tasks_in(directory: Path, update: bool = False) -> list[Task]:
             path = Path(folder)
             whole = path == directory
             name = path.resolve().name if whole else path.relative_to(directory).as_posix()
-            tasks.append(Task(name, path / NAME, update))
+            tasks.append(Task(name, path / NAME, update, trust))
     if not tasks:
         raise InputError(
             f"{directory}: expected fits as {directory / 'NAME' / NAME}, found none.",

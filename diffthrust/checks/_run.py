@@ -21,13 +21,14 @@ from diffthrust.specs._compile_key import compile_key
 from diffthrust.specs._spec import load_spec
 
 
-def run_again(fit: str, file: Path, update: bool) -> FitRun:
+def run_again(fit: str, file: Path, update: bool, trust: Sequence[str] = ()) -> FitRun:
     """Run a stored fit and hold it against its [expected] block, or bring the block up to it.
 
     Args:
         fit: its name.
         file: its spec file.
         update: write the block, where the fit moved or has none.
+        trust: folders whose scripts the spec may run, besides its own.
 
     Returns:
         What became of it; a fit that cannot be run, or that expects nothing, is a row that failed.
@@ -38,7 +39,7 @@ def run_again(fit: str, file: Path, update: bool) -> FitRun:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", CoarseStepWarning)
         try:
-            rows, new, since = _rows(fit, file, update)
+            rows, new, since = _rows(fit, file, update, trust)
         except InputError as error:
             rows = [not_run(fit, error.problem, error.mend)]
         except Exception as error:  # one defect must not hide what became of the other fits
@@ -51,8 +52,10 @@ def run_again(fit: str, file: Path, update: bool) -> FitRun:
     return FitRun(fit, file, tuple(rows), new, time.perf_counter() - begin, coarse, since)
 
 
-def _rows(name: str, path: Path, update: bool) -> tuple[list[CheckRow], bool, str]:
-    spec = load_spec(path)
+def _rows(
+    name: str, path: Path, update: bool, trust: Sequence[str]
+) -> tuple[list[CheckRow], bool, str]:
+    spec = load_spec(path, trust=trust)
     expected = spec.file.expected
     if expected is None and not update:
         mend = "Look at it with diffthrust fit, then write the block: diffthrust check --update."
@@ -63,7 +66,7 @@ def _rows(name: str, path: Path, update: bool) -> tuple[list[CheckRow], bool, st
         text = updated(spec.text, path, expected, fit, marks)
         if text != spec.text:
             _write_over(path, spec.text, text)
-            expected = load_spec(path).file.expected
+            expected = load_spec(path, trust=trust).file.expected
             assert expected is not None
             return list(compared(name, expected, fit)), True, ""
     assert expected is not None
@@ -92,11 +95,12 @@ def _write_over(path: Path, before: str, after: str) -> None:
 
 
 class Task(NamedTuple):
-    """A fit to run: its name, its spec file, and whether to write its [expected] block."""
+    """A fit to run: its name, its spec file, whether to write its [expected] block, and trust."""
 
     fit: str
     file: Path
     update: bool
+    trust: Sequence[str] = ()
 
 
 def run_all(tasks: Sequence[Task], jobs: int) -> Iterator[tuple[int, FitRun]]:
@@ -118,8 +122,8 @@ def run_all(tasks: Sequence[Task], jobs: int) -> Iterator[tuple[int, FitRun]]:
 
 def run_task(question: list[Any]) -> dict[str, Any]:
     """Run a fit where this is called; `Task` and `FitRun` as plain data."""
-    fit, file, update = question
-    run = run_again(fit, Path(file), update)
+    fit, file, *rest = question
+    run = run_again(fit, Path(file), *rest)
     return {
         "rows": [vars(row) for row in run.rows],
         "updated": run.updated,
@@ -131,7 +135,7 @@ def run_task(question: list[Any]) -> dict[str, Any]:
 
 def _in_process(process: LineProcess, task: Task) -> FitRun:
     try:
-        plain = process.ask([task.fit, str(task.file), task.update])
+        plain = process.ask([task.fit, str(task.file), task.update, task.trust])
     except ProcessNotStarted as how:
         raise InputError(
             f"A process for the fits cannot be started ({how}).",

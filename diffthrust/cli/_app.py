@@ -23,7 +23,8 @@ from diffthrust.cli._session import DONE
 
 app = typer.Typer(
     name="diffthrust",
-    help="Fit models of underwater thrusters and small vessels to logs, and see what they lack.",
+    help="Fit models of underwater thrusters and small vessels to logs, and see what they lack. "
+    "A spec may name scripts, and these are run, as a Makefile's commands are.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,

@@ -11,7 +11,15 @@ import typer
 
 from diffthrust._support.files import write_json
 from diffthrust._support.progress import Progress
-from diffthrust.cli._session import CHECK_FAILED, JsonPath, effect_names, session, show, written
+from diffthrust.cli._session import (
+    CHECK_FAILED,
+    JsonPath,
+    TrustOption,
+    effect_names,
+    session,
+    show,
+    written,
+)
 
 _EVERY = 30.0
 """Seconds between two lines of progress where there is no terminal."""
@@ -62,6 +70,7 @@ def campaign_command(
     report: Annotated[
         bool, typer.Option("--report", help="Write a page into the folder of each spec.")
     ] = False,
+    trust: TrustOption = None,
     json: JsonPath = None,
 ) -> None:
     """Fit, diagnose or sample every spec below DIR in parallel; run again, it does what is left.
@@ -80,6 +89,7 @@ def campaign_command(
             jobs=jobs,
             time_limit=time_limit,
             report=report,
+            trust=trust or (),
             progress=progress or _lines(),
             candidates=effect_names(candidates),
             method=method,

@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from diffthrust._support.files import write_json
-from diffthrust.cli._session import CHECK_FAILED, JsonPath, file_type, session, show, written
+from diffthrust.cli._session import (
+    CHECK_FAILED,
+    JsonPath,
+    TrustOption,
+    file_type,
+    session,
+    show,
+    written,
+)
 
 if TYPE_CHECKING:
     from diffthrust.checks._result import Checked
@@ -44,6 +52,7 @@ def check_command(
             callback=file_type(".xml"),
         ),
     ] = None,
+    trust: TrustOption = None,
     json: JsonPath = None,
 ) -> None:
     """Run every fit.toml below DIR again; exit status 1 where one has moved."""
@@ -51,7 +60,9 @@ def check_command(
         from diffthrust.checks._check import check
         from diffthrust.checks._tables import check_table
 
-        checked = check(directory, update, progress=progress, jobs=jobs, junit=junit)
+        checked = check(
+            directory, update, progress=progress, jobs=jobs, junit=junit, trust=trust or ()
+        )
         if json:
             write_json(json, checked.to_json())
     show(check_table(checked, everything))

@@ -12,6 +12,7 @@ from diffthrust.cli._session import (
     JsonPath,
     ReportPath,
     SpecPath,
+    TrustOption,
     session,
     show,
     write_figure,
@@ -30,13 +31,14 @@ def compare_command(
         Path | None,
         typer.Option("--figure", metavar="FILE.png", help="Draw the unseen logs, or all if none."),
     ] = None,
+    trust: TrustOption = None,
 ) -> None:
     """Hold a model against its logs, run by run, after a fit or as it stands."""
     with session() as progress:
         from diffthrust.comparison._page import comparisons_of, write_comparison_page
         from diffthrust.specs._spec import load_spec
 
-        loaded = load_spec(spec)
+        loaded = load_spec(spec, trust=trust or ())
         train, holdout = loaded.train_logs(), loaded.holdout_logs()
         fit = None if no_fit else loaded.fit(progress=progress, train=train, holdout=holdout)
         comparisons = comparisons_of(fit or loaded.model, train, holdout)

@@ -12,6 +12,7 @@ from diffthrust.cli._session import (
     ReportPath,
     SavePath,
     SpecPath,
+    TrustOption,
     effect_names,
     session,
     show,
@@ -32,13 +33,14 @@ def diagnose_command(
     json: JsonPath = None,
     report: ReportPath = None,
     save: SavePath = None,
+    trust: TrustOption = None,
 ) -> None:
     """Find what a model lacks: where it fails, which effect is missing, what cannot be told."""
     with session() as progress:
         from diffthrust.diagnosis._tables import diagnosis_table
         from diffthrust.specs._spec import load_spec
 
-        loaded = load_spec(spec)
+        loaded = load_spec(spec, trust=trust or ())
         diagnosis = loaded.diagnose(progress=progress, candidates=effect_names(candidates))
         if save:
             diagnosis.save(save)

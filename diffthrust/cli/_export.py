@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from diffthrust._support.errors import InputError
-from diffthrust.cli._session import session, written
+from diffthrust.cli._session import TrustOption, session, written
 
 
 class ExportTarget(StrEnum):
@@ -52,6 +52,7 @@ def export_command(
             help="Lowest and highest command, in the unit of the logs; by default theirs.",
         ),
     ] = None,
+    trust: TrustOption = None,
 ) -> None:
     """Take a fit to another program: firmware, a thrust allocation, a simulator of vehicles."""
     with session() as progress:
@@ -67,7 +68,7 @@ def export_command(
         else:
             from diffthrust.specs._spec import load_spec
 
-            found = load_spec(fit).fit(progress=progress)
+            found = load_spec(fit, trust=trust or ()).fit(progress=progress)
         exported = found.export(to.value, output, limits=limits)
     if output is None:
         typer.echo(exported.text)

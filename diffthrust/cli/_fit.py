@@ -3,11 +3,24 @@
 from __future__ import annotations
 
 from diffthrust._support.files import write_json
-from diffthrust.cli._session import JsonPath, ReportPath, SavePath, SpecPath, session, show, written
+from diffthrust.cli._session import (
+    JsonPath,
+    ReportPath,
+    SavePath,
+    SpecPath,
+    TrustOption,
+    session,
+    show,
+    written,
+)
 
 
 def fit_command(
-    spec: SpecPath, json: JsonPath = None, report: ReportPath = None, save: SavePath = None
+    spec: SpecPath,
+    json: JsonPath = None,
+    report: ReportPath = None,
+    save: SavePath = None,
+    trust: TrustOption = None,
 ) -> None:
     """Estimate the free parameters of a model from logs, and try it on unseen ones."""
     with session() as progress:
@@ -15,7 +28,7 @@ def fit_command(
         from diffthrust.estimation._tables import fit_table
         from diffthrust.specs._spec import load_spec
 
-        loaded = load_spec(spec)
+        loaded = load_spec(spec, trust=trust or ())
         train, holdout = loaded.train_logs(), loaded.holdout_logs()
         fit = loaded.fit(progress=progress, train=train, holdout=holdout)
         if save:

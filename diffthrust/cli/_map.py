@@ -15,6 +15,7 @@ from diffthrust.cli._session import (
     FIGURE_TYPES,
     JsonPath,
     SpecPath,
+    TrustOption,
     file_type,
     session,
     show,
@@ -100,6 +101,7 @@ def map_command(
             callback=file_type(*FIGURE_TYPES),
         ),
     ] = None,
+    trust: TrustOption = None,
 ) -> None:
     """Map gain and phase over amplitude and frequency, of the model that the logs give."""
     with session() as progress:
@@ -116,7 +118,7 @@ def map_command(
         grids = {"frequencies": grid_points("--frequencies", frequencies)}
         if amplitudes is not None:
             grids["amplitudes"] = grid_points("--amplitudes", amplitudes)
-        loaded = load_spec(spec)
+        loaded = load_spec(spec, trust=trust or ())
         train, unseen = loaded.train_logs(), loaded.holdout_logs()
         if amplitudes is None:
             grids["amplitudes"] = _within(loaded.model, input, train, bias)

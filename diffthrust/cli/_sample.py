@@ -13,6 +13,7 @@ from diffthrust.cli._session import (
     JsonPath,
     ReportPath,
     SpecPath,
+    TrustOption,
     file_type,
     session,
     show,
@@ -66,6 +67,7 @@ def sample_command(
             callback=file_type(".nc"),
         ),
     ] = None,
+    trust: TrustOption = None,
 ) -> None:
     """Draw from the posterior: what the logs say of each parameter, and how far to trust it."""
     with session() as progress:
@@ -78,7 +80,7 @@ def sample_command(
         from diffthrust.uncertainty._sampling.tables import sample_table
 
         check_sampling(method.value, draws, warmup, chains, seed, walkers, file)  # before the fit
-        loaded = load_spec(spec)
+        loaded = load_spec(spec, trust=trust or ())
         train, unseen = loaded.train_logs(), loaded.holdout_logs()
         tell = teller(progress)
         fit = loaded.fit(progress=part(tell, 0.0, 0.2), train=train, holdout=unseen)

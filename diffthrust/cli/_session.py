@@ -14,6 +14,7 @@ import typer
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import ending, write_whole
+from diffthrust.cli._interrupt import ended_soon
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,7 +34,7 @@ def session() -> Iterator[Progress | None]:
 
     try:
         enable_compilation_cache()
-        with warnings.catch_warnings(), bar("reading") as progress:
+        with ended_soon(), warnings.catch_warnings(), bar("reading") as progress:
             warnings.showwarning = _warned
             yield progress
     except InputError as error:
@@ -66,6 +67,16 @@ def _warned(message: Warning | str, category: type[Warning], *_: Any, **__: Any)
 
 SpecPath = Annotated[
     Path, typer.Argument(metavar="SPEC", help="A spec file (TOML), or a folder with a fit.toml.")
+]
+
+
+TrustOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--trust",
+        metavar="DIR",
+        help="A folder whose scripts specs may run, besides those in and below their own.",
+    ),
 ]
 
 

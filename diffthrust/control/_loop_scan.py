@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from diffthrust._support._running.programs import program
 from diffthrust.control._base import Block, Controller, Kept
 from diffthrust.control._command_path import CommandPath
 from diffthrust.control._compensators import Compensator
@@ -238,5 +238,5 @@ def _named(values: Mapping[str, Array], prefix: str) -> dict[str, Array]:
     return {k.removeprefix(prefix): v for k, v in values.items() if k.startswith(prefix)}
 
 
-compiled_loop = partial(jax.jit, static_argnums=0)(loop_signals)
+compiled_loop = program(1)(loop_signals)
 """`loop_signals`, compiled once for each structure and number of samples."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
 from itertools import product
 from typing import NamedTuple
 
@@ -12,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from diffthrust._support._running.programs import program
 from diffthrust.control._bounded_lsq import least_squares_within
 from diffthrust.control._one_sample import AT_SEA, PLACE, SPEEDS, State, one_sample
 from diffthrust.simulation._trajectory import Key
@@ -176,5 +176,5 @@ def _estimate(
     return {name: plan.push[name] + gain * unexplained[name] for name in plan.push}
 
 
-compiled_replan = partial(jax.jit, static_argnums=0)(replan)
+compiled_replan = program(1)(replan)
 """`replan`, compiled once for each structure and horizon."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import jax
@@ -13,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from diffthrust._support._running.programs import program
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
 from diffthrust._support.results import Result
@@ -232,7 +232,7 @@ class _Evaluated:
         return np.array([_slope(p, float(c)) for p, c in zip(self.gains, y, strict=True)])
 
 
-@partial(jax.jit, static_argnums=(0, 1, 2, 3))
+@program(4)
 def _linearized(
     parts: Parts,
     of: str,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from functools import partial
 from time import perf_counter
 from typing import Any
 
@@ -13,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from diffthrust._support._running.programs import program
 from diffthrust._support.errors import InputError
 from diffthrust._support.validation import finite
 from diffthrust.control._assembly import VesselAssembly
@@ -148,7 +148,7 @@ class VesselLoop(VesselAssembly):
         return begin(self.vessel, {**middle, **first}, given), given
 
 
-@partial(jax.jit, static_argnums=(0, 1))
+@program(2)
 def _moved(
     key: Key,
     substeps: int,
@@ -161,7 +161,7 @@ def _moved(
     return one_sample(key.model.bind(values), state, inputs, now, period, substeps)
 
 
-@partial(jax.jit, static_argnums=0)
+@program(1)
 def _readings(
     key: Key,
     values: Mapping[str, Array],

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from functools import partial
 from typing import Protocol
 
 import jax
@@ -12,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from diffthrust._support._running.programs import program
 from diffthrust._support.transfer import Transfer
 from diffthrust.cycles._oscillation import CycleSeries
 from diffthrust.models._base.signals import Relaxing
@@ -89,7 +89,7 @@ def balanced_states(
     return cycle if worst < 1e-7 and cycle.near(amplitude, frequency) else None
 
 
-@partial(jax.jit, static_argnums=(0, 1))
+@program(2)
 def _missed(
     element: ElementEquations,
     harmonics: int,

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from diffthrust._support._running.programs import program
 from diffthrust._support.errors import InputError
 from diffthrust._support.transfer import Transfer
 from diffthrust.cycles._balance_model import ElementEquations
@@ -111,7 +111,7 @@ def _passes_at_once(element: ElementEquations) -> bool:
     return bool(jnp.any(jax.grad(lambda u: jnp.sum(output(u)))(jnp.asarray(0.5)) != 0.0))
 
 
-@partial(jax.jit, static_argnums=(0, 1))
+@program(2)
 def _marched(
     element: ElementEquations,
     count: int,

@@ -15,6 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from diffthrust._support._running.programs import program
 from diffthrust.diagnosis._response import Response
 from diffthrust.diagnosis._score_test import promised_gain
 from diffthrust.diagnosis._step_slopes import Passing
@@ -171,7 +172,7 @@ def shift_of(response: Response, effect: Effect, values: Point) -> Shift:
     return out
 
 
-@partial(jax.jit, static_argnums=0)
+@program(1)
 def _added(place: str, effect: Effect, early: Passing, late: Passing) -> Any:
     """What an effect adds at a place, early and late, ``(B, T)`` each; compiled once for each."""
     ends = [(part.places[place][0], {**part.series, **part.places[place][1]})

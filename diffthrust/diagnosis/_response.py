@@ -10,13 +10,14 @@ So every candidate and every signal of unknown form is tried without compiling a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from diffthrust._support._running.programs import program
 from diffthrust.diagnosis._step_slopes import StepSlopes, step_slopes
 from diffthrust.estimation._likelihood import Quadratic
 from diffthrust.estimation._one_step import batch_passes
@@ -217,7 +218,7 @@ def _by_blocks(products: np.ndarray) -> np.ndarray:
     return sums.transpose(1, 0, 2).reshape(sums.shape[1], -1)
 
 
-@partial(jax.jit, static_argnums=0)
+@program(1)
 def _law(layout: Any, numbers: Any, errors: Any) -> Any:
     return layout.cost(numbers, errors)
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from diffthrust._support._running.programs import program
 from diffthrust.estimation._likelihood import named_values
 from diffthrust.estimation._observer import Correction, Limits, limited
 from diffthrust.models._base.effect import Effect, Ports
@@ -97,7 +98,7 @@ def _inputs(numbers: Any, index: int) -> tuple[str, ...]:
     return tuple(sorted(numbers.batches[index].inputs))
 
 
-@partial(jax.jit, static_argnums=0)
+@program(1)
 def _slopes(layout: Any, numbers: Any, z: Any, paths: Any) -> Any:
     shared, starts = numbers.split(z, layout.shared)
     out = []

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from diffthrust._support._running.programs import program
 from diffthrust.estimation._numbers import Batch, ProblemNumbers
 from diffthrust.estimation._problem import Layout, Problem
 
@@ -88,7 +88,7 @@ def errors_at(problem: Problem, z: np.ndarray) -> list[dict[str, np.ndarray]]:
     return [by_log[index] for index in range(len(problem.logs))]
 
 
-@partial(jax.jit, static_argnums=0)
+@program(1)
 def _errors(layout: Layout, numbers: ProblemNumbers, z: Any) -> list[Any]:
     shared, starts = numbers.split(z, layout.shared)
     out = []

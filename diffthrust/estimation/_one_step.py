@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from diffthrust._support._running.programs import program
 from diffthrust.estimation._likelihood import named_values
 from diffthrust.estimation._numbers import Batch, ProblemNumbers
 from diffthrust.estimation._observer import Limits, innovations
@@ -126,7 +126,7 @@ def with_clip(problem: Problem, clip: Any, reach: Any = 1.0) -> Problem:
     return replace(problem, numbers=replace(problem.numbers, clip=clip, reach=reach))
 
 
-@partial(jax.jit, static_argnums=0)
+@program(1)
 def _pass(layout: Layout, numbers: ProblemNumbers, z: Any) -> Any:
     """Errors ``(B, C, T)`` and the paths of each batch of logs; negative log-likelihood of all."""
     assert isinstance(layout.likelihood, Innovations)

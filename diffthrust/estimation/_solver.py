@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -13,6 +12,7 @@ import numpy as np
 import optimistix as optx
 
 from diffthrust._support._running.batching import shared_runs
+from diffthrust._support._running.programs import program
 from diffthrust._support.box import least_in_box
 from diffthrust.estimation._likelihood import Quadratic, evaluate
 from diffthrust.estimation._problem import Problem
@@ -130,7 +130,7 @@ class Solved(NamedTuple):
     steps: int
 
 
-@partial(jax.jit, static_argnums=0)
+@program(1)
 def solved_by_passes(
     layout: Any, numbers: Any, z: Any, low: Any, high: Any, budget: Any, atol: Any
 ) -> Any:
@@ -142,6 +142,7 @@ def solved_by_passes(
     return solution.value, solution.aux, solution.state.done, solution.stats["num_steps"]
 
 
+@program(1)
 def _further(layout: Any, given: Any) -> Any:
     """Some steps from where the last ones ended: the iteration of `solved_by_passes`, in parts."""
     numbers, y, state, low, high, budget, atol = given

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from diffthrust._support._running.programs import program
 from diffthrust.experiments._rivals import Rival
 from diffthrust.simulation._trajectory import Grid, Key, trajectory
 
@@ -110,7 +111,7 @@ def against(
     return Confronted(outputs, np.where(fine, cost, np.inf), slope, gram)
 
 
-@partial(jax.jit, static_argnums=0)
+@program(1)
 def _chunk(layout: _Layout, arrays: Any, inputs: Any, z: Any, target: Any) -> tuple[Any, ...]:
     def one(design: Any) -> tuple[Any, ...]:
         series, point, goal = design

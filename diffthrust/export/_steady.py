@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from diffthrust._support._running.programs import program
 from diffthrust._support.errors import InputError
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._bare import bare
@@ -55,7 +55,7 @@ def steady_output(model: Model, inputs: Mapping[str, np.ndarray], output: str) -
 _Static = tuple[Key, Grid, str, float]
 
 
-@partial(jax.jit, static_argnums=0)
+@program(1)
 def _on(static: _Static, numbers: Any) -> Any:
     """The output, and the states, so many steps later."""
     key, grid, output, step = static

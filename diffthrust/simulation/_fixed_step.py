@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from functools import partial
 from typing import Any
 
 import jax
 import numpy as np
 
 from diffthrust._support._running.batching import alone, padded_length, run_program
+from diffthrust._support._running.programs import program
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust.logs._log import Log
@@ -20,7 +20,7 @@ from diffthrust.simulation._remembered import remembered
 from diffthrust.simulation._trajectory import Grid, Key, driven, trajectory
 
 
-@partial(jax.jit, static_argnums=0)
+@program(1)
 def compiled_simulation(static: tuple[Key, Grid], numbers: Any) -> Any:
     """A trajectory of the model and grid that are static, compiled once."""
     values, time, inputs, start = numbers

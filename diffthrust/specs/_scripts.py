@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import sys
 import traceback
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
@@ -71,6 +71,33 @@ def script_file(word: str, folder: Path) -> Path | None:
     """The script that a word names as ``script.py:Class``; ``None`` of a name of the catalogue."""
     script, colon, _ = word.rpartition(":")
     return folder / script if colon and script.endswith(".py") else None
+
+
+def check_place(word: str, folder: Path, trust: Iterable[Path | str] = ()) -> None:
+    """Refuse a script that a spec names outside its own folder and outside those that are trusted.
+
+    Whoever looks at a spec sees what lies beside it; a script from elsewhere is code that nobody
+    may have looked at.
+
+    Args:
+        word: what the spec names.
+        folder: that of the spec.
+        trust: folders from which scripts are run as well.
+
+    Raises:
+        InputError: the script lies elsewhere, once all links are followed.
+    """
+    script = script_file(word, folder)
+    if script is None:
+        return
+    real = script.resolve()
+    if not any(real.is_relative_to(Path(place).resolve()) for place in (folder, *trust)):
+        raise InputError(
+            f"the script {word.rpartition(':')[0]!r} lies outside the folder of the spec, in "
+            f"{real.parent}, and is not run.",
+            "Read it; then trust its folder (--trust DIR, in Python trust=DIR), or put it beside "
+            "the spec.",
+        )
 
 
 def _class(word: str, folder: Path, base: type, known: Mapping[str, type], what: str) -> Any:

@@ -35,7 +35,13 @@ from diffthrust.specs._file import (
     read_spec_text,
 )
 from diffthrust.specs._lines import line_of
-from diffthrust.specs._scripts import effect_class, model_class, model_with, script_file
+from diffthrust.specs._scripts import (
+    check_place,
+    effect_class,
+    model_class,
+    model_with,
+    script_file,
+)
 
 if TYPE_CHECKING:
     from diffthrust.diagnosis._result import Diagnosis
@@ -226,15 +232,19 @@ class Spec(Brief):
         )
 
 
-def load_spec(path: Path | str) -> Spec:
+def load_spec(path: Path | str, *, trust: Path | str | Iterable[Path | str] = ()) -> Spec:
     """Read a spec file and build its model; the logs are read when asked for.
+
+    A spec can name scripts (``script.py:Class``), and these are run, as a Makefile's commands are:
+    load no spec that you would not run.
 
     Args:
         path: a TOML file, or a folder that holds a ``fit.toml``.
+        trust: folders whose scripts may be run as well as those in the spec's own folder and below.
 
     Raises:
         InputError: the file, a key or a name in it cannot be used. The message names file, line
-            and key, what was expected and found, and the mend.
+            and key, what was expected and found, and the mend. A script lies elsewhere, or fails.
 
     Example:
         >>> spec = load_spec("fits/jason_thruster/fit.toml")
@@ -245,7 +255,8 @@ def load_spec(path: Path | str) -> Spec:
         path = path / NAME
     text = read_spec_text(path)
     file = parse_spec(text, path)
-    model = _model(file, text, path)
+    places = (trust,) if isinstance(trust, str | Path) else tuple(trust)
+    model = _model(file, text, path, places)
     roles = roles_of(model, file, text, path)
     train = _files(file.logs.train, "train", text, path)
     holdout = _files(file.logs.holdout, "holdout", text, path)
@@ -273,9 +284,10 @@ def _at(text: str, path: Path, loc: Iterable[Any], error: InputError) -> InputEr
     return InputError(f"{line_of(text, path, loc)}: {error.problem}", error.mend)
 
 
-def _model(file: SpecFile, text: str, path: Path) -> Model:
+def _model(file: SpecFile, text: str, path: Path, trust: Sequence[Path | str]) -> Model:
     loc: tuple[str, ...] = ("model",)
     try:
+        check_place(file.model, path.parent, trust)
         cls = model_class(file.model, path.parent)
         loc = ("options", *list(file.options)[:1])
         options = dict(file.options)
@@ -289,6 +301,7 @@ def _model(file: SpecFile, text: str, path: Path) -> Model:
                 model = model.commanded_in(command_kind(model, unit))
         loc = ("effects",)
         for name in file.effects:
+            check_place(name, path.parent, trust)
             model = model + effect_class(name, path.parent)()
         for name, part in file.parameters.items():
             loc = ("parameters", name)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import jax
@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 
+from diffthrust._support._running.programs import program
 from diffthrust.estimation._likelihood import Quadratic, evaluate, named_values
 from diffthrust.estimation._numbers import ProblemNumbers
 from diffthrust.estimation._problem import Problem
@@ -188,7 +189,7 @@ def _of(layout: Any, function: Function, numbers: ProblemNumbers, z: Any, index:
     return jnp.stack([jnp.asarray(v, float) for v in quantities.values()])[index]
 
 
-@partial(jax.jit, static_argnums=(0, 1))
+@program(2)
 def _quantity(layout: Any, function: Function, numbers: ProblemNumbers, z: Any, index: Any) -> Any:
     def of(y: Any) -> Any:
         return _of(layout, function, numbers, y, index)
@@ -196,7 +197,7 @@ def _quantity(layout: Any, function: Function, numbers: ProblemNumbers, z: Any, 
     return of(z), jax.jacfwd(of)(z)
 
 
-@partial(jax.jit, static_argnums=(0, 1))
+@program(2)
 def _pulled(
     layout: Any,
     function: Function,

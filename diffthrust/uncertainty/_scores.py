@@ -9,13 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
+from diffthrust._support._running.programs import program
 from diffthrust._support.correlation import lag_one
 from diffthrust.estimation._likelihood import jacobians
 from diffthrust.estimation._numbers import ProblemNumbers
@@ -112,7 +111,7 @@ def _prior(problem: Problem, z: np.ndarray) -> np.ndarray:
     return out
 
 
-@partial(jax.jit, static_argnums=0)
+@program(1)
 def _pass(layout: Layout, numbers: ProblemNumbers, z: Any) -> list[tuple[Any, Any, Any]]:
     """By batch scores ``(B, C, n + m, T)``, residuals ``(B, C, T)``, grams of n + m columns."""
     passes = jacobians(layout, numbers, z)

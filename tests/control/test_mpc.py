@@ -37,7 +37,7 @@ def tracked(vessel=CALM, path: control.Path = EAST, duration=60.0, initial=PAPER
 
 
 def compilations() -> int:
-    return compiled_replan._cache_size()  # pyright: ignore[reportAttributeAccessIssue]
+    return compiled_replan.traces
 
 
 # -- least squares within limits -------------------------------------------------------------------

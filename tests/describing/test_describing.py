@@ -361,10 +361,10 @@ def test_bad_input_is_answered_in_words(change, match):
 def test_maps_of_every_size_share_one_compilation():
     model = dft.Thruster() + effects.LinearDamping(rate=0.1)
     describing_function(model, AMPLITUDES, FREQUENCIES, samples=128)
-    before = periods._cache_size()
+    before = periods.traces
     for a in (AMPLITUDES[::2], np.geomspace(0.06, 9.0, 13)):
         describing_function(model.replace(alpha=0.03), a, FREQUENCIES, samples=128)
-    assert periods._cache_size() == before
+    assert periods.traces == before
 
 
 def test_given_samples_are_taken():

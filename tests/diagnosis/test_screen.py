@@ -125,15 +125,13 @@ def test_a_limit_that_cuts_only_the_highest_commands_is_found():
 def test_trials_of_a_few_effects_share_one_compilation(trials):
     made, base = trials
     screened(made, list(made.candidates), base, levels_of(made, base))
-    before = solved_by_passes._cache_size()
+    before = solved_by_passes.traces
     screened(made, list(made.candidates), base, levels_of(made, base))
     made.settled(("coulomb_friction",), base.values, base.begin, base.limit)
-    assert solved_by_passes._cache_size() == before
+    assert solved_by_passes.traces == before
     fresh = Trials(made.model, list(made.candidates.values()), made.logs[:1], [], substeps=3)
     fresh.base()
-    assert (
-        solved_by_passes._cache_size() == before + 1
-    )  # from the first guess to the last limit of errors
+    assert solved_by_passes.traces == before + 1  # from the first guess to the last limit of errors
 
 
 def test_what_promises_nothing_is_neither_compiled_nor_fitted():
@@ -146,9 +144,9 @@ def test_what_promises_nothing_is_neither_compiled_nor_fitted():
     names = ("coulomb_friction", "linear_damping", "actuator_lag", "command_offset")
     made = Trials(dft.Thruster(), [known[n]() for n in names], [log], [])
     base = made.base()
-    before = solved_by_passes._cache_size()
+    before = solved_by_passes.traces
     assert not screened(made, names, base, levels_of(made, base))
-    assert solved_by_passes._cache_size() == before
+    assert solved_by_passes.traces == before
 
 
 @pytest.mark.slow

@@ -21,9 +21,9 @@ def made(samples, seed=0):
 
 def test_logs_of_like_length_share_compiled_code():
     dft.fit(dft.Thruster(), made(190), starts=2)
-    before = solved_by_passes._cache_size()
+    before = solved_by_passes.traces
     fits = [dft.fit(dft.Thruster(), made(n), starts=2) for n in (200, 231, 250)]
-    assert solved_by_passes._cache_size() == before
+    assert solved_by_passes.traces == before
     assert all(fit.status.ok for fit in fits)
 
 

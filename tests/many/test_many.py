@@ -106,13 +106,13 @@ def test_a_member_that_fails_costs_the_others_nothing(logs, fits):
 
 
 def test_logs_of_many_lengths_share_one_program(logs):
-    before = run_stacked._cache_size()
+    before = run_stacked.traces
     dft.many.fit(MODEL, logs[:8], starts=1, substeps=1, width=5)
-    once = run_stacked._cache_size() - before
+    once = run_stacked.traces - before
     others = [record(20 + i, 240 + 7 * i) for i in range(8)]
     others.append(record(40, 300))  # the longest, as before
     dft.many.fit(MODEL, others, starts=1, substeps=1, width=5)
-    assert run_stacked._cache_size() - before == once
+    assert run_stacked.traces - before == once
     assert once == 3  # the search, and two grids of the step's check
 
 
@@ -146,10 +146,10 @@ def test_maps_of_many_models_are_those_of_each(fits):
     ids=["emcee", "nuts"],
 )
 def test_posteriors_are_those_of_one_at_a_time(logs, fits, options):
-    shared = run_stacked._cache_size()
+    shared = run_stacked.traces
     found = dft.many.sample(fits[:6], logs[:6], width=32, **options)  # chains of several at once
     assert not found.failed
-    assert run_stacked._cache_size() > shared
+    assert run_stacked.traces > shared
     alone = dft.sample(fits[1], logs[1], **options)
     for name in ("alpha", "beta", "ct"):
         ours, theirs = found[1].posterior[name].values, alone.posterior[name].values

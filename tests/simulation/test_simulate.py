@@ -552,9 +552,9 @@ def test_logs_of_many_lengths_share_few_programs():
     time = 0.05 * np.arange(400)
     log = dft.Log(time, {"command": rng.uniform(-4.0, 4.0, time.size)}, {})
     whole = dft.simulate(dft.Thruster(), log, substeps=3)
-    before = compiled_simulation._cache_size()
+    before = compiled_simulation.traces
     for count in range(257, 300):
         part = dft.Log(time[:count], {"command": log.inputs["command"][:count]}, {})
         speed = dft.simulate(dft.Thruster(), part, substeps=3)["speed"]
         assert speed == pytest.approx(whole["speed"][:count], rel=1e-12)
-    assert compiled_simulation._cache_size() <= before + 1
+    assert compiled_simulation.traces <= before + 1

@@ -175,9 +175,9 @@ def found_draws(post, model, count):
 
 def test_one_compilation_serves_all_draws_and_sizes(fit):
     quantities(fit, commands=[1.0, 2.0], steps=[3.0], draws=5)
-    before = step_responses._cache_size()
+    before = step_responses.traces
     quantities(fit, commands=[0.2, 2.5], steps=[9.0], draws=40, seed=3)
-    assert step_responses._cache_size() == before
+    assert step_responses.traces == before
 
 
 def test_draws_of_a_fit_are_those_of_its_covariance_within_bounds(fit):

@@ -145,11 +145,11 @@ def test_equal_seeds_give_equal_draws():
 def test_nuts_compiles_once_for_any_log_of_the_same_length():
     fit, log = thruster_fit()
     sample(fit, log, method="nuts", **SHORT["nuts"])
-    before = nuts.draw_block._cache_size(), nuts.warm_up._cache_size()
+    before = nuts.draw_block.traces, nuts.warm_up.traces
     other = thruster_log(seed=7)
     theirs = dft.fit(dft.Thruster(**TRUE), other, starts=4, substeps=1)
     sample(theirs, other, method="nuts", **SHORT["nuts"])
-    assert (nuts.draw_block._cache_size(), nuts.warm_up._cache_size()) == before
+    assert (nuts.draw_block.traces, nuts.warm_up.traces) == before
 
 
 def test_the_independent_proposal_keeps_a_law_that_is_not_its_own():

@@ -29,6 +29,7 @@ import jax
 import numpy as np
 from greenlet import GreenletExit, getcurrent, greenlet
 
+from diffthrust._support._running.programs import Programs, program
 from diffthrust._support.warned import silence
 
 _present: ContextVar[SharedRuns | None] = ContextVar("shared_runs", default=None)
@@ -73,11 +74,11 @@ def padded_length(samples: int) -> int:
     return max(samples, math.ceil(2 ** (halves / 2) - 1e-9))
 
 
-def run_program(program: Callable[..., Any], static: Hashable, numbers: Any, rows: int = 1) -> Any:
+def run_program(program: Programs, static: Hashable, numbers: Any, rows: int = 1) -> Any:
     """``program(static, numbers)``, compiled; beside those of other members where there are any.
 
     Args:
-        program: compiled by ``jax.jit``, with ``static`` fixing the code.
+        program: of ``static``, which fixes the code, and of the numbers.
         static: hashable.
         numbers: a pytree of arrays.
         rows: that the program works on side by side by itself already.
@@ -88,16 +89,16 @@ def run_program(program: Callable[..., Any], static: Hashable, numbers: Any, row
     return company.ask(program, static, numbers, rows)
 
 
-@partial(jax.jit, static_argnums=(0, 1))
-def run_stacked(program: Callable[..., Any], static: Hashable, rows: Any) -> Any:
+@program(2)
+def run_stacked(program: Programs, static: Hashable, rows: Any) -> Any:
     """A program on rows of numbers, side by side."""
-    return jax.vmap(partial(program, static))(rows)
+    return jax.vmap(partial(program.function, static))(rows)
 
 
 class _Program(NamedTuple):
     """A program that requests may share: its code, the shapes of its numbers, and its rows."""
 
-    function: Callable[..., Any]
+    function: Programs
     static: Hashable
     tree: Any
     shapes: tuple[Any, ...]
@@ -179,9 +180,7 @@ class SharedRuns:
         silence()
         work()
 
-    def ask(
-        self, program: Callable[..., Any], static: Hashable, numbers: Any, rows: int = 1
-    ) -> Any:
+    def ask(self, program: Programs, static: Hashable, numbers: Any, rows: int = 1) -> Any:
         """``program(static, numbers)`` for this member; others have their turn meanwhile.
 
         A program that works on several ``rows`` by itself is run for fewer members at a time.

@@ -12,7 +12,6 @@ for Nonlinear Vibration Problems, chapter 2.
 
 from __future__ import annotations
 
-from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -20,6 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from diffthrust._support._running.programs import program
 from diffthrust.describing._periodic.period import (
     TINY,
     Cycle,
@@ -103,14 +103,9 @@ def balance(
     return Balance(rest, (own - pushed).reshape(x.size, x.size), seen)
 
 
-@partial(jax.jit, static_argnums=(0, 1, 5))
+@program(3)
 def balances(
-    key: Key,
-    cycle: Cycle,
-    count: int,
-    lanes: Lane,
-    x: Float[Numbers, "lanes n c"],
-    sloped: bool = True,
+    key: Key, cycle: Cycle, sloped: bool, count: int, lanes: Lane, x: Float[Numbers, "lanes n c"]
 ) -> Balance:
     """`balance` of the first ``count`` lanes, with coefficients ``(lanes, n, c)``."""
 

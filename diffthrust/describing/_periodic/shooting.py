@@ -12,7 +12,6 @@ Source: Nayfeh & Balachandran 1995, Applied Nonlinear Dynamics, section 6.1 (sho
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -20,6 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from diffthrust._support._running.programs import program
 from diffthrust.describing._periodic.period import (
     TINY,
     Cycle,
@@ -107,7 +107,7 @@ def _still(states: Mapping[str, Array], size: int) -> dict[str, Array]:
     return {name: jnp.full(size, value) for name, value in states.items()}
 
 
-@partial(jax.jit, static_argnums=(0, 1))
+@program(2)
 def periods(
     key: Key, cycle: Cycle, count: int, lanes: Lane, start: Float[Numbers, "lanes n"]
 ) -> Orbit:
@@ -120,7 +120,7 @@ def periods(
     return in_blocks(one, count, (lanes, start))
 
 
-@partial(jax.jit, static_argnums=(0, 1))
+@program(2)
 def starts(key: Key, cycle: Cycle, count: int, lanes: Lane) -> Float[Array, "lanes n"]:
     """Where the states that are followed begin by themselves, of the first ``count`` lanes."""
 

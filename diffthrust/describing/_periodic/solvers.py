@@ -187,7 +187,7 @@ class HarmonicBalance:
     ) -> hb.Balance:
         own, begin = _front(lanes, x, who)
         cycle = replace(cycle, harmonics=self.harmonics)
-        return _cut(hb.balances(self.key, cycle, who.size, own, begin, sloped), who.size)
+        return _cut(hb.balances(self.key, cycle, sloped, who.size, own, begin), who.size)
 
 
 def _size(x: np.ndarray) -> np.ndarray:

@@ -23,7 +23,6 @@ from diffthrust.many._campaign.specs import PathLike, find_specs, folders
 from diffthrust.many._campaign.store import ResultRow, is_whole, stored, sweep
 from diffthrust.many._campaign.tables import TABLE, arrow_table, write_table
 from diffthrust.many._campaign.task import head
-from diffthrust.specs._spec import load_spec
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -114,6 +113,7 @@ def campaign(
     jobs: int | None = None,
     time_limit: float | None = None,
     report: bool = False,
+    trust: PathLike | Iterable[PathLike] = (),
     progress: ProgressOption = None,
     **options: Any,
 ) -> Campaign:
@@ -140,6 +140,7 @@ def campaign(
         jobs: how many processes of this machine; as many as processors where ``None``.
         time_limit: seconds after which a task is killed.
         report: write ``report.html`` into each folder.
+        trust: folders whose scripts specs may run, besides those in and below their own.
         progress: True for a bar, or a function of a message and the share done; the message tells
             the time left.
         **options: of a diagnosis ``candidates``; of sampling ``method``, ``draws``, ``warmup``,
@@ -165,8 +166,10 @@ def campaign(
     _check(executor, jobs, time_limit)
     out = Path(os.path.abspath(output))
     names = find_specs(specs, out)
+    given = [trust] if isinstance(trust, str | os.PathLike) else trust
+    places = tuple(os.path.abspath(place) for place in given)
     work = [
-        Job(names[path], str(path), str(out / folder), task, options, report, time_limit)
+        Job(names[path], str(path), str(out / folder), task, options, report, time_limit, places)
         for path, folder in folders(names).items()
     ]
     say = teller(progress)
@@ -220,7 +223,7 @@ def _kept(job: Job) -> ResultRow | None:
     if folder is None:
         return None
     try:
-        mark = fingerprint(load_spec(job.spec), job)
+        mark = fingerprint(job.load(), job)
     except InputError:
         return None
     return {**folder["row"], **head(job, "ok")} if is_whole(job, folder, mark) else None

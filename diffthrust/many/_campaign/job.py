@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from typing import Any
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
 from diffthrust.specs._scripts import script_file
-from diffthrust.specs._spec import Spec
+from diffthrust.specs._spec import Spec, load_spec
 
 OPTIONS: dict[str, tuple[str, ...]] = {
     "fit": (),
@@ -44,6 +44,7 @@ class Job:
         options: arguments of the task.
         report: write a page beside the result.
         time_limit: the task is stopped after so many seconds; never where ``None``.
+        trust: folders whose scripts specs may run, absolute paths.
     """
 
     name: str
@@ -53,6 +54,11 @@ class Job:
     options: Mapping[str, Any] = field(default_factory=dict)
     report: bool = False
     time_limit: float | None = None
+    trust: Sequence[str] = ()
+
+    def load(self) -> Spec:
+        """The spec, as it is now."""
+        return load_spec(self.spec, trust=self.trust)
 
 
 def check_task(task: str, options: Mapping[str, Any]) -> None:

@@ -16,7 +16,7 @@ from diffthrust._support.files import plain
 from diffthrust.many._campaign.job import SAMPLING, Job, fingerprint
 from diffthrust.many._campaign.store import ResultRow, store
 from diffthrust.many._rows import estimates_of, fit_row
-from diffthrust.specs._spec import Spec, load_spec
+from diffthrust.specs._spec import Spec
 
 _DEATHS = 3
 """A task whose process died so many times is given up."""
@@ -86,10 +86,10 @@ def run_job(job: Job) -> ResultRow:
     """
     begun, mark = time.perf_counter(), None
     try:
-        mark = fingerprint(load_spec(job.spec), job)
-        spec = load_spec(job.spec)  # of what the mark is of, unless the last look says otherwise
+        mark = fingerprint(job.load(), job)
+        spec = job.load()  # of what the mark is of, unless the last look says otherwise
         result = _TASKS[job.task](spec, job)
-        if fingerprint(load_spec(job.spec), job) != mark:
+        if fingerprint(job.load(), job) != mark:
             raise InputError(
                 "The spec, one of its logs or a script that it names was changed while it was "
                 "worked on: nobody knows which state the result is of.",

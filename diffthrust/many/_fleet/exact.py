@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from diffthrust._support._running.programs import program
 from diffthrust.estimation._result import Fit
 from diffthrust.estimation._status import Status
 from diffthrust.many._fleet.axis import Axis
@@ -70,7 +70,7 @@ def likelihood(shape: DensityShape, dim: int, numbers: Any, x: Any) -> Any:
     return smooth(shape, Box((False,) * dim, (False,) * dim), numbers, x)
 
 
-@partial(jax.jit, static_argnums=(0, 1))
+@program(2)
 def _slope(shape: DensityShape, dim: int, numbers: Any, x: Any) -> Any:
     return jax.value_and_grad(likelihood, argnums=3)(shape, dim, numbers, x)
 

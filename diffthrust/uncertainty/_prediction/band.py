@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from diffthrust._support._running.programs import program
 from diffthrust._support.errors import InputError
 from diffthrust._support.results import Brief
 from diffthrust.estimation._laws import Law
@@ -119,7 +119,7 @@ def band_of(
     return Band(measured, median, *ends, share, int(seen.sum()), unit, *size)
 
 
-@partial(jax.jit, static_argnums=0)
+@program(1)
 def mixed_quantile(law: Law, centre: Any, scale: Any, probability: Any) -> Any:
     """A quantile of what is measured: the noise of every draw about its prediction, mixed.
 

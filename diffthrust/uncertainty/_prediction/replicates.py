@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from diffthrust._support._running.programs import program
 from diffthrust.estimation._observer import (
     Correction,
     Limits,
@@ -105,7 +105,7 @@ def _held(values: Mapping[str, np.ndarray]) -> dict[str, Any]:
     return {name: jnp.asarray(np.asarray(value, float)) for name, value in values.items()}
 
 
-@partial(jax.jit, static_argnums=(0, 1, 2))
+@program(3)
 def _runs(
     key: Key, grid: Grid, channels: tuple[str, ...], values: Any, time: Any, inputs: Any, start: Any
 ) -> Any:
@@ -125,7 +125,7 @@ class _Driven(Correction):
         return jnp.where(jnp.isnan(measured), 0.0, measured)
 
 
-@partial(jax.jit, static_argnums=(0, 1, 2))
+@program(3)
 def _random(
     key: Key,
     grid: Grid,

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from diffthrust._support._running.programs import program
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust.models._base.model import Model
@@ -142,7 +142,7 @@ def _durations(model: Model, run: Any, values: Mapping[str, float], sizes: Any) 
     )
 
 
-@partial(jax.jit, static_argnums=(0, 1, 2))
+@program(3)
 def step_responses(
     key: Key, grid: Grid, names: tuple[str, str], values: Any, ends: Any, sizes: Any, others: Any
 ) -> Any:

@@ -6,21 +6,24 @@ import errno
 import hashlib
 import json
 import os
-import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import emcee
 import h5py
-import jax
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust.uncertainty._sampling.posterior import Posterior
+from diffthrust.uncertainty._sampling.identity import same_problem
 
-_SCHEMA = 1
+BLOCK = 64
+"""Steps that have a checksum of their own, and from whose end a run can go on."""
+Mark = tuple[np.ndarray, np.ndarray]
+"""Accepted proposals of each walker, and the state of the generator, `packed`."""
+_MARKS = ("accepted", "random_states")
+_SCHEMA = 2
 _OWN = "diffthrust"
 """The group in which the file says whose chain it is; the chain itself is in emcee's ``mcmc``."""
 
@@ -35,6 +38,7 @@ class Stored:
         levels: noise levels, ``(n, W, C)``.
         accepted: accepted proposals of each walker, ``(W,)``.
         random_state: of the generator after the last step.
+        marks: accepted proposals and the generator's state after every `BLOCK` steps.
         centre: of the proposals, ``(d,)``.
         root: of their covariance, lower triangle, ``(d, d)``.
     """
@@ -46,54 +50,22 @@ class Stored:
     random_state: tuple[Any, ...]
     centre: np.ndarray
     root: np.ndarray
+    marks: tuple[Mark, ...] = ()
 
-
-def problem_identity(posterior: Posterior, **settings: Any) -> dict[str, dict[str, str]]:
-    """What makes a chain that of one problem, in words: model, parameters, data, settings."""
-    problem, fit = posterior.problem, posterior.fit
-    layout, numbers = problem.layout, problem.numbers
-    structure = re.sub(r" at 0x[0-9a-f]+", "", repr(problem.model.structure))
-    parameters = {}
-    for name, p in problem.named.items():
-        held = f"fixed at {p.value!r}" if p.fixed or name not in layout.free else "free"
-        parameters[name] = f"{held}, {p.transform}, within {p.range_text()}, prior {p.prior}"
-    data, begun = {}, hashlib.sha256()
-    for batch, indices in zip(numbers.batches, problem.order, strict=True):
-        _digest(begun, {name: restart.value for name, restart in batch.restarts.items()})
-        lasting = {n: (r.series, r.unsigned) for n, r in batch.restarts.items()}
-        rest = {**vars(batch), "restarts": lasting}
-        for row, index in enumerate(indices):
-            digest = hashlib.sha256()
-            _digest(digest, jax.tree.map(lambda a, row=row: a[row], rest))
-            data[f"log {index + 1}"] = digest.hexdigest()
-    for i, channel in enumerate(layout.channels):
-        known = float(numbers.noise[i]) if layout.known_noise[i] else None
-        data[f"noise of {channel}"] = "estimated" if known is None else repr(known)
-    facts = {
-        **settings,
-        "likelihood": fit.likelihood,
-        "loss": layout.likelihood.law.word,
-        "lasting noise": layout.likelihood.noise.lasts,
-        "substeps": [grid.substeps for grid in layout.grids],
-        "horizon": fit.horizon,
-        "restarts": begun.hexdigest()[:12] if fit.horizon is not None else None,
-        "coordinates": posterior.labels,
-        "scales": [f"{s:.9g}" for s in np.asarray(numbers.scales)],
-        "limits of errors": [f"{s:.9g}" for s in np.asarray(numbers.clip)],
-    }
-    return {
-        "model": {str(problem.model): hashlib.sha256(structure.encode()).hexdigest()},
-        "parameters": parameters,
-        "data": data,
-        "settings": {name: str(value) for name, value in facts.items()},
-    }
-
-
-def _digest(digest: Any, tree: Any) -> None:
-    for path, leaf in jax.tree_util.tree_flatten_with_path(tree)[0]:
-        array = np.asarray(leaf)
-        digest.update(f"{jax.tree_util.keystr(path)} {array.dtype} {array.shape}".encode())
-        digest.update(array.tobytes())
+    def beginning(self, blocks: int) -> Stored:
+        """The chain as it was after so many blocks."""
+        steps = blocks * BLOCK
+        accepted, state = self.marks[blocks - 1]
+        *words, place, has, spare = state
+        return replace(
+            self,
+            chain=self.chain[:steps],
+            log_prob=self.log_prob[:steps],
+            levels=self.levels[:steps],
+            accepted=accepted,
+            random_state=("MT19937", np.array(words, np.uint32), int(place), int(has), spare),
+            marks=self.marks[:blocks],
+        )
 
 
 def chain_bytes(stored: Stored, who: Mapping[str, Any], labels: tuple[str, ...]) -> bytes:
@@ -118,13 +90,39 @@ def chain_bytes(stored: Stored, who: Mapping[str, Any], labels: tuple[str, ...])
         ours = f.create_group(_OWN)
         text = json.dumps(who, sort_keys=True)
         ours.attrs["schema"] = _SCHEMA
-        ours.attrs["hash"] = hashlib.sha256(text.encode()).hexdigest()
         ours.attrs["coordinates"] = list(labels)
         ours.create_dataset("problem", data=text)  # an attribute could not hold a large model
         ours.create_dataset("centre", data=stored.centre)
         ours.create_dataset("root", data=stored.root)
+        for i, name in enumerate(_MARKS if stored.marks else ()):
+            ours.create_dataset(name, data=np.array([mark[i] for mark in stored.marks]))
+        ours.create_dataset("checksums", data=_checksums(stored, text))
         f.flush()
         return f.id.get_file_image()
+
+
+def packed(state: tuple[Any, ...]) -> np.ndarray:
+    """The state of a generator as numbers: MT19937's 624 words, its place, and a spare normal."""
+    return np.array([*state[1], *state[2:]], float)
+
+
+def _checksums(stored: Stored, problem: str) -> np.ndarray:
+    """SHA-256 of what the chain began with, of each block, and of its end, ``(blocks + 2, 32)``."""
+    text = np.frombuffer(problem.encode(), np.uint8)
+    sums = [_sum(stored.centre, stored.root, text)]
+    ends = [*stored.marks, (stored.accepted, packed(stored.random_state))]
+    for i, end in enumerate(ends):
+        steps = slice(i * BLOCK, (i + 1) * BLOCK if i < len(stored.marks) else None)
+        sums.append(_sum(stored.chain[steps], stored.log_prob[steps], stored.levels[steps], *end))
+    return np.array(sums)
+
+
+def _sum(*parts: np.ndarray) -> np.ndarray:
+    digest = hashlib.sha256()
+    for part in parts:
+        digest.update(f"{part.shape}".encode())
+        digest.update(np.ascontiguousarray(part, float).tobytes())
+    return np.frombuffer(digest.digest(), np.uint8)
 
 
 def write(path: Path, data: bytes) -> None:
@@ -201,12 +199,9 @@ def read(path: Path, who: Mapping[str, Mapping[str, str]]) -> Stored | None:
                 )
             g, ours = f["mcmc"], f[_OWN]
             text = ours["problem"][()].decode()
-            theirs = json.loads(text)
-            _same(
-                path, theirs, who, hashlib.sha256(text.encode()).hexdigest() == ours.attrs["hash"]
-            )
             a = g.attrs
             state = tuple(a[f"random_state_{i}"] for i in range(5))
+            marks = [ours[n][...] for n in _MARKS if n in ours]
             stored = Stored(
                 chain=g["chain"][...],
                 log_prob=g["log_prob"][...],
@@ -221,9 +216,9 @@ def read(path: Path, who: Mapping[str, Mapping[str, str]]) -> Stored | None:
                 ),
                 centre=ours["centre"][...],
                 root=ours["root"][...],
+                marks=tuple(zip(*marks, strict=True)),
             )
-            if stored.chain.shape[0] != a["iteration"] or not np.isfinite(stored.log_prob).all():
-                raise ValueError("the chain is not whole")
+            told, labels = ours["checksums"][...], tuple(ours.attrs["coordinates"])
     except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError) as error:
         if isinstance(error, InputError):
             raise
@@ -232,8 +227,35 @@ def read(path: Path, who: Mapping[str, Mapping[str, str]]) -> Stored | None:
             f"kind ({error}).",
             "Name a file that does not exist yet; this one was left as it is.",
         ) from None
+    _check_sums(path, stored, text, told, labels)
+    same_problem(path, json.loads(text), who)
     _try(path, target)
     return stored
+
+
+def _check_sums(
+    path: Path, stored: Stored, text: str, told: np.ndarray, labels: tuple[str, ...]
+) -> None:
+    """Raise `InputError` for a chain that is not as it was written; its beginning is kept."""
+    found = _checksums(stored, text)
+    if np.array_equal(found, told):
+        return
+    rows = min(len(found), len(told) if told.shape[1:] == found.shape[1:] else 0)
+    same = (found[:rows] == told[:rows]).all(axis=1)
+    sound = min(int(np.argmin([*same, False])) - 1, len(stored.marks))  # blocks after the first sum
+    problem = f"{path}: the chain is damaged: what is read is not what was written"
+    if sound < 1:
+        raise InputError(
+            f"{problem}, from its beginning on.",
+            "Name a file that does not exist yet; this one was left as it is.",
+        )
+    kept = path.with_name(f"{path.stem}.sound{path.suffix}")
+    write(kept, chain_bytes(stored.beginning(sound), json.loads(text), labels))
+    raise InputError(
+        f"{problem} from step {sound * BLOCK + 1} on. The sound beginning is kept in {kept.name}; "
+        f"{path.name} was left as it is.",
+        f"Sample again with {kept.name}: the run goes on from there.",
+    )
 
 
 def _try(path: Path, target: Path) -> None:
@@ -249,27 +271,3 @@ def _try(path: Path, target: Path) -> None:
             f"{path}: the chain could not be saved there ({error.strerror or error}).",
             "Name a file in a folder that exists and that you may write to.",
         ) from None
-
-
-def _same(path: Path, theirs: Any, ours: Mapping[str, Mapping[str, str]], whole: bool) -> None:
-    if whole and theirs == ours:
-        return
-    differing = []
-    for part in ("model", "parameters", "data", "settings"):
-        a, b = theirs.get(part, {}), ours[part]
-        names = [name for name in {**a, **b} if a.get(name) != b.get(name)]
-        if part == "model" and names:
-            differing.append(f"model: {', '.join(a)} in the file, {', '.join(b)} now")
-        elif part == "data" and names:
-            differing.append(f"data: {', '.join(names)}")
-        elif names:
-            differing += [
-                f"{part}, {n}: {a.get(n, 'absent')} in the file, {b.get(n, 'absent')} now"
-                for n in names
-            ]
-    if not differing:
-        raise ValueError("its description does not match its hash")
-    raise InputError(
-        f"{path}: the chain of another problem. What differs: {'; '.join(differing)}.",
-        "Name another file, or sample with what this one was begun with. It was left as it is.",
-    )

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
+from diffthrust._support._running.programs import program
 from diffthrust.estimation._likelihood import named_values, residuals
 from diffthrust.estimation._numbers import ProblemNumbers
 from diffthrust.estimation._problem import Layout
@@ -60,7 +61,7 @@ def log_density(shape: DensityShape, data: Any, x: Any) -> tuple[Any, Any]:
     return jnp.where(inside & jnp.isfinite(cost), -cost, -jnp.inf), sigma
 
 
-@partial(jax.jit, static_argnums=0)
+@program(1)
 def log_densities(shape: DensityShape, numbers: tuple[Any, Any]) -> tuple[Any, Any]:
     """`log_density` of many points ``(W, d)``, compiled once for each number of them."""
     data, points = numbers

@@ -15,7 +15,8 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust._support.progress import Progress, teller
 from diffthrust.uncertainty._sampling import chain_file
-from diffthrust.uncertainty._sampling.chain_file import Stored
+from diffthrust.uncertainty._sampling.chain_file import BLOCK, Mark, Stored, packed
+from diffthrust.uncertainty._sampling.identity import problem_identity
 from diffthrust.uncertainty._sampling.moves import MOST_INDEPENDENT, learned, moves, suited
 from diffthrust.uncertainty._sampling.posterior import LANES, Posterior
 
@@ -78,7 +79,7 @@ def run_ensemble(
     """
     tell = teller(progress)
     lanes, total = lanes_of(walkers), warmup + draws
-    who = chain_file.problem_identity(posterior, seed=seed, walkers=walkers, warmup=warmup)
+    who = problem_identity(posterior, seed=seed, walkers=walkers, warmup=warmup)
     stored = chain_file.read(file, who) if file else None
     if stored is None:
         stored = _begin(posterior, walkers, seed)
@@ -118,6 +119,7 @@ def run_ensemble(
                 start, iterations=until - backend.iteration, skip_initial_state_check=True
             ):
                 at = backend.iteration
+                saving.mark()
                 if at % 20 == 0:
                     tell("warmup" if at < warmup else "drawing", at / total)
                 saving.now_and_then()
@@ -147,6 +149,16 @@ class _Saving:
     backend: Any
     saved: float = field(default_factory=time.monotonic)
     took: float = 0.0
+    marks: list[Mark] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.marks = [*self.stored.marks]
+
+    def mark(self) -> None:
+        """Remember the end of a block."""
+        if self.backend.iteration == (len(self.marks) + 1) * BLOCK:
+            state = packed(self.backend.random_state)
+            self.marks.append((self.backend.accepted.copy(), state))
 
     def now_and_then(self) -> None:
         """Save where the last time is long enough ago."""
@@ -171,6 +183,7 @@ class _Saving:
             backend.random_state,
             self.stored.centre,
             self.stored.root,
+            tuple(self.marks),
         )
         chain_file.write(file, chain_file.chain_bytes(now, self.who, self.labels))
 

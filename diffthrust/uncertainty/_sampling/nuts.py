@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._support._running.batching import run_program
+from diffthrust._support._running.programs import program
 from diffthrust._support.errors import InputError
 from diffthrust._support.progress import Progress, teller
 from diffthrust.uncertainty._sampling.density import DensityShape, log_density
@@ -130,7 +131,7 @@ def _mixing() -> Iterator[None]:
         yield
 
 
-@partial(jax.jit, static_argnums=0)
+@program(1)
 def warm_up(static: tuple[Target, int], numbers: Any) -> Any:
     """Step and metric of each chain, and where it stands after the warmup."""
     import blackjax
@@ -150,7 +151,7 @@ def warm_up(static: tuple[Target, int], numbers: Any) -> Any:
         return jax.vmap(one)(starts, jax.random.wrap_key_data(keys))
 
 
-@partial(jax.jit, static_argnums=0)
+@program(1)
 def draw_block(target: Target, numbers: Any) -> Any:
     """A block of draws of each chain."""
     import blackjax

@@ -1,0 +1,60 @@
+"""Compiled programs, of which those last used are kept.
+
+JAX keeps what it has compiled for as long as the function lives. In a process that works on one
+model after another, programs would fill its memory and at last its table of memory maps, of which
+Linux allows 65 530; then it ends with a segmentation fault.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from functools import lru_cache, wraps
+from typing import Any
+
+import jax
+
+KEPT = 96
+"""Programs; each has some 30 to 100 memory maps and one to ten megabytes."""
+
+
+class Programs:
+    """The programs of a function, one for its first arguments and the shapes of the others.
+
+    Args:
+        function: of arguments that fix the code, hashable, and of pytrees of numbers.
+        static: how many arguments fix the code.
+
+    Attributes:
+        traces: how often it was traced, and so compiled.
+    """
+
+    def __init__(self, function: Callable[..., Any], static: int) -> None:
+        wraps(function)(self)
+        self.function, self.static, self.traces = function, static, 0
+
+    def __call__(self, *given: Any) -> Any:
+        """What the function gives; the last arguments are numbers."""
+        static, numbers = given[: self.static], given[self.static :]
+        leaves, tree = jax.tree.flatten(numbers)
+        return _kept(self, static, tree, tuple(map(_shape, leaves)))(*numbers)
+
+
+def program(static: int) -> Callable[[Callable[..., Any]], Programs]:
+    """A decorator that makes `Programs` whose first ``static`` arguments fix the code."""
+    return lambda function: Programs(function, static)
+
+
+@lru_cache(maxsize=KEPT)
+def _kept(
+    program: Programs, static: tuple[Hashable, ...], tree: Any, shapes: tuple[Hashable, ...]
+) -> Callable[..., Any]:
+    @wraps(program.function)
+    def traced(*numbers: Any) -> Any:
+        program.traces += 1
+        return program.function(*static, *numbers)
+
+    return jax.jit(traced)
+
+
+def _shape(leaf: Any) -> Hashable:
+    return getattr(leaf, "shape", ()), getattr(leaf, "dtype", type(leaf))
