@@ -12,6 +12,7 @@ from places import ROOT
 
 import diffthrust as dft
 from diffthrust._support._running.batching import SharedRuns, run_stacked  # private: runs alone
+from diffthrust._support._running.programs import program  # private: what is asked for
 from diffthrust.effects import ActuatorLag
 from diffthrust.estimation._likelihood import Quadratic  # private: an optimum by hand
 from diffthrust.estimation._multistart import distinct  # private: optima by hand
@@ -233,6 +234,7 @@ def test_the_ladder_is_the_cheapest():
     assert ladder([1000] * 50 + [1010] * 50, program=20_000) == [1010]
 
 
+@program(1)
 def _square(factor, x):
     return factor * x["value"] ** 2
 
@@ -271,6 +273,7 @@ def test_nobody_waits_for_the_slowest():
     assert 0 < len(rounds) < 2000  # the others did not wait for the last of its rounds
 
 
+@program(1)
 def _broken(_, x):
     raise ValueError("no such thing")
 
