@@ -13,8 +13,8 @@ from typing import Any
 
 import jax
 
-KEPT = 96
-"""Programs; each has some 30 to 100 memory maps and one to ten megabytes."""
+KEPT = 64
+"""Programs; each has some hundred memory maps and one to ten megabytes."""
 
 
 class Programs:
