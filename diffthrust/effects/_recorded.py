@@ -33,8 +33,10 @@ def _recognisable(function: Callable[..., Signal]) -> Callable[..., Signal]:
     named = jax.jit(function)
 
     @wraps(function)
-    def called(time: Signal, series: Signal, number: Signal | float) -> Signal:
-        return (named if _marked.get() else function)(time, series, number)
+    def called(*given: Signal | float) -> Signal:
+        # where nothing traces it, a scan would be compiled anew at each call
+        traced = any(isinstance(part, jax.core.Tracer) for part in given)
+        return (function if traced and not _marked.get() else named)(*given)
 
     return called
 
