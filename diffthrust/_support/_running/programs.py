@@ -13,7 +13,7 @@ from typing import Any
 
 import jax
 
-KEPT = 64
+KEPT = 48
 """Programs; each has some hundred memory maps and one to ten megabytes."""
 
 
