@@ -56,7 +56,7 @@ def build(
             f"{listing(model.outputs)}, found {listing(measured) or 'none'}.",
             "Map a column to one of these channels.",
         )
-    logs = tuple(bridged(log.unrepeated)[0] for log in logs)
+    logs = tuple(bridged(log.counted)[0] for log in logs)
     nuisance = likelihood.parameters(channels, logs)
     named = {**model.parameters, **nuisance}
     free = tuple(name for name, p in named.items() if not p.fixed)

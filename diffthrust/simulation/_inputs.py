@@ -105,7 +105,7 @@ its measurements follow each other."""
 
 def measured_start(model: Model, log: Log) -> dict[str, float]:
     """First measurement of each state that the log measures from its beginning."""
-    start, log = {}, log.unrepeated
+    start, log = {}, log.counted
     for name, unit in model.states.items():
         if name in log.measured and name not in log.inputs:
             values = log.values(name, unit)

@@ -41,7 +41,7 @@ class Run(Brief):
         time: time stamps [s], ``(n,)``.
         channels: measured and modelled, by channel that the log measures.
         errors: errors by channel.
-        log: the log, without the repeats of held sensors.
+        log: the log as it counts: without repeats of held sensors, and samples at a rail.
         signals: inputs, and modelled states and outputs, ``(n,)`` each, in the model's units.
         units: unit of each signal.
         start: initial states that were given, and those that were estimated from the run.
@@ -104,8 +104,7 @@ def runs_over(
             "Give initial=[{'speed': 1.0}, ...].",
         )
     runs = tuple(
-        _run(model, log.unrepeated, start, substeps)
-        for log, start in zip(logs, starts, strict=True)
+        _run(model, log.counted, start, substeps) for log, start in zip(logs, starts, strict=True)
     )
     if not any(run.channels for run in runs):
         raise InputError(

@@ -66,11 +66,8 @@ def doubts(logs: Log | Sequence[Log], model: Model | None = None) -> tuple[Doubt
         seen = [doubt for at, doubt in found if at == place]
         if any(doubt.kind == "time_base" for doubt in seen):
             continue  # and so would another clock
-        cut, held = (
-            {doubt.channel for doubt in seen if doubt.kind == kind}
-            for kind in ("saturated", "stuck")
-        )
-        found += [(place, doubt) for doubt in _of_ties(r, each, cut, held)]
+        held = {doubt.channel for doubt in seen if doubt.kind == "stuck"}
+        found += [(place, doubt) for doubt in _of_ties(r, each, {*logs[place].railed}, held)]
         if model is not None and model.name == "thruster":
             found += [(place, doubt) for doubt in misloaded(stretch(logs[place]))]
     kinds = ("sign", "exchanged", "time_base")
