@@ -14,6 +14,7 @@ from diffthrust._support.progress import Progress, ProgressOption, part, progres
 from diffthrust._support.warned import warn
 from diffthrust.estimation._arguments import check_arguments, listed
 from diffthrust.estimation._arrange import build
+from diffthrust.estimation._censored import rail_notes
 from diffthrust.estimation._estimate import Estimate, shown_unit
 from diffthrust.estimation._explained import explained
 from diffthrust.estimation._horizons import Ended, by_left_out, schedule, through
@@ -159,7 +160,7 @@ def fit(
         warn(note, CoarseStepWarning)
     steps = optimum.substeps if optimum.failed else substeps
     held = runs_over(optimum.model, unseen, substeps=steps) if unseen else ()
-    again += start_notes(held)
+    again += (*start_notes(held), *rail_notes(law.law, logs))
     task.tell("done", 1.0)
     return Fit(
         holdout=pooled_errors(held) if held else None,

@@ -266,7 +266,8 @@ class Log:
         measured, notes, shown = dict(log.measured), [*log.notes], ShownUnits([self.written])
         for channel, at in ends.items():
             measured[channel] = np.where(at.side == 0, measured[channel], np.nan)
-            notes.append(railed_note(channel, at, shown, self.units[channel]))
+            about = (shown, self.units[channel], channel in self.censored)
+            notes.append(railed_note(channel, at, *about))
         # what is left has its rails behind it
         rails = {**self.rails, **dict.fromkeys(ends, (-np.inf, np.inf))}
         return self.replaced(measured=measured, rails=rails, notes=tuple(notes))

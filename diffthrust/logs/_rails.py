@@ -73,8 +73,10 @@ def railed_between(values: np.ndarray, low: float, high: float) -> Railed | None
     return Railed(low, high, side) if side.any() else None
 
 
-def railed_note(channel: str, at: Railed, shown: ShownUnits, unit: str) -> str:
-    """How many samples of a channel stand at its rails, and that they carry no weight."""
+def railed_note(
+    channel: str, at: Railed, shown: ShownUnits, unit: str, censored: bool = False
+) -> str:
+    """How many samples of a channel stand at its rails, and what becomes of them."""
     from diffthrust._support.tables import number
 
     told = []
@@ -84,7 +86,7 @@ def railed_note(channel: str, at: Railed, shown: ShownUnits, unit: str) -> str:
             told.append(f"{count} at {value} {shown.unit(channel, unit)}".rstrip())
     return (
         f"measured {channel!r}: {' and '.join(told)} of {at.side.size} samples stand where the "
-        "sensor's range ends; they carry no weight."
+        f"sensor's range ends; they {'are in no error' if censored else 'carry no weight'}."
     )
 
 

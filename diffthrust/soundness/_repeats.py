@@ -163,11 +163,14 @@ def _saturated(log: Log, channel: str, ends: Railed) -> Doubt:
         for side, end, word in ((1, ends.high, "largest"), (-1, ends.low, "smallest"))
         if np.isfinite(end)
     ]
+    evidence = f"{log.name}: {', and '.join(told)}: there the sensor's range ends."
+    if channel in log.censored:
+        return Doubt(channel, "saturated", evidence, "none is needed; a larger range tells more.")
     given = ", ".join(f"{as_written(log, channel, end):g}" for end in (ends.low, ends.high))
     return Doubt(
         channel,
         "saturated",
-        f"{log.name}: {', and '.join(told)}: there the sensor's range ends. They carry no weight.",
+        f"{evidence} They carry no weight.",
         f"choose a larger range; or say where it ends and have them taken as 'at least': "
         f"[channels.{channel}] rails = [{given}] and censored = true, or Column(..., rails="
         f"({given}), censored=True). If it is no end of the range: rails = [-inf, inf].",
