@@ -178,6 +178,7 @@ def _reads(log: Log, state: str) -> bool:
     return state in log.measured and state not in log.inputs
 
 
+@np.errstate(over="ignore", invalid="ignore")  # numbers of wrong units are told
 def _spread(model: Model, logs: Sequence[Log], name: str) -> float:
     seen = np.concatenate(
         [lg.values(name, model.outputs[name]) for lg in logs if name in lg.measured]

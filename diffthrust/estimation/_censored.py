@@ -131,7 +131,7 @@ def rail_notes(law: Law, logs: Sequence[Log]) -> tuple[str, ...]:
     counts: dict[str, int] = {}
     for log in logs:
         for name in sorted(log.censored & {*log.railed}):
-            counts[name] = counts.get(name, 0) + log.railed[name].count
+            counts[name] = counts.get(name, 0) + log.railed[name].samples
     told = joined([f"{count} of {name}" for name, count in counts.items()])
     if law.censors:
         return (f"Samples at a rail are taken as 'at least' or 'at most' it: {told}.",)

@@ -58,7 +58,7 @@ class Railed(NamedTuple):
     side: np.ndarray
 
     @property
-    def count(self) -> int:
+    def samples(self) -> int:
         """How many samples stand at either end."""
         return int(np.count_nonzero(self.side))
 
@@ -90,6 +90,7 @@ def railed_note(
     )
 
 
+@np.errstate(over="ignore", invalid="ignore")  # numbers of wrong units are told
 def railed(
     values: np.ndarray, inputs: Collection[np.ndarray], measured: Collection[np.ndarray]
 ) -> Railed | None:
@@ -151,7 +152,7 @@ def _too_often(values: np.ndarray, at: np.ndarray) -> bool:
     if np.mean((bends[1:] * bends[:-1] < 0)[both]) < _ALTERNATING or noise <= _NOISY * step:
         return False
     beside = values >= values.max() - max(1.01 * step, 0.3 * noise)
-    return 2 * int(at.sum()) > np.count_nonzero(beside)
+    return bool(2 * at.sum() > np.count_nonzero(beside))
 
 
 def _noise(bends: np.ndarray) -> float:
@@ -176,7 +177,7 @@ def _cut(values: np.ndarray, begins: np.ndarray, lengths: np.ndarray) -> bool:
     far = np.flatnonzero(values < values.max() - broad)
     before = np.searchsorted(far, begins) - 1
     ways = begins - np.where(before >= 0, far[before], -1) - 1
-    return np.minimum(ways, lengths)[lengths >= _STRETCH].sum() <= _SETTLED * long
+    return bool(np.minimum(ways, lengths)[lengths >= _STRETCH].sum() <= _SETTLED * long)
 
 
 def _went_on(

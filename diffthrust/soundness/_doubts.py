@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.soundness._clock import misclocked
@@ -22,6 +24,7 @@ from diffthrust.soundness._ties import Tie, ties
 from diffthrust.soundness._together import misplaced
 
 
+@np.errstate(over="ignore", invalid="ignore")  # numbers of wrong units are told
 def doubts(logs: Log | Sequence[Log], model: Model | None = None) -> tuple[Doubt, ...]:
     """Say what in logs is probably not what its name, unit or clock says.
 
