@@ -17,11 +17,11 @@ import numpy as np
 
 from diffthrust.comparison._residual_tests import cross_correlation
 from diffthrust.logs._log import Log
-from diffthrust.simulation._simulate import simulate
 
 if TYPE_CHECKING:
     from diffthrust.models._base.model import Model
-    from diffthrust.simulation._runs import Run
+    from diffthrust.simulation._fixed_step import simulate_fixed
+from diffthrust.simulation._runs import Run
 
 Pair = tuple[np.ndarray, np.ndarray]
 
@@ -179,7 +179,7 @@ def _after(
     """Correlation of each channel with a simulation over changed logs."""
     pairs: dict[str, list[Pair]] = {name: [] for name in channels}
     for run in runs:
-        modelled = simulate(model, changed(run.log), initial=run.start, substeps=run.substeps)
+        modelled = simulate_fixed(model, changed(run.log), run.start, run.substeps)
         for name in pairs:
             if _measured(run, name):
                 pairs[name].append(_pair(model, run, name, modelled[name]))

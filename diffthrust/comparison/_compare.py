@@ -11,6 +11,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
+from diffthrust._support.files import plain
 from diffthrust._support.names import listing
 from diffthrust._support.results import Result
 from diffthrust.comparison._agreement import Agreement, agreement, hints
@@ -21,12 +22,15 @@ from diffthrust.comparison._regimes import Regime, worst_regimes
 from diffthrust.comparison._residual_tests import ResidualTests, residual_tests
 from diffthrust.estimation._origin import Origin, closing, origin_of, taken_part
 from diffthrust.estimation._registry import LIKELIHOODS
+from diffthrust.estimation._status import Status
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors, errors
+from diffthrust.simulation._inputs import check_samples
 from diffthrust.simulation._runs import (
     Run,
     are_tables,
+    failures,
     pooled_errors,
     runs_over,
     shown_of,
@@ -142,13 +146,19 @@ class Comparison(Result):
         """Sentences on runs whose errors stand out from those of the others; mostly none."""
         return tuple(one.sentence for one in outstanding(self.runs))
 
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """For each run that left the finite numbers when, and by which state; mostly none."""
+        return failures(self.runs)
+
     @cached_property
     def noise_advice(self) -> NoiseAdvice | None:
         """Which noise the residuals look like, as arguments of `fit`.
 
-        ``None`` for tables of readings, and for runs too short to tell.
+        ``None`` for tables of readings, for runs too short to tell, and where a simulation failed.
         """
-        if self.tabular or sum(e.samples for e in self.errors.channels.values()) < _TELLING:
+        samples = sum(e.samples for e in self.errors.channels.values())
+        if self.tabular or self.failures or samples < _TELLING:
             return None
         chosen = {n: [r for r in self.runs if n in r.channels] for n in self.errors.channels}
         return noise_advice(
@@ -201,7 +211,7 @@ class Comparison(Result):
     def findings(self) -> list[tuple[str, list[str]]]:
         """What was found besides errors: headings with their sentences; none is empty."""
         regimes = [regime.sentence for regime in self.regimes]
-        if not regimes and not self.tabular:
+        if not regimes and not self.tabular and not self.failures:
             regimes = ["No regime stands out from what chance would give."]
         noise = [tests.sentence for tests in self.tests.values()]
         fit, advice = self.fit, self.noise_advice
@@ -212,6 +222,7 @@ class Comparison(Result):
             noise.append(advice.sentence)
         doubts = [str(doubt) for doubt in fit.doubts] if fit else []
         parts = [
+            (Status.SIMULATION_FAILED.value, list(self.failures)),
             ("Doubts about the logs of the fit", doubts),
             ("What does not fit together", [*self.hints, *self.outstanding]),
             ("Initial states", list(start_notes(self.runs))),
@@ -238,6 +249,8 @@ class Comparison(Result):
         )
 
     def _line(self) -> str:
+        if self.failures:
+            return f"{self.model}: {Status.SIMULATION_FAILED}. {self.failures[0]}"
         each = ", ".join(f"{name} {e.nrmse:.3g}" for name, e in self.errors.channels.items())
         count = f"{len(self.runs)} log{'s' if len(self.runs) > 1 else ''}"
         return f"{self.model} on {count}: NRMSE {self.errors.nrmse:.3g} ({each})"
@@ -247,10 +260,11 @@ class Comparison(Result):
 
     def to_json(self) -> dict[str, Any]:
         """Errors, pooled and by run, regimes, residual tests and hints as plain data."""
-        return {
+        told = {
             "schema": 1,
             "model": self.model.name,
             "effects": [effect.name for effect in self.model.effects],
+            "failures": list(self.failures),
             "errors": self.errors.to_json(),
             "runs": [{"name": run.name, **run.errors.to_json()} for run in self.runs],
             "regimes": [regime.to_json() for regime in self.regimes],
@@ -260,6 +274,7 @@ class Comparison(Result):
             "noise": self.noise_advice.to_json() if self.noise_advice else None,
             "doubts": [doubt.to_json() for doubt in self.fit.doubts] if self.fit else [],
         }
+        return plain(told)
 
 
 def compare(
@@ -284,7 +299,7 @@ def compare(
         ``.plot()`` and ``.plot_residuals()``.
 
     Raises:
-        InputError: a log without a channel that the model needs or puts out.
+        InputError: a log without a channel that the model needs or puts out, or of a sample or two.
 
     Example:
         >>> dft.compare(fit, unseen).errors.nrmse
@@ -292,6 +307,7 @@ def compare(
     """
     model = fit if isinstance(fit, Model) else fit.model
     logs = (logs,) if isinstance(logs, Log) else tuple(logs)
+    check_samples(model, logs)
     runs = runs_over(model, logs, initial=initial, substeps=substeps)
     source = None if isinstance(fit, Model) else fit
     return Comparison(model, runs, pooled_errors(runs), source, origin_of(logs))

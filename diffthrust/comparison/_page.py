@@ -7,11 +7,12 @@ from pathlib import Path
 
 from diffthrust._support.files import write_page
 from diffthrust._support.page import STYLE, image
-from diffthrust._support.tables import number, with_error
+from diffthrust._support.tables import with_error
 from diffthrust.comparison._compare import Comparison, compare
 from diffthrust.estimation._origin import closing
 from diffthrust.estimation._result import Fit
 from diffthrust.estimation._status import Status
+from diffthrust.estimation._tables import error_cell, error_cells
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors
@@ -123,7 +124,7 @@ def write_comparison_page(
         ],
         notes=fit.notes if fit else (),
         figures=[(name, image(c.plot)) for name, c in comparisons.items()],
-        checks=_checks(fit) if fit else [],
+        checks=_checks(fit) if fit and fit.status is not Status.SIMULATION_FAILED else [],
         closing=_closing(comparisons, fit),
         spec=spec,
     )
@@ -139,11 +140,9 @@ def _parameters(fit: Fit) -> Iterable[tuple[str, ...]]:
 
 def _errors(logs: str, error: Errors) -> Iterable[tuple[str, ...]]:
     for name, e in error.channels.items():
-        percent = f"{round(e.fit_percent, 1) + 0.0:.1f}"
-        size, unit = e.shown
-        yield logs, name, number(size), unit, number(e.nrmse), percent, str(e.samples)
+        yield logs, name, *error_cells(e)
     if len(error.channels) > 1:
-        yield logs, "all", "", "", number(error.nrmse), "", ""
+        yield logs, "all", "", "", error_cell(error.nrmse), "", ""
 
 
 def _closing(comparisons: Mapping[str, Comparison], fit: Fit | None) -> tuple[str, ...]:

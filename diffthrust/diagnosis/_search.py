@@ -22,6 +22,7 @@ from diffthrust.diagnosis._worth import Worth
 from diffthrust.effects import EFFECTS
 from diffthrust.estimation._fit import fit as fit_model
 from diffthrust.estimation._result import Fit
+from diffthrust.estimation._status import Status
 from diffthrust.logs._log import Log
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
@@ -258,6 +259,8 @@ def _not_finite(fit: Fit, effects: Sequence[Effect], train: Sequence[Log]) -> In
             )
     return InputError(
         f"The '{fit.model}' cannot be carried over these logs at the parameters of its fit "
-        f"({fit.status.value}): expected finite one-step errors, found none.",
-        "Give bounds that keep its time constants longer than a fifth of a sample.",
+        f"({fit.status.value}): expected finite one-step errors, found none."
+        + (f" {fit.message}" if fit.status is Status.SIMULATION_FAILED else ""),
+        "Give bounds that keep its time constants longer than a fifth of a sample, and look "
+        "whether the units of the logs are right.",
     )

@@ -13,6 +13,7 @@ from functools import wraps
 
 import jax
 import jax.numpy as jnp
+from jax.core import Tracer
 
 from diffthrust.models._base.signals import Signal
 
@@ -35,7 +36,7 @@ def _recognisable(function: Callable[..., Signal]) -> Callable[..., Signal]:
     @wraps(function)
     def called(*given: Signal | float) -> Signal:
         # where nothing traces it, a scan would be compiled anew at each call
-        traced = any(isinstance(part, jax.core.Tracer) for part in given)
+        traced = any(isinstance(part, Tracer) for part in given)
         return (function if traced and not _marked.get() else named)(*given)
 
     return called

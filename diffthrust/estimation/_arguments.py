@@ -12,7 +12,7 @@ from diffthrust.estimation._registry import LIKELIHOODS, LOSSES, NOISE_MODELS
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._commands import adopted
-from diffthrust.simulation._inputs import inputs_of
+from diffthrust.simulation._inputs import check_samples, inputs_of
 
 
 def listed(logs: Any) -> tuple[Log, ...]:
@@ -98,6 +98,7 @@ def check_arguments(
                 f"{what}: expected at least {least}, a whole number, found {value!r}.",
                 "Correct it.",
             )
+    check_samples(model, (*logs, *unseen))
     _check_guesses(adopted(model, logs), guesses)
     for log in unseen:  # before the work, not after it
         inputs_of(adopted(model, logs), log)

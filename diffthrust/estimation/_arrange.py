@@ -10,6 +10,7 @@ import numpy as np
 from diffthrust._support._running.batching import alone, padded_length
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
+from diffthrust.estimation._censored import at_rails
 from diffthrust.estimation._numbers import Batch, ProblemNumbers, Restart
 from diffthrust.estimation._problem import Layout, Problem
 from diffthrust.estimation._residuals import Likelihood, SimulationError
@@ -56,7 +57,8 @@ def build(
             f"{listing(model.outputs)}, found {listing(measured) or 'none'}.",
             "Map a column to one of these channels.",
         )
-    logs = tuple(bridged(log.unrepeated)[0] for log in logs)
+    given = logs
+    logs, originals = zip(*(bridged(log.counted) for log in given), strict=True)
     nuisance = likelihood.parameters(channels, logs)
     named = {**model.parameters, **nuisance}
     free = tuple(name for name, p in named.items() if not p.fixed)
@@ -75,7 +77,12 @@ def build(
         )
         uniform = all(log.even for log in group)
         grids.append(Grid(hold, substeps, restarted, uniform, compact, padded=alone()))
-        batches.append(_batch(model, group, channels, starts, restarted, follow))
+        batch = _batch(model, group, channels, starts, restarted, follow)
+        if likelihood.law.censors:
+            units = [(name, model.outputs[name]) for name in channels]
+            places = [originals[i] for i in indices]
+            batch = at_rails(batch, [given[i] for i in indices], places, units)
+        batches.append(batch)
         order.append(tuple(indices))
     counts = _counts(batches)
     spread = [_spread(model, logs, n) for n in channels]
@@ -171,6 +178,7 @@ def _reads(log: Log, state: str) -> bool:
     return state in log.measured and state not in log.inputs
 
 
+@np.errstate(over="ignore", invalid="ignore")  # numbers of wrong units are told
 def _spread(model: Model, logs: Sequence[Log], name: str) -> float:
     seen = np.concatenate(
         [lg.values(name, model.outputs[name]) for lg in logs if name in lg.measured]

@@ -14,6 +14,7 @@ from diffthrust._support.progress import Progress, ProgressOption, part, progres
 from diffthrust._support.warned import warn
 from diffthrust.estimation._arguments import check_arguments, listed
 from diffthrust.estimation._arrange import build
+from diffthrust.estimation._censored import rail_notes
 from diffthrust.estimation._estimate import Estimate, shown_unit
 from diffthrust.estimation._explained import explained
 from diffthrust.estimation._horizons import Ended, by_left_out, schedule, through
@@ -29,14 +30,21 @@ from diffthrust.estimation._registry import likelihood_of
 from diffthrust.estimation._residuals import Likelihood
 from diffthrust.estimation._result import Fit
 from diffthrust.estimation._solver import Solved
-from diffthrust.estimation._status import GRADIENT_LIMIT, Checks, Local, examine, judge
+from diffthrust.estimation._status import GRADIENT_LIMIT, Checks, Local, examine, failed_over, judge
 from diffthrust.estimation._vanished import alive, vanished_notes
 from diffthrust.logs._log import Log
 from diffthrust.logs._written import ShownUnits
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._commands import adopted
 from diffthrust.simulation._inputs import input_ranges
-from diffthrust.simulation._runs import Run, pooled_errors, runs_over, shown_of, start_notes
+from diffthrust.simulation._runs import (
+    Run,
+    failures,
+    pooled_errors,
+    runs_over,
+    shown_of,
+    start_notes,
+)
 from diffthrust.simulation._step_size import CoarseStepWarning, fewest_steps
 from diffthrust.soundness._doubt import Doubt
 from diffthrust.soundness._doubts import doubts as doubts_of
@@ -159,7 +167,7 @@ def fit(
         warn(note, CoarseStepWarning)
     steps = optimum.substeps if optimum.failed else substeps
     held = runs_over(optimum.model, unseen, substeps=steps) if unseen else ()
-    again += start_notes(held)
+    again += (*failures(held), *start_notes(held), *rail_notes(law.law, logs))
     task.tell("done", 1.0)
     return Fit(
         holdout=pooled_errors(held) if held else None,
@@ -300,8 +308,12 @@ def _judged(optimum: _Optimum, again: tuple[str, ...], doubts: tuple[Doubt, ...]
     status, message = judge(local, cost, search.begun, agreeing, search.rivals(problem), alone)
     figures = (local.gradient, local.rank, local.columns, local.condition)
     correlated = correlation_notes(problem, best.z, optimum.runs)
-    train = pooled_errors(optimum.runs)
-    little, doubts = explained(train, doubts)
+    train, failed = pooled_errors(optimum.runs), failures(optimum.runs)
+    little = ""
+    if failed:
+        status, message = failed_over(failed, message, np.isfinite(cost))
+    else:
+        little, doubts = explained(train, doubts)
     gone = vanished_notes(problem, best.z)
     of_logs = [f"{run.name}: {note}" for run in optimum.runs for note in run.log.notes]
     return {

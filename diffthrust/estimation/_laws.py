@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from diffthrust.estimation._numbers import ProblemNumbers
+from diffthrust.estimation._numbers import Batch, ProblemNumbers
 
 TAIL = 4.0
 """Degrees of freedom of the Student-t law behind ``loss="student_t"``."""
@@ -28,6 +28,8 @@ class Law(ABC):
     """The best level of the noise follows in closed form, and may be integrated out."""
     excess: ClassVar[float]
     """The weighted information of a fit over the Fisher information."""
+    censors: ClassVar[bool] = False
+    """It takes samples at a rail as "at least" or "at most"."""
 
     @abstractmethod
     def cost(self, rests: Sequence[Any], numbers: ProblemNumbers, known: Sequence[bool]) -> Any:
@@ -43,9 +45,13 @@ class Law(ABC):
     def weights(self, rest: Any, sigma: Any) -> Any:
         """How much the square of each residual counts, ``(B, C, T)``."""
 
+    def straight(self, rest: Any, sigma: Any, batch: Batch) -> tuple[Any, Any]:
+        """Residuals and weights, ``(B, C, T)``, whose squares slope and bend as the law does."""
+        return rest, self.weights(rest, sigma)
+
     @abstractmethod
-    def bend(self, rests: Sequence[Any], numbers: ProblemNumbers, sigma: Any) -> Any:
-        """Mean slope of the law's score over the samples of each channel, ``(C,)``."""
+    def bend(self, rests: Sequence[Any], numbers: ProblemNumbers, sigma: Any) -> list[Any]:
+        """Slope of the law's score, by batch; to be broadcast to ``(B, C, T)``."""
 
     @abstractmethod
     def below(self, error: Any) -> Any:
@@ -82,9 +88,9 @@ class Gaussian(Law):
         """All are one."""
         return jnp.ones_like(rest)
 
-    def bend(self, rests: Sequence[Any], numbers: ProblemNumbers, sigma: Any) -> Any:
+    def bend(self, rests: Sequence[Any], numbers: ProblemNumbers, sigma: Any) -> list[Any]:
         """One, for the score is the error itself."""
-        return jnp.ones_like(sigma)
+        return [jnp.ones((1, 1, 1)) for _ in rests]
 
     def below(self, error: Any) -> Any:
         """Of the normal law."""
@@ -126,15 +132,15 @@ class StudentT(Law):
         """The less, the further an error is out."""
         return (TAIL + 1) / (TAIL + rest**2 / sigma[None, :, None] ** 2)
 
-    def bend(self, rests: Sequence[Any], numbers: ProblemNumbers, sigma: Any) -> Any:
-        """Measured on the residuals."""
+    def bend(self, rests: Sequence[Any], numbers: ProblemNumbers, sigma: Any) -> list[Any]:
+        """The mean over the samples of each channel, measured on the residuals."""
         total = jnp.zeros_like(sigma)
         for rest, batch in zip(rests, numbers.batches, strict=True):
             square = (rest / sigma[None, :, None]) ** 2
             slope = (TAIL + 1) * (TAIL - square) / (TAIL + square) ** 2
             total += jnp.where(jnp.isnan(batch.measured), 0.0, slope).sum(axis=(0, 2))
         # of the law itself it is 5 / 7; a law with heavier shoulders may lower it, not to nothing
-        return jnp.maximum(total / numbers.counts, 0.1)
+        return [jnp.maximum(total / numbers.counts, 0.1)[None, :, None] for _ in rests]
 
     def below(self, error: Any) -> Any:
         """The closed form for four degrees of freedom."""

@@ -153,8 +153,9 @@ def _assemble(
     n, m = layout.shared, len(layout.starts)
     gradient, information, energy = jnp.zeros(n), jnp.zeros((n, n)), jnp.zeros(())
     local, cross, own, scores = [], [], [], []
-    for rest, jacobian in passes:
-        root = jnp.sqrt(layout.likelihood.law.weights(rest, sigma)) / sigma[None, :, None]
+    for (rest, jacobian), batch in zip(passes, numbers.batches, strict=True):
+        rest, weight = layout.likelihood.law.straight(rest, sigma, batch)
+        root = jnp.sqrt(weight) / sigma[None, :, None]
         rest, jacobian = rest * root, jacobian * root[:, None]
         products = gram([*jnp.moveaxis(jacobian, 1, 0), rest])
         slope = products[:, :-1, -1]

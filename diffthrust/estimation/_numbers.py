@@ -45,6 +45,8 @@ class Batch:
         unsigned: the sensor of a channel reports the absolute value.
         restarts: by state.
         links: what the noise model needs to know of each sample.
+        beyond: 1 where a sample says "at least", -1 where it says "at most", 0 elsewhere; of laws
+            that censor.
     """
 
     time: Float[AnyArray, "logs time"]
@@ -55,6 +57,7 @@ class Batch:
     unsigned: Bool[AnyArray, "logs channels"]
     restarts: Mapping[str, Restart]
     links: PyTree[AnyArray] = None
+    beyond: Int[AnyArray, "logs channels time"] | None = None
 
 
 @jax.tree_util.register_dataclass

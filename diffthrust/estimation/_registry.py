@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from diffthrust.estimation._ar1 import AR1
+from diffthrust.estimation._censored import Censored, are_censored
 from diffthrust.estimation._laws import Gaussian, Law, StudentT
 from diffthrust.estimation._noise import NoiseModel, White
 from diffthrust.estimation._residuals import Innovations, Likelihood, SimulationError
@@ -29,4 +30,7 @@ def likelihood_of(
     Raises:
         InputError: logs that it cannot be made for.
     """
-    return LIKELIHOODS[likelihood].of(model, logs, NOISE_MODELS[noise_model], LOSSES[loss])
+    kind, noise, law = LIKELIHOODS[likelihood], NOISE_MODELS[noise_model], LOSSES[loss]
+    if law.closed and not kind.corrects and not noise.lasts and are_censored(logs):
+        law = Censored()
+    return kind.of(model, logs, noise, law)

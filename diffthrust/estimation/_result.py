@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from diffthrust._support.files import plain
 from diffthrust._support.results import Result
 from diffthrust._support.saved_file import write_saved
 from diffthrust.estimation._estimate import Estimate
@@ -130,6 +131,8 @@ class Fit(Result):
         return arguments
 
     def _line(self) -> str:
+        if self.status is Status.SIMULATION_FAILED:
+            return f"{self.model}: {self.status}. {self.message}"
         unseen = f", {self.holdout.nrmse:.3g} on unseen ones" if self.holdout else ""
         return f"{self.model}: {self.status}, NRMSE {self.train.nrmse:.3g} on training logs{unseen}"
 
@@ -188,7 +191,7 @@ class Fit(Result):
 
     def to_json(self) -> dict[str, Any]:
         """The fit as plain data, in the form that ``diffthrust fit --json`` writes."""
-        return {
+        told = {
             "schema": 1,
             "model": self.model.name,
             "effects": [effect.name for effect in self.model.effects],
@@ -199,3 +202,4 @@ class Fit(Result):
             "checks": dict(vars(self.checks)),
             "doubts": [doubt.to_json() for doubt in self.doubts],
         }
+        return plain(told)

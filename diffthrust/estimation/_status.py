@@ -237,6 +237,20 @@ def judge(
     return Status.CONVERGED, f"Converged: {agreeing} of {starts} starts agree.{single}"
 
 
+def failed_over(failures: Sequence[str], message: str, begun: bool) -> tuple[Status, str]:
+    """The status and the sentence of a fit whose model leaves the finite numbers over whole runs.
+
+    Args:
+        failures: a sentence for each run.
+        message: what the search ended with.
+        begun: whether it found a start that can be simulated, by segments or by corrected states.
+    """
+    where = " ".join(failures[:3])
+    if begun:
+        message = f"The model that was found cannot be simulated over whole runs. ({message})"
+    return Status.SIMULATION_FAILED, f"{message} {where}"
+
+
 def _of_bounds(local: Local) -> str:
     ends = [name for name in local.at_bound if name not in local.vanished]
     at = [f"{_names(ends)} at a bound"] * bool(ends)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from typing import Protocol
 
@@ -15,7 +16,7 @@ from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._origin import Origin, closing
 from diffthrust.estimation._status import Status
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._errors import Errors
+from diffthrust.simulation._errors import ChannelError, Errors
 from diffthrust.soundness._doubt import Doubt
 
 
@@ -109,6 +110,17 @@ def parameter_table(parameters: Mapping[str, Estimate]) -> Table:
     return table
 
 
+def error_cells(e: ChannelError) -> tuple[str, str, str, str, str]:
+    """RMSE, its unit, NRMSE, fit per cent and samples; ``-`` where a simulation failed."""
+    percent = f"{round(e.fit_percent, 1) + 0.0:.1f}" if math.isfinite(e.fit_percent) else "-"
+    return error_cell(e.shown.value), e.shown.unit, error_cell(e.nrmse), percent, str(e.samples)
+
+
+def error_cell(value: float) -> str:
+    """An error as text; ``-`` where a simulation failed."""
+    return number(value) if math.isfinite(value) else "-"
+
+
 def error_table(errors: Iterable[tuple[str, Errors | None]]) -> Table:
     """Errors by log and channel, and over all channels."""
     table = plain_table("Logs", "Channel", "RMSE", "Unit", "NRMSE", "Fit %", "Samples")
@@ -118,16 +130,9 @@ def error_table(errors: Iterable[tuple[str, Errors | None]]) -> Table:
         if error is None:
             continue
         for name, e in error.channels.items():
-            table.add_row(
-                escape(logs),
-                escape(name),
-                number(e.shown.value),
-                escape(e.shown.unit),
-                number(e.nrmse),
-                f"{round(e.fit_percent, 1) + 0.0:.1f}",
-                str(e.samples),
-            )
+            table.add_row(escape(logs), escape(name), *map(escape, error_cells(e)))
         if len(error.channels) > 1:
-            table.add_row(escape(logs), "all", "", "", number(error.nrmse), "", "", style="bold")
+            whole = error_cell(error.nrmse)
+            table.add_row(escape(logs), "all", "", "", whole, "", "", style="bold")
         table.add_section()
     return table

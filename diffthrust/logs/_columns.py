@@ -1,6 +1,6 @@
 """How columns of a file become the channels of a log."""
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -34,6 +34,8 @@ class Column:
         effort: the numbers are a share of the full effort: 1 (or 100 with ``unit="%"``) at full.
         dates: for the time, how its dates are written where they do not begin with the year, as
             Python's ``strptime`` has it: ``"%d.%m.%Y %H:%M:%S"``.
+        rails: where the range of the sensor ends, ``(low, high)`` in ``unit``, as in `Log`.
+        censored: samples at a rail count as "at least" or "at most" it, as in `Log`.
 
     Example:
         >>> Column("rpm", unit="rpm", unsigned=True).scale
@@ -52,6 +54,8 @@ class Column:
     pwm: PWM | Mapping[str, float] | None = None
     effort: bool = False
     dates: str = ""
+    rails: Sequence[float] | None = None
+    censored: bool = False
 
     @property
     def kept_unit(self) -> str:
@@ -232,5 +236,7 @@ def fields_of_columns(
         interpolate_inputs=interpolate_inputs,
         notes=(*notes, *(note for _, _, note in read.values() if note)),
         written={key: written for key, (_, written, _) in read.items()},
+        rails={key: ends for key in measured if (ends := columns[key].rails) is not None},
+        censored=[key for key in measured if columns[key].censored],
         at=at,
     )

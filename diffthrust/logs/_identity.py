@@ -60,6 +60,10 @@ class _Recorded(Protocol):
     def noise(self) -> Mapping[str, float]: ...
     @property
     def hold(self) -> Mapping[str, str]: ...
+    @property
+    def rails(self) -> Mapping[str, tuple[float, float]]: ...
+    @property
+    def censored(self) -> frozenset[str]: ...
 
 
 def content_hash(log: _Recorded) -> str:
@@ -79,7 +83,12 @@ def content_hash(log: _Recorded) -> str:
         add(("input", name, log.units[name], log.hold[name]), samples)
     for name, samples in sorted(log.measured.items()):
         sigma = float(log.noise.get(name, np.nan))
-        add(("measured", name, log.units[name], name in log.unsigned, sigma), samples)
+        told: tuple[object, ...] = (
+            *("measured", name, log.units[name], name in log.unsigned, sigma),
+            *((log.rails[name],) if name in log.rails else ()),
+            *(("censored",) if name in log.censored else ()),
+        )
+        add(told, samples)
     return digest.hexdigest()
 
 

@@ -14,6 +14,7 @@ from diffthrust._support.names import listing, nearest
 from diffthrust.logs._columns import Column
 from diffthrust.logs._held import held_readings
 from diffthrust.logs._identity import LogFile, LogIdentity, content_hash
+from diffthrust.logs._rails import Railed, railed, railed_between, railed_note
 from diffthrust.logs._tables.fields import TableRequest
 from diffthrust.logs._tables.frame import read_frame, time_of
 from diffthrust.logs._units import convert, convert_scale
@@ -43,6 +44,11 @@ class Log:
         notes: sentences to keep with the log.
         written: how channels were written, where ``units`` does not say it: an effort that was
             ``PWM(stop=1500, full=1900).effort(widths)`` by ``Written("us", pwm=PWM(1500, 1900))``.
+        rails: where the range of a sensor ends, ``(low, high)`` by measured channel, in the unit of
+            the channel as given: samples there carry no weight. Rails of other channels are looked
+            for; ``(-inf, inf)`` says that there are none.
+        censored: measured channels of which samples at a rail count as "at least" or "at most" it
+            in fits of the simulation error with white Gaussian noise, rather than not at all.
 
     Attributes:
         time: time stamps [s], shape (n,).
@@ -77,6 +83,8 @@ class Log:
     noise: Mapping[str, float]
     hold: Mapping[str, str]
     written: Mapping[str, Written]
+    rails: Mapping[str, tuple[float, float]]
+    censored: frozenset[str]
     name: str
     notes: tuple[str, ...]
     file: LogFile | None = field(default=None, init=False)
@@ -94,6 +102,8 @@ class Log:
         interpolate_inputs: bool = False,
         notes: Iterable[str] = (),
         written: Mapping[str, Written] | None = None,
+        rails: Mapping[str, Sequence[float]] | None = None,
+        censored: Collection[str] = (),
     ) -> None:
         checked = checked_fields(
             time=time,
@@ -107,6 +117,8 @@ class Log:
             interpolate_inputs=interpolate_inputs,
             notes=tuple(notes),
             written=written or {},
+            rails=rails or {},
+            censored=censored,
             at=partial(_place, name),
         )
         self._set(checked)
@@ -207,7 +219,7 @@ class Log:
         """The log in which the repeats of held sensors are missing samples; itself without any.
 
         A sensor that is read at every tenth sample and held in between says one thing once, and
-        not ten times. Fits, comparisons and diagnoses work with this log; a note tells of it.
+        not ten times. A note tells of it.
         """
         measured, notes = dict(self.measured), list(self.notes)
         for channel, values in self.measured.items():
@@ -222,6 +234,43 @@ class Log:
         if len(notes) == len(self.notes):
             return self
         return self.replaced(measured=measured, notes=tuple(notes))
+
+    @cached_property
+    def railed(self) -> Mapping[str, Railed]:
+        """The samples at the ends of a sensor's range, by measured channel; mostly none.
+
+        Rails are those that the log gives, or that its values show.
+        """
+        found = {}
+        for channel, values in self.unrepeated.measured.items():
+            if channel in self.rails:
+                at = railed_between(values, *self.rails[channel])
+            else:
+                others = [v for name, v in self.measured.items() if name != channel]
+                at = railed(values, [*self.inputs.values()], others)
+            if at is not None:
+                found[channel] = at
+        return found
+
+    @cached_property
+    def counted(self) -> "Log":
+        """The log with what carries weight: neither repeats of held sensors nor samples at a rail.
+
+        A sensor at the end of its range says "at least" and not "as much". Fits, comparisons and
+        diagnoses work with this log, in which such samples are missing; a note tells of each
+        channel.
+        """
+        log, ends = self.unrepeated, self.railed
+        if not ends:
+            return log
+        measured, notes, shown = dict(log.measured), [*log.notes], ShownUnits([self.written])
+        for channel, at in ends.items():
+            measured[channel] = np.where(at.side == 0, measured[channel], np.nan)
+            about = (shown, self.units[channel], channel in self.censored)
+            notes.append(railed_note(channel, at, *about))
+        # what is left has its rails behind it
+        rails = {**self.rails, **dict.fromkeys(ends, (-np.inf, np.inf))}
+        return self.replaced(measured=measured, rails=rails, notes=tuple(notes))
 
     @cached_property
     def sha256(self) -> str:

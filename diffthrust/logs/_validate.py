@@ -214,6 +214,8 @@ def checked_fields(
     interpolate_inputs: bool,
     notes: tuple[str, ...],
     written: Mapping[str, Written],
+    rails: Mapping[str, Any],
+    censored: Collection[str],
     at: PlaceOf,
 ) -> dict[str, Any]:
     """Check, copy and convert what makes a log.
@@ -229,8 +231,10 @@ def checked_fields(
         InputError: as in ``Log``.
     """
     unsigned = (unsigned,) if isinstance(unsigned, str) else unsigned
+    censored = (censored,) if isinstance(censored, str) else censored
     hold = dict.fromkeys(inputs, hold) if isinstance(hold, str) else hold
-    _check_names(inputs, measured, units, unsigned, noise, hold, name, at)
+    told = {"unsigned": unsigned, "noise": noise, "rails": rails, "censored": censored}
+    _check_names(inputs, measured, units, told, hold, name, at)
     for key, word in hold.items():
         check_hold(word, at(key, None))
 
@@ -241,6 +245,7 @@ def checked_fields(
     stored_units: dict[str, str] = {}
     stored: dict[str, np.ndarray] = {}
     sigmas: dict[str, float] = {}
+    ends: dict[str, tuple[float, float]] = {}
     sentences: list[str | None] = [gap_note(stamps)]
     for key, samples in {**inputs, **measured}.items():
         where = at(key, None)
@@ -265,6 +270,8 @@ def checked_fields(
         stored[key] = numbers
         if noise.get(key) is not None:
             sigmas[key] = _checked_noise(noise[key], unit, stored_units[key], where)
+        if rails.get(key) is not None:
+            ends[key] = _checked_rails(rails[key], unit, stored_units[key], where)
     for key in unsigned:
         if negative := int((stored[key] < 0).sum()):
             sentences.append(
@@ -280,6 +287,8 @@ def checked_fields(
         noise=sigmas,
         hold={key: hold.get(key, "zero") for key in inputs},
         written={key: written.get(key) or Written(units.get(key) or "") for key in stored},
+        rails=ends,
+        censored=frozenset(censored),
         name=name,
         notes=tuple(dict.fromkeys([*notes, *(s for s in sentences if s)])),
     )
@@ -289,8 +298,7 @@ def _check_names(
     inputs: Collection[str],
     measured: Collection[str],
     units: Collection[str],
-    unsigned: Collection[str],
-    noise: Collection[str],
+    told: Mapping[str, Collection[str]],
     hold: Collection[str],
     name: str,
     at: PlaceOf,
@@ -307,8 +315,7 @@ def _check_names(
         raise InputError(f"log {name!r}: a channel is called 'time'.", "give it another name.")
     for kind, keys, allowed in (
         ("units", units, [*known, "time"]),
-        ("unsigned", unsigned, measured),
-        ("noise", noise, measured),
+        *((kind, keys, measured) for kind, keys in told.items()),
         ("hold", hold, inputs),
     ):
         for key in keys:
@@ -345,3 +352,20 @@ def _checked_noise(value: Any, unit: str, stored_unit: str, where: Place) -> flo
             "give the noise in the unit of the channel, or leave it out to have it estimated.",
         )
     return sigma
+
+
+def _checked_rails(value: Any, unit: str, stored_unit: str, where: Place) -> tuple[float, float]:
+    try:
+        low, high = (float(end) for end in value)
+    except (TypeError, ValueError):
+        low = high = float("nan")
+    if not low < high:
+        raise InputError.at(
+            where,
+            f"expected rails as (low, high), the lower one first, found {value!r}.",
+            "give both ends of the sensor's range in the unit of the channel; -inf or inf where "
+            "there is none.",
+        )
+    ends = np.array([low, high])
+    low, high = convert(ends, unit, stored_unit, where=where) if unit else ends
+    return float(low), float(high)

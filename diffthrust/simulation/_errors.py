@@ -72,6 +72,7 @@ def unwrapped(angle: np.ndarray) -> np.ndarray:
     return out
 
 
+@np.errstate(over="ignore", invalid="ignore")  # numbers of wrong units are told
 def errors(
     pairs: Mapping[str, Iterable[tuple[np.ndarray, np.ndarray]]],
     units: Mapping[str, str] | None = None,

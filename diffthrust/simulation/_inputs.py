@@ -57,6 +57,21 @@ def inputs_of(model: Model, log: Log) -> dict[str, np.ndarray]:
     return {name: log.values(name, unit) for name, unit in {**units, **extra}.items()}
 
 
+def check_samples(model: Model, logs: Sequence[Log]) -> None:
+    """Raise `InputError` for a log that is too short to hold a model against it.
+
+    One step says where the simulation began, and nothing of how the model goes on.
+    """
+    for log in logs:
+        least = 2 if all(name in log.inputs for name in model.states) else 3
+        if len(log) < least:
+            raise InputError(
+                f"{log.name}: expected at least {least} samples to hold a '{model.name}' against, "
+                f"found {len(log)}.",
+                "Give a longer log, or leave this one out; to simulate a short one, use simulate.",
+            )
+
+
 def input_ranges(model: Model, logs: Sequence[Log]) -> dict[str, tuple[float, float]]:
     """The smallest and largest value of each input that a model reads from logs, in its units."""
     every = [inputs_of(model, log) for log in logs]
@@ -105,7 +120,7 @@ its measurements follow each other."""
 
 def measured_start(model: Model, log: Log) -> dict[str, float]:
     """First measurement of each state that the log measures from its beginning."""
-    start, log = {}, log.unrepeated
+    start, log = {}, log.counted
     for name, unit in model.states.items():
         if name in log.measured and name not in log.inputs:
             values = log.values(name, unit)

@@ -15,9 +15,10 @@ from diffthrust.logs._log import Log
 from diffthrust.logs._written import ShownUnits
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors, errors, unwrapped, wrapped
+from diffthrust.simulation._fixed_step import simulate_fixed
 from diffthrust.simulation._inputs import inputs_of
+from diffthrust.simulation._overflow import overflow, too_large
 from diffthrust.simulation._remembered import simulated_once
-from diffthrust.simulation._simulate import simulate
 from diffthrust.simulation._starts import estimated_start, unknown_starts
 from diffthrust.simulation._step_size import choose_substeps
 
@@ -41,12 +42,13 @@ class Run(Brief):
         time: time stamps [s], ``(n,)``.
         channels: measured and modelled, by channel that the log measures.
         errors: errors by channel.
-        log: the log, without the repeats of held sensors.
+        log: the log as it counts: without repeats of held sensors, and samples at a rail.
         signals: inputs, and modelled states and outputs, ``(n,)`` each, in the model's units.
         units: unit of each signal.
         start: initial states that were given, and those that were estimated from the run.
         estimated: names of the latter: no sensor tells where they begin.
         substeps: integrator steps per sample.
+        failure: when and by which state the simulation left the finite numbers; mostly empty.
     """
 
     name: str
@@ -59,6 +61,7 @@ class Run(Brief):
     start: Mapping[str, float]
     substeps: int
     estimated: tuple[str, ...] = ()
+    failure: str = ""
 
     @cached_property
     def shown(self) -> ShownUnits:
@@ -104,8 +107,7 @@ def runs_over(
             "Give initial=[{'speed': 1.0}, ...].",
         )
     runs = tuple(
-        _run(model, log.unrepeated, start, substeps)
-        for log, start in zip(logs, starts, strict=True)
+        _run(model, log.counted, start, substeps) for log, start in zip(logs, starts, strict=True)
     )
     if not any(run.channels for run in runs):
         raise InputError(
@@ -128,7 +130,7 @@ def _run(model: Model, log: Log, start: Mapping[str, float], substeps: int | Non
             substeps = choose_substeps(model, log, initial=start)
         if estimated := unknown_starts(model, log, start):
             start = {**start, **estimated_start(model, log, start, estimated, substeps)}
-        modelled = simulate(model, log, initial=start, substeps=substeps)
+        modelled = simulate_fixed(model, log, start, substeps)
     channels = {}
     for name, unit in model.outputs.items():
         if name not in log.measured:
@@ -145,7 +147,8 @@ def _run(model: Model, log: Log, start: Mapping[str, float], substeps: int | Non
     by_channel = errors(pairs, model.outputs, ShownUnits((log.written,)))
     signals = {**inputs_of(model, log), **{n: v for n, v in modelled.items() if "." not in n}}
     units = {**model.inputs, **model.optional_inputs, **model.states, **model.outputs}
-    about = (log, signals, units, start, substeps, estimated)
+    failure = overflow(model, log, modelled) or too_large(model, log, modelled)
+    about = (log, signals, units, start, substeps, estimated, failure)
     return Run(log.name, log.time, channels, by_channel, *about)
 
 
@@ -158,6 +161,11 @@ def start_notes(runs: Sequence[Run]) -> tuple[str, ...]:
         f"No sensor tells where {listing(names)} begins: its initial value is the one with which "
         "each run errs least.",
     )
+
+
+def failures(runs: Sequence[Run]) -> tuple[str, ...]:
+    """A sentence for each run whose simulation left the finite numbers."""
+    return tuple(run.failure for run in runs if run.failure)
 
 
 def pooled_errors(runs: Sequence[Run]) -> Errors:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._fixed_step import simulate_fixed
+from diffthrust.simulation._overflow import SimulationFailedWarning, overflow
 from diffthrust.simulation._step_size import choose_substeps
 
 
@@ -30,6 +32,7 @@ def simulate(
 
     Returns:
         Outputs and states by name at the log's time stamps, ``(n,)`` each, in the model's units.
+        Where they leave the finite numbers a `SimulationFailedWarning` says when and which.
 
     Raises:
         InputError: the log lacks an input, or a unit has the wrong dimension.
@@ -39,4 +42,7 @@ def simulate(
     """
     if substeps is None:
         substeps = choose_substeps(model, log, initial=initial)
-    return simulate_fixed(model, log, initial, substeps)
+    modelled = simulate_fixed(model, log, initial, substeps)
+    if failure := overflow(model, log, modelled):
+        warnings.warn(failure, SimulationFailedWarning, stacklevel=2)
+    return modelled

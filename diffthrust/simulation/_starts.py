@@ -121,6 +121,7 @@ def estimated_start(
     return {name: float(value) for name, value in remembered(asked, log, search).items()}
 
 
+@np.errstate(over="ignore", invalid="ignore")  # numbers of wrong units are told
 def _errors(model: Model, log: Log, path: Mapping[str, np.ndarray]) -> np.ndarray:
     """Measured minus modelled of every channel, over its spread."""
     rests = []

@@ -18,6 +18,7 @@ class CoarseStepWarning(UserWarning):
     """The integration step is too coarse for the model at these parameters."""
 
 
+@np.errstate(over="ignore", invalid="ignore")  # numbers of wrong units are told
 def sensor_noise(values: np.ndarray) -> float:
     """Standard deviation of the sample-to-sample noise of a measured channel.
 

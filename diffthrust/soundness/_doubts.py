@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.soundness._clock import misclocked
@@ -22,6 +24,7 @@ from diffthrust.soundness._ties import Tie, ties
 from diffthrust.soundness._together import misplaced
 
 
+@np.errstate(over="ignore", invalid="ignore")  # numbers of wrong units are told
 def doubts(logs: Log | Sequence[Log], model: Model | None = None) -> tuple[Doubt, ...]:
     """Say what in logs is probably not what its name, unit or clock says.
 
@@ -66,11 +69,8 @@ def doubts(logs: Log | Sequence[Log], model: Model | None = None) -> tuple[Doubt
         seen = [doubt for at, doubt in found if at == place]
         if any(doubt.kind == "time_base" for doubt in seen):
             continue  # and so would another clock
-        cut, held = (
-            {doubt.channel for doubt in seen if doubt.kind == kind}
-            for kind in ("saturated", "stuck")
-        )
-        found += [(place, doubt) for doubt in _of_ties(r, each, cut, held)]
+        held = {doubt.channel for doubt in seen if doubt.kind == "stuck"}
+        found += [(place, doubt) for doubt in _of_ties(r, each, {*logs[place].railed}, held)]
         if model is not None and model.name == "thruster":
             found += [(place, doubt) for doubt in misloaded(stretch(logs[place]))]
     kinds = ("sign", "exchanged", "time_base")

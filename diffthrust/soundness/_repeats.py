@@ -12,8 +12,9 @@ from diffthrust._support.tables import number
 from diffthrust._support.words import joined
 from diffthrust.logs._held import held_readings
 from diffthrust.logs._log import Log
+from diffthrust.logs._rails import Railed
 from diffthrust.soundness._doubt import Doubt
-from diffthrust.soundness._shown import value_shown, width_as_written, width_shown
+from diffthrust.soundness._shown import as_written, value_shown, width_as_written, width_shown
 
 _LEAST = 20
 """Samples of one value from which on a sensor may be stuck or clipped."""
@@ -55,7 +56,7 @@ def repeating(log: Log) -> Iterator[Doubt]:
                     f"look whether the sensor of {channel} was on, or take the channel out.",
                 )
             continue
-        doubt = None
+        doubt, ends = None, log.railed.get(channel)
         if np.count_nonzero(values[1:] == values[:-1]) >= _LEAST - 1:
             runs = _runs(values)
             others = [
@@ -66,9 +67,12 @@ def repeating(log: Log) -> Iterator[Doubt]:
             doubt = (
                 _slow(log, channel, values, runs)
                 or _coarse(log, channel, values)
-                or _clipped(log, channel, values, runs, others)
-                or _stuck(log, channel, values, runs, others)
+                or _resting(log, channel, values, runs)
             )
+            if doubt is None and ends is None:
+                doubt = _stuck(log, channel, values, runs, others)
+        if doubt is None and ends is not None and channel not in log.rails:
+            doubt = _saturated(log, channel, ends)
         if doubt:
             yield doubt
         elif channel in _ANSWERS and drives and _only_noise(log, drives, values):
@@ -138,36 +142,39 @@ def _stepped(log: Log, channel: str, levels: np.ndarray) -> Doubt:
     )
 
 
-def _clipped(
-    log: Log, channel: str, values: np.ndarray, runs: _Runs, others: list[np.ndarray]
-) -> Doubt | None:
-    """Stretches at one extreme, which the rest of the samples hardly comes near."""
-    span = float(np.ptp(values))
-    for extreme, word in ((values.max(), "largest"), (values.min(), "smallest")):
-        if extreme == 0:  # rest
-            continue
-        at = values == extreme
-        long = runs.length[(runs.value == extreme) & (runs.length >= 3)]
-        count = int(at.sum())
-        if long.sum() < max(_LEAST, _SHARE * values.size) or long.sum() < 0.6 * count:
-            continue
-        near = np.abs(values - extreme) < _BROAD * span
-        if near.sum() - count > 0.3 * count:  # it settles there
-            continue
-        if long.size == 1 and not _others_moved(others, at):
-            continue
-        levels = np.unique(values)
-        if np.diff(levels).min() > _BROAD * span:  # its last step, not the end of its range
+def _resting(log: Log, channel: str, values: np.ndarray, runs: _Runs) -> Doubt | None:
+    """Stretches on the last of a few broad steps, which are not the end of a range."""
+    levels, span = np.unique(values), float(np.ptp(values))
+    if np.diff(levels).min() <= _BROAD * span:
+        return None
+    for extreme in (values.max(), values.min()):
+        count = int(np.count_nonzero(values == extreme))
+        long = runs.length[(runs.value == extreme) & (runs.length >= 3)].sum()
+        if extreme != 0 and long >= max(_LEAST, _SHARE * values.size, 0.6 * count):
             return _stepped(log, channel, levels)
-        return Doubt(
-            channel,
-            "saturated",
-            f"{log.name}: {count} samples of {channel} stand exactly at its {word} value, "
-            f"{value_shown(log, channel, float(extreme))}, in {long.size} stretches: there the "
-            "sensor's range ends.",
-            f"leave these samples of {channel} empty (nan), or choose a larger range.",
-        )
     return None
+
+
+def _saturated(log: Log, channel: str, ends: Railed) -> Doubt:
+    """Samples at the end of the sensor's range."""
+    told = [
+        f"{np.count_nonzero(ends.side == side)} samples of {channel} stand exactly at its {word} "
+        f"value, {value_shown(log, channel, end)}"
+        for side, end, word in ((1, ends.high, "largest"), (-1, ends.low, "smallest"))
+        if np.isfinite(end)
+    ]
+    evidence = f"{log.name}: {', and '.join(told)}: there the sensor's range ends."
+    if channel in log.censored:
+        return Doubt(channel, "saturated", evidence, "none is needed; a larger range tells more.")
+    given = ", ".join(f"{as_written(log, channel, end):g}" for end in (ends.low, ends.high))
+    return Doubt(
+        channel,
+        "saturated",
+        f"{evidence} They carry no weight.",
+        f"choose a larger range; or say where it ends and have them taken as 'at least': "
+        f"[channels.{channel}] rails = [{given}] and censored = true, or Column(..., rails="
+        f"({given}), censored=True). If it is no end of the range: rails = [-inf, inf].",
+    )
 
 
 def _stuck(

@@ -55,7 +55,8 @@ def roles_of(model: Model, file: SpecFile, text: str, path: Path) -> dict[str, s
 
 
 def _suits(part: ChannelPart, role: str, text: str, path: Path, loc: tuple[str, ...]) -> None:
-    for key in ("unsigned", "noise") if role == "input" else ("hold",):
+    of_sensors = ("unsigned", "noise", "rails", "censored")
+    for key in of_sensors if role == "input" else ("hold",):
         if getattr(part, key) not in (None, False):
             other = "measured channel" if role == "input" else "input"
             kind = "an input" if role == "input" else "a measured channel"

@@ -108,6 +108,9 @@ class PWMPart(_Part):
     reverse: float | None = None
 
 
+_Bound = Annotated[float, AllowInfNan(True)]
+
+
 class ChannelPart(_Part):
     """``[channels.NAME]``: the column of a channel."""
 
@@ -121,6 +124,8 @@ class ChannelPart(_Part):
     offset: float = 0.0
     pwm: PWMPart | None = None
     effort: bool = False
+    rails: Annotated[list[_Bound], Field(min_length=2, max_length=2)] | None = None
+    censored: bool = False
 
     def as_column(self) -> Column:
         """The column that it describes."""
@@ -135,9 +140,6 @@ class PriorPart(_Part):
 
     mean: float
     std: Annotated[float, Field(gt=0)]
-
-
-_Bound = Annotated[float, AllowInfNan(True)]
 
 
 class ParameterPart(_Part):

@@ -83,7 +83,8 @@ def sample_scores(problem: Problem, z: np.ndarray) -> Scores:
     for part, batch, indices in zip(batches, problem.numbers.batches, problem.order, strict=True):
         values, rests, gram = (np.asarray(a) for a in part)
         absent = np.isnan(np.asarray(batch.measured))
-        rests = np.where(absent, np.nan, rests)
+        beyond = absent if batch.beyond is None else absent | (np.asarray(batch.beyond) != 0)
+        rests = np.where(beyond, np.nan, rests)
         values = np.where(absent[:, :, None], np.nan, values)
         for row, index in enumerate(indices):
             size = len(problem.logs[index])  # what follows is padding
@@ -117,13 +118,14 @@ def _pass(layout: Layout, numbers: ProblemNumbers, z: Any) -> list[tuple[Any, An
     passes = jacobians(layout, numbers, z)
     rests, law = [rest for rest, _ in passes], layout.likelihood.law
     _, sigma = layout.cost(numbers, rests)
-    bend = law.bend(rests, numbers, sigma)
+    bends = law.bend(rests, numbers, sigma)
     out = []
-    for rest, jacobian in passes:
+    for (rest, jacobian), bend, batch in zip(passes, bends, numbers.batches, strict=True):
         level = sigma[None, :, None]
-        weighted = rest / level * law.weights(rest, sigma)
+        straight, weight = law.straight(rest, sigma, batch)
+        weighted = straight / level * weight
         values = jnp.einsum("bict,bct->bcit", jacobian / level[:, None], weighted)
-        rows = jacobian * (jnp.sqrt(bend) / sigma)[None, None, :, None]
+        rows = jacobian * (jnp.sqrt(bend) / level)[:, None]
         out.append((values, rest / level, jnp.einsum("bict,bjct->bij", rows, rows)))
     return out
 

@@ -182,7 +182,7 @@ def predict(
         )
     tell = teller(progress)
     tell("drawing parameters", 0.0)
-    drawn, log = draws_of(source, model, count=draws, seed=seed, level=level), log.unrepeated
+    drawn, log = draws_of(source, model, count=draws, seed=seed, level=level), log.counted
     channels = [name for name in drawn.model.outputs if name in log.measured]
     if not channels:
         raise InputError(

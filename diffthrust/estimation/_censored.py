@@ -1,0 +1,141 @@
+"""Samples at the end of a sensor's range, taken as "at least" or "at most" (Tobin 1958)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from diffthrust._support.words import joined
+from diffthrust.estimation._laws import Gaussian, Law
+from diffthrust.estimation._numbers import Batch, ProblemNumbers
+from diffthrust.logs._log import Log
+
+_ROUNDS = 100
+"""Of the level of the noise: each leaves the share of the samples that stand at a rail."""
+_TAIL = 30.0
+"""Standard deviations from which on the series of Mills's ratio serves (1e-9 at five terms)."""
+
+
+@dataclass(frozen=True)
+class Censored(Gaussian):
+    """The normal law, of which samples at a rail say only on which side of it they lie.
+
+    Such a sample counts by the probability that the sensor would have shown more than the rail:
+    with what lies between the two as a = (modelled - rail) / level (the other way round at the
+    lower rail) by -log Phi(a). Its slope is the inverse of Mills's ratio, m(a) = phi(a) / Phi(a),
+    and its curvature m (m + a). The best level is the fixed point of expectation and maximisation
+    (Dempster, Laird & Rubin 1977), with E(e^2) = 1 - a m(a) where the sample stands at a rail.
+    """
+
+    word: ClassVar[str] = "gaussian"
+    closed: ClassVar[bool] = False
+    censors: ClassVar[bool] = True
+
+    def cost(self, rests: Sequence[Any], numbers: ProblemNumbers, known: Sequence[bool]) -> Any:
+        """A level that is not known is where the likelihood is highest."""
+        counts, given = numbers.counts, jnp.asarray(known)
+        sides = [_sides(batch) for batch in numbers.batches]
+        inside = counts - sum(jnp.sum(jnp.abs(side), axis=(0, 2)) for side in sides)
+        within = [jnp.where(side == 0, r, 0.0) for r, side in zip(rests, sides, strict=True)]
+        squares = sum(jnp.sum(r**2, axis=(0, 2)) for r in within)
+
+        def again(_: int, s: Any) -> Any:
+            beyond = jnp.zeros_like(s)
+            for rest, side in zip(rests, sides, strict=True):
+                a = -side * rest / s[None, :, None]
+                beyond += jnp.sum(jnp.where(side == 0, 0.0, 1.0 - a * _mills(a)[0]), axis=(0, 2))
+            pooled = jnp.sqrt((squares + s**2 * beyond) / counts + numbers.floor)
+            return jnp.where(given, s, pooled)
+
+        first = jnp.sqrt(squares / jnp.maximum(inside, 1.0) + numbers.floor)
+        sigma = jax.lax.fori_loop(0, _ROUNDS, again, jnp.where(given, numbers.noise, first))
+        cost = 0.5 * squares / sigma**2 + inside * jnp.log(sigma)
+        for rest, side in zip(rests, sides, strict=True):
+            a = -side * rest / sigma[None, :, None]
+            likely = jax.scipy.special.log_ndtr(a)
+            cost -= jnp.sum(jnp.where(side == 0, 0.0, likely), axis=(0, 2))
+        return jnp.sum(cost), sigma
+
+    def straight(self, rest: Any, sigma: Any, batch: Batch) -> tuple[Any, Any]:
+        """Of a sample at a rail the error that has its slope, under the weight of its curvature."""
+        side, level = _sides(batch), sigma[None, :, None]
+        slope, room = _mills(-side * rest / level)
+        return (
+            jnp.where(side == 0, rest, side * level / room),
+            jnp.where(side == 0, 1.0, slope * room),
+        )
+
+    def bend(self, rests: Sequence[Any], numbers: ProblemNumbers, sigma: Any) -> list[Any]:
+        """The curvature of each sample."""
+        pairs = zip(rests, numbers.batches, strict=True)
+        return [self.straight(rest, sigma, batch)[1] for rest, batch in pairs]
+
+
+def _sides(batch: Batch) -> Any:
+    """1 where a sample says "at least", -1 where it says "at most", 0 elsewhere."""
+    side = jnp.asarray(batch.beyond)
+    return jnp.where(jnp.isnan(batch.measured), 0.0, side.astype(float))
+
+
+def _mills(a: Any) -> tuple[Any, Any]:
+    """phi(a) / Phi(a), and what it exceeds -a by."""
+    far, near = jnp.maximum(-a, _TAIL), jnp.maximum(a, -_TAIL)
+    ratio = jnp.exp(jax.scipy.stats.norm.logpdf(near) - jax.scipy.special.log_ndtr(near))
+    room = (1.0 - 2.0 / far**2 + 10.0 / far**4 - 74.0 / far**6) / far
+    tail = a < -_TAIL
+    return jnp.where(tail, far + room, ratio), jnp.where(tail, room, ratio + near)
+
+
+def at_rails(
+    batch: Batch,
+    logs: Sequence[Log],
+    originals: Sequence[np.ndarray],
+    units: Sequence[tuple[str, str]],
+) -> Batch:
+    """A batch in which samples at the rails of censored channels stand at them, and on which side.
+
+    Args:
+        batch: of these logs, without such samples.
+        logs: as they were given.
+        originals: where the samples of each log are in the batch.
+        units: each channel with the unit of the model.
+    """
+    measured = np.array(batch.measured)
+    beyond = np.zeros(measured.shape, np.int8)
+    for row, (log, places) in enumerate(zip(logs, originals, strict=True)):
+        for column, (name, unit) in enumerate(units):
+            if name not in log.censored or name not in log.railed:
+                continue
+            low, high, side = log.railed[name]
+            at = np.flatnonzero(side)
+            ends = log.replaced(measured={name: np.where(side[at] > 0, high, low)})
+            measured[row, column, places[at]] = ends.values(name, unit)
+            beyond[row, column, places[at]] = side[at]
+    return replace(batch, measured=measured, beyond=beyond)
+
+
+def are_censored(logs: Sequence[Log]) -> bool:
+    """Whether any sample is to be taken as "at least" or "at most"."""
+    return any(log.censored & {*log.railed} for log in logs)
+
+
+def rail_notes(law: Law, logs: Sequence[Log]) -> tuple[str, ...]:
+    """A note on how a fit took the samples at the rails of censored channels."""
+    if not are_censored(logs):
+        return ()
+    counts: dict[str, int] = {}
+    for log in logs:
+        for name in sorted(log.censored & {*log.railed}):
+            counts[name] = counts.get(name, 0) + log.railed[name].samples
+    told = joined([f"{count} of {name}" for name, count in counts.items()])
+    if law.censors:
+        return (f"Samples at a rail are taken as 'at least' or 'at most' it: {told}.",)
+    return (
+        f"Samples at a rail carry no weight: {told}. Only likelihood='simulation' with white "
+        "Gaussian noise can take them as 'at least' or 'at most'.",
+    )
