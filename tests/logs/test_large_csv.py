@@ -53,6 +53,7 @@ PLAIN = {
     "an empty cell": table(cells=changed(1100, 2, " ")),
     "dates": table(cells=[(dated(k), *row[1:]) for k, row in enumerate(CELLS)]),
     "decimal commas": table(";", cells=COMMAS),
+    "some decimal commas": table(";", cells=changed(1100, 1, "0,5")),
     "infinity and large": table(cells=changed(900, 2, "1e308")),
     "preamble": table(head=("boat 7", "# of the second day", "t,u,rpm", "s,V,rpm")),
     "zeros": table(foot="\0" * 5000),

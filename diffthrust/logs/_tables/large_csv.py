@@ -80,9 +80,10 @@ class LargeBody:
             for column, values in numbers.items():
                 found[column][row : row + values.size] = values
             row += _lines(block)
-        if texts:
-            found |= self._texts(sorted(texts))
-        return found
+        cells = self._texts(texts)
+        if any("," in cell for text in cells.values() for cell in text):
+            cells |= self._texts(list(found))  # which may have points, where these have commas
+        return found | cells
 
     def _numbers(
         self, block: bytes, columns: list[int], missing: Collection[str]
@@ -101,6 +102,8 @@ class LargeBody:
 
     def _texts(self, columns: list[int]) -> dict[int, list[str]]:
         texts: dict[int, list[str]] = {column: [] for column in columns}
+        if not columns:
+            return texts
         for block in _blocks(self.path, self.begin, self.end):
             frame = _frame(BytesIO(block), self.delimiter, self.width, columns, na_filter=False)
             for column in columns:
@@ -143,7 +146,8 @@ def parsed(
 def _frame(source: IO[Any], delimiter: str, width: int, columns: Sequence[int], **how: Any) -> Any:
     import pandas as pd
 
-    return pd.read_csv(
+    read: Any = pd.read_csv
+    return read(
         source,
         sep=r"\s+" if delimiter == " " else delimiter,
         header=None,
