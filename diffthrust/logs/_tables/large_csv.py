@@ -80,10 +80,10 @@ class LargeBody:
             for column, values in numbers.items():
                 found[column][row : row + values.size] = values
             row += _lines(block)
-        cells = self._texts(texts)
+        cells: dict[int, Any] = dict(self._texts(texts))
         if any("," in cell for text in cells.values() for cell in text):
             cells |= self._texts(list(found))  # which may have points, where these have commas
-        return found | cells
+        return {**found, **cells}
 
     def _numbers(
         self, block: bytes, columns: list[int], missing: Collection[str]
