@@ -8,7 +8,7 @@ from typing import Any
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, shortly
-from diffthrust.estimation._limits import LARGEST_SEED, MOST_STARTS, MOST_SUBSTEPS
+from diffthrust.estimation._limits import SEED_LIMIT, STARTS_LIMIT, SUBSTEPS_LIMIT
 from diffthrust.estimation._registry import LIKELIHOODS, LOSSES, NOISE_MODELS
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
@@ -88,9 +88,9 @@ def check_arguments(
             "Leave the horizon out, or use likelihood='simulation'.",
         )
     for what, value, least, most in (
-        ("starts", starts, 1, MOST_STARTS),
-        ("seed", seed, 0, LARGEST_SEED),
-        ("substeps", substeps, 1, MOST_SUBSTEPS),
+        ("starts", starts, 1, STARTS_LIMIT),
+        ("seed", seed, 0, SEED_LIMIT),
+        ("substeps", substeps, 1, SUBSTEPS_LIMIT),
     ):
         if what == "substeps" and value is None:
             continue

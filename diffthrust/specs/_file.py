@@ -22,7 +22,7 @@ from pydantic import (
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import oddity
 from diffthrust._support.names import listing, nearest, shortly
-from diffthrust.estimation._limits import MOST_STARTS, MOST_SUBSTEPS
+from diffthrust.estimation._limits import STARTS_LIMIT, SUBSTEPS_LIMIT
 from diffthrust.logs._columns import Column
 from diffthrust.logs._kinds import is_log, kind_of
 from diffthrust.logs._written import PWM
@@ -155,14 +155,14 @@ class ParameterPart(_Part):
 class FitPart(_Part):
     """``[fit]``: the arguments of `fit`; only those that are given are passed on."""
 
-    starts: Annotated[int, Field(ge=1, le=MOST_STARTS)] = 8
+    starts: Annotated[int, Field(ge=1, le=STARTS_LIMIT)] = 8
     seed: Annotated[int, Field(ge=0)] = 0
     horizon: Any = "auto"
     likelihood: Literal["simulation", "innovations"] = "simulation"
     loss: Literal["gaussian", "student_t"] = "gaussian"
     noise_model: Annotated[str, BeforeValidator(_as_noise_model)] = "white"
     initial: Literal["auto", "estimate", "measured"] = "auto"
-    substeps: Annotated[int, Field(ge=1, le=MOST_SUBSTEPS)] | None = None
+    substeps: Annotated[int, Field(ge=1, le=SUBSTEPS_LIMIT)] | None = None
 
     @field_validator("horizon")
     @classmethod

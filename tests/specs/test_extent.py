@@ -112,6 +112,16 @@ def test_what_is_no_file_is_told_and_not_waited_for(tmp_path, monkeypatch, make,
         dft.look(log)
     with pytest.raises(InputError, match="none among its 2 files"):
         dft.look(path.parent)
+    make(path.with_name("own.py"))
+    path.write_text(SENSOR.replace('"linear_sensor"', '"own.py:Own"'))
+    outside = found == "device"  # which is a link
+    told = (
+        "lies outside the folder"
+        if outside
+        else f"own.py: expected a Python script, found a {found}"
+    )
+    with pytest.raises(InputError, match=told):
+        load_spec(path)
     path.unlink()
     make(path)
     for named in (path, path.parent):
