@@ -156,3 +156,13 @@ def test_a_file_of_zeros_alone_is_no_table(tmp_path):
     with pytest.raises(InputError, match="expected a log of at most 512 MB"):
         contents(path)
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss < before + 100_000
+
+
+def test_a_file_that_is_cut_while_it_is_read_is_told(tmp_path, in_blocks):
+    path = tmp_path / "run.csv"
+    path.write_text(table())
+    in_blocks()
+    opened = csv.read_csv(path, ["t", "u"])
+    os.truncate(path, path.stat().st_size // 2)
+    with pytest.raises(InputError, match="was changed while it was read"):
+        opened.read(["t", "u"], ())

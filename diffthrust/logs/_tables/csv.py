@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from io import StringIO
 from pathlib import Path
@@ -13,9 +13,10 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust.logs._largest import Room
-from diffthrust.logs._tables.cells import is_number, quoted
+from diffthrust.logs._tables.cells import quoted
+from diffthrust.logs._tables.csv_head import Head, Splitter, head_of, splitter
 from diffthrust.logs._tables.large_csv import LARGE, parsed, scanned, top_of
-from diffthrust.logs._tables.placement import SEARCHED, Placement, locate, said
+from diffthrust.logs._tables.placement import SEARCHED
 from diffthrust.logs._tables.source import Cells, OpenTable
 
 # Below this many cells Python reads the numbers sooner than pandas is imported.
@@ -26,9 +27,6 @@ _CONTROL = bytes([*range(9), *range(14, 32)])
 
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
-_DELIMITERS = (",", ";", "\t", " ")
-
-Splitter = Callable[[str], list[str]]
 ReadCells = Callable[[Sequence[str], Collection[str]], Mapping[str, Cells]]
 
 
@@ -65,7 +63,7 @@ def _read_whole(path: Path, wanted: Collection[str], strict: bool) -> OpenTable:
     whole = not lines[-1]
     if whole:  # the end of the last line, not a blank row
         lines.pop()
-    head = _head(path.name, lines, wanted)
+    head = head_of(path.name, lines, wanted)
     notes = [*head.notes, *_zeros(len(whole_file) - len(raw))]
     text = _Text(
         path.name,
@@ -86,7 +84,7 @@ def _read_large(path: Path, wanted: Collection[str]) -> OpenTable | None:
     if top is None:
         return None
     lines = _lines(top, path.name)[:-1]
-    head = _head(path.name, lines, wanted)
+    head = head_of(path.name, lines, wanted)
     if len(head.body) < SEARCHED:
         return None
     begin = sum(map(len, top.splitlines(keepends=True)[: head.body[0]]))
@@ -108,7 +106,7 @@ def _read_large(path: Path, wanted: Collection[str]) -> OpenTable | None:
 
 
 def _table(
-    path: Path, head: _Head, read: ReadCells, numbers: np.ndarray, notes: list[str]
+    path: Path, head: Head, read: ReadCells, numbers: np.ndarray, notes: list[str]
 ) -> OpenTable:
     return OpenTable(
         path.name,
@@ -129,59 +127,6 @@ def _zeros(count: int) -> list[str]:  # a card in a boat whose power went
 
 def _cut_off(line: int) -> str:
     return f"line {line}, the last, was skipped: it is cut off."
-
-
-@dataclass(frozen=True)
-class _Head:
-    """Where the table stands among lines.
-
-    Args:
-        placement: its columns.
-        delimiter: between cells.
-        line: index of the header's line.
-        body: indices of the lines below it that are no comments.
-        notes: sentences on what was skipped.
-    """
-
-    placement: Placement
-    delimiter: str
-    line: int
-    body: Sequence[int]
-    notes: list[str]
-
-
-def _head(file: str, lines: Sequence[str], wanted: Collection[str]) -> _Head:
-    """Find the header.
-
-    Raises:
-        InputError: there is none.
-    """
-    kept: Sequence[int] = range(len(lines))
-    if any("#" in line for line in lines):
-        kept = [i for i in kept if not lines[i].lstrip().startswith("#")]
-    found = _find([lines[i] for i in kept], wanted)
-    if found is None:
-        raise InputError(
-            f"{file}: expected a header and samples, found an empty file.",
-            "check that the recording was saved.",
-        )
-    placement, delimiter, rows = found
-    notes = said(placement, rows, [i + 1 for i in kept], "line")
-    top, first = kept[placement.header], placement.first
-    if all(map(is_number, placement.names)) and not set(wanted) & set(placement.names):
-        above = lines[top - 1].lstrip() if top else ""
-        named = _find([above.lstrip("# ")], wanted) if above.startswith("#") else None
-        if named is None or len(named[0].names) != len(placement.names):
-            names = ", ".join(map(repr, wanted))
-            raise InputError(
-                f"{file}, line {top + 1}: expected names of columns, found numbers.",
-                "write a header line that names the columns"
-                + (f", {names} among them." if names else "."),
-            )
-        # numpy.savetxt writes its header as a comment.
-        placement = replace(placement, names=named[0].names, units=named[0].units)
-        top, first = top - 1, placement.header
-    return _Head(placement, delimiter, top, kept[first:], notes)
 
 
 def _lines(raw: bytes, file: str) -> list[str]:
@@ -208,35 +153,6 @@ def _binary(file: str) -> InputError:
     )
 
 
-def _find(
-    lines: Sequence[str], wanted: Collection[str]
-) -> tuple[Placement, str, list[list[str]]] | None:
-    """Where the table is, by which delimiter, and the top of the text cut into cells by it."""
-    found = []
-    for delimiter in _DELIMITERS:
-        split, rows = _splitter(delimiter), []
-        for line in lines[:SEARCHED]:
-            try:
-                rows.append([cell.strip() for cell in split(line)])
-            except csv.Error:
-                rows.append([line.strip()])
-        if placement := locate(rows, wanted):
-            found.append((placement, delimiter, rows))
-    # Blanks stand inside names too, so they count only where nothing else parts cells as well.
-    return max(found, key=lambda f: (*f[0].measure, f[1] != " ")) if found else None
-
-
-def _splitter(delimiter: str) -> Splitter:
-    def split(line: str) -> list[str]:
-        if delimiter == " ":
-            line = " ".join(line.split())
-        if '"' not in line:
-            return line.split(delimiter)
-        return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [""])
-
-    return split
-
-
 @dataclass
 class _Text:
     """The lines of a file that hold cells, and where they stand."""
@@ -251,7 +167,7 @@ class _Text:
     @property
     def split(self) -> Splitter:
         """Gives the cells of a line; raises csv.Error where its quotes do not match."""
-        return _splitter(self.delimiter)
+        return splitter(self.delimiter)
 
     def cut_short(self) -> bool:
         """Drop a last line that has too few cells; whether there was one."""

@@ -11,6 +11,7 @@ from typing import IO, Any
 
 import numpy as np
 
+from diffthrust._support.errors import InputError
 from diffthrust.logs._largest import Room
 from diffthrust.logs._tables.source import Cells
 
@@ -67,7 +68,7 @@ class LargeBody:
             missing: texts that mean missing.
 
         Raises:
-            InputError: they take more memory than a log may.
+            InputError: they take more memory than a log may, or the file has changed.
         """
         Room(self.path).take(8 * self.rows * len(columns))
         found: dict[int, Any] = {column: np.empty(self.rows) for column in columns}
@@ -80,6 +81,12 @@ class LargeBody:
             for column, values in numbers.items():
                 found[column][row : row + values.size] = values
             row += _lines(block)
+        if row != self.rows:
+            raise InputError(
+                f"{self.path.name}: expected {self.rows} lines of samples, found {row}: the file "
+                "was changed while it was read.",
+                "read it once it is complete.",
+            )
         cells: dict[int, Any] = dict(self._texts(texts))
         if any("," in cell for text in cells.values() for cell in text):
             cells |= self._texts(list(found))  # which may have points, where these have commas
@@ -239,9 +246,9 @@ def _blocks(path: Path, begin: int, end: int) -> Iterator[bytes]:
         stream.seek(begin)
         left, rest = end - begin, b""
         while left > 0:
-            block = stream.read(min(_BLOCK, left))
-            left -= len(block)
-            block = rest + block
+            more = stream.read(min(_BLOCK, left))
+            left -= len(more) if more else left  # the file may have become shorter
+            block = rest + more
             stop = len(block) if left <= 0 else block.rfind(b"\n") + 1
             rest = block[stop:]
             if stop:
