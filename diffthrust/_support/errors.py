@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from diffthrust._support.visible import visible
+
 
 @dataclass(frozen=True)
 class Place:
@@ -38,8 +40,8 @@ class InputError(ValueError):
     """
 
     def __init__(self, problem: str, mend: str = "", *, place: Place | None = None) -> None:
-        self.problem = problem
-        self.mend = mend
+        self.problem = problem = visible(problem)
+        self.mend = mend = visible(mend)
         self.place = place
         super().__init__(f"{problem}\nMend: {mend}" if mend else problem)
 

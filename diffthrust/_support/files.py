@@ -6,6 +6,7 @@ import json
 import math
 import os
 import shutil
+import stat
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -56,14 +57,15 @@ def write_page(path: Path, text: str) -> None:
         InputError: another ending than ``.html``, or a folder that cannot be written to.
     """
     ending(path, ".html", ".htm")
-    write_whole(path, text.encode())
+    write_whole(path, text.encode("utf-8", "backslashreplace"))
 
 
 def write_json(path: Path, data: Mapping[str, Any]) -> None:
     """Write plain data as JSON, with ``null`` where a number is not finite."""
     ending(path, ".json")
     text = json.dumps(plain(data), indent=2, allow_nan=False, ensure_ascii=False)
-    write_whole(path, f"{text}\n".encode())
+    # a byte of a file's name that is no text becomes an escape, as JSON has it
+    write_whole(path, f"{text}\n".encode("utf-8", "backslashreplace"))
 
 
 def plain(data: Any) -> Any:
@@ -82,6 +84,25 @@ def plain(data: Any) -> Any:
     if isinstance(data, float) and not math.isfinite(data):
         return None
     return data
+
+
+def oddity(path: Path) -> str | None:
+    """What a path leads to that is neither file nor folder, and may never end or never answer.
+
+    Returns:
+        Words such as ``"a socket"``; None for a file, a folder, and where there is nothing.
+    """
+    try:
+        mode = path.stat().st_mode
+    except (OSError, ValueError):
+        return None
+    kinds = (
+        (stat.S_ISFIFO, "a named pipe (FIFO)"),
+        (stat.S_ISSOCK, "a socket"),
+        (stat.S_ISCHR, "a device"),
+        (stat.S_ISBLK, "a device"),
+    )
+    return next((words for holds, words in kinds if holds(mode)), None)
 
 
 def made_folder(folder: Path, mend: str) -> Path:

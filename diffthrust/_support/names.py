@@ -38,3 +38,17 @@ def listing(names: Iterable[str], limit: int = 30) -> str:
         return "none"
     more = len(known) - limit
     return ", ".join(known[:limit]) + (f" and {more} more" if more > 0 else "")
+
+
+def shortly(value: object) -> str:
+    """What was found, for a message: as Python writes it, cut where it is long.
+
+    Example:
+        >>> shortly([1, 2])
+        '[1, 2]'
+    """
+    try:
+        text = repr(value)
+    except (ValueError, RecursionError):  # an integer of thousands of digits, lists without end
+        return f"{type(value).__name__} too long to be written"
+    return text if len(text) < 80 else f"{text[:77]}..."

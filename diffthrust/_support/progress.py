@@ -13,6 +13,8 @@ from functools import wraps
 from html import escape
 from typing import ParamSpec, TypeVar
 
+from diffthrust._support.visible import visible
+
 Progress = Callable[[str, float], None]
 ProgressOption = Progress | bool | None
 """What a caller may give for ``progress``: a function of a message and the share done, or True."""
@@ -117,7 +119,7 @@ def _line(message: str, share: float, seconds: float) -> str:
     if _SURE <= share < 1.0:
         clock += f", {_clock(seconds * (1.0 - share) / share)} left"
     room = min(_WIDEST, shutil.get_terminal_size().columns) - 1
-    words = message[: room // 2]
+    words = visible(message)[: room // 2]
     full = max(room - len(words) - len(clock) - 11, 1)
     return f"{words}  {100 * share:3.0f} % [{'#' * int(share * full):{full}}] {clock}"
 

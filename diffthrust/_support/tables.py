@@ -16,6 +16,8 @@ from rich.measure import Measurement
 from rich.table import Column, Row, Table
 from rich.text import Text
 
+from diffthrust._support.visible import visible
+
 WIDEST = 100
 """Text for people has lines of at most so many characters."""
 _GAP = 2
@@ -38,8 +40,23 @@ def rendered(thing: RenderableType) -> str:
     console = Console(
         file=out, width=width, force_terminal=False, force_jupyter=False, color_system=None
     )
-    console.print(thing)
+    console.print(Visible(thing))
     return "\n".join(line.rstrip() for line in out.getvalue().splitlines()) + "\n"
+
+
+class Visible:
+    """A table or text in which no order for the terminal is left but its own colours.
+
+    Args:
+        thing: what is shown.
+    """
+
+    def __init__(self, thing: RenderableType) -> None:
+        self.thing = thing
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        for segment in console.render(self.thing, options):
+            yield segment if segment.control else segment._replace(text=visible(segment.text))
 
 
 class FittedTable(Table):

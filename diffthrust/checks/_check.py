@@ -12,6 +12,7 @@ from diffthrust._support._running.pool import processors
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import ending
 from diffthrust._support.progress import Progress, ProgressOption, progressing, teller
+from diffthrust._support.visible import in_line
 from diffthrust.checks._result import Checked, FitRun
 from diffthrust.checks._run import Task, run_again, run_all
 from diffthrust.specs._file import NAME
@@ -94,7 +95,7 @@ def tasks_in(directory: Path, update: bool = False, trust: Sequence[str] = ()) -
             path = Path(folder)
             whole = path == directory
             name = path.resolve().name if whole else path.relative_to(directory).as_posix()
-            tasks.append(Task(name, path / NAME, update, trust))
+            tasks.append(Task(in_line(name), path / NAME, update, trust))
     if not tasks:
         raise InputError(
             f"{directory}: expected fits as {directory / 'NAME' / NAME}, found none.",

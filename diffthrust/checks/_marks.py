@@ -6,6 +6,7 @@ import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from diffthrust._support.visible import visible
 from diffthrust._support.words import joined
 from diffthrust.estimation._origin import versions
 from diffthrust.specs._file import ExpectedPart
@@ -72,7 +73,9 @@ def marks_of(spec: Spec, fit: Fit) -> Marks:
         library=", ".join(f"{name} {version}" for name, version in versions().items()),
         spec=spec.sha256[:_DIGITS],
         data={
-            os.path.relpath(file, spec.path.parent).replace(os.sep, "/"): log.file.sha256[:_DIGITS]
+            visible(os.path.relpath(file, spec.path.parent)).replace(os.sep, "/"): log.file.sha256[
+                :_DIGITS
+            ]
             for file, log in zip(files, logs, strict=True)
             if log.file is not None
         },

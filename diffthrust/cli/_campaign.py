@@ -11,6 +11,7 @@ import typer
 
 from diffthrust._support.files import write_json
 from diffthrust._support.progress import Progress
+from diffthrust._support.visible import visible
 from diffthrust.cli._session import (
     CHECK_FAILED,
     JsonPath,
@@ -114,6 +115,6 @@ def _lines() -> Progress:
         nonlocal last
         if time.monotonic() - last > _EVERY:
             last = time.monotonic()
-            typer.echo(message, err=True)
+            typer.echo(visible(message), err=True)
 
     return say

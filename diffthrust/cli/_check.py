@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from diffthrust._support.files import write_json
+from diffthrust._support.visible import visible
 from diffthrust.cli._session import (
     CHECK_FAILED,
     JsonPath,
@@ -68,7 +69,7 @@ def check_command(
     show(check_table(checked, everything))
     if os.environ.get("GITHUB_ACTIONS") == "true":
         for line in error_lines(checked):
-            typer.echo(line)
+            typer.echo(visible(line))
     written(json, junit)
     if not checked.ok:
         raise typer.Exit(CHECK_FAILED)

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from diffthrust._support.files import write_json
+from diffthrust._support.visible import visible
 from diffthrust.cli._session import (
     FIGURE_TYPES,
     JsonPath,
@@ -60,7 +61,8 @@ def look_command(
         show(look_table(seen, all=all))
     written(spec, json, figure)
     if spec and seen.model:
-        typer.echo(f"Next: read the doubts in {spec}, then diffthrust fit {spec}")
+        path = visible(str(spec))
+        typer.echo(f"Next: read the doubts in {path}, then diffthrust fit {path}")
     elif not spec:
-        names = " ".join(map(str, files))
+        names = visible(" ".join(map(str, files)))
         typer.echo(f"Next: diffthrust look {names} --spec fit.toml drafts a spec file")

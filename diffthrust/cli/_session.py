@@ -14,6 +14,7 @@ import typer
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import ending, write_whole
+from diffthrust._support.visible import visible
 from diffthrust.cli._interrupt import ended_soon
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ def session() -> Iterator[Progress | None]:
         typer.echo(f"Error: {error}", err=True)
         raise typer.Exit(BAD_INPUT) from None
     except KeyboardInterrupt as stopped:
-        typer.echo(f"Stopped. {stopped}".strip(), err=True)
+        typer.echo(visible(f"Stopped. {stopped}".strip()), err=True)
         raise typer.Exit(STOPPED) from None
     except (typer.Exit, typer.Abort):
         raise
@@ -49,7 +50,8 @@ def session() -> Iterator[Progress | None]:
         if os.environ.get("DIFFTHRUST_DEBUG"):
             raise
         typer.echo(
-            f"A defect of diffthrust, not of your input: {type(error).__name__}: {error}\n"
+            "A defect of diffthrust, not of your input: "
+            f"{type(error).__name__}: {visible(str(error))}\n"
             "Mend: please report it, with what DIFFTHRUST_DEBUG=1 prints when set before the "
             "command.",
             err=True,
@@ -62,7 +64,7 @@ def _warned(message: Warning | str, category: type[Warning], *_: Any, **__: Any)
 
     if issubclass(category, CoarseStepWarning):
         over = "\r\x1b[K" if sys.stderr.isatty() else ""  # the line of the bar
-        typer.echo(f"{over}Warning: {message}", err=True)
+        typer.echo(f"{over}Warning: {visible(str(message))}", err=True)
 
 
 SpecPath = Annotated[
@@ -142,6 +144,9 @@ def show(thing: RenderableType) -> None:
     """Print text or a table."""
     from rich.console import Console
 
+    from diffthrust._support.tables import Visible
+
+    thing = Visible(thing)
     console = Console(highlight=False, force_jupyter=False)
     if sys.stdout.isatty():
         console.print(thing)
@@ -169,4 +174,4 @@ def written(*paths: Path | None) -> None:
     """Name the files that were written."""
     for path in paths:
         if path:
-            typer.echo(f"Written: {path}")
+            typer.echo(f"Written: {visible(str(path))}")

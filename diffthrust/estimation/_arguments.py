@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.names import listing
+from diffthrust._support.names import listing, shortly
+from diffthrust.estimation._limits import SEED_LIMIT, STARTS_LIMIT, SUBSTEPS_LIMIT
 from diffthrust.estimation._registry import LIKELIHOODS, LOSSES, NOISE_MODELS
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
@@ -86,17 +87,25 @@ def check_arguments(
             f"horizon: the innovations form goes through whole runs, found {horizon!r}.",
             "Leave the horizon out, or use likelihood='simulation'.",
         )
-    for what, value, least in (("starts", starts, 1), ("seed", seed, 0), ("substeps", substeps, 1)):
+    for what, value, least, most in (
+        ("starts", starts, 1, STARTS_LIMIT),
+        ("seed", seed, 0, SEED_LIMIT),
+        ("substeps", substeps, 1, SUBSTEPS_LIMIT),
+    ):
         if what == "substeps" and value is None:
             continue
         try:
-            fine = operator.index(value) >= least
+            number = operator.index(value)
         except TypeError:
-            fine = False
-        if not fine:
+            number = -1
+        if number < least:
             raise InputError(
-                f"{what}: expected at least {least}, a whole number, found {value!r}.",
+                f"{what}: expected at least {least}, a whole number, found {shortly(value)}.",
                 "Correct it.",
+            )
+        if number > most:
+            raise InputError(
+                f"{what}: expected at most {most}, found {shortly(value)}.", "Correct it."
             )
     check_samples(model, (*logs, *unseen))
     _check_guesses(adopted(model, logs), guesses)

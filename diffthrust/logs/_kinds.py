@@ -7,6 +7,7 @@ from pathlib import Path
 from zipfile import BadZipFile, ZipFile
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.files import oddity
 
 
 @dataclass(frozen=True)
@@ -75,6 +76,8 @@ def kind_of(path: Path) -> Kind:
                 f"{path}: expected a file, found a folder.",
                 "name the file; the folder of a ROS 2 bag has a metadata.yaml.",
             )
+        if what := oddity(path):
+            raise InputError(f"{path}: expected a file, found {what}.", "name the file of a log.")
         with path.open("rb") as stream:
             head = stream.read(4096)
     except FileNotFoundError:

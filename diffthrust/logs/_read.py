@@ -5,6 +5,7 @@ from os import PathLike
 from pathlib import Path
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.visible import in_line
 from diffthrust.logs._columns import Column
 from diffthrust.logs._identity import log_file
 from diffthrust.logs._kinds import kind_of
@@ -74,5 +75,5 @@ def read_log(
             "read it with read_robot_log, and choose a time base: base = 'messages'.",
         )
     source = open_table(file, kind, request.wanted, sheet)
-    fields = request.fields(source, file.name if name is None else str(name))
+    fields = request.fields(source, in_line(file.name if name is None else str(name)))
     return Log.of_checked({**fields, "file": log_file(file)})

@@ -20,10 +20,13 @@ from pydantic import (
 )
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.names import listing, nearest
+from diffthrust._support.files import oddity
+from diffthrust._support.names import listing, nearest, shortly
+from diffthrust.estimation._limits import STARTS_LIMIT, SUBSTEPS_LIMIT
 from diffthrust.logs._columns import Column
 from diffthrust.logs._kinds import is_log, kind_of
 from diffthrust.logs._written import PWM
+from diffthrust.specs._extent import check_extent, check_keys, too_deep, too_long
 from diffthrust.specs._lines import line_of
 
 NAME = "fit.toml"
@@ -154,14 +157,14 @@ class ParameterPart(_Part):
 class FitPart(_Part):
     """``[fit]``: the arguments of `fit`; only those that are given are passed on."""
 
-    starts: Annotated[int, Field(ge=1)] = 8
+    starts: Annotated[int, Field(ge=1, le=STARTS_LIMIT)] = 8
     seed: Annotated[int, Field(ge=0)] = 0
     horizon: Any = "auto"
     likelihood: Literal["simulation", "innovations"] = "simulation"
     loss: Literal["gaussian", "student_t"] = "gaussian"
     noise_model: Annotated[str, BeforeValidator(_as_noise_model)] = "white"
     initial: Literal["auto", "estimate", "measured"] = "auto"
-    substeps: Annotated[int, Field(ge=1)] | None = None
+    substeps: Annotated[int, Field(ge=1, le=SUBSTEPS_LIMIT)] | None = None
 
     @field_validator("horizon")
     @classmethod
@@ -210,8 +213,12 @@ def read_spec_text(path: Path) -> str:
     """The text of a spec file, line ends untouched.
 
     Raises:
-        InputError: there is no such file, it is a log, or it is not UTF-8 text.
+        InputError: there is no such file, it is a log, no file at all, or not UTF-8 text.
     """
+    if what := oddity(path):
+        raise InputError(
+            f"{path}: expected a spec file (TOML), found {what}.", "Name the file of a spec."
+        )
     if path.is_file() and is_log(path) and not _is_toml(path):
         raise InputError(
             f"{path}: expected a spec file (TOML), found a log ({kind_of(path).article}).",
@@ -244,7 +251,7 @@ def _is_toml(path: Path) -> bool:
         return True
     try:
         return bool(tomllib.loads(path.read_text("utf-8")))
-    except ValueError:  # of TOML and of UTF-8
+    except (ValueError, RecursionError):  # of TOML and of UTF-8
         return False
 
 
@@ -259,10 +266,15 @@ def parse_toml(text: str, file: Path | str) -> dict[str, Any]:
     """The tables of a TOML text.
 
     Raises:
-        InputError: the text is not TOML; the message names file, line and column.
+        InputError: the text is not TOML, or no sane one; the message names file, line and column.
     """
+    check_keys(text, file)
     try:
-        return tomllib.loads(text.removeprefix("\ufeff"))
+        tables = tomllib.loads(text.removeprefix("\ufeff"))
+        check_extent(tables, text, file)
+        return tables
+    except RecursionError:
+        raise too_deep(text, file) from None
     except tomllib.TOMLDecodeError as error:
         said = str(error)
         at = re.search(r"\(at (?:line (\d+), column (\d+)|end of document)\)", said)
@@ -273,6 +285,10 @@ def parse_toml(text: str, file: Path | str) -> dict[str, Any]:
             f"{file}, line {line}{column}: this is not TOML: {what[:1].lower()}{what[1:]}.",
             'Correct the line; text is written "in quotes", lists as [1, 2], tables as [logs].',
         ) from None
+    except InputError:
+        raise
+    except ValueError:  # of Python, which reads no integer of some thousand digits
+        raise too_long(text, file) from None
 
 
 def parse_spec(text: str, file: Path | str) -> SpecFile:
@@ -334,10 +350,8 @@ def _refusal(problem: Mapping[str, Any], text: str, file: Path | str, more: int)
     said = problem["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
     said = said.replace("a valid ", "a ").replace("dictionary", "table")
     said = re.sub(r" or instance of \w+$", "", said)
-    shown = repr(problem["input"])
-    shown = shown if len(shown) < 80 else f"{shown[:77]}..."
     return InputError(
-        f"{where}: expected {said[:1].lower()}{said[1:]}, found {shown}.{also}",
+        f"{where}: expected {said[:1].lower()}{said[1:]}, found {shortly(problem['input'])}.{also}",
         f"Correct {'.'.join(map(str, loc))}.",
     )
 

@@ -13,6 +13,7 @@ from types import ModuleType
 from typing import Any
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.files import oddity
 from diffthrust._support.names import listing, nearest
 from diffthrust.models import MODELS
 from diffthrust.models._base.component import Component
@@ -124,6 +125,8 @@ def _class(word: str, folder: Path, base: type, known: Mapping[str, type], what:
 
 def _script(path: Path) -> ModuleType:
     """What a user's script defines, as its text is now."""
+    if what := oddity(path):
+        raise InputError(f"{path}: expected a Python script, found {what}.", "Correct the path.")
     try:
         source = path.read_bytes()
     except OSError as error:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.files import oddity
 from diffthrust._support.names import listing, nearest
 from diffthrust._support.progress import ProgressOption, part, progressing, teller
 from diffthrust._support.results import Brief
@@ -329,11 +330,12 @@ def _fields(part: ParameterPart) -> dict[str, Any]:
 def _files(patterns: Iterable[str], key: str, text: str, path: Path) -> tuple[Path, ...]:
     files: list[Path] = []
     for pattern in patterns:
-        if has_magic(pattern):
+        if _exists(path.parent / pattern):  # also where its name looks like a pattern
+            matches = [pattern]
+        elif has_magic(pattern):
             matches = sorted(glob(pattern, root_dir=path.parent, recursive=True))
         else:
-            file = path.parent / pattern
-            matches = [pattern] if file.is_file() or is_bag(file) else []
+            matches = []
         if not matches:
             near = nearest(pattern, (p.name for p in path.parent.iterdir() if p.is_file()))
             raise InputError(
@@ -341,5 +343,21 @@ def _files(patterns: Iterable[str], key: str, text: str, path: Path) -> tuple[Pa
                 f"{path.parent.resolve()}, found none{'; ' + near if near else ''}.",
                 "Correct the name; paths are relative to the spec file.",
             )
-        files += [path.parent / match for match in matches]
+        found = [path.parent / match for match in matches]
+        for file in found:
+            if what := oddity(file):
+                raise InputError(
+                    f"{line_of(text, path, ('logs', key))}: expected a log, found {file} to be "
+                    f"{what}.",
+                    "Name the file of a log.",
+                )
+        files += found
     return tuple(dict.fromkeys(files))
+
+
+def _exists(path: Path) -> bool:
+    """Whether there is a file, the folder of a bag, or what is neither file nor folder."""
+    try:
+        return path.is_file() or is_bag(path) or oddity(path) is not None
+    except OSError:  # a name that is too long
+        return False

@@ -12,6 +12,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
 from diffthrust._support.files import ending, write_whole
 from diffthrust._support.results import Result
+from diffthrust._support.visible import in_line
 from diffthrust.survey._choice import Choice
 from diffthrust.survey._draft import drafted
 from diffthrust.survey._files import files_at
@@ -95,7 +96,15 @@ class Look(Result):
                 f"{target}: expected a new name, found a file; nothing is overwritten.",
                 "Take another name.",
             )
-        write_whole(target, self._drafted(target.parent).encode())
+        try:
+            data = self._drafted(target.parent).encode()
+        except UnicodeEncodeError as error:
+            raise InputError(
+                f"{target}: expected logs whose names are text, which a spec file can hold, found "
+                f"{error.object[error.start]} in one, which is no UTF-8.",
+                "Rename the log.",
+            ) from None
+        write_whole(target, data)
         return target
 
     def _line(self) -> str:
@@ -123,7 +132,7 @@ class Look(Result):
         """The channels of the drafted spec over time, or all columns where it has none."""
         from diffthrust.survey._figures import look_figure
 
-        return look_figure(self.choice, self.path.name)
+        return look_figure(self.choice, in_line(self.path.name))
 
     def to_json(self) -> dict[str, Any]:
         """Plain data: what stands in the report, and the drafted spec."""

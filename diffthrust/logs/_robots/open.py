@@ -8,6 +8,7 @@ from pathlib import Path
 from diffthrust._support.errors import InputError
 from diffthrust.logs._field import Field
 from diffthrust.logs._kinds import BAG, BAG_1, DATAFLASH, MCAP, TELEMETRY, ULOG, Kind
+from diffthrust.logs._largest import Room
 from diffthrust.logs._robots.ardupilot import read_ardupilot
 from diffthrust.logs._robots.ardupilot_fields import dataflash_fields, telemetry_fields
 from diffthrust.logs._robots.gathered import fields_of
@@ -32,7 +33,7 @@ def series_in(
     Raises:
         InputError: the file is damaged, or a field is absent or holds no numbers.
     """
-    _check_name(path, kind)
+    _check_file(path, kind)
     if kind in (DATAFLASH, TELEMETRY, ULOG):
         if header:
             raise InputError(
@@ -51,7 +52,7 @@ def all_fields(path: Path, kind: Kind) -> tuple[tuple[Field, ...], tuple[str, ..
     Raises:
         InputError: the file cannot be read at all.
     """
-    _check_name(path, kind)
+    _check_file(path, kind)
     read = {DATAFLASH: dataflash_fields, TELEMETRY: telemetry_fields, ULOG: ulog_fields}
     gathered, notes = read.get(kind, bag_fields)(path)
     fields, more = fields_of(gathered)
@@ -63,8 +64,10 @@ def all_fields(path: Path, kind: Kind) -> tuple[tuple[Field, ...], tuple[str, ..
     return fields, (*notes, *more)
 
 
-def _check_name(path: Path, kind: Kind) -> None:
-    """Raise InputError for a bag whose name does not end as its reader asks."""
+def _check_file(path: Path, kind: Kind) -> None:
+    """Raise InputError for a file that is too large, or a bag whose name its reader refuses."""
+    if kind in (DATAFLASH, TELEMETRY, ULOG):  # which are read whole
+        Room(path).take(path.stat().st_size)
     bag = path.is_file() and kind in (BAG, BAG_1, MCAP)
     if bag and path.suffix.lower() not in kind.endings:
         raise InputError(

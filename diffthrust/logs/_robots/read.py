@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from diffthrust._support.errors import InputError, Place
+from diffthrust._support.visible import in_line
 from diffthrust.logs._channels import CHANNELS
 from diffthrust.logs._columns import Column, channel_columns, fields_of_columns
 from diffthrust.logs._identity import log_file
@@ -128,7 +129,7 @@ def read_robot_log(
         measured or {},
         time=even.time[keep],
         values={key: values[keep] for key, values in even.values.items()},
-        name=file.name if name is None else str(name),
+        name=in_line(file.name if name is None else str(name)),
         interpolate_inputs=interpolate_inputs,
         notes=notes,
         at=at,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from array import array
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass, replace
@@ -13,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
+from diffthrust.logs._robots.packed import check_unpacked
 from diffthrust.logs._robots.series import (
     Series,
     column_place,
@@ -54,8 +56,8 @@ def read_bag(
     for column in wanted:
         topic, field = split_column(path.name, column)
         targets.setdefault(topic, []).append((column, _steps(path.name, column, field)))
-    ticks: dict[str, list[int]] = {column: [] for column in wanted}
-    values: dict[str, list[float]] = {column: [] for column in wanted}
+    ticks = {column: array("q") for column in wanted}
+    values = {column: array("d") for column in wanted}
     stamped: dict[str, bool] = {}
     with opened(path) as reader:
         for topic, columns in targets.items():
@@ -89,7 +91,8 @@ def opened(path: Path) -> Iterator[Any]:
     """Open a bag with its reader.
 
     Raises:
-        InputError: rosbags is not installed; or, also while it is read, the bag is damaged.
+        InputError: rosbags is not installed, or the bag takes more memory than a log may; or, also
+            while it is read, it is damaged.
     """
     try:
         from rosbags.highlevel import AnyReader
@@ -98,6 +101,7 @@ def opened(path: Path) -> Iterator[Any]:
         raise lacking(path.name, "rosbags", "ros", error) from None
     store = Stores.ROS1_NOETIC if path.suffix.lower() == ".bag" else Stores.LATEST
     try:
+        check_unpacked(path)
         with AnyReader([path], default_typestore=get_typestore(store)) as reader:
             yield reader
     except InputError:

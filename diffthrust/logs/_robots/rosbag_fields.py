@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from operator import attrgetter
@@ -67,8 +68,8 @@ def bag_fields(path: Path) -> tuple[list[Gathered], list[str]]:
                         attrgetter(at) if at else _itself for _, at, *_ in leaves[topic]
                     ]
                     units = {name: unit for name, _, _, unit in leaves[topic] if unit}
-                    values: dict[str, list[float]] = {name: [] for name, *_ in leaves[topic]}
-                    topics[topic] = Gathered(topic, [], values, units)
+                    values = {name: array("d") for name, *_ in leaves[topic]}
+                    topics[topic] = Gathered(topic, array("q"), values, units)
                     if not values:
                         silent.add(topic)
                 one = topics[topic]

@@ -1,8 +1,10 @@
 """Columns out of text files, with the line of every cell."""
 
+from __future__ import annotations
+
 import csv
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from io import StringIO
 from pathlib import Path
@@ -10,8 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust.logs._tables.cells import is_number, quoted
-from diffthrust.logs._tables.placement import SEARCHED, Placement, locate, said
+from diffthrust.logs._largest import Room
+from diffthrust.logs._tables.cells import quoted
+from diffthrust.logs._tables.csv_head import Head, Splitter, head_of, splitter
+from diffthrust.logs._tables.large_csv import LARGE, parsed, scanned, top_of
+from diffthrust.logs._tables.placement import SEARCHED
 from diffthrust.logs._tables.source import Cells, OpenTable
 
 # Below this many cells Python reads the numbers sooner than pandas is imported.
@@ -22,9 +27,7 @@ _CONTROL = bytes([*range(9), *range(14, 32)])
 
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
-_DELIMITERS = (",", ";", "\t", " ")
-
-Splitter = Callable[[str], list[str]]
+ReadCells = Callable[[Sequence[str], Collection[str]], Mapping[str, Cells]]
 
 
 def read_csv(path: Path, wanted: Collection[str], strict: bool = True) -> OpenTable:
@@ -46,61 +49,88 @@ def read_csv(path: Path, wanted: Collection[str], strict: bool = True) -> OpenTa
         InputError: the file is not a table of text. Reading it, that a row has too few or too many
             cells.
     """
+    large = path.stat().st_size >= LARGE
+    table = _read_large(path, wanted) if large else None
+    return table or _read_whole(path, wanted, strict)
+
+
+def _read_whole(path: Path, wanted: Collection[str], strict: bool) -> OpenTable:
+    """Open a file by all of its lines."""
+    Room(path).take(path.stat().st_size)
     whole_file = path.read_bytes()
     raw = whole_file if whole_file[:2] in _UTF_16 else whole_file.rstrip(b"\0")
-    everything = _decode(raw, path.name).replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    whole = not everything[-1]
+    lines = _lines(raw, path.name)
+    whole = not lines[-1]
     if whole:  # the end of the last line, not a blank row
-        everything.pop()
-    kept = list(range(len(everything)))
-    if b"#" in raw:
-        kept = [i for i in kept if not everything[i].lstrip().startswith("#")]
-    found = _find([everything[i] for i in kept], wanted)
-    if found is None:
-        raise InputError(
-            f"{path.name}: expected a header and samples, found an empty file.",
-            "check that the recording was saved.",
-        )
-    placement, delimiter, rows = found
-    notes = said(placement, rows, [i + 1 for i in kept], "line")
-    if len(raw) < len(whole_file):  # a card in a boat whose power went
-        notes.append(f"{len(whole_file) - len(raw)} bytes of zeros at the end were skipped.")
-    top, first = kept[placement.header], placement.first
-    if all(map(is_number, placement.names)) and not set(wanted) & set(placement.names):
-        above = everything[top - 1].lstrip() if top else ""
-        named = _find([above.lstrip("# ")], wanted) if above.startswith("#") else None
-        if named is None or len(named[0].names) != len(placement.names):
-            names = ", ".join(map(repr, wanted))
-            raise InputError(
-                f"{path.name}, line {top + 1}: expected names of columns, found numbers.",
-                "write a header line that names the columns"
-                + (f", {names} among them." if names else "."),
-            )
-        # numpy.savetxt writes its header as a comment.
-        placement = replace(placement, names=named[0].names, units=named[0].units)
-        top, first = top - 1, placement.header
-    body = kept[first:]
+        lines.pop()
+    head = head_of(path.name, lines, wanted)
+    notes = [*head.notes, *_zeros(len(whole_file) - len(raw))]
     text = _Text(
         path.name,
-        placement.names,
-        delimiter,
-        top + 1,
-        [everything[i] for i in body],
-        np.asarray(body, dtype=np.int64) + 1,
+        head.placement.names,
+        head.delimiter,
+        head.line + 1,
+        [lines[i] for i in head.body],
+        np.asarray(head.body, dtype=np.int64) + 1,
     )
     if not whole and text.cut_short():
-        notes.append(f"line {body[-1] + 1}, the last, was skipped: it is cut off.")
+        notes.append(_cut_off(head.body[-1] + 1))
+    return _table(path, head, partial(_read, text, strict=strict), text.numbers, notes)
+
+
+def _read_large(path: Path, wanted: Collection[str]) -> OpenTable | None:
+    """Open a large file by its first lines; None where the others are not plain and even."""
+    top = top_of(path)
+    if top is None:
+        return None
+    lines = _lines(top, path.name)[:-1]
+    head = head_of(path.name, lines, wanted)
+    if len(head.body) < SEARCHED:
+        return None
+    begin = sum(map(len, top.splitlines(keepends=True)[: head.body[0]]))
+    names = head.placement.names
+    body = scanned(path, begin, head.delimiter, len(names))
+    if body is None:
+        return None
+    numbers = np.arange(head.body[0], head.body[0] + body.rows) + 1
+    notes = [*head.notes, *_zeros(body.zeros)]
+    if body.cut:
+        notes.append(_cut_off(int(numbers[-1]) + 1))
+
+    def read(wanted: Sequence[str], missing: Collection[str]) -> dict[str, Cells]:
+        indices = {name: names.index(name) for name in wanted}
+        cells = body.cells(sorted(set(indices.values())), missing)
+        return {name: cells[index] for name, index in indices.items()}
+
+    return _table(path, head, read, numbers, notes)
+
+
+def _table(
+    path: Path, head: Head, read: ReadCells, numbers: np.ndarray, notes: list[str]
+) -> OpenTable:
     return OpenTable(
         path.name,
         "CSV table",
-        placement.names,
-        partial(_read, text, strict=strict),
-        text.numbers,
+        head.placement.names,
+        read,
+        numbers,
         row_word="line",
-        comma=delimiter != ",",
-        units=placement.units,
+        comma=head.delimiter != ",",
+        units=head.placement.units,
         notes=notes,
     )
+
+
+def _zeros(count: int) -> list[str]:  # a card in a boat whose power went
+    return [f"{count} bytes of zeros at the end were skipped."] if count else []
+
+
+def _cut_off(line: int) -> str:
+    return f"line {line}, the last, was skipped: it is cut off."
+
+
+def _lines(raw: bytes, file: str) -> list[str]:
+    return _decode(raw, file).replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
 def _decode(raw: bytes, file: str) -> str:
@@ -123,35 +153,6 @@ def _binary(file: str) -> InputError:
     )
 
 
-def _find(
-    lines: Sequence[str], wanted: Collection[str]
-) -> tuple[Placement, str, list[list[str]]] | None:
-    """Where the table is, by which delimiter, and the top of the text cut into cells by it."""
-    found = []
-    for delimiter in _DELIMITERS:
-        split, rows = _splitter(delimiter), []
-        for line in lines[:SEARCHED]:
-            try:
-                rows.append([cell.strip() for cell in split(line)])
-            except csv.Error:
-                rows.append([line.strip()])
-        if placement := locate(rows, wanted):
-            found.append((placement, delimiter, rows))
-    # Blanks stand inside names too, so they count only where nothing else parts cells as well.
-    return max(found, key=lambda f: (*f[0].measure, f[1] != " ")) if found else None
-
-
-def _splitter(delimiter: str) -> Splitter:
-    def split(line: str) -> list[str]:
-        if delimiter == " ":
-            line = " ".join(line.split())
-        if '"' not in line:
-            return line.split(delimiter)
-        return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [""])
-
-    return split
-
-
 @dataclass
 class _Text:
     """The lines of a file that hold cells, and where they stand."""
@@ -166,7 +167,7 @@ class _Text:
     @property
     def split(self) -> Splitter:
         """Gives the cells of a line; raises csv.Error where its quotes do not match."""
-        return _splitter(self.delimiter)
+        return splitter(self.delimiter)
 
     def cut_short(self) -> bool:
         """Drop a last line that has too few cells; whether there was one."""
@@ -192,7 +193,7 @@ def _read(
     indices = {name: text.names.index(name) for name in wanted}
     order = sorted(set(indices.values()))
     if len(lines) * len(order) > SMALL:
-        fast = _fast(lines, text.delimiter, order, missing)
+        fast = _fast(lines, text.delimiter, len(text.names), order, missing)
         if fast is not None:
             return {name: fast[index] for name, index in indices.items()}
     split = text.split
@@ -251,30 +252,13 @@ def _even(text: _Text, strict: bool) -> list[str]:
 
 
 def _fast(
-    lines: Sequence[str], delimiter: str, order: Sequence[int], missing: Collection[str]
+    lines: Sequence[str], delimiter: str, width: int, order: Sequence[int], missing: Collection[str]
 ) -> dict[int, np.ndarray] | None:
     """Read a large table of plain numbers; None where it holds anything else."""
     joined = "\n".join(lines)
     if '"' in joined or "\x0b" in joined or "\x0c" in joined:
         return None
-    import pandas as pd
-
-    try:
-        frame = pd.read_csv(
-            StringIO(joined),
-            sep=delimiter,
-            header=None,
-            usecols=list(order),
-            dtype="float64",
-            na_values=sorted({"", "nan", "NaN", "NAN", *missing}),
-            keep_default_na=False,
-            skip_blank_lines=False,
-            skipinitialspace=True,
-            quoting=csv.QUOTE_NONE,
-            float_precision="round_trip",  # the same number as the cell-by-cell path gives
-        )
-    except Exception:  # some cell is not a number; the slow path finds and names it
+    found = parsed(StringIO(joined), delimiter, width, order, missing)
+    if found is None or any(values.size != len(lines) for values in found.values()):
         return None
-    if len(frame) != len(lines):
-        return None
-    return {index: frame[index].to_numpy(dtype=np.float64) for index in order}
+    return found

@@ -7,11 +7,13 @@ from collections.abc import Collection, Mapping, Sequence
 from datetime import date, datetime, time, timedelta
 from pathlib import Path
 from typing import Any
+from zipfile import ZipFile
 
 import numpy as np
 
 from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import listing, nearest
+from diffthrust.logs._largest import Room
 from diffthrust.logs._tables.placement import SEARCHED, Placement, locate, said
 from diffthrust.logs._tables.source import Cells, Dates, OpenTable
 from diffthrust.logs._tables.table import damaged
@@ -30,7 +32,8 @@ def read_excel(path: Path, wanted: Collection[str], sheet: str | None = None) ->
         sheet: name of the sheet; where None, the one that has the wanted columns.
 
     Raises:
-        InputError: the file is damaged, there is no such sheet, or several have the columns.
+        InputError: the file is damaged, takes more memory than a log may, has no such sheet, or
+            several that have the columns.
     """
     sheets = _sheets(path)
     if sheet is not None and sheet not in sheets:
@@ -83,14 +86,28 @@ def _sheets(path: Path, results: bool = True) -> dict[str, list[_Row]]:
     """The rows of each sheet; of formulas their results, or their texts."""
     from openpyxl import load_workbook
 
+    room = Room(path)
     try:
+        with ZipFile(path) as archive:
+            room.take(sum(member.file_size for member in archive.infolist()))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # it leaves out drawings and the like, and says so
             with path.open("rb") as stream:  # of a name it asks for its own endings
                 book = load_workbook(stream, read_only=True, data_only=results)
-                return {s.title: list(s.iter_rows(values_only=True)) for s in book.worksheets}
+                return {s.title: _rows(s, room) for s in book.worksheets}
+    except InputError:
+        raise
     except Exception as error:  # a damaged file raises whatever the library came across
         raise damaged(path, "spreadsheet (.xlsx)", error) from None
+
+
+def _rows(sheet: Any, room: Room) -> list[_Row]:
+    """The rows of a sheet, each filled up to its widest: one stray cell makes all of them wide."""
+    rows = []
+    for row in sheet.iter_rows(values_only=True):
+        room.take(8 * len(row))
+        rows.append(row)
+    return rows
 
 
 def _chosen(path: Path, found: Mapping[str, Placement], wanted: set[str]) -> str:

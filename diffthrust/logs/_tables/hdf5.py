@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from diffthrust.logs._tables.mat import vectors
+from diffthrust.logs._tables.mat import Unread, vectors
 from diffthrust.logs._tables.source import OpenTable
 from diffthrust.logs._tables.table import damaged
 
@@ -53,7 +55,7 @@ def read_hdf5(path: Path) -> OpenTable:
                 elif depth:
                     matlab = visit(node, f"{prefix}{name}.", depth - 1) or matlab
             elif isinstance(node, h5py.Dataset):
-                leaves.append((prefix + name, _value(node, kind)))
+                leaves.append((prefix + name, _variable(path, node, kind)))
         return matlab
 
     try:
@@ -64,16 +66,32 @@ def read_hdf5(path: Path) -> OpenTable:
     return vectors(path, "MATLAB 7.3 file" if matlab else "HDF5 file", leaves)
 
 
-def _value(node: Any, kind: str) -> np.ndarray | str:
+def _variable(path: Path, node: Any, kind: str) -> Unread | str:
     if kind and kind not in _NUMBERS:
         return _WORDS.get(kind, f"an object of class {kind}")
     if node.attrs.get("MATLAB_empty"):
-        return np.zeros((0, 0))
+        return Unread((0, 0), lambda: np.zeros((0, 0)), 0)
     if node.dtype.kind == "O":
         return "an array of structs or of objects" if kind == "" else "an array of references"
     if node.dtype.names and set(node.dtype.names) == {"real", "imag"}:
         return "complex numbers"
     if node.dtype.kind not in "biuf" or node.shape is None:
         return f"values of type {node.dtype}"
-    values = np.asarray(node[()])
-    return values.T if kind else values  # MATLAB counts the first axis fastest
+    shape = tuple(map(int, node.shape))
+    chunk = math.prod(node.chunks or ()) * node.dtype.itemsize  # which is unpacked as a whole
+    size = max(8 * math.prod(shape), chunk)
+    # MATLAB counts the first axis fastest
+    return Unread(shape[::-1] if kind else shape, partial(_load, path, node.name, bool(kind)), size)
+
+
+def _load(path: Path, name: str, matlab: bool) -> np.ndarray:
+    """Read a dataset, by its path in the file."""
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            dataset: Any = file[name]
+            values = np.asarray(dataset[()])
+    except Exception as error:  # as above
+        raise damaged(path, "MATLAB 7.3 or HDF5", error) from None
+    return values.T if matlab else values

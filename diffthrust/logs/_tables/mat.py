@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Mapping, Sequence
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from diffthrust._support.errors import InputError
+from diffthrust.logs._largest import Room
 from diffthrust.logs._tables.mat5 import parse
 from diffthrust.logs._tables.source import Cells, OpenTable, Other
 from diffthrust.logs._tables.table import damaged
@@ -17,45 +20,83 @@ _WIDEST = 64
 """A matrix of more columns than this is no set of channels."""
 
 
+@dataclass(frozen=True, eq=False)
+class Unread:
+    """Numbers in a file that are not read yet.
+
+    Args:
+        shape: of them.
+        load: gives them, as an array of that shape.
+        size: bytes that they take when they are loaded.
+    """
+
+    shape: tuple[int, ...]
+    load: Callable[[], np.ndarray]
+    size: int
+
+    @property
+    def is_vector(self) -> bool:
+        """Whether all lie along one axis."""
+        return 0 < math.prod(self.shape) == max(self.shape, default=0)
+
+    @property
+    def channels(self) -> int:
+        """How many vectors it has as a matrix, along its shorter side; 0 where it is none."""
+        narrow = min(self.shape) if len(self.shape) == 2 else 0
+        return narrow if 1 < narrow <= _WIDEST else 0
+
+
 def read_mat(path: Path) -> OpenTable:
     """Open a MATLAB file up to version 7; structs are reached as ``a.b``.
 
     Raises:
-        InputError: the file is damaged.
+        InputError: the file is damaged, or takes more memory than a log may.
     """
+    room = Room(path)
+    room.take(path.stat().st_size)
     try:
-        leaves = _leaves(parse(path.read_bytes()))
+        leaves = _leaves(parse(path.read_bytes(), room))
+    except InputError:
+        raise
     except (ValueError, OverflowError, MemoryError) as error:
         raise damaged(path, "MATLAB", error) from None
     return vectors(path, "MATLAB file", leaves)
 
 
-def vectors(path: Path, kind: str, leaves: Sequence[tuple[str, Any]]) -> OpenTable:
+def vectors(path: Path, kind: str, leaves: Sequence[tuple[str, Unread | str]]) -> OpenTable:
     """A table of the vectors among some variables.
 
     Args:
         path: the file.
         kind: what it is, for people.
-        leaves: names and variables, each an array or words that say what else it is. Columns of a
-            matrix are named as MATLAB writes them, ``data(:,2)``.
+        leaves: names and variables, or words that say what else it is. Columns of a matrix are
+            named as MATLAB writes them, ``data(:,2)``.
     """
-    columns: list[tuple[str, Callable[[], Cells]]] = []
+    columns: list[tuple[str, Unread | str, int | None]] = []
     for name, value in leaves:
-        columns.append((name, partial(_vector, value)))
-        if isinstance(value, np.ndarray) and value.ndim == 2 and 1 < min(value.shape) <= _WIDEST:
-            tall = value.shape[0] >= value.shape[1]
-            for k, part in enumerate(value.T if tall else value):
+        columns.append((name, value, None))
+        if isinstance(value, Unread):
+            tall = value.shape[0] >= value.shape[-1] if value.shape else False
+            for k in range(value.channels):
                 own = f"{name}(:,{k + 1})" if tall else f"{name}({k + 1},:)"
-                columns.append((own, partial(_vector, part)))
-    found = dict(reversed(columns))
+                columns.append((own, value, k))
+    found = {name: (value, k) for name, value, k in reversed(columns)}
 
     def read(wanted: Sequence[str], missing: Collection[str]) -> Mapping[str, Cells]:
-        return {name: found[name]() for name in wanted}
+        needed: dict[int, Unread] = {}
+        for value, k in (found[name] for name in wanted):
+            if isinstance(value, Unread) and (k is not None or value.is_vector):
+                needed[id(value)] = value
+        room = Room(path)
+        for value in needed.values():
+            room.take(value.size)
+        loaded = {key: value.load() for key, value in needed.items()}
+        return {name: _cells(*found[name], loaded) for name in wanted}
 
     return OpenTable(
         path.name,
         kind,
-        [name for name, _ in columns],
+        [name for name, *_ in columns],
         read,
         row_word="element",
         column_word="variable",
@@ -64,13 +105,16 @@ def vectors(path: Path, kind: str, leaves: Sequence[tuple[str, Any]]) -> OpenTab
     )
 
 
-def _vector(value: Any) -> Cells:
+def _cells(value: Unread | str, k: int | None, loaded: Mapping[int, np.ndarray]) -> Cells:
     if isinstance(value, str):
         return Other(value)
-    if not value.size or value.size != max(value.shape):
+    if id(value) not in loaded:
         return Other(f"an array of shape {value.shape}")
+    numbers = loaded[id(value)]
+    if k is not None:
+        numbers = numbers[:, k] if numbers.shape[0] >= numbers.shape[1] else numbers[k]
     # An unsigned or single-precision vector is as good as a double one.
-    return value.reshape(-1).astype(np.float64)
+    return numbers.reshape(-1).astype(np.float64)
 
 
 def _leaves(variables: Sequence[tuple[str, Any]], prefix: str = "") -> list[tuple[str, Any]]:
@@ -79,6 +123,12 @@ def _leaves(variables: Sequence[tuple[str, Any]], prefix: str = "") -> list[tupl
     for name, value in variables:
         if isinstance(value, dict):
             leaves += _leaves(list(value.items()), f"{prefix}{name}.")
+        elif isinstance(value, np.ndarray):
+            leaves.append((prefix + name, _held(value)))
         else:
             leaves.append((prefix + name, value))
     return leaves
+
+
+def _held(numbers: np.ndarray) -> Unread:
+    return Unread(numbers.shape, lambda: numbers, 8 * numbers.size)

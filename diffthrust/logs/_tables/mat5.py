@@ -17,6 +17,8 @@ from typing import Any
 
 import numpy as np
 
+from diffthrust.logs._largest import Room
+
 _NUMBERS = {
     1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8",
 }  # fmt: skip
@@ -33,29 +35,34 @@ _OTHER = {
 }
 _COMPLEX = 0x0800
 _DEEPEST = 20
-_LARGEST = 2**32
+_PADDING = 8
+_PIECE = 2**16
+_HEAD = 1024
+"""Packed bytes that hold the first unpacked ones, whatever tables of codes stand before them."""
 
 # A variable is an array, a struct as a dict, or words for what is neither.
 Variable = Any
 
 
-def parse(data: bytes) -> list[tuple[str, Variable]]:
+def parse(data: bytes, room: Room) -> list[tuple[str, Variable]]:
     """Read all variables of a MATLAB file.
 
     Args:
         data: the whole file.
+        room: what its variables may take when they are unpacked.
 
     Returns:
         Names and variables in the order of the file. Numbers come as an array with the shape that
         they have in MATLAB, a struct as a dict, anything else as words that say what it is.
 
     Raises:
+        InputError: the variables take more than there is room for.
         ValueError: the file is damaged, or not a MATLAB file.
     """
     try:
         if len(data) >= 128 and data[126:128] in (b"IM", b"MI"):
             order = "<" if data[126:128] == b"IM" else ">"
-            return list(_level_5(data[128:], order))
+            return list(_level_5(memoryview(data)[128:], order, room))
         if 0 in data[:4]:
             return list(_level_4(data))
     except (struct.error, zlib.error, UnicodeError) as error:
@@ -63,19 +70,37 @@ def parse(data: bytes) -> list[tuple[str, Variable]]:
     raise ValueError("it does not begin as a MATLAB file does")
 
 
-def _level_5(data: bytes, order: str) -> Iterator[tuple[str, Variable]]:
-    for kind, content in _elements(memoryview(data), order):
+def _level_5(data: memoryview, order: str, room: Room) -> Iterator[tuple[str, Variable]]:
+    for kind, content in _elements(data, order):  # all sizes before the first is unpacked
         if kind == _COMPRESSED:
-            inflater = zlib.decompressobj()
-            inflated = inflater.decompress(content, _LARGEST)
-            if not inflater.eof:
-                raise ValueError("a compressed variable is cut short")
-            kind, content = next(_elements(memoryview(inflated), order), (0, memoryview(b"")))
+            room.take(_unpacked_size(content, order))
+    for kind, content in _elements(data, order):
+        if kind == _COMPRESSED:
+            inflated = memoryview(_inflated(content, _unpacked_size(content, order)))
+            kind, content = next(_elements(inflated, order), (0, memoryview(b"")))
         if kind != _MATRIX:
             raise ValueError(f"expected a variable, found an element of kind {kind}")
         name, variable = _matrix(content, order, 0)
         if name:  # the workspace of functions has no name
             yield name, variable
+
+
+def _unpacked_size(content: memoryview, order: str) -> int:
+    """The bytes that a compressed element says it has."""
+    head = zlib.decompressobj().decompress(content[:_HEAD], 8)
+    return 8 + struct.unpack(order + "II", head)[1]
+
+
+def _inflated(content: memoryview, size: int) -> bytearray:
+    """A compressed element, which must not be longer than it says."""
+    inflater, out = zlib.decompressobj(), bytearray()
+    for at in range(0, len(content), _PIECE):
+        out += inflater.decompress(content[at : at + _PIECE], size + _PADDING + 1 - len(out))
+        if len(out) > size + _PADDING:
+            raise ValueError("a compressed variable is longer than it says")
+    if not inflater.eof:
+        raise ValueError("a compressed variable is cut short")
+    return out
 
 
 def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:

@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from diffthrust._support.errors import InputError
+from diffthrust.logs._largest import Room
 from diffthrust.logs._tables.source import Cells, Dates, OpenTable, Other
 from diffthrust.logs._tables.table import damaged
 
@@ -14,28 +16,75 @@ def read_parquet(path: Path) -> OpenTable:
     """Open a Parquet file.
 
     Raises:
-        InputError: the file is damaged.
+        InputError: the file is damaged, or takes more memory than a log may.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
+    room = Room(path)
+    room.take(path.stat().st_size)
     try:
-        source = pq.ParquetFile(pa.BufferReader(path.read_bytes()))
-        names = list(source.schema_arrow.names)
+        data = path.read_bytes()
+        plain = pq.ParquetFile(pa.BufferReader(data))
+        kinds = {field.name: field.type for field in reversed(plain.schema_arrow)}
+        # equal texts are kept once, as they are in the file
+        texts = [name for name, kind in kinds.items() if _is_text(kind)]
+        source = pq.ParquetFile(pa.BufferReader(data), read_dictionary=texts) if texts else plain
+        names = list(plain.schema_arrow.names)
         rows = source.metadata.num_rows
+        room.take(8 * rows)
+    except InputError:
+        raise
     except Exception as error:  # a damaged file raises whatever the reader came across
         raise damaged(path, "Parquet", error) from None
 
     def read(wanted: Sequence[str], missing: Collection[str]) -> dict[str, Cells]:
+        chosen = [n for n in dict.fromkeys(wanted) if not pa.types.is_nested(kinds[n])]
+        Room(path).take(_unpacked_size(source.metadata, chosen))
         try:
-            data = source.read(columns=list(dict.fromkeys(wanted)))
+            data = source.read(columns=chosen)
             data.validate(full=True)
-            columns = {name: data.column(name).combine_chunks() for name in wanted}
+            columns = {name: data.column(name) for name in chosen}
         except Exception as error:
             raise damaged(path, "Parquet", error) from None
-        return {name: _cells(column) for name, column in columns.items()}
+        return {
+            name: _cells(columns[name])
+            if name in columns
+            else Other(f"values of type {kinds[name]}")
+            for name in wanted
+        }
 
     return OpenTable(path.name, "Parquet table", names, read, np.arange(1, rows + 1))
+
+
+def _unpacked_size(metadata: Any, columns: Collection[str]) -> int:
+    """The bytes that columns take: a number each, and what the file has of them before packing.
+
+    The latter alone would not do: a number that repeats stands in the file once.
+    """
+    size = 0
+    for group in map(metadata.row_group, range(metadata.num_row_groups)):
+        for column in map(group.column, range(group.num_columns)):
+            if column.path_in_schema in columns:
+                values = max(column.num_values, group.num_rows)
+                size += max(8 * values, column.total_uncompressed_size)
+    return size
+
+
+def _is_text(kind: Any) -> bool:
+    import pyarrow as pa
+
+    return pa.types.is_string(kind) or pa.types.is_large_string(kind)
+
+
+def _texts(column: Any) -> list[str | None]:
+    """The texts of a column of dictionaries; equal ones are one object."""
+    cells: list[str | None] = []
+    for chunk in column.chunks:
+        words = [*chunk.dictionary.to_pylist(), None]
+        places = chunk.indices.cast("int64").fill_null(len(words) - 1)
+        cells += [words[place] for place in places.to_numpy()]
+    return cells
 
 
 def _cells(column: Any) -> Cells:
@@ -43,6 +92,9 @@ def _cells(column: Any) -> Cells:
 
     other = Other(f"values of type {column.type}")
     try:
+        if pa.types.is_dictionary(column.type) and _is_text(column.type.value_type):
+            return _texts(column)
+        column = column.combine_chunks()
         kind = column.type
         if pa.types.is_dictionary(kind):
             column = column.dictionary_decode()
@@ -56,8 +108,6 @@ def _cells(column: Any) -> Cells:
                 first = valid[0].as_py()
                 ticks = pa.array([None if t is None else t - first for t in ticks.to_pylist()])
             return Dates(ticks.cast(pa.float64()).to_numpy(zero_copy_only=False) / per_second)
-        if pa.types.is_string(kind) or pa.types.is_large_string(kind):
-            return column.to_pylist()
         if pa.types.is_boolean(kind):
             column = column.cast(pa.uint8())
         elif not (

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.visible import in_line
 from diffthrust.specs._file import NAME, parse_toml, read_spec_text
 
 PathLike = str | os.PathLike[str]
@@ -109,4 +110,4 @@ def _common(files: list[Path]) -> Path:
 def _name(path: Path, base: Path) -> str:
     place = Path(os.path.relpath(path, base))
     place = place.parent if place.name == NAME else place.with_suffix("")
-    return place.as_posix() if place.name else path.parent.name
+    return in_line(place.as_posix() if place.name else path.parent.name)

@@ -13,6 +13,7 @@ from typing import Any
 from diffthrust._support._running.process import LineProcess, ProcessDied, ProcessLate
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import plain
+from diffthrust._support.visible import visible
 from diffthrust.many._campaign.job import SAMPLING, Job, fingerprint
 from diffthrust.many._campaign.store import ResultRow, store
 from diffthrust.many._rows import estimates_of, fit_row
@@ -121,22 +122,17 @@ def run_plain(job: Mapping[str, Any]) -> ResultRow:
 def head(job: Job, status: str) -> ResultRow:
     """The columns that every row has."""
     where = {"name": job.name, "spec": job.spec, "folder": Path(job.folder).name}
-    return {**{key: _text(value) for key, value in where.items()}, "status": status}
+    return {**{key: visible(value) for key, value in where.items()}, "status": status}
 
 
 def failed(
     job: Job, status: str, problem: str, mend: str, seconds: float, mark: str | None = None
 ) -> ResultRow:
     """The row of a spec without a result, also in its folder if that can be written."""
-    row = {**head(job, status), "error": _text(problem), "mend": mend, "seconds": seconds}
+    row = {**head(job, status), "error": visible(problem), "mend": mend, "seconds": seconds}
     with suppress(InputError):  # the table tells it in any case
         store(job, row, mark)
     return row
-
-
-def _text(words: str) -> str:
-    """The words with a question mark for each byte of a file's name that is no text."""
-    return words.encode("utf-8", "replace").decode()
 
 
 def _fit(spec: Spec, job: Job) -> _Result:

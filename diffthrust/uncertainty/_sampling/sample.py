@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import operator
 import os
 from collections.abc import Sequence
@@ -11,6 +12,7 @@ from typing import Any, Literal
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.lossless import encoded
+from diffthrust._support.names import shortly
 from diffthrust._support.progress import ProgressOption, progressing, teller
 from diffthrust.estimation._arguments import listed
 from diffthrust.estimation._origin import origin_of
@@ -19,6 +21,10 @@ from diffthrust.estimation._result import Fit
 from diffthrust.logs._log import Log
 from diffthrust.uncertainty._sampling.convergence import convergence
 from diffthrust.uncertainty._sampling.posterior import Posterior, posterior_of
+
+_MOST_DRAWS = 1_000_000
+_MOST_CHAINS = 10_000
+"""And walkers."""
 
 
 @progressing
@@ -145,26 +151,32 @@ def check_sampling(
         raise InputError(f"file: expected the name of a file, found {file!r}.", "Correct it.")
     if method == "nuts" and walkers is not None:
         raise InputError("walkers: only emcee has walkers.", "Give chains instead.")
-    numbers: list[tuple[str, Any, int]] = [
-        ("draws", draws, 10),
-        ("warmup", warmup, 20 if method == "nuts" else 0),
-        ("chains", chains, 1),
-        ("seed", seed, 0),
+    numbers: list[tuple[str, Any, int, float]] = [
+        ("draws", draws, 10, _MOST_DRAWS),
+        ("warmup", warmup, 20 if method == "nuts" else 0, _MOST_DRAWS),
+        ("chains", chains, 1, _MOST_CHAINS),
+        ("seed", seed, 0, math.inf),
     ]
     if walkers is not None:
-        numbers.append(("walkers", walkers, 4))
-    for what, value, least in numbers:
+        numbers.append(("walkers", walkers, 4, _MOST_CHAINS))
+    for what, value, least, most in numbers:
         try:
-            fine = not isinstance(value, bool) and operator.index(value) >= least
+            number = -1 if isinstance(value, bool) else operator.index(value)
         except TypeError:
-            fine = False
-        if not fine:
+            number = -1
+        if number < least:
             raise InputError(
-                f"{what}: expected a whole number of at least {least}, found {value!r}.",
+                f"{what}: expected a whole number of at least {least}, found {shortly(value)}.",
                 f"Correct {what}.",
             )
+        if number > most:
+            raise InputError(
+                f"{what}: expected at most {most}, found {shortly(value)}.", f"Correct {what}."
+            )
     if seed >= 2**32:
-        raise InputError(f"seed: expected less than 2^32, found {seed}.", "Correct the seed.")
+        raise InputError(
+            f"seed: expected less than 2^32, found {shortly(seed)}.", "Correct the seed."
+        )
 
 
 def _walkers(posterior: Posterior, wanted: int | None) -> int:

@@ -1,0 +1,127 @@
+"""What the chunks of a bag unpack to, counted before its reader unpacks each as a whole."""
+
+from __future__ import annotations
+
+import bz2
+import struct
+import sys
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from diffthrust.logs._kinds import BAG_1, MCAP, kind_of
+from diffthrust.logs._largest import Room
+
+_CHUNK_MCAP, _CHUNK_1 = 0x06, 0x05
+_PIECE = 2**20
+"""Bytes that are unpacked at a time."""
+_DENSE = 50
+"""No log is packed to less than one part in so many; what goes beyond counts for all chunks."""
+
+
+def check_unpacked(path: Path) -> None:
+    """Look whether a bag can be unpacked.
+
+    Args:
+        path: a file, or the folder of a bag.
+
+    Raises:
+        InputError: a chunk, or chunks together that are packed as no log is, take more memory than
+            a log may.
+    """
+    room = Room(path)
+    for packing, stream, length in _packed(path):
+        begin, most, size = stream.tell(), room.left, 0
+        for piece in _pieces(packing, stream, length):
+            size += piece
+            if size > most:
+                room.take(size)
+        room.take(max(0, size - _DENSE * length))
+        stream.seek(begin + length)
+
+
+def _packed(path: Path) -> Iterator[tuple[str, BinaryIO, int]]:
+    """What is packed in the files of a bag: how, a stream at its begin, and its length."""
+    for file in sorted(path.iterdir()) if path.is_dir() else [path]:
+        if not file.is_file():
+            continue
+        with file.open("rb") as stream:
+            if file.suffix == ".zstd":
+                yield "zstd", stream, file.stat().st_size
+            elif stream.read(8) == MCAP.begins[0]:
+                yield from _mcap_chunks(stream, file.stat().st_size)
+            elif kind_of(file) is BAG_1:
+                yield from _bag_1_chunks(stream, file.stat().st_size)
+
+
+def _mcap_chunks(stream: BinaryIO, end: int) -> Iterator[tuple[str, BinaryIO, int]]:
+    while (at := stream.tell()) + 9 <= end:
+        kind, length = struct.unpack("<BQ", stream.read(9))
+        head = stream.read(32) if kind == _CHUNK_MCAP and length >= 40 else b""
+        if len(head) == 32:
+            words = struct.unpack_from("<I", head, 28)[0]
+            packing = stream.read(min(words, 16)).decode("latin-1")
+            packed = stream.read(8)
+            if len(packed) == 8:
+                yield packing, stream, min(struct.unpack("<Q", packed)[0], end - stream.tell())
+        if at + 9 + length > end:  # cut off, which its reader tells
+            return
+        stream.seek(at + 9 + length)
+
+
+def _bag_1_chunks(stream: BinaryIO, end: int) -> Iterator[tuple[str, BinaryIO, int]]:
+    stream.seek(len("#ROSBAG V2.0\n"))
+    while (at := stream.tell()) + 4 <= end:
+        size = struct.unpack("<I", stream.read(4))[0]
+        if at + 8 + size > end:
+            return
+        fields = dict(_fields(stream.read(size)))
+        length = struct.unpack("<I", stream.read(4))[0]
+        begin = stream.tell()
+        if fields.get(b"op") == bytes([_CHUNK_1]):
+            packing = fields.get(b"compression", b"").decode("latin-1")
+            yield packing, stream, min(length, end - begin)
+        stream.seek(begin + length)
+
+
+def _fields(header: bytes) -> Iterator[tuple[bytes, bytes]]:
+    """The fields of a record's header in a bag of ROS 1."""
+    at = 0
+    while at + 4 <= len(header):
+        size = struct.unpack_from("<I", header, at)[0]
+        name, _, value = header[at + 4 : at + 4 + size].partition(b"=")
+        yield name, value
+        at += 4 + size
+
+
+def _pieces(packing: str, stream: BinaryIO, length: int) -> Iterator[int]:
+    """The sizes of what comes out of the next bytes of a stream, piece by piece."""
+    unpack, left, data = _unpacker(packing), length, b""
+    while unpack is not None:
+        if unpack.eof:  # another frame may follow
+            unpack, data = _unpacker(packing), unpack.unused_data
+        if not data and unpack.needs_input:
+            data = stream.read(min(_PIECE, left))
+            left -= len(data)
+            if not data:
+                return
+        try:
+            yield len(unpack.decompress(data, _PIECE))
+        except Exception:  # damaged, which its reader tells
+            return
+        data = b""
+
+
+def _unpacker(packing: str) -> Any:
+    """What unpacks such data, as the libraries that rosbags needs have it; None where none does."""
+    if packing == "bz2":
+        return bz2.BZ2Decompressor()
+    if packing == "lz4":
+        from lz4.frame import LZ4FrameDecompressor
+
+        return LZ4FrameDecompressor()
+    if packing == "zstd":
+        own = sys.version_info >= (3, 14)  # since which Python has it
+        return import_module("compression.zstd" if own else "backports.zstd").ZstdDecompressor()
+    return None

@@ -1,0 +1,258 @@
+"""Large files of text, read in blocks: the lines are looked at once, and only wanted cells kept."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust.logs._largest import Room
+from diffthrust.logs._tables.source import Cells
+
+LARGE = 2**24
+"""Bytes from which on a file is read so."""
+_TOP = 2**20
+"""Bytes at the top that hold the header, and the lines by which it is found."""
+_BLOCK = 2**23
+_NEWLINE, _RETURN = 10, 13
+# Quotes, comments, and what is no plain text: who reads lines one by one knows what to do.
+_SPECIAL = bytes([*range(9), 11, 12, *range(14, 32), *b'"#', *range(128, 256)])
+
+
+def top_of(path: Path) -> bytes | None:
+    """The first lines of a large file, with their ends; None where another way reads it better."""
+    with path.open("rb") as stream:
+        top = stream.read(_TOP)
+    whole = len(top) < _TOP
+    top = top[: top.rfind(b"\n") + 1]
+    lone = top.count(b"\r") != top.count(b"\r\n")
+    utf_16 = top[:2] in (b"\xff\xfe", b"\xfe\xff")
+    return None if whole or lone or utf_16 else top or None
+
+
+@dataclass(frozen=True)
+class LargeBody:
+    """The lines of samples of a file, all with as many cells, or blank.
+
+    Args:
+        path: the file.
+        begin: the byte at which they begin.
+        end: the byte behind the last.
+        rows: how many.
+        delimiter: between cells; a blank stands for any number of them.
+        width: how many cells each has, with an empty one where each ends in a delimiter.
+        zeros: bytes of zeros behind them.
+        cut: a last line that has fewer cells is left out.
+    """
+
+    path: Path
+    begin: int
+    end: int
+    rows: int
+    delimiter: str
+    width: int
+    zeros: int
+    cut: bool
+
+    def cells(self, columns: Sequence[int], missing: Collection[str]) -> dict[int, Cells]:
+        """The cells of some columns: numbers, and text where a column holds anything else.
+
+        Args:
+            columns: which, counted from 0.
+            missing: texts that mean missing.
+
+        Raises:
+            InputError: they take more memory than a log may, or the file has changed.
+        """
+        Room(self.path).take(8 * self.rows * len(columns))
+        found: dict[int, Any] = {column: np.empty(self.rows) for column in columns}
+        texts: list[int] = []
+        row = 0
+        for block in _blocks(self.path, self.begin, self.end):
+            numbers = self._numbers(block, list(found), missing) if found else {}
+            texts += [column for column in found if column not in numbers]
+            found = {column: found[column] for column in numbers}
+            for column, values in numbers.items():
+                found[column][row : row + values.size] = values
+            row += _lines(block)
+        if row != self.rows:
+            raise InputError(
+                f"{self.path.name}: expected {self.rows} lines of samples, found {row}: the file "
+                "was changed while it was read.",
+                "read it once it is complete.",
+            )
+        cells: dict[int, Any] = dict(self._texts(texts))
+        if any("," in cell for text in cells.values() for cell in text):
+            cells |= self._texts(list(found))  # which may have points, where these have commas
+        return {**found, **cells}
+
+    def _numbers(
+        self, block: bytes, columns: list[int], missing: Collection[str]
+    ) -> dict[int, np.ndarray]:
+        """The columns of a block that hold numbers alone."""
+        numbers = parsed(BytesIO(block), self.delimiter, self.width, columns, missing)
+        if numbers is not None:
+            return numbers
+        if len(columns) < 2:
+            return {}
+        half = len(columns) // 2
+        return {
+            **self._numbers(block, columns[:half], missing),
+            **self._numbers(block, columns[half:], missing),
+        }
+
+    def _texts(self, columns: list[int]) -> dict[int, list[str]]:
+        texts: dict[int, list[str]] = {column: [] for column in columns}
+        if not columns:
+            return texts
+        for block in _blocks(self.path, self.begin, self.end):
+            frame = _frame(BytesIO(block), self.delimiter, self.width, columns, na_filter=False)
+            for column in columns:
+                texts[column] += frame[column].fillna("").tolist()
+        return texts
+
+
+def parsed(
+    source: IO[Any],
+    delimiter: str,
+    width: int,
+    columns: Sequence[int],
+    missing: Collection[str],
+) -> dict[int, np.ndarray] | None:
+    """Numbers out of lines that have as many cells each, by column; None where one is no number.
+
+    Args:
+        source: the lines.
+        delimiter: between cells.
+        width: how many cells a line has.
+        columns: which to read, counted from 0.
+        missing: texts that mean missing.
+    """
+    try:
+        frame = _frame(
+            source,
+            delimiter,
+            width,
+            columns,
+            dtype="float64",
+            na_values=sorted({"", "nan", "NaN", "NAN", *missing}),
+            keep_default_na=False,
+            float_precision="round_trip",  # the same number as the cell-by-cell path gives
+        )
+    except Exception:  # who reads cell by cell finds the one that is no number, and names it
+        return None
+    return {column: frame[column].to_numpy(dtype=np.float64) for column in columns}
+
+
+def _frame(source: IO[Any], delimiter: str, width: int, columns: Sequence[int], **how: Any) -> Any:
+    import pandas as pd
+
+    read: Any = pd.read_csv
+    return read(
+        source,
+        sep=r"\s+" if delimiter == " " else delimiter,
+        header=None,
+        names=range(width),
+        index_col=False,
+        usecols=list(columns),
+        skip_blank_lines=False,
+        skipinitialspace=True,
+        quoting=csv.QUOTE_NONE,
+        **{"dtype": object, **how},
+    )
+
+
+def scanned(path: Path, begin: int, delimiter: str, width: int) -> LargeBody | None:
+    """Look at every line of a file; None where one of them is not plain, even and complete.
+
+    Args:
+        path: the file.
+        begin: the byte at which the samples begin.
+        delimiter: between cells.
+        width: how many cells the header has.
+    """
+    size = path.stat().st_size
+    end, rows, cut = _end(path, begin, size), 0, False
+    zeros = size - end
+    widths: set[int] = set()
+    for block in _blocks(path, begin, end):
+        if len(block.translate(None, _SPECIAL)) < len(block):
+            return None
+        if block.count(b"\r") != block.count(b"\r\n"):
+            return None
+        counts = _counts(np.frombuffer(block, np.uint8), delimiter, width)
+        last = block[block.rfind(b"\n") + 1 :]
+        if last.strip() and _cells(last.decode(), delimiter) < width:
+            cut, counts, end = True, counts[:-1], end - len(last)
+        rows += counts.size
+        found = set(np.unique(counts).tolist())
+        widths |= found
+        if found == {0} or not (widths <= {0, width} or widths <= {0, width + 1}):
+            return None
+    return LargeBody(path, begin, end, rows, delimiter, max(widths), zeros, cut) if rows else None
+
+
+def _counts(block: np.ndarray, delimiter: str, width: int) -> np.ndarray:
+    """How many cells each line of a block has, ``(n,)``: 0 in an empty one, -1 in an odd one."""
+    ends = np.flatnonzero(block == _NEWLINE)
+    if not ends.size or ends[-1] < block.size - 1:
+        ends = np.append(ends, block.size)
+    starts = np.append(0, ends[:-1] + 1)
+    if delimiter == " ":
+        blank = (block == 32) | ((block >= 9) & (block <= 13))
+        begins = ~blank
+        begins[1:] &= blank[:-1]
+        counts = np.add.reduceat(begins.view(np.uint8), starts, dtype=np.int32)
+        return np.where(counts == width, counts, -1)
+    marks = block == ord(delimiter)
+    counts = np.add.reduceat(marks.view(np.uint8), starts, dtype=np.int32) + 1
+    stops = ends - (block[np.maximum(ends - 1, starts)] == _RETURN)
+    closed = marks[np.maximum(stops - 1, 0)] & (counts == width + 1)
+    counts[(counts != width) & ~closed] = -1
+    counts[stops <= starts] = 0
+    return counts
+
+
+def _cells(line: str, delimiter: str) -> int:
+    return len(line.split() if delimiter == " " else line.split(delimiter))
+
+
+def _lines(block: bytes) -> int:
+    return block.count(b"\n") + (not block.endswith(b"\n"))
+
+
+def _end(path: Path, begin: int, end: int) -> int:
+    """Where the zeros begin that were never written, at the end of a file."""
+    with path.open("rb") as stream:
+        while end > begin:
+            start = max(begin, end - _BLOCK)
+            stream.seek(start)
+            text = stream.read(end - start).rstrip(b"\0")
+            if text:
+                return start + len(text)
+            end = start
+    return end
+
+
+def _blocks(path: Path, begin: int, end: int) -> Iterator[bytes]:
+    """The bytes of a file in blocks of whole lines."""
+    with path.open("rb") as stream:
+        stream.seek(begin)
+        left, rest = end - begin, b""
+        while left > 0:
+            more = stream.read(min(_BLOCK, left))
+            left -= len(more) if more else left  # the file may have become shorter
+            block = rest + more
+            stop = len(block) if left <= 0 else block.rfind(b"\n") + 1
+            rest = block[stop:]
+            if stop:
+                yield block[:stop]
+            if not stop and len(block) > 8 * _BLOCK:  # no lines: its bytes are no table
+                left, rest = 0, b""
+                yield block

@@ -1,0 +1,25 @@
+"""What is shown of text that comes from outside."""
+
+from __future__ import annotations
+
+from rich.text import Text
+
+from diffthrust import InputError
+from diffthrust._support.tables import rendered, texts_table  # private: what shows all tables
+from diffthrust._support.visible import in_line, visible  # private: what is tested
+
+
+def test_what_does_not_show_becomes_an_escape():
+    assert visible("a\x1b[2Jb\x07\x9b\x7f") == "a\\x1b[2Jb\\x07\\x9b\\x7f"
+    assert visible("turned \u202e\u2066") == "turned \\u202e\\u2066"
+    assert visible("byte \udcff, half \ud800") == "byte \\xff, half \\ud800"
+    plain = "a\tb\nc \N{DEGREE SIGN}C \N{GREEK SMALL LETTER ALPHA} \U0001f6a4"
+    assert visible(plain) == plain
+    assert in_line("a\tb\nc") == "a\\tb\\nc"
+
+
+def test_messages_and_tables_hold_no_orders_for_the_terminal():
+    error = InputError("run\x1b[31m.csv: bad.", "rename \x1b]0;x\x07 it.")
+    assert str(error) == "run\\x1b[31m.csv: bad.\nMend: rename \\x1b]0;x\\x07 it."
+    assert "\x1b" not in rendered(texts_table(["Name"], [["run\x1b[31m.csv"]]))
+    assert rendered(Text("[red]run\x1b")) == "[red]run\\x1b\n"
