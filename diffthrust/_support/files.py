@@ -25,7 +25,7 @@ def write_whole(path: Path, data: bytes) -> None:
         InputError: the folder does not exist or cannot be written to.
     """
     try:
-        target = path.resolve()
+        target = Path(os.path.realpath(path))
         temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
         try:
             temporary.write_bytes(data)
@@ -36,17 +36,16 @@ def write_whole(path: Path, data: bytes) -> None:
             with suppress(OSError):
                 temporary.unlink()
             raise
-    except (OSError, RuntimeError) as error:  # of links in a circle
-        why = getattr(error, "strerror", None) or error
+    except OSError as error:
         raise InputError(
-            f"{path}: the file cannot be written ({why}).",
+            f"{path}: the file cannot be written ({error.strerror or error}).",
             MAKE_ROOM if is_full(error) else _ELSEWHERE,
         ) from None
 
 
-def is_full(error: Exception) -> bool:
+def is_full(error: OSError) -> bool:
     """Whether there was no room for what was to be written."""
-    return getattr(error, "errno", None) in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+    return error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 def ending(path: Path, *kinds: str) -> str:

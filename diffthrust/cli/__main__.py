@@ -4,7 +4,7 @@ from diffthrust.cli._interrupt import ended_soon
 
 
 def entry() -> None:
-    """Entry point of the ``diffthrust`` command, which hears an interrupt while it loads as well."""
+    """Entry point of the ``diffthrust`` command; an interrupt is heard while it loads as well."""
     with ended_soon():
         from diffthrust.cli._app import main
 

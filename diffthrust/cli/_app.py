@@ -46,7 +46,9 @@ def main() -> None:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for the rest of it
             why = error.strerror or error
             typer.echo(f"Error: what was found cannot be shown ({why}).", err=True)
-            typer.echo("Mend: Lead it to a place with room; files that were named are written.", err=True)
+            typer.echo(
+                "Mend: Lead it to a place with room; files that were named are written.", err=True
+            )
             raise SystemExit(BAD_INPUT) from None
 
 

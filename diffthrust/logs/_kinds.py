@@ -75,6 +75,10 @@ def kind_of(path: Path) -> Kind:
                 f"{path}: expected a file, found a folder.",
                 "name the file; the folder of a ROS 2 bag has a metadata.yaml.",
             )
+        if path.exists() and not path.is_file():  # to open it could take forever
+            raise InputError(
+                f"{path}: expected a file, found a device or a pipe.", "save it as a file first."
+            )
         with path.open("rb") as stream:
             head = stream.read(4096)
     except FileNotFoundError:

@@ -49,7 +49,8 @@ AT_AN_IMPORT = """
 
 
 @pytest.mark.parametrize(
-    "module", ["typer", "diffthrust.cli._app", "jax", "jaxlib.xla_client", "equinox", "scipy.linalg"]
+    "module",
+    ["typer", "diffthrust.cli._app", "jax", "jaxlib.xla_client", "equinox", "scipy.linalg"],
 )
 def test_while_it_loads(module):
     status, out, err = ended(AT_AN_IMPORT, "fit", FITS / "depth_sensor", module)

@@ -1,1 +1,1 @@
-"""Hostile specs and logs, and faults at random times: what they may do to a command, and what not."""
+"""Hostile specs and logs, and faults at random times, and what may come of them."""

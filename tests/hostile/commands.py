@@ -21,7 +21,7 @@ from diffthrust.cli._app import app  # private: the command line as a test calls
 TOLD = ("Traceback (most recent call last)", "defect of diffthrust", "Exception ignored")
 """Words that no user may meet."""
 UNEQUAL = {"seconds", "kept", "updated", "created", "sha256"}
-"""What differs between two runs that are equal: times with their hash, and what was there before."""
+"""What differs between equal runs: times with their hash, and what was there before."""
 
 
 @dataclass(frozen=True)

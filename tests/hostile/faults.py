@@ -4,11 +4,11 @@ From the folder ``tests``:
 
     python -m hostile.faults --count 200 --seed 1
 
-ends commands by a kill or an interrupt, fills or locks the place that they write to, or takes it away,
-at a moment drawn for each. Thereafter every file must be whole or absent, nothing may still run, nobody
-may have been told of a defect, and the same command again must give what an unbroken run gives. Full
-and read-only places are file systems of their own, which only root on Linux can mount; they are left
-out elsewhere.
+ends commands by a kill or an interrupt, fills or locks the place that they write to, or takes it
+away, at a moment drawn for each. Thereafter every file must be whole or absent, nothing may still
+run, nobody may have been told of a defect, and the same command again must give what an unbroken
+run gives. Full and read-only places are file systems of their own, which only root on Linux can
+mount; they are left out elsewhere.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class Bench:
         self._unbroken: dict[str, tuple[float, dict[str, Any]]] = {}
 
     def unbroken(self, name: str) -> tuple[float, dict[str, Any]]:
-        """How long a command takes as a process that finds its code compiled, and what it leaves."""
+        """How long a command takes where its code is compiled, and what it leaves."""
         if name not in self._unbroken:
             place = self._place(name)
             status, said = here(COMMANDS[name].call(self.specs, place))

@@ -1,4 +1,4 @@
-"""Logs as nobody should record them: a sound table, spoilt, in one of many formats, then damaged."""
+"""Logs as nobody should record them: a sound table, spoilt, in one of many formats, damaged."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ import numpy as np
 import pandas as pd
 from damaged_files import damaged
 from scipy.io import savemat
+
+from .specs import pick
 
 Rng = np.random.Generator
 ROWS = 60
@@ -50,6 +52,10 @@ CELLS = (
 """Cells of a text table."""
 
 
+NUMBERS = (0.0, -1.0, 1e300, -1e12, 1e-300, 1e-320, float("nan"), float("inf"), -float("inf"))
+"""Numbers that a sensor does not give."""
+
+
 def sound(rng: Rng) -> pd.DataFrame:
     """A thruster's log: time, command and speed."""
     time = 0.1 * np.arange(ROWS)
@@ -59,7 +65,7 @@ def sound(rng: Rng) -> pd.DataFrame:
 
 
 def _column(rng: Rng) -> str:
-    return str(rng.choice(["t", "u", "n"]))
+    return str(pick(rng, ["t", "u", "n"]))
 
 
 def _filled(
@@ -89,7 +95,7 @@ def _spots(odd: Callable[[Rng], float]) -> Callable[[pd.DataFrame, Rng], pd.Data
 def _cells(frame: pd.DataFrame, rng: Rng) -> pd.DataFrame:
     name = _column(rng)
     column = frame[name].astype(object)
-    column.iloc[rng.integers(len(column), size=int(rng.integers(1, 4)))] = str(rng.choice(CELLS))
+    column.iloc[rng.integers(len(column), size=int(rng.integers(1, 4)))] = str(pick(rng, CELLS))
     frame[name] = column
     return frame
 
@@ -115,13 +121,17 @@ def _time(frame: pd.DataFrame, rng: Rng) -> pd.DataFrame:
 
 
 def _columns(frame: pd.DataFrame, rng: Rng) -> pd.DataFrame:
-    names = ["t", "u", "n"]
-    at = int(rng.integers(3))
-    names[at] = str(
-        rng.choice(["t", "u", "n", "", " u ", "U", "u [V]", "ü😀", "u\n", "1", "u,n", "#u"])
+    names = list(frame.columns)
+    names[int(rng.integers(3))] = str(
+        pick(rng, ["t", "u", "n", "", " u ", "U", "u [V]", "ü😀", "u\n", "1", "u,n", "#u"])
     )
     frame.columns = names
     return frame
+
+
+def _wide(frame: pd.DataFrame, rng: Rng) -> pd.DataFrame:
+    zeros = pd.DataFrame(np.zeros((len(frame), 500)), index=frame.index)
+    return pd.concat([frame, zeros.add_prefix("c")], axis=1)
 
 
 def _noise(rng: Rng, n: int) -> np.ndarray:
@@ -132,30 +142,30 @@ TABLES: dict[str, Callable[[pd.DataFrame, Rng], pd.DataFrame]] = {
     "cells": _cells,
     "time": _time,
     "names of columns": _columns,
-    "constant": _filled(lambda rng, n: float(rng.choice([0.0, -1.0, 1e300, 1e-300, np.nan, np.inf]))),
+    "constant": _filled(lambda rng, n: pick(rng, NUMBERS)),
     "any size": _filled(_noise),
     "noise": _filled(lambda rng, n: rng.standard_normal(n)),
     "whole numbers": _filled(lambda rng, n: rng.integers(-(2**62), 2**62, n)),
     "words": _filled(lambda rng, n: np.array(["on", "off"] * n)[:n]),
     "flags": _filled(lambda rng, n: rng.random(n) < 0.5),
-    "odd numbers": _spots(lambda rng: float(rng.choice([np.nan, np.inf, -np.inf, 1e300, -1e12, 1e-320]))),
-    "few rows": lambda frame, rng: frame.iloc[: int(rng.choice([0, 1, 2, 3, 5]))],
+    "odd numbers": _spots(lambda rng: pick(rng, NUMBERS)),
+    "few rows": lambda frame, rng: frame.iloc[: int(pick(rng, [0, 1, 2, 3, 5]))],
     "a column gone": lambda frame, rng: frame.drop(columns=_column(rng)),
-    "wide": lambda frame, rng: pd.concat([frame, pd.DataFrame(np.zeros((len(frame), 500))).add_prefix("c")], axis=1),
+    "wide": _wide,
     "none": lambda frame, rng: frame,
-}  # fmt: skip
+}
 
 
 def _text(frame: pd.DataFrame, rng: Rng) -> bytes:
     text = frame.to_csv(
         index=False,
-        sep=str(rng.choice([",", ";", "\t", " "])),
-        lineterminator=str(rng.choice(["\n", "\r\n", "\r"])),
+        sep=str(pick(rng, [",", ";", "\t", " "])),
+        lineterminator=str(pick(rng, ["\n", "\r\n", "\r"])),
         quotechar='"',
         escapechar="\\",
     )
-    begin = str(rng.choice(["", "", "", "\ufeff", "# a comment\n", "\n\n", "a title\n"]))
-    coding = str(rng.choice(["utf-8", "utf-8", "utf-8", "utf-16", "latin-1", "utf-32-be"]))
+    begin = str(pick(rng, ["", "", "", "\ufeff", "# a comment\n", "\n\n", "a title\n"]))
+    coding = str(pick(rng, ["utf-8", "utf-8", "utf-8", "utf-16", "latin-1", "utf-32-be"]))
     return (begin + text).encode(coding, "replace")
 
 
@@ -219,12 +229,12 @@ FORMATS: dict[str, Callable[[pd.DataFrame, Rng], bytes]] = {
 
 def hostile_log(rng: Rng) -> tuple[bytes, str, str]:
     """The bytes of a log, the ending of its file, and what was done to it."""
-    ending = str(rng.choice([".csv", ".csv", *FORMATS]))
+    ending = str(pick(rng, [".csv", ".csv", *FORMATS]))
     while True:
         frame, done = sound(rng), []
-        for _ in range(int(rng.choice([1, 1, 2]))):
-            done.append(str(rng.choice(list(TABLES))))
-            if {"t", "u", "n"} <= set(frame.columns) and len(frame):
+        for _ in range(int(pick(rng, [1, 1, 2]))):
+            done.append(str(pick(rng, list(TABLES))))
+            if list(frame.columns)[:3] == ["t", "u", "n"] and len(frame):
                 frame = TABLES[done[-1]](frame.copy(), rng)
         try:
             data = FORMATS[ending](frame, rng)
@@ -238,7 +248,7 @@ def hostile_log(rng: Rng) -> tuple[bytes, str, str]:
         data = bytes(damaged(data, rng))
         done.append("bytes")
     if rng.random() < 0.05:
-        ending = str(rng.choice(list(FORMATS)))
+        ending = str(pick(rng, list(FORMATS)))
         done.append("another ending")
     return data, ending, ", ".join(done)
 

@@ -4,9 +4,9 @@ From the folder ``tests``:
 
     python -m hostile.run --count 500 --seed 1
 
-draws half of them as specs and half as logs, gives each to a command in a worker with a limit of time
-and memory, and prints how they ended. Each that ended as it must not is printed with its seed and kept
-in the folder of ``--keep``.
+draws half of them as specs and half as logs, gives each to a command in a worker with a limit of
+time and memory, and prints how they ended. Each that ended as it must not is printed with its seed
+and kept in the folder of ``--keep``.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ SECONDS, BYTES = 60.0, 2 * 2**30
 GOOD = ("result", "clear error")
 BAD = ("traceback", "defect", "silent zero", "unclear error", "too slow", "too big", "died")
 _FRESH = 40
-"""Cases after which a worker is a new one, so that what it has compiled does not count as theirs."""
+"""Cases after which a worker is a new one, so that what it has compiled does not count."""
 COMMANDS: dict[str, tuple[tuple[str, ...], ...]] = {
     "spec": (
         ("fit", "fit.toml", "--json", "out.json"),

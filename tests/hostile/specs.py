@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import campaign_specs
 import numpy as np
@@ -66,6 +67,8 @@ ODD = (
     *('"rad/s/s"', '"m^99999"', '"1/0"', '"(((("', '"rpm**rpm"', '"kelvin"', '"10 V"', '"V V V"'),
 )
 """Values that a key of a spec is given, as TOML has them."""
+GONE = ("no.csv", "no*.csv", ".", "/dev/null", "/dev/zero", "fit.toml")
+"""Files that are no logs."""
 SCRIPTS = (
     "raise RuntimeError('no')",
     "raise SystemExit(0)",
@@ -80,7 +83,7 @@ SCRIPTS = (
     "import diffthrust as dft\nOwn = dft.Model",
     "import diffthrust as dft\nOwn = dft.Thruster()",
     "import diffthrust as dft\nclass Own(dft.Thruster): name = 'thruster'",
-    "import diffthrust as dft\nclass Own(dft.Thruster):\n  def __init__(self): raise ValueError('x')",
+    "import diffthrust as dft\nclass Own(dft.Thruster):\n  def __init__(self): 1 / 0",
     "import diffthrust as dft\nclass Own(dft.Thruster):\n  name = 'own'\n"
     "  def equations(self, s, port): return {}, {}",
     "import diffthrust as dft\nclass Own(dft.Thruster):\n  name = 'own'\n"
@@ -105,6 +108,11 @@ SCRIPTS = (
 """Scripts that name no model, or one that fails; the class is called Own."""
 
 
+def pick(rng: Rng, options: Sequence[Any]) -> Any:
+    """One of several; NumPy's own choice would take the NUL from a text."""
+    return options[int(rng.integers(len(options)))]
+
+
 def _lines(change: Callable[[list[str], int, Rng], None]) -> Change:
     """A change of one line with something in it."""
 
@@ -112,14 +120,18 @@ def _lines(change: Callable[[list[str], int, Rng], None]) -> Change:
         lines = text.split("\n")
         full = [i for i, line in enumerate(lines) if line.strip()]
         if full:
-            change(lines, int(rng.choice(full)), rng)
+            change(lines, pick(rng, full), rng)
         return "\n".join(lines)
 
     return changed
 
 
+def _moved(lines: list[str], at: int, rng: Rng) -> None:
+    lines.insert(int(rng.integers(len(lines))), lines.pop(at))
+
+
 def _value(lines: list[str], at: int, rng: Rng) -> None:
-    odd = str(rng.choice(ODD))
+    odd = str(pick(rng, ODD))
     values = list(re.finditer(r'(?<==)\s*("[^"]*"|[^\s{}\[\],=]+|\[[^\]]*\])', lines[at]))
     if values:
         found = values[int(rng.integers(len(values)))]
@@ -129,7 +141,7 @@ def _value(lines: list[str], at: int, rng: Rng) -> None:
 def _whole_value(lines: list[str], at: int, rng: Rng) -> None:
     key, equals, _ = lines[at].partition("=")
     if equals:
-        lines[at] = f"{key}= {rng.choice(ODD)}"
+        lines[at] = f"{key}= {pick(rng, ODD)}"
 
 
 def _key(lines: list[str], at: int, rng: Rng) -> None:
@@ -137,38 +149,32 @@ def _key(lines: list[str], at: int, rng: Rng) -> None:
     if words:
         word = words[int(rng.integers(len(words)))]
         k = int(rng.integers(word.start(), word.end()))
-        letter = str(rng.choice(list("aeßэ_.-x \"'=")))
+        letter = str(pick(rng, list("aeßэ_.-x \"'=")))
         lines[at] = lines[at][:k] + letter + lines[at][k + int(rng.integers(2)) :]
 
 
 def _character(text: str, rng: Rng) -> str:
     at = int(rng.integers(len(text) + 1))
-    odd = str(
-        rng.choice(["\x00", "\x1b", "\x07", "\u202e", "\ufeff", "\ud800", "😀", "\x85", '"', "]"])
-    )
-    return text[:at] + odd + text[at:]
+    odd = ("\x00", "\x1b", "\x07", "\u202e", "\ufeff", "\ud800", "😀", "\x85", '"', "]")
+    return text[:at] + pick(rng, odd) + text[at:]
 
 
 def _nested(text: str, rng: Rng) -> str:
-    depth = int(rng.choice([2, 20, 99]))
-    return str(
-        rng.choice(
-            [
-                f"{text}\ndeep = {'[' * depth}{']' * depth}\n",
-                f"options = {'{ a = ' * depth}1{' }' * depth}\n{text}",
-                f"{text}\n[parameters.{'.'.join('a' * depth)}]\nvalue = 1\n",
-            ]
-        )
+    depth = int(pick(rng, [2, 20, 99]))
+    nested = (
+        f"{text}\ndeep = {'[' * depth}{']' * depth}\n",
+        f"options = {'{ a = ' * depth}1{' }' * depth}\n{text}",
+        f"{text}\n[parameters.{'.'.join('a' * depth)}]\nvalue = 1\n",
     )
+    return pick(rng, nested)
 
 
 def _scripted(text: str, rng: Rng) -> str:
-    name = str(rng.choice(["own.py:Own", "own.py", "own.py:", ":Own", "own.py:no", "gone.py:Own"]))
+    name = str(pick(rng, ["own.py:Own", "own.py", "own.py:", ":Own", "own.py:no", "gone.py:Own"]))
     if rng.random() < 0.3:
         return re.sub(r"(?m)^effects = .*$", f'effects = ["{name}"]', text)
-    return re.sub(
-        r"(?m)^model = .*$", f'model = "{name if rng.random() < 0.3 else "own.py:Own"}"', text
-    )
+    name = name if rng.random() < 0.3 else "own.py:Own"
+    return re.sub(r"(?m)^model = .*$", f'model = "{name}"', text)
 
 
 def _number(text: str, rng: Rng) -> str:
@@ -177,14 +183,14 @@ def _number(text: str, rng: Rng) -> str:
     if not numbers:
         return text
     found = numbers[int(rng.integers(len(numbers)))]
-    odd = str(rng.choice(["1e300", "-1e300", "0", "-7", "1e-300", "nan", "inf", "5e-324", "1e15"]))
+    odd = str(pick(rng, ["1e300", "-1e300", "0", "-7", "1e-300", "nan", "inf", "5e-324", "1e15"]))
     return text[: found.start()] + odd + text[found.end() :]
 
 
 CHANGES: dict[str, Change] = {
     "deleted": _lines(lambda lines, at, rng: lines.pop(at) and None),
     "doubled": _lines(lambda lines, at, rng: lines.insert(at, lines[at])),
-    "moved": _lines(lambda lines, at, rng: lines.insert(int(rng.integers(len(lines))), lines.pop(at))),
+    "moved": _lines(_moved),
     "mistyped": _lines(_key),
     "value": _lines(_value),
     "other type": _lines(_whole_value),
@@ -195,15 +201,17 @@ CHANGES: dict[str, Change] = {
     "CRLF": lambda text, rng: text.replace("\n", "\r\n" if rng.random() < 0.5 else "\r"),
     "BOM": lambda text, rng: "\ufeff" * int(rng.integers(1, 3)) + text,
     "cut": lambda text, rng: text[: int(rng.integers(len(text) + 1))],
-    "file gone": lambda text, rng: text.replace("train.csv", str(rng.choice(["no.csv", "no*.csv", ".", "/dev/null", "fit.toml"]))),
-    "many": lambda text, rng: text.replace('["train.csv"]', repr(["train.csv"] * int(rng.choice([2, 30])))),
-}  # fmt: skip
+    "file gone": lambda text, rng: text.replace("train.csv", pick(rng, GONE)),
+    "many": lambda text, rng: text.replace(
+        '["train.csv"]', repr(["train.csv"] * pick(rng, [2, 30]))
+    ),
+}
 
 
 def hostile_text(rng: Rng) -> tuple[str, str]:
     """A spec's text, and what was done to it: mostly one change, up to four."""
-    text = str(rng.choice([FULL, FULL, campaign_specs.THRUSTER, campaign_specs.SENSOR]))
-    done = [str(rng.choice(list(CHANGES))) for _ in range(int(rng.choice([1, 1, 1, 2, 4])))]
+    text = str(pick(rng, [FULL, FULL, campaign_specs.THRUSTER, campaign_specs.SENSOR]))
+    done = [pick(rng, list(CHANGES)) for _ in range(int(pick(rng, [1, 1, 1, 2, 4])))]
     for name in done:
         text = CHANGES[name](text, rng)
     return text, ", ".join(done)
@@ -219,7 +227,7 @@ def write_hostile_spec(folder: Path, seed: int) -> str:
     else:
         campaign_specs.thruster_log(folder / "train.csv", 1, 0.25)
         campaign_specs.thruster_log(folder / "unseen.csv", 2, 0.25)
-    script = str(rng.choice(SCRIPTS))
+    script = str(pick(rng, SCRIPTS))
     (folder / "own.py").write_text(script)
     (folder / "fit.toml").write_bytes(text.encode("utf-8", "surrogatepass"))
-    return f"{done}: {script.splitlines()[-1]}" if "own.py" in text else done
+    return f"{done}: {script!r}" if "own.py" in text else done

@@ -133,7 +133,7 @@ def write(path: Path, data: bytes) -> None:
     Raises:
         InputError: a full disk or a folder that cannot be written to; the old file is untouched.
     """
-    target = path.resolve()
+    target = Path(os.path.realpath(path))
     temporary = _temporary(target)
     try:
         try:
@@ -189,7 +189,7 @@ def read(path: Path, who: Mapping[str, Mapping[str, str]]) -> Stored | None:
         InputError: a file that is no chain, is damaged, or belongs to another problem; a folder
             that cannot be written to. Nothing is changed.
     """
-    target = path.resolve()
+    target = Path(os.path.realpath(path))
     if not target.exists() or target.is_dir():
         _try(path, target)
         return None
