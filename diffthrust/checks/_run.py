@@ -18,6 +18,7 @@ from diffthrust.checks._expected import CheckRow, compared, updated
 from diffthrust.checks._marks import marks_of
 from diffthrust.checks._result import FitRun, not_run
 from diffthrust.specs._compile_key import compile_key
+from diffthrust.specs._scripts import error_in_script
 from diffthrust.specs._spec import load_spec
 
 
@@ -45,11 +46,18 @@ def run_again(fit: str, file: Path, update: bool, trust: Sequence[str] = ()) -> 
         except OSError as error:
             rows = [not_run(fit, *refused(error))]
         except Exception as error:  # one defect must not hide what became of the other fits
-            if os.environ.get("DIFFTHRUST_DEBUG"):
+            if told := error_in_script(error):
+                rows = [not_run(fit, told.problem, told.mend)]
+            elif os.environ.get("DIFFTHRUST_DEBUG"):
                 raise
-            problem = f"a defect of diffthrust, not of your input: {type(error).__name__}: {error}"
-            mend = f"Please report it, with what DIFFTHRUST_DEBUG=1 diffthrust fit {file} prints."
-            rows = [not_run(fit, problem, mend)]
+            else:
+                problem = (
+                    f"a defect of diffthrust, not of your input: {type(error).__name__}: {error}"
+                )
+                mend = (
+                    f"Please report it, with what DIFFTHRUST_DEBUG=1 diffthrust fit {file} prints."
+                )
+                rows = [not_run(fit, problem, mend)]
     coarse = tuple(str(w.message) for w in caught if issubclass(w.category, CoarseStepWarning))
     return FitRun(fit, file, tuple(rows), new, time.perf_counter() - begin, coarse, since)
 

@@ -53,6 +53,10 @@ def _told(error: BaseException) -> int:
         # an import that is cut short ends as an ImportError, a file as one that is damaged
         say_stopped(str(error) if isinstance(error, KeyboardInterrupt) else "")
         return STOPPED
+    if not isinstance(error, InputError):
+        from diffthrust.specs._scripts import error_in_script
+
+        error = error_in_script(error) or error
     if isinstance(error, OSError):
         error = InputError(*refused(error))
     if isinstance(error, InputError):

@@ -81,7 +81,7 @@ COMMANDS: dict[str, Command] = {
         lambda o: make_specs(o / "fits"),
     ),
     "report": Command(
-        lambda s, o: ["compare", s / "one", *_results(o), "--figure", o / "a.png"],
+        lambda s, o: ["compare", s / "deep", *_results(o), "--figure", o / "a.png"],
     ),
 }
 

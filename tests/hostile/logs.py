@@ -84,9 +84,10 @@ def _spots(odd: Callable[[Rng], float]) -> Callable[[pd.DataFrame, Rng], pd.Data
     """A change of some numbers of a column."""
 
     def changed(frame: pd.DataFrame, rng: Rng) -> pd.DataFrame:
-        column = frame[_column(rng)].to_numpy(float, copy=True)
+        name = _column(rng)
+        column = pd.to_numeric(frame[name], errors="coerce").to_numpy(float, copy=True)
         column[rng.integers(len(column), size=int(rng.integers(1, 20)))] = odd(rng)
-        frame[_column(rng)] = column
+        frame[name] = column
         return frame
 
     return changed
@@ -101,7 +102,7 @@ def _cells(frame: pd.DataFrame, rng: Rng) -> pd.DataFrame:
 
 
 def _time(frame: pd.DataFrame, rng: Rng) -> pd.DataFrame:
-    time = frame["t"].to_numpy(float, copy=True)
+    time = pd.to_numeric(frame["t"], errors="coerce").to_numpy(float, copy=True)
     some = rng.integers(len(time), size=5)
     kinds: tuple[Callable[[], np.ndarray], ...] = (
         lambda: time[::-1],

@@ -23,7 +23,7 @@ def bench(tmp_path_factory) -> faults.Bench:
 
 @pytest.mark.parametrize(
     ("name", "kind", "moment"),
-    [("report", "interrupted", 0.5), ("report", "vanished", 0.3), ("report", "killed", 0.9)],
+    [("report", "interrupted", 0.5), ("report", "vanished", 0.9)],
 )
 def test_a_fault_leaves_whole_files(bench, name, kind, moment):
     assert bench.tried(name, kind, moment).wrong == []
