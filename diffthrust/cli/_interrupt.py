@@ -14,7 +14,7 @@ from typing import Any
 
 STOPPED = 130
 """The exit status of a command that was interrupted, as shells have it."""
-_PATIENCE = 1.2
+_PATIENCE = 0.8
 """Seconds in which a command may end by itself; what it saves then is saved."""
 _heard = _said = False
 
@@ -32,11 +32,11 @@ def ended_soon() -> Iterator[None]:
         _listen()
     try:
         yield
-    except KeyboardInterrupt:  # outside of the work, which tells how far it came
-        say_stopped()
-        raise SystemExit(STOPPED) from None
     finally:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
+        if _heard:  # without the interpreter's own end, which XLA at work can make long, or crash
+            say_stopped()
+            os._exit(STOPPED)
 
 
 def interrupted() -> bool:

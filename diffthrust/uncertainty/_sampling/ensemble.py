@@ -108,6 +108,7 @@ def run_ensemble(
                 backend=backend,
                 blobs_dtype=float,
             )
+            sampler.log_prob_fn = density  # emcee's wrapper prints the way to an interrupt
             start = _last(backend)
             if start is None:
                 start = emcee.State(
