@@ -99,7 +99,7 @@ def run_ensemble(
             centre, root, share = stored.centre, stored.root, MOST_INDEPENDENT
             if until == total and warmup >= 8:
                 centre, root, share = _adapted(backend, density, stored, warmup, seed)
-            sampler = emcee.EnsembleSampler(
+            sampler: Any = emcee.EnsembleSampler(
                 walkers,
                 posterior.dim,
                 density,
