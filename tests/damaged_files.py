@@ -25,18 +25,23 @@ def outcomes(
     good = path.read_bytes()
     ended: Counter[str] = Counter()
     for _ in range(rounds):
-        data = bytearray(good)
-        for _ in range(int(rng.integers(1, 6))):
-            data[int(rng.integers(first, len(data)))] = int(rng.integers(256))
-        if rng.random() < 0.2:
-            data = data[: int(rng.integers(max(first, 1), len(data)))]
-        path.write_bytes(data)
+        path.write_bytes(damaged(good, rng, first))
         for reader in readers:
             error = _error(reader, path)
             ended["read" if error is None else "told"] += 1
             if error is not None and (path.name not in error.problem or not error.mend):
                 ended["unnamed"] += 1
     return ended
+
+
+def damaged(good: bytes, rng: np.random.Generator, first: int = 0) -> bytearray:
+    """The bytes with a few of them changed, from ``first`` on; a fifth of the time cut off, too."""
+    data = bytearray(good)
+    for _ in range(int(rng.integers(1, 6))):
+        data[int(rng.integers(first, len(data)))] = int(rng.integers(256))
+    if rng.random() < 0.2:
+        data = data[: int(rng.integers(max(first, 1), len(data)))]
+    return data
 
 
 def _error(reader: Callable[[Path], Any], path: Path) -> InputError | None:

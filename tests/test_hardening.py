@@ -146,6 +146,10 @@ BOTH = {"velocity": 0.0, "grip": 0.0}
         (lambda self, s, port: (s.push, BOTH), r"Spoilt\.equations: expected two mappings"),
         (lambda self, s, port: ({"speed": 0.0}, BOTH), "rate of the state 'velocity', found 'sp"),
         (lambda self, s, port: (BOTH, {"velocity": 0.0, "gripp": 0.0}), "'grip', found .*'gripp'"),
+        (
+            lambda self, s, port: ({"velocity": s.push}, {**BOTH, "grip": [s.push, s.push]}),
+            "number or an array for 'grip', found list",
+        ),
         (lambda self, s, port: (BOTH if s.push > 0 else {}, BOTH), r"(?s)Python 'if'.*jnp\.where"),
         (lambda self, s, port: ({"velocity": np.sin(s.push)}, BOTH), r"(?s)Spoilt.*jax\.numpy"),
     ],

@@ -27,6 +27,15 @@ class Place:
         return self.text
 
 
+def refused(error: OSError) -> tuple[str, str]:
+    """What a person is told of an error of the system that nobody foresaw: problem and mend."""
+    where = f"{error.filename}: " if error.filename else ""
+    return (
+        f"{where}the system refused it ({error.strerror or error}).",
+        "Look at the place and at the room that is left there, and try again.",
+    )
+
+
 class InputError(ValueError):
     """Something given by the user cannot be used.
 

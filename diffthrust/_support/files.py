@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import os
 import shutil
 import stat
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from diffthrust._support.errors import InputError
+
+MAKE_ROOM = "Make room there, or name a file in another place."
+_ELSEWHERE = "Name a file in a folder that exists and that you may write to."
 
 
 def write_whole(path: Path, data: bytes) -> None:
@@ -20,19 +25,28 @@ def write_whole(path: Path, data: bytes) -> None:
     Raises:
         InputError: the folder does not exist or cannot be written to.
     """
-    target = path.resolve()
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
     try:
-        temporary.write_bytes(data)
-        if target.exists():
-            shutil.copymode(target, temporary)
-        os.replace(temporary, target)
+        target = Path(os.path.realpath(path))
+        temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+        try:
+            temporary.write_bytes(data)
+            if target.exists():
+                shutil.copymode(target, temporary)
+            os.replace(temporary, target)
+        except BaseException:  # an interrupt, too
+            with suppress(OSError):
+                temporary.unlink()
+            raise
     except OSError as error:
-        temporary.unlink(missing_ok=True) if temporary.parent.is_dir() else None
         raise InputError(
             f"{path}: the file cannot be written ({error.strerror or error}).",
-            "Name a file in a folder that exists and that you may write to.",
+            MAKE_ROOM if is_full(error) else _ELSEWHERE,
         ) from None
+
+
+def is_full(error: OSError) -> bool:
+    """Whether there was no room for what was to be written."""
+    return error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 def ending(path: Path, *kinds: str) -> str:

@@ -12,12 +12,13 @@ from typing import Any, NamedTuple
 
 from diffthrust._support._running.pool import on_processes
 from diffthrust._support._running.process import LineProcess, ProcessDied, ProcessNotStarted
-from diffthrust._support.errors import InputError
+from diffthrust._support.errors import InputError, refused
 from diffthrust._support.files import write_whole
 from diffthrust.checks._expected import CheckRow, compared, updated
 from diffthrust.checks._marks import marks_of
 from diffthrust.checks._result import FitRun, not_run
 from diffthrust.specs._compile_key import compile_key
+from diffthrust.specs._scripts import error_in_script
 from diffthrust.specs._spec import load_spec
 
 
@@ -42,12 +43,21 @@ def run_again(fit: str, file: Path, update: bool, trust: Sequence[str] = ()) -> 
             rows, new, since = _rows(fit, file, update, trust)
         except InputError as error:
             rows = [not_run(fit, error.problem, error.mend)]
+        except OSError as error:
+            rows = [not_run(fit, *refused(error))]
         except Exception as error:  # one defect must not hide what became of the other fits
-            if os.environ.get("DIFFTHRUST_DEBUG"):
+            if told := error_in_script(error):
+                rows = [not_run(fit, told.problem, told.mend)]
+            elif os.environ.get("DIFFTHRUST_DEBUG"):
                 raise
-            problem = f"a defect of diffthrust, not of your input: {type(error).__name__}: {error}"
-            mend = f"Please report it, with what DIFFTHRUST_DEBUG=1 diffthrust fit {file} prints."
-            rows = [not_run(fit, problem, mend)]
+            else:
+                problem = (
+                    f"a defect of diffthrust, not of your input: {type(error).__name__}: {error}"
+                )
+                mend = (
+                    f"Please report it, with what DIFFTHRUST_DEBUG=1 diffthrust fit {file} prints."
+                )
+                rows = [not_run(fit, problem, mend)]
     coarse = tuple(str(w.message) for w in caught if issubclass(w.category, CoarseStepWarning))
     return FitRun(fit, file, tuple(rows), new, time.perf_counter() - begin, coarse, since)
 
@@ -83,7 +93,14 @@ def _write_over(path: Path, before: str, after: str) -> None:
     Raises:
         InputError: the file is another one by now.
     """
-    if path.read_bytes() != before.encode("utf-8"):
+    try:
+        now = path.read_bytes()
+    except OSError as error:
+        raise InputError(
+            f"{path}: the file can no longer be read ({error.strerror or error}).",
+            "Put it back, and run diffthrust check --update again.",
+        ) from None
+    if now != before.encode("utf-8"):
         beside = path.with_name(f"{path.name}.updated")
         write_whole(beside, after.encode("utf-8"))
         raise InputError(

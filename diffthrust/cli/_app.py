@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from typing import Annotated
 
 import typer
@@ -15,11 +17,12 @@ from diffthrust.cli._diagnose import diagnose_command
 from diffthrust.cli._effects import effects_command
 from diffthrust.cli._export import export_command
 from diffthrust.cli._fit import fit_command
+from diffthrust.cli._interrupt import ended_soon
 from diffthrust.cli._look import look_command
 from diffthrust.cli._map import map_command
 from diffthrust.cli._new import new_command
 from diffthrust.cli._sample import sample_command
-from diffthrust.cli._session import DONE
+from diffthrust.cli._session import BAD_INPUT, DONE
 
 app = typer.Typer(
     name="diffthrust",
@@ -35,8 +38,18 @@ app = typer.Typer(
 
 
 def main() -> None:
-    """Entry point of the ``diffthrust`` command."""
-    app()
+    """Run the command that was given."""
+    with ended_soon():
+        try:
+            app()
+        except OSError as error:  # of what is shown after the work
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for the rest of it
+            why = error.strerror or error
+            typer.echo(f"Error: what was found cannot be shown ({why}).", err=True)
+            typer.echo(
+                "Mend: Lead it to a place with room; files that were named are written.", err=True
+            )
+            raise SystemExit(BAD_INPUT) from None
 
 
 @app.callback(invoke_without_command=True)

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from diffthrust._support.errors import InputError
+from diffthrust._support.errors import InputError, refused
 from diffthrust._support.files import ending, write_whole
 from diffthrust._support.visible import visible
-from diffthrust.cli._interrupt import ended_soon
+from diffthrust.cli._interrupt import STOPPED, interrupted, say_stopped
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from diffthrust._support.progress import Progress
 
-DONE, CHECK_FAILED, BAD_INPUT, DEFECT, STOPPED = 0, 1, 2, 3, 130
+DONE, CHECK_FAILED, BAD_INPUT, DEFECT = 0, 1, 2, 3
 FIGURE_TYPES = (".png", ".svg", ".pdf")
 
 
@@ -35,28 +35,41 @@ def session() -> Iterator[Progress | None]:
 
     try:
         enable_compilation_cache()
-        with ended_soon(), warnings.catch_warnings(), bar("reading") as progress:
+        with warnings.catch_warnings(), bar("reading") as progress:
             warnings.showwarning = _warned
             yield progress
-    except InputError as error:
-        typer.echo(f"Error: {error}", err=True)
-        raise typer.Exit(BAD_INPUT) from None
-    except KeyboardInterrupt as stopped:
-        typer.echo(visible(f"Stopped. {stopped}".strip()), err=True)
-        raise typer.Exit(STOPPED) from None
     except (typer.Exit, typer.Abort):
         raise
-    except Exception as error:
-        if os.environ.get("DIFFTHRUST_DEBUG"):
+    except (Exception, KeyboardInterrupt) as error:
+        if os.environ.get("DIFFTHRUST_DEBUG") and not isinstance(
+            error, InputError | KeyboardInterrupt
+        ):
             raise
-        typer.echo(
-            "A defect of diffthrust, not of your input: "
-            f"{type(error).__name__}: {visible(str(error))}\n"
-            "Mend: please report it, with what DIFFTHRUST_DEBUG=1 prints when set before the "
-            "command.",
-            err=True,
-        )
-        raise typer.Exit(DEFECT) from None
+        raise typer.Exit(_told(error)) from None
+
+
+def _told(error: BaseException) -> int:
+    """Say what ended a command, and give its exit status."""
+    if isinstance(error, KeyboardInterrupt) or interrupted():
+        # an import that is cut short ends as an ImportError, a file as one that is damaged
+        say_stopped(visible(str(error)) if isinstance(error, KeyboardInterrupt) else "")
+        return STOPPED
+    if not isinstance(error, InputError):
+        from diffthrust.specs._scripts import error_in_script
+
+        error = error_in_script(error) or error
+    if isinstance(error, OSError):
+        error = InputError(*refused(error))
+    if isinstance(error, InputError):
+        typer.echo(f"Error: {error}", err=True)
+        return BAD_INPUT
+    typer.echo(
+        "A defect of diffthrust, not of your input: "
+        f"{type(error).__name__}: {visible(str(error))}\n"
+        "Mend: please report it, with what DIFFTHRUST_DEBUG=1 prints when set before the command.",
+        err=True,
+    )
+    return DEFECT
 
 
 def _warned(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:

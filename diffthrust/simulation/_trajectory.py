@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from numbers import Number
 from typing import Any, Protocol
 
+import jax
 import jax.numpy as jnp
+import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
-from diffthrust.models._base.signals import Signals, elementwise, expect
+from diffthrust.models._base.signals import Relaxing, Signals, elementwise, expect
 from diffthrust.simulation._integrate import integrate
+
+_SIGNALS = (Number, np.ndarray, jax.Array, Relaxing)
 
 
 @dataclass(frozen=True)
@@ -176,6 +181,13 @@ def equations_of(model: Model, s: Signals, port: Ports) -> tuple[Mapping[str, An
             f"{where}: expected two mappings, of the rates and of the outputs; found {kind}.",
             "Write return {state: rate}, {output: value}.",
         )
+    for name, value in (item for part in parts for item in part.items()):
+        if not isinstance(value, _SIGNALS):
+            raise InputError(
+                f"{where}: expected a number or an array for {name!r}, found "
+                f"{type(value).__name__}.",
+                "Return one signal for each name.",
+            )
     return parts
 
 

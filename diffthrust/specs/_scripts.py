@@ -21,6 +21,9 @@ from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.registry import catalogue
 
+_USERS = "_user_"
+"""How the names of modules begin that are users' scripts."""
+
 
 def model_class(word: str, folder: Path) -> type[Model]:
     """The class of a model: a name of the catalogue, or ``script.py:Class`` of the user's own."""
@@ -101,6 +104,23 @@ def check_place(word: str, folder: Path, trust: Iterable[Path | str] = ()) -> No
         )
 
 
+def error_in_script(error: BaseException) -> InputError | None:
+    """What a person is told of an error that a user's script raised when it was called.
+
+    Returns:
+        The error with the last line of a script on the way to it; ``None`` where no script is.
+    """
+    way = traceback.walk_tb(error.__traceback__)
+    lines = [(f, n) for f, n in way if str(f.f_globals.get("__name__")).startswith(_USERS)]
+    if not lines:
+        return None
+    frame, line = lines[-1]
+    where = f"{Path(frame.f_code.co_filename).name}, line {line}, in {frame.f_code.co_name}"
+    return InputError(
+        f"{where}: the script fails with {type(error).__name__}: {error}", "Mend the script."
+    )
+
+
 def _class(word: str, folder: Path, base: type, known: Mapping[str, type], what: str) -> Any:
     if script := script_file(word, folder):
         name = word.rpartition(":")[2]
@@ -144,7 +164,7 @@ def _executed(path: Path, source: bytes) -> ModuleType:
     Whatever the script raises is an error of the script, also where it ends the interpreter: an
     exit status of zero would say that all is well.
     """
-    module = ModuleType(f"_user_{path.stem}_{sha256(source).hexdigest()[:12]}")
+    module = ModuleType(f"{_USERS}{path.stem}_{sha256(source).hexdigest()[:12]}")
     module.__file__ = str(path)
     sys.modules[module.__name__] = module  # dataclasses look their module up there
     try:

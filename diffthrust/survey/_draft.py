@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator, Sequence
-from os.path import commonpath, relpath
+from os.path import commonpath, realpath, relpath
 from pathlib import Path
 from typing import Any
 
@@ -82,7 +82,7 @@ def _logs(
     choice: Choice, train: Sequence[Path], holdout: Sequence[Path], folder: Path
 ) -> Iterator[str]:
     def files(paths: Sequence[Path]) -> str:
-        names = [_toml(_as_seen(path.resolve(), folder.resolve())) for path in paths]
+        names = [_toml(_as_seen(Path(realpath(path)), Path(realpath(folder)))) for path in paths]
         one = f"[{', '.join(names)}]"
         return one if len(one) < 80 else "[\n" + "".join(f"    {name},\n" for name in names) + "]"
 

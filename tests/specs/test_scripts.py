@@ -6,7 +6,10 @@ from pathlib import Path
 import pytest
 
 from diffthrust import InputError
-from diffthrust.specs._scripts import model_class  # private: what a script is alone
+from diffthrust.specs._scripts import (  # private: what a script is alone
+    error_in_script,
+    model_class,
+)
 
 OWN = """import diffthrust as dft
 
@@ -69,3 +72,25 @@ def test_what_does_not_run_is_told_with_its_line(tmp_path, text):
     written(tmp_path, text)
     with pytest.raises(InputError, match=r"own\.py, line 1: the script fails with"):
         own(tmp_path)
+
+
+FAILING = """import diffthrust as dft
+
+class Own(dft.LinearSensor):
+    name = "own"
+
+    def equations(self, s, port):
+        raise KeyError("mine")
+"""
+
+
+def test_what_a_script_raises_when_it_is_called_is_an_error_of_it(tmp_path):
+    written(tmp_path, FAILING)
+    with pytest.raises(KeyError) as raised:
+        own(tmp_path)().equations({}, None)
+    told = error_in_script(raised.value)
+    assert told is not None
+    assert told.problem == "own.py, line 7, in equations: the script fails with KeyError: 'mine'"
+    with pytest.raises(ZeroDivisionError) as ours:
+        _ = 1 / 0
+    assert error_in_script(ours.value) is None

@@ -182,6 +182,7 @@ def campaign(
         try:
             _run(executor, min(jobs or processors(), len(todo)), todo, rows, out, say)
         except KeyboardInterrupt:
+            sweep(out, work)
             _save(out, rows)
             raise KeyboardInterrupt(
                 f"{len(rows)} of {len(work)} specs are done and kept in {out}; the same campaign "

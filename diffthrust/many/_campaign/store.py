@@ -8,6 +8,7 @@ import re
 import shutil
 import uuid
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -66,8 +67,9 @@ def store(
         ) from None
     finally:
         shutil.rmtree(fresh, ignore_errors=True)
-        if old.exists() and not target.exists():
-            os.rename(old, target)
+        with suppress(OSError):  # of a place that is locked by now
+            if old.exists() and not target.exists():
+                os.rename(old, target)
 
 
 def stored(job: Job) -> dict[str, Any] | None:
@@ -109,7 +111,7 @@ def is_whole(job: Job, folder: Mapping[str, Any], mark: str) -> bool:
 def sweep(output: Path, jobs: Iterable[Job]) -> None:
     """Remove what workers that were killed left half-written."""
     ours = {Path(job.folder).name for job in jobs}
-    for entry in output.iterdir():
+    for entry in output.iterdir() if output.is_dir() else ():
         left = re.fullmatch(r"\.(.+)\.[0-9a-f]{32}\.(tmp|old)", entry.name)
         if left and left[1] in ours:
             shutil.rmtree(entry, ignore_errors=True)

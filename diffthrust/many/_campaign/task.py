@@ -17,6 +17,7 @@ from diffthrust._support.visible import visible
 from diffthrust.many._campaign.job import SAMPLING, Job, fingerprint
 from diffthrust.many._campaign.store import ResultRow, store
 from diffthrust.many._rows import estimates_of, fit_row
+from diffthrust.specs._scripts import error_in_script
 from diffthrust.specs._spec import Spec
 
 _DEATHS = 3
@@ -107,10 +108,11 @@ def run_job(job: Job) -> ResultRow:
     except OSError as error:
         problem, mend = str(error), "Look at the disk, and run the campaign again."
     except Exception as error:
-        problem = f"A defect of diffthrust, not of your input: {type(error).__name__}: {error}"
-        mend = (
-            f"Please report what this prints: DIFFTHRUST_DEBUG=1 diffthrust {job.task} {job.spec}"
+        told = error_in_script(error) or InputError(
+            f"A defect of diffthrust, not of your input: {type(error).__name__}: {error}",
+            f"Please report what this prints: DIFFTHRUST_DEBUG=1 diffthrust {job.task} {job.spec}",
         )
+        problem, mend = told.problem, told.mend
     return failed(job, "failed", problem, mend, time.perf_counter() - begun, mark)
 
 

@@ -36,10 +36,18 @@ def write_posterior(post: Any, path: Path | str) -> None:
     """
     path = Path(path)
     ending(path, ".nc")
-    with TemporaryDirectory() as folder:
-        made = Path(folder) / "posterior.nc"
-        post.to_netcdf(str(made))
-        write_whole(path, made.read_bytes())
+    try:
+        with TemporaryDirectory() as folder:
+            made = Path(folder) / "posterior.nc"
+            post.to_netcdf(str(made))
+            data = made.read_bytes()
+    except OSError as error:
+        raise InputError(
+            f"{path}: it is made in a temporary folder first, and cannot be "
+            f"({error.strerror or error}).",
+            "Make room in the folder for temporary files, or name another: TMPDIR=DIR.",
+        ) from None
+    write_whole(path, data)
 
 
 def read_posterior(path: Path) -> Any:

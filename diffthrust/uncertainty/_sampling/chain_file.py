@@ -7,6 +7,7 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ import h5py
 import numpy as np
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.files import is_full
 from diffthrust.uncertainty._sampling.identity import same_problem
 
 BLOCK = 64
@@ -131,14 +133,19 @@ def write(path: Path, data: bytes) -> None:
     Raises:
         InputError: a full disk or a folder that cannot be written to; the old file is untouched.
     """
-    target = path.resolve()
+    target = Path(os.path.realpath(path))
     temporary = _temporary(target)
     try:
-        with open(temporary, "wb") as f:
-            f.write(data)
-            f.flush()
-            os.fsync(f.fileno())
-        os.replace(temporary, target)
+        try:
+            with open(temporary, "wb") as f:
+                f.write(data)
+                f.flush()
+                os.fsync(f.fileno())
+            os.replace(temporary, target)
+        except BaseException:  # an interrupt, too
+            with suppress(OSError):
+                temporary.unlink()
+            raise
         _settle(target.parent)
     except FileNotFoundError:
         raise InputError(
@@ -147,14 +154,11 @@ def write(path: Path, data: bytes) -> None:
             "Give each run a file of its own, in a folder that exists.",
         ) from None
     except OSError as error:
-        if temporary.is_file():
-            temporary.unlink()
-        full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
         raise InputError(
             f"{path}: the chain cannot be saved ({error.strerror or error}). What was saved before "
             "is intact.",
             "Make room on the disk and sample again with the same file: the run goes on from there."
-            if full
+            if is_full(error)
             else "Name a file in a folder that exists and that you may write to.",
         ) from None
 
@@ -185,7 +189,7 @@ def read(path: Path, who: Mapping[str, Mapping[str, str]]) -> Stored | None:
         InputError: a file that is no chain, is damaged, or belongs to another problem; a folder
             that cannot be written to. Nothing is changed.
     """
-    target = path.resolve()
+    target = Path(os.path.realpath(path))
     if not target.exists() or target.is_dir():
         _try(path, target)
         return None

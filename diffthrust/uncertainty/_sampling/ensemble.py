@@ -99,7 +99,7 @@ def run_ensemble(
             centre, root, share = stored.centre, stored.root, MOST_INDEPENDENT
             if until == total and warmup >= 8:
                 centre, root, share = _adapted(backend, density, stored, warmup, seed)
-            sampler = emcee.EnsembleSampler(
+            sampler: Any = emcee.EnsembleSampler(
                 walkers,
                 posterior.dim,
                 density,
@@ -108,6 +108,7 @@ def run_ensemble(
                 backend=backend,
                 blobs_dtype=float,
             )
+            sampler.log_prob_fn = density  # emcee's wrapper prints the way to an interrupt
             start = _last(backend)
             if start is None:
                 start = emcee.State(
