@@ -130,7 +130,7 @@ def test_own_model_in_a_spec_file(tmp_path):
         "dry_friction.level" = {{ value = 10.0 }}
         """
     )
-    fit = load_spec(tmp_path).fit()
+    fit = load_spec(tmp_path, trust=EXAMPLES).fit()
     assert fit.status.ok, fit.message
     assert fit.parameters["mass"].value == pytest.approx(95.11, rel=0.1)
 

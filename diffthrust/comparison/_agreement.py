@@ -17,11 +17,11 @@ import numpy as np
 
 from diffthrust.comparison._residual_tests import cross_correlation
 from diffthrust.logs._log import Log
+from diffthrust.simulation._fixed_step import simulate_fixed
+from diffthrust.simulation._runs import Run
 
 if TYPE_CHECKING:
     from diffthrust.models._base.model import Model
-    from diffthrust.simulation._fixed_step import simulate_fixed
-from diffthrust.simulation._runs import Run
 
 Pair = tuple[np.ndarray, np.ndarray]
 

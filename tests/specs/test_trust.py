@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 import diffthrust as dft
 from diffthrust.checks import check
-from diffthrust.cli._app import app
+from diffthrust.cli._app import app  # private: the command line as a test calls it
 
 OWN = """import diffthrust as dft
 from pathlib import Path
