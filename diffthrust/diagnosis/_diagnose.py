@@ -119,7 +119,8 @@ def _reported(
     trials, present = tools.trials, known.present.trial
     # what the first model lacks is seen with errors limited as they are at the end
     first = replace(first, limit=present.limit)
-    groups = groups_of(tools, known, first)
+    groups = groups_of(tools, known, first, known.stages[-1].effects)
+    beside = groups_of(tools, known, first, known.detectable)
     tools.say("what no known effect explains", SOUGHT)
     with tools.clock("missing"):
         missing = missing_signals(trials, first)
@@ -162,6 +163,7 @@ def _reported(
             if n in (*known.stages[-1].effects, *known.detectable) and n not in trials.held
         },
         detectable=known.detectable,
+        detectable_groups=beside,
     )
     with tools.clock("headroom"):
         found = replace(found, verdict=verdict_of(found))

@@ -281,6 +281,7 @@ class Findings(Brief):
         worth: of each added or detectable effect, what it removes of the squared whole-run error of
             unseen logs.
         detectable: effects that are certain and change nothing that matters over whole runs.
+        detectable_groups: for each of these, all effects that these logs cannot tell from it.
         possible: where the verdict is "undecided", effects that would lower the errors over whole
             runs, with their worth.
         odd_logs: logs that disagree with the others.
@@ -310,6 +311,7 @@ class Findings(Brief):
     origin: Origin | None = field(default=None, repr=False)
     worth: Mapping[str, Worth] = field(default_factory=dict)
     detectable: tuple[str, ...] = ()
+    detectable_groups: tuple[tuple[str, ...], ...] = ()
     possible: Mapping[str, Worth] = field(default_factory=dict)
     odd_logs: tuple[OddLog, ...] = ()
     held: Mapping[str, HeldValue] = field(default_factory=dict)

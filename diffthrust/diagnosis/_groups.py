@@ -28,8 +28,10 @@ _NAMED = 2
 """so many of them are named, the best."""
 
 
-def groups_of(tools: Tools, known: SearchState, first: TrialFit) -> tuple[tuple[str, ...], ...]:
-    """For each added effect those that, in its place, explain the logs as well.
+def groups_of(
+    tools: Tools, known: SearchState, first: TrialFit, names: Sequence[str]
+) -> tuple[tuple[str, ...], ...]:
+    """For each of some effects of the present model those that, in its place, explain as much.
 
     Not those against which whole runs have spoken. The signals' levels are those of ``first``, the
     trial of the model as given.
@@ -39,7 +41,7 @@ def groups_of(tools: Tools, known: SearchState, first: TrialFit) -> tuple[tuple[
     rivals = {c.effect for c in known.ranking if c.delta_bic < -MARGIN} - barred
     levels = levels_of(trials, first)
     groups = []
-    for name in (n for n in known.stages[-1].effects if n in trials.candidates):
+    for name in (n for n in names if n in trials.candidates):
         without = trials.further(known.present.without(name))
         alike, price = [name], price_of(trials, present, name)
         others = sorted(rivals - {*present.effects})
@@ -61,11 +63,14 @@ def _alike_over_whole_runs(
 ) -> list[str]:
     """The rivals of an effect, when it was added, that do nearly the same to whole runs.
 
-    Where whole runs stay poor the model is wrong in more than this, and the likelihood of the next
+    None of an effect that is only detectable: it does next to nothing to whole runs. Where these
+    stay poor the model is wrong in more than this, and the likelihood of the next
     sample, in which random forces take up what is wrong, does not tell them apart. Not those in
     ``others``, which are known already.
     """
     trials = tools.trials
+    if name in known.detectable:
+        return []
     at, stage = next((k, s) for k, s in enumerate(known.stages) if name in s.effects)
     tried = [c.effect for c in known.ranking if c.stage == at - 1 and c.delta_bic < -MARGIN]
     rivals = [rival for rival in tried if rival not in {*others, *stage.effects}]

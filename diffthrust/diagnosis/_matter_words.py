@@ -50,7 +50,10 @@ def worth_words(diag: Findings) -> list[str]:
         words.append(f"Of the squared error over whole runs of {logs} each removes: {parts}.")
     if diag.detectable:
         several = len(diag.detectable) > 1
-        sized = (f"{an(spelt(n))}{_at_most(diag.worth.get(n))}" for n in diag.detectable)
+        groups = diag.detectable_groups or [(name,) for name in diag.detectable]
+        sized = (
+            " or ".join(map(an, map(spelt, g))) + _at_most(diag.worth.get(g[0])) for g in groups
+        )
         words.append(
             f"These logs also show {joined(sized)}: from one sample to the next "
             f"{'they are' if several else 'it is'} certain, over whole runs "

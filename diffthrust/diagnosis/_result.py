@@ -80,6 +80,7 @@ class Diagnosis(Result, Findings):
             "verdict": self.verdict,
             "added": list(self.added),
             "detectable": list(self.detectable),
+            "detectable_groups": [list(group) for group in self.detectable_groups],
             "worth": {name: worth.to_json() for name, worth in self.worth.items()},
             "possible": {name: worth.to_json() for name, worth in self.possible.items()},
             "groups": [list(group) for group in self.groups],

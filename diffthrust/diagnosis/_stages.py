@@ -7,7 +7,7 @@ is; each step takes what is `SearchState` so far, and returns what is known afte
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from diffthrust.diagnosis._admit import CLEAR, MARGIN, Tried, admit
@@ -66,10 +66,7 @@ def one_round(tools: Tools, known: SearchState, again: bool) -> SearchState:
         known, tried = screen(tools, known)
     if again and (quieter := better_noise(tools.trials, known.present, tried)):
         return replace(known, present=quieter)
-    earlier = tuple(
-        one for one in known.ranking if one.stage < known.number or one.effect in known.detectable
-    )
-    known = replace(known, refused={}, ranking=(*earlier, *(candidate for candidate, _ in tried)))
+    known = replace(known, refused={}, ranking=_ranking(known, [one for one, _ in tried]))
     for place, (candidate, trial) in enumerate(tried):
         if place and candidate.p_value < _ALONE:  # beside the first its noise was not priced
             candidate = rate(tools.trials, known, trial, math.inf)
@@ -81,6 +78,20 @@ def one_round(tools: Tools, known: SearchState, again: bool) -> SearchState:
             return outcome
         known = refusing(known, candidate.effect, outcome)
     return known
+
+
+def _ranking(known: SearchState, tried: Sequence[TriedEffect]) -> tuple[TriedEffect, ...]:
+    """The effects that were tried, by stage, the best first.
+
+    Beside an effect that is only detectable its rivals explain nothing more: of what was tried in
+    the same stage before it, the better result is kept.
+    """
+    earlier = [one for one in known.ranking if one.stage < known.number]
+    before = [one for one in known.ranking if one.stage == known.number and known.detectable]
+    best: dict[str, TriedEffect] = {}
+    for one in sorted([*before, *tried], key=lambda one: one.delta_bic):
+        best.setdefault(one.effect, one)
+    return (*earlier, *best.values())
 
 
 def refusing(known: SearchState, name: str, why: Refusal) -> SearchState:

@@ -83,8 +83,8 @@ def test_it_prints_and_writes(spec, handed, tmp_path):
     data = json.loads(out.read_text())
     assert data == json.loads(json.dumps(made.found().to_json()))
     assert list(data) == [
-        "schema", "verdict", "added", "detectable", "worth", "possible", "groups", "stages",
-        "ranking", "remaining", "odd_logs", "held", "untestable", "headroom",
+        "schema", "verdict", "added", "detectable", "detectable_groups", "worth", "possible",
+        "groups", "stages", "ranking", "remaining", "odd_logs", "held", "untestable", "headroom",
     ]  # fmt: skip
     text = page.read_text()
     assert "<title>Diagnosis: run</title>" in text

@@ -94,7 +94,7 @@ def score(hidden: HiddenSet, diag: Any) -> Outcome:
         return Outcome(allowed, "right" if allowed else "missed", said)
     if not hidden.truth:
         return Outcome(False, "false alarm", said)
-    groups = [*map(set, diag.groups), *({name} for name in detectable)]
+    groups = [*map(set, diag.groups), *map(set, diag.detectable_groups)]
     pairing = _paired(hidden.truth, groups)
     if pairing is None:
         found = [name for name in hidden.truth if any(name in g for g in groups)]

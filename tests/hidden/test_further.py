@@ -20,7 +20,7 @@ def told(verdict="adequate", groups=(), held=(), odd=(), detectable=()):
             "held": dict.fromkeys(held), "odd_logs": [{"log": name} for name in odd]}  # fmt: skip
     return SimpleNamespace(
         verdict=verdict, added=added, groups=groups, detectable=detectable, remaining=None,
-        to_json=lambda: data,
+        detectable_groups=[(name,) for name in detectable], to_json=lambda: data,
     )  # fmt: skip
 
 
