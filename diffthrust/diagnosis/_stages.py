@@ -66,7 +66,7 @@ def one_round(tools: Tools, known: SearchState, again: bool) -> SearchState:
         known, tried = screen(tools, known)
     if again and (quieter := better_noise(tools.trials, known.present, tried)):
         return replace(known, present=quieter)
-    known = replace(known, refused={}, ranking=_ranking(known, [one for one, _ in tried]))
+    known = replace(known, refused={}, ranking=ranked(known, [one for one, _ in tried]))
     for place, (candidate, trial) in enumerate(tried):
         if place and candidate.p_value < _ALONE:  # beside the first its noise was not priced
             candidate = rate(tools.trials, known, trial, math.inf)
@@ -80,7 +80,7 @@ def one_round(tools: Tools, known: SearchState, again: bool) -> SearchState:
     return known
 
 
-def _ranking(known: SearchState, tried: Sequence[TriedEffect]) -> tuple[TriedEffect, ...]:
+def ranked(known: SearchState, tried: Sequence[TriedEffect]) -> tuple[TriedEffect, ...]:
     """The effects that were tried, by stage, the best first.
 
     Beside an effect that is only detectable its rivals explain nothing more: of what was tried in

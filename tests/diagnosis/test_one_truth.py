@@ -69,6 +69,9 @@ def test_what_matters_leads_and_what_does_not_is_told_as_such():
     assert "actuator lag 70 % (60 % to 80 %) and command dead band 20 % (10 % to 30 %)" in text
     assert "also show a thrust sensor lag (it removes 1 % (0 % to 2 %)" in text
     assert contradictions(diag) == []
+    alike = replace(diag, detectable_groups=(("thrust_sensor_lag", "thrust_sensor_delay"),))
+    assert "also show a thrust sensor lag or a thrust sensor delay (it removes" in alike.summary
+    assert alike.to_json()["detectable_groups"] == [["thrust_sensor_lag", "thrust_sensor_delay"]]
 
 
 def test_undecided_says_what_is_possible_and_which_record_would_decide():

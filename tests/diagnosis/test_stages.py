@@ -6,12 +6,13 @@ from types import SimpleNamespace
 import pytest
 
 import diffthrust as dft
-from diffthrust.diagnosis._findings import Refusal  # private: made by hand
+from diffthrust.diagnosis._findings import Refusal, TriedEffect  # private: made by hand
 from diffthrust.diagnosis._search import PLAIN, Present, SearchState  # private: one step alone
 from diffthrust.diagnosis._stages import (  # private: one step alone
     SCREENS,
     next_stage,
     other_values,
+    ranked,
     refusing,
     still_refused,
     stopped,
@@ -132,3 +133,14 @@ def test_a_bound_stops_a_parameter_where_the_effect_is_not_gone():
     assert not stopped(rim, 4.9)
     assert not stopped(rim, 0.0)  # its null
     assert not stopped(dft.parameter(1.0, null=0.0), 1e9)
+
+
+def test_beside_a_detectable_effect_its_rivals_keep_what_they_explained():
+    def tried(effect, delta_bic):
+        return TriedEffect(0, effect, 0.0, delta_bic, 0.0, 0.0, None, None, {})
+
+    before = tried("command_delay", -50.0), tried("actuator_lag", -49.0)
+    now = [tried("speed_sensor_offset", -1.0), tried("actuator_lag", 6.0)]
+    known = SearchState(object(), (object(),), {}, ranking=before, detectable=("command_delay",))
+    assert ranked(known, now) == (*before, now[0])
+    assert ranked(replace(known, detectable=()), now) == tuple(now)
