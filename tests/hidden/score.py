@@ -83,18 +83,17 @@ def score(hidden: HiddenSet, diag: Any) -> Outcome:
     if isinstance(hidden, FurtherSet) and hidden.asks != "effect":
         return _further(hidden, diag)
     base = hidden.group.removeprefix("field-")
-    added, said = tuple(diag.added), f"{diag.verdict}: {', '.join(diag.added) or 'nothing'}"
+    said = f"{diag.verdict}: {', '.join(diag.added) or 'nothing'}"
     if hidden.ports:
         return _outside(hidden, diag, said)
     if diag.verdict == "unexplained":
         return Outcome(False, "unexplained", f"{said}; remaining {diag.remaining}")
-    detectable = tuple(getattr(diag, "detectable", ()))
-    if not added and not detectable:
+    groups = [*map(set, diag.groups), *map(set, diag.detectable_groups)]
+    if not groups:
         allowed = not hidden.truth or base in ("limit", "poor")
         return Outcome(allowed, "right" if allowed else "missed", said)
     if not hidden.truth:
         return Outcome(False, "false alarm", said)
-    groups = [*map(set, diag.groups), *map(set, diag.detectable_groups)]
     pairing = _paired(hidden.truth, groups)
     if pairing is None:
         found = [name for name in hidden.truth if any(name in g for g in groups)]

@@ -33,6 +33,7 @@ class Said:
     verdict: str
     groups: list = field(default_factory=list)
     remaining: object = None
+    detectable_groups: list = field(default_factory=list)
 
     @property
     def added(self):
@@ -155,6 +156,7 @@ def test_the_score_of_one_hidden_effect():
     for said, label in (
         (Said("effects_found", [right]), "right"),
         (Said("adequate"), "missed"),
+        (Said("adequate", detectable_groups=[right]), "right"),
         (Said("effects_found", [["linear_damping"]]), "wrong name"),
         (Said("effects_found", [right, ["cavitation"]]), "false alarm"),
         (Said("effects_found", [[*right, "static_friction", "command_offset"]]), "vague"),
@@ -173,6 +175,8 @@ def test_the_score_of_nothing_of_two_and_of_the_unknown():
     none = sets.draw("field-none", 0)
     assert score.score(none, Said("adequate")).right
     assert score.score(none, Said("effects_found", [["cavitation"]])).label == "false alarm"
+    tiny = Said("adequate", detectable_groups=[["cavitation"]])
+    assert score.score(none, tiny).label == "false alarm"
     pair = replace(none, group="pairs", truth=("a", "b"))
     assert score.score(pair, Said("effects_found", [["x", "b"], ["a"]])).right
     assert score.score(pair, Said("effects_found", [["a", "b"]])).label == "false alarm"
