@@ -111,12 +111,22 @@ def _scored(
 
 
 class Suspect(NamedTuple):
-    """Something that may be missing: where, on what it depends, and the series that tell."""
+    """Something that may be missing: where, and on what it depends.
+
+    Args:
+        place: the port through which the errors answer.
+        port: where it acts.
+        signal: on which it depends.
+        manner: whether it adds to what passes the port, or scales it.
+        over: the signal log by log, ``(T,)``.
+        series: a basis of its functions log by log, ``(KNOTS, T)``.
+    """
 
     place: DrivingPort
     port: str
     signal: SignalForm
     manner: Literal["adds", "scales"]
+    over: Sequence[np.ndarray]
     series: list[np.ndarray]
 
 
@@ -133,7 +143,7 @@ def remaining_structure(trials: Trials, trial: TrialFit) -> Remaining | None:
         share = 1.0 - float(np.exp(-gain / samples_at(trials, suspect.place)))
         return p, Remaining(suspect.port, suspect.signal, share, suspect.manner, gain)
 
-    answers = side_by_side(tested, _suspects(trials, trial))
+    answers = side_by_side(tested, suspects(trials, trial))
     worth = [one for one in answers if one[1].share >= _LEAST]
     if not any(p < _LEVEL / len(answers) for p, _ in worth):
         return None
@@ -143,23 +153,26 @@ def remaining_structure(trials: Trials, trial: TrialFit) -> Remaining | None:
 def gain_of(trials: Trials, trial: TrialFit, left: Remaining) -> float:
     """The likelihood ratio that given structure promises beside a trial."""
     named = (left.port, left.signal, left.manner)
-    alike = (s for s in _suspects(trials, trial) if (s.port, s.signal, s.manner) == named)
+    alike = (s for s in suspects(trials, trial) if (s.port, s.signal, s.manner) == named)
     return max((_gain(trials, trial, suspect)[1] for suspect in alike), default=0.0)
 
 
-def _suspects(trials: Trials, trial: TrialFit) -> list[Suspect]:
+def suspects(trials: Trials, trial: TrialFit) -> list[Suspect]:
+    """All that may be missing: each place, each signal, added or as a factor."""
     seen = observed(trials, trial)
     step = float(np.median(np.diff(seen.paths[0]["time"])))
-    suspects = []
+    found = []
     for place in trials.places:
         signals = signals_at(trials, place, seen)
         factors = _factors(behind(trials, place), seen.ports)
-        for form, (series, _) in bases({**signals, **_past(signals, step)}).items():
-            suspects.append(Suspect(place, place.port, form, "adds", series))
+        every = {**signals, **_past(signals, step)}
+        for form, (series, _) in bases(every).items():
+            over = every[form]
+            found.append(Suspect(place, place.port, form, "adds", over, series))
             for port, factor in factors.items():
                 scaled = [s * f for s, f in zip(series, factor, strict=True)]
-                suspects.append(Suspect(place, port, form, "scales", scaled))
-    return suspects
+                found.append(Suspect(place, port, form, "scales", over, scaled))
+    return found
 
 
 def _gain(trials: Trials, trial: TrialFit, suspect: Suspect) -> tuple[float, float]:
