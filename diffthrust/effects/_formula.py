@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -107,17 +107,18 @@ class Formula(MadeEffect):
         found = law(named, jnp)
         return found if _ARRIVING in law.places else value + found
 
-    def scaled(self, levels: Mapping[str, float]) -> Formula:
-        """Amplitudes without a size get that at which they make a tenth of what passes the port."""
-        numbers = {n: getattr(self, n) for n in self._parameters}
-        sized = {}
+    def scaled(self, levels: Callable[[], Mapping[str, float]]) -> Formula:
+        """The sizes of amplitudes that have none: a tenth of what passes the port."""
+        described = dict(self._parameters)
+        numbers = {n: getattr(self, n) for n in described}
         for name, p in self._parameters.items():
-            if p.null == 0.0 and p.size is None and not p.probes and p.value == 0.0:
-                one = _level(self, {**numbers, name: 1.0}, levels)
-                size = _SHARE * levels.get(self.port, 0.0) / one if one > 0 else 0.0
-                if np.isfinite(size) and size > 0:
-                    sized[name] = replace(p, size=size, probes=(size, -size))
-        return self._copy(_parameters={**self._parameters, **sized})
+            if p.null == p.value == 0.0 and p.size is None and not p.probes:
+                known = levels()
+                one = _level(self, {**numbers, name: 1.0}, known)
+                size = _SHARE * known.get(self.port, 0.0) / one if one > 0 else 0.0
+                if 0 < size < np.inf:
+                    described[name] = replace(p, size=size, probes=(size, -size))
+        return self._copy(_parameters=described)
 
     def unread(self, name: str, port: str, known: Sequence[str]) -> InputError:
         """The error for a name that is no parameter and no signal, with a mark below it."""

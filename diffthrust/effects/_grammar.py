@@ -165,9 +165,9 @@ def _check(
 
 
 def _check_number(value: object, text: str, at: int) -> None:
-    number = isinstance(value, int | float) and not isinstance(value, bool)
     try:
-        finite = number and math.isfinite(float(value))
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        finite = number and math.isfinite(value)  # pyright: ignore[reportArgumentType]
     except OverflowError:
         finite = False
     if not finite:

@@ -6,10 +6,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
+from diffthrust._support.literals import as_python, as_toml
 from diffthrust.logs._identity import LogIdentity
 from diffthrust.logs._log import Log
 from diffthrust.models._base.component import file_of
 from diffthrust.models._base.effect import Effect
+from diffthrust.models._base.made_effect import MadeEffect
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.registry import catalogue
 
@@ -104,6 +106,9 @@ def _made(effect: Effect) -> str:
     """An effect as code."""
     if _known(effect) and not effect.form:
         return f'"{effect.name}"'
+    if isinstance(effect, MadeEffect) and not effect.own:
+        told = ", ".join(f"{n}={as_python(v)}" for n, v in effect.arguments.items())
+        return f"dft.effects.{type(effect).__name__}({told})"
     form = ", ".join(f"{name}={value:g}" for name, value in effect.form.items())
     return f"{'dft.effects.' if _known(effect) else ''}{type(effect).__name__}({form})"
 
@@ -153,6 +158,8 @@ def _known(effect: Effect) -> bool:
 def _word(effect: Effect) -> str:
     if _known(effect):
         return f'"{effect.name}"'
+    if isinstance(effect, MadeEffect) and not effect.own:
+        return as_toml(effect.as_table())
     cls = type(effect)
     script = (file_of(cls) or "script.py").replace("\\", "/").rpartition("/")[2]
     return f'"{script}:{cls.__name__}"'

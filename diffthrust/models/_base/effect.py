@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar
 
 from diffthrust._support.errors import InputError
@@ -103,11 +103,12 @@ class Effect(Component):
             if p.fixed and p.probes and getattr(self, name) != self.declared[name].value
         }
 
-    def scaled(self, levels: Mapping[str, float]) -> Effect:
-        """The effect with the sizes and trial values that follow from the logs.
+    def scaled(self, levels: Callable[[], Mapping[str, float]]) -> Effect:
+        """The effect with sizes and trial values that follow from the logs; as it is, by default.
 
         Args:
-            levels: how large the signals of the model are there; see `signal_levels`.
+            levels: gives how large the signals of the model are, the ports' among them: the 90th
+                percentile of the absolute value.
         """
         return self
 

@@ -57,6 +57,11 @@ class MadeEffect(Effect):
         """The arguments that it was made with, parameters as they were asked for."""
         return {**super().arguments, **self.given}
 
+    def as_table(self) -> dict[str, Any]:
+        """The entry of a spec file's effects that asks for it."""
+        told = self.arguments
+        return {type(self).name: told.pop(self.main), **told}
+
     def __repr__(self) -> str:
         told = [f"{n}={argument!r}" for n, argument in super().arguments.items()]
         told += [f"{n}={getattr(self, n):.4g}" for n in self._parameters]
