@@ -3,6 +3,7 @@
 A new effect is one class with `registered` in the file of its place, and its line here.
 """
 
+from diffthrust.effects import _finite
 from diffthrust.effects._command import CommandDeadband as CommandDeadband
 from diffthrust.effects._command import CommandDelay as CommandDelay
 from diffthrust.effects._command import CommandOffset as CommandOffset
@@ -50,3 +51,5 @@ from diffthrust.effects._shaft import StaticFriction as StaticFriction
 from diffthrust.effects._shaft import SupplyVoltageSag as SupplyVoltageSag
 from diffthrust.models._base.effect import EFFECTS as EFFECTS
 from diffthrust.models._base.effect import Effect as Effect
+
+finite = _finite

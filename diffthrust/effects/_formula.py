@@ -19,7 +19,7 @@ from diffthrust.models._base.made_effect import MadeEffect
 from diffthrust.models._base.parameter import Parameter, parameter
 from diffthrust.models._base.signals import Signal, Signals
 
-_ARRIVING = "value"
+ARRIVING = "value"
 """The name of what arrives at the port."""
 _POINTS = 256
 _EXPONENT = {"value": 1.0, "bounds": (0.1, 4.0), "probes": (0.5, 1.0, 2.0), "transform": "linear"}
@@ -91,8 +91,8 @@ class Formula(MadeEffect):
                 f"Call it {word}_0, say.",
             )
         given = {n: plain(f"formula, parameter '{n}'", each) for n, each in parameters.items()}
-        self._set(expression=expression, given=given)
-        reads = tuple(n for n in law.places if n not in given and n != _ARRIVING)
+        self._set(expression=expression, given=given, __doc__=f"{expression} at the port '{port}'.")
+        reads = tuple(n for n in law.places if n not in given and n != ARRIVING)
         self._make(name, port, _declared(law, given), reads)
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
@@ -100,12 +100,17 @@ class Formula(MadeEffect):
         law = parsed(self.expression)
 
         def named(name: str) -> Any:
-            if name == _ARRIVING:
+            if name == ARRIVING:
                 return value
             return getattr(self if name in self.declared else s, name)
 
         found = law(named, jnp)
-        return found if _ARRIVING in law.places else value + found
+        return value + found if self.adds else found
+
+    @property
+    def adds(self) -> bool:
+        """Whether the expression is added to what arrives, and does not read it."""
+        return ARRIVING not in parsed(self.expression).places
 
     def scaled(self, levels: Callable[[], Mapping[str, float]]) -> Formula:
         """The sizes of amplitudes that have none: a tenth of what passes the port."""
@@ -139,13 +144,13 @@ def _level(formula: Formula, numbers: Mapping[str, float], levels: Mapping[str, 
     """
     law, rng = parsed(formula.expression), np.random.default_rng(0)
     ranges = {
-        _ARRIVING: levels.get(formula.port, 0.0),
+        ARRIVING: levels.get(formula.port, 0.0),
         "time": levels.get("duration", 0.0),
         **levels,
     }
     if any(name not in ranges for name in formula.reads):
         return 0.0
-    at = {n: ranges[n] * rng.uniform(-1, 1, _POINTS) for n in (_ARRIVING, *formula.reads)}
+    at = {n: ranges[n] * rng.uniform(-1, 1, _POINTS) for n in (ARRIVING, *formula.reads)}
     if "time" in at:
         at["time"] = np.abs(at["time"])
     change = np.abs(_change(law, {**at, **numbers}))
@@ -190,11 +195,11 @@ def _nulls(
     as suffice are taken.
     """
     free = [name for name, its in told.items() if not its.get("fixed")]
-    asked = {n: told[n]["null"] for n in free if told[n].get("null") is not None}
+    asked = {n: float(told[n]["null"]) for n in free if told[n].get("null") is not None}
     rng = np.random.default_rng(0)
     signals = {
         name: rng.normal(size=_POINTS) * 10 ** rng.uniform(-1, 2, _POINTS)
-        for name in (*law.places, _ARRIVING)
+        for name in (*law.places, ARRIVING)
     }
     drawn = {n: rng.uniform(0.5, 2.0) for n in told}
     drawn |= {n: its["value"] for n, its in told.items() if "value" in its and n not in free}
@@ -204,24 +209,21 @@ def _nulls(
             f"formula: {law.text!r} is nowhere finite.", "Correct its numbers and exponents."
         )
     linear = [n for n in free if _is_linear(law, at, n)]
-    if asked:
-        if not _does_nothing(law, {**at, **asked}):
-            raise InputError(
-                f"formula: {law.text!r} changes what passes its port also where "
-                f"{', '.join(f'{n} = {v:g}' for n, v in asked.items())}.",
-                "Give as null the value at which the effect does nothing.",
-            )
+    at |= asked
+    if asked and _does_nothing(law, at):
         return asked, linear
     for pool in (linear, free):
-        if pool and _does_nothing(law, {**at, **dict.fromkeys(pool, 0.0)}):
-            for name in reversed(pool):
-                fewer = [n for n in pool if n != name]
+        zero = [name for name in pool if name not in asked]
+        if zero and _does_nothing(law, {**at, **dict.fromkeys(zero, 0.0)}):
+            for name in reversed(zero):
+                fewer = [n for n in zero if n != name]
                 if fewer and _does_nothing(law, {**at, **dict.fromkeys(fewer, 0.0)}):
-                    pool = fewer
-            return dict.fromkeys(pool, 0.0), linear
+                    zero = fewer
+            return {**asked, **dict.fromkeys(zero, 0.0)}, linear
+    zero = ", ".join(f"{n} = {v:g}" for n, v in asked.items())
     raise InputError(
-        f"formula: expected parameters of {law.text!r} by which it does nothing where they are "
-        "zero, found none.",
+        f"formula: {law.text!r} changes what passes its port whatever its parameters"
+        f"{f', also where {zero}' if zero else ''}.",
         "Multiply it by an amplitude (of what arrives: value * (1 + a)), or say at which value it "
         'does nothing: limit={"unit": "rad/s^2", "value": 50.0, "null": float("inf")}.',
     )
@@ -231,12 +233,12 @@ def _change(law: Expression, at: Mapping[str, Any]) -> np.ndarray:
     """What the formula adds to what arrives, at some points."""
     with np.errstate(all="ignore"):
         found = np.asarray(law(at.__getitem__, np), float)
-        change = found - at[_ARRIVING] if _ARRIVING in law.places else found
-    return np.broadcast_to(change, np.shape(at[_ARRIVING]))
+        change = found - at[ARRIVING] if ARRIVING in law.places else found
+    return np.broadcast_to(change, np.shape(at[ARRIVING]))
 
 
 def _does_nothing(law: Expression, at: Mapping[str, Any]) -> bool:
-    change, size = _change(law, at), np.abs(at[_ARRIVING])
+    change, size = _change(law, at), np.abs(at[ARRIVING])
     seen = np.isfinite(change)
     return bool(seen.any() and np.all(np.abs(change[seen]) <= 1e-12 * size[seen]))
 

@@ -14,20 +14,14 @@ from typing import Any
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import nearest
+from diffthrust.effects._finite import exponential, logarithm, quotient, raised, square_root
 
 _LONGEST = 500
 _DEEPEST = 40
 _STRANGE = re.compile(r"[^A-Za-z0-9_ .+\-*/(),<>=!]")
 
-_FLOOR = 1e-6
-"""Powers, roots and logarithms go on below this as if they came from it: straight to zero."""
-_LEAST = 1e-12
-"""What divides is no smaller."""
 _WHOLE = 12
 """Whole exponents up to this keep the sign of what they raise."""
-_HIGHEST = 80.0
-"""An exponential grows no further than that of this."""
-
 _BINARY: Mapping[type, str] = {
     ast.Add: "+",
     ast.Sub: "-",
@@ -43,12 +37,19 @@ _COMPARED: Mapping[type, Callable[[Any, Any], Any]] = {
     ast.Eq: lambda a, b: a == b,
     ast.NotEq: lambda a, b: a != b,
 }
-_SHORT = {"min": "minimum", "max": "maximum"}
+SHORT = {"min": "minimum", "max": "maximum"}
+"""Short names of functions of NumPy."""
 _ARGUMENTS: Mapping[str, int] = {
     **dict.fromkeys(("abs", "sign", "sqrt", "exp", "log", "tanh", "sin", "cos"), 1),
     **dict.fromkeys(("minimum", "maximum", "min", "max"), 2),
     "where": 3,
 }
+FINITE: Mapping[str, Callable[..., Any]] = {
+    "sqrt": square_root,
+    "exp": exponential,
+    "log": logarithm,
+}
+"""Functions that are not those of NumPy of the same name."""
 WORDS = (*_ARGUMENTS, "pi")
 """Functions and constants that an expression may name."""
 ALLOWED = f"numbers, names, + - * / **, comparisons, pi, and {', '.join(_ARGUMENTS)}"
@@ -221,14 +222,11 @@ def _value(node: ast.AST, names: Callable[[str], Any], xp: Any) -> Any:
         return xp.where(reduce(xp.logical_and, held), 1.0, 0.0)
     assert isinstance(node, ast.Call)
     assert isinstance(node.func, ast.Name)
-    name = _SHORT.get(node.func.id, node.func.id)
+    name = SHORT.get(node.func.id, node.func.id)
     given = [_value(part, names, xp) for part in node.args]
     if name == "where":
         return xp.where(xp.asarray(given[0]) != 0, *given[1:])
-    if name in ("sqrt", "exp", "log"):
-        (x,) = given
-        return {"sqrt": _root, "exp": _exponential, "log": _logarithm}[name](x, xp)
-    return getattr(xp, name)(*given)
+    return FINITE[name](*given, xp) if name in FINITE else getattr(xp, name)(*given)
 
 
 def _combined(node: ast.BinOp, names: Callable[[str], Any], xp: Any) -> Any:
@@ -240,25 +238,13 @@ def _combined(node: ast.BinOp, names: Callable[[str], Any], xp: Any) -> Any:
     if isinstance(node.op, ast.Mult):
         return left * right
     if isinstance(node.op, ast.Div):
-        return left / xp.where(xp.abs(right) < _LEAST, xp.where(right < 0, -_LEAST, _LEAST), right)
-    if isinstance(right, float) and right.is_integer() and 0 <= right <= _WHOLE:
-        return xp.asarray(left, float) ** int(right)
-    return _power(left, right, xp)
+        return quotient(left, right, xp)
+    return (
+        xp.asarray(left, float) ** int(right) if is_whole(node.right) else raised(left, right, xp)
+    )
 
 
-def _power(base: Any, exponent: Any, xp: Any) -> Any:
-    """The power of the base's size; a straight line below `_FLOOR`: no slope is infinite."""
-    size = xp.abs(base)
-    return xp.minimum(size / _FLOOR, 1.0) * xp.maximum(size, _FLOOR) ** exponent
-
-
-def _root(x: Any, xp: Any) -> Any:
-    return _power(xp.maximum(x, 0.0), 0.5, xp)
-
-
-def _logarithm(x: Any, xp: Any) -> Any:
-    return xp.log(xp.maximum(x, _FLOOR))
-
-
-def _exponential(x: Any, xp: Any) -> Any:
-    return xp.exp(xp.minimum(x, _HIGHEST))
+def is_whole(exponent: ast.AST) -> bool:
+    """Whether an exponent is a whole number that keeps the sign of what it raises."""
+    value = exponent.value if isinstance(exponent, ast.Constant) else None
+    return isinstance(value, int | float) and value == int(value) and 0 <= value <= _WHOLE

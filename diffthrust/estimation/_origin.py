@@ -77,8 +77,12 @@ def versions() -> dict[str, str]:
     return {"diffthrust": __version__, "jax": jax.__version__, "numpy": np.__version__}
 
 
-def effects_line(model: Model, more: Sequence[Effect] = ()) -> str:
+def effects_line(model: Model, more: Sequence[Effect | str] = ()) -> str:
     """The line of a spec file that names a model's effects, to copy.
+
+    Args:
+        model: the model.
+        more: further effects, or words for them.
 
     Example:
         >>> effects_line(dft.Thruster() + "actuator_lag")
@@ -155,7 +159,9 @@ def _known(effect: Effect) -> bool:
     return catalogue().get(effect.name) is type(effect)
 
 
-def _word(effect: Effect) -> str:
+def _word(effect: Effect | str) -> str:
+    if isinstance(effect, str):
+        return as_toml(effect)
     if _known(effect):
         return f'"{effect.name}"'
     if isinstance(effect, MadeEffect) and not effect.own:
