@@ -11,6 +11,7 @@ from diffthrust._support.names import listing
 from diffthrust.models import MODELS
 from diffthrust.models._base.component import Component
 from diffthrust.models._base.effect import Effect
+from diffthrust.models._base.made_effect import MADE_EFFECTS
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Parameter
 from diffthrust.models._base.registry import catalogue
@@ -57,7 +58,7 @@ def component_made(
 
 def _class_of(base: type, plain: dict[str, Any], own: Sequence[type]) -> Any:
     name, told = plain["name"], plain["own"]
-    known: Mapping[str, Any] = MODELS if base is Model else catalogue()
+    known: Mapping[str, Any] = MODELS if base is Model else {**catalogue(), **MADE_EFFECTS}
     candidates: list[Any] = [*own, *known.values()]  # those of installed packages are known too
     if told is None:
         if name in known:
@@ -82,4 +83,6 @@ def _class_of(base: type, plain: dict[str, Any], own: Sequence[type]) -> Any:
 
 def _unlisted(value: Any) -> Any:
     """What JSON made a list was a tuple."""
+    if isinstance(value, dict):
+        return {key: _unlisted(each) for key, each in value.items()}
     return tuple(_unlisted(each) for each in value) if isinstance(value, list) else value
