@@ -111,22 +111,12 @@ def _scored(
 
 
 class Suspect(NamedTuple):
-    """Something that may be missing: where, and on what it depends.
-
-    Args:
-        place: the port through which the errors answer.
-        port: where it acts.
-        signal: on which it depends.
-        manner: whether it adds to what passes the port, or scales it.
-        over: the signal log by log, ``(T,)``.
-        series: a basis of its functions log by log, ``(KNOTS, T)``.
-    """
+    """Something that may be missing: where, on what it depends, and the series that tell."""
 
     place: DrivingPort
     port: str
     signal: SignalForm
     manner: Literal["adds", "scales"]
-    over: Sequence[np.ndarray]
     series: list[np.ndarray]
 
 
@@ -143,7 +133,7 @@ def remaining_structure(trials: Trials, trial: TrialFit) -> Remaining | None:
         share = 1.0 - float(np.exp(-gain / samples_at(trials, suspect.place)))
         return p, Remaining(suspect.port, suspect.signal, share, suspect.manner, gain)
 
-    answers = side_by_side(tested, suspects(trials, trial))
+    answers = side_by_side(tested, _suspects(trials, trial))
     worth = [one for one in answers if one[1].share >= _LEAST]
     if not any(p < _LEVEL / len(answers) for p, _ in worth):
         return None
@@ -153,26 +143,23 @@ def remaining_structure(trials: Trials, trial: TrialFit) -> Remaining | None:
 def gain_of(trials: Trials, trial: TrialFit, left: Remaining) -> float:
     """The likelihood ratio that given structure promises beside a trial."""
     named = (left.port, left.signal, left.manner)
-    alike = (s for s in suspects(trials, trial) if (s.port, s.signal, s.manner) == named)
+    alike = (s for s in _suspects(trials, trial) if (s.port, s.signal, s.manner) == named)
     return max((_gain(trials, trial, suspect)[1] for suspect in alike), default=0.0)
 
 
-def suspects(trials: Trials, trial: TrialFit) -> list[Suspect]:
-    """All that may be missing: each place, each signal, added or as a factor."""
+def _suspects(trials: Trials, trial: TrialFit) -> list[Suspect]:
     seen = observed(trials, trial)
     step = float(np.median(np.diff(seen.paths[0]["time"])))
-    found = []
+    suspects = []
     for place in trials.places:
         signals = signals_at(trials, place, seen)
         factors = _factors(behind(trials, place), seen.ports)
-        every = {**signals, **_past(signals, step)}
-        for form, (series, _) in bases(every).items():
-            over = every[form]
-            found.append(Suspect(place, place.port, form, "adds", over, series))
+        for form, (series, _) in bases({**signals, **_past(signals, step)}).items():
+            suspects.append(Suspect(place, place.port, form, "adds", series))
             for port, factor in factors.items():
                 scaled = [s * f for s, f in zip(series, factor, strict=True)]
-                found.append(Suspect(place, port, form, "scales", over, scaled))
-    return found
+                suspects.append(Suspect(place, port, form, "scales", scaled))
+    return suspects
 
 
 def _gain(trials: Trials, trial: TrialFit, suspect: Suspect) -> tuple[float, float]:
@@ -208,14 +195,14 @@ def _past(
 ) -> dict[SignalForm, list[np.ndarray]]:
     """The running means of inputs and states over some recent samples, log by log."""
     return {
-        SignalForm(form.name, past=samples * step): [_recent(one, samples) for one in series]
+        SignalForm(form.name, past=samples * step): [recent(one, samples) for one in series]
         for form, series in signals.items()
         if form.name != "time" and not form.rate
         for samples in _PAST
     }
 
 
-def _recent(series: np.ndarray, samples: int) -> np.ndarray:
+def recent(series: np.ndarray, samples: int) -> np.ndarray:
     """Mean of the past of a series that forgets over so many samples."""
     from scipy.signal import lfilter  # slow to import
 

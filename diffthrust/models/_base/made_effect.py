@@ -9,6 +9,9 @@ from diffthrust._support.errors import InputError
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.parameter import Parameter
 
+ARRIVING = "value"
+"""The name of what arrives at the port, in expressions."""
+
 
 class MadeEffect(Effect):
     """An effect of which each object has a name, a port and parameters of its own.
