@@ -15,7 +15,9 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.results import Brief
 from diffthrust.comparison._compare import Comparison
 from diffthrust.diagnosis._headroom import Headroom, headroom_of
+from diffthrust.diagnosis._learned import LearnedLaw
 from diffthrust.diagnosis._worth import Worth, far_above
+from diffthrust.effects._curve import Curve
 from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._origin import Origin
 from diffthrust.estimation._result import Fit
@@ -286,6 +288,7 @@ class Findings(Brief):
             runs, with their worth.
         odd_logs: logs that disagree with the others.
         held: fixed parameters that these logs want elsewhere.
+        laws: what no known effect expresses, learned as curves.
     """
 
     verdict: Verdict
@@ -315,6 +318,12 @@ class Findings(Brief):
     possible: Mapping[str, Worth] = field(default_factory=dict)
     odd_logs: tuple[OddLog, ...] = ()
     held: Mapping[str, HeldValue] = field(default_factory=dict)
+    laws: tuple[LearnedLaw, ...] = ()
+
+    @property
+    def learned(self) -> tuple[Curve, ...]:
+        """The learned laws as effects: ``model + diag.best + diag.learned`` has them all."""
+        return tuple(law.curve for law in self.laws)
 
     @property
     def added(self) -> tuple[str, ...]:

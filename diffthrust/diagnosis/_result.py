@@ -112,6 +112,7 @@ class Diagnosis(Result, Findings):
             }
             if left
             else None,
+            "learned": [law.to_json() for law in self.laws],
             "odd_logs": [asdict(odd) for odd in self.odd_logs],
             "held": {name: asdict(held) for name, held in self.held.items()},
             "untestable": dict(self.untestable),

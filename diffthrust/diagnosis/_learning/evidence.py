@@ -93,9 +93,7 @@ class _Stiffness(NamedTuple):
     shared: np.ndarray
 
 
-def _stiffness(
-    information: np.ndarray, scores: np.ndarray, base: int, level: float
-) -> _Stiffness:
+def _stiffness(information: np.ndarray, scores: np.ndarray, base: int, level: float) -> _Stiffness:
     nuisance, cross = information[:base, :base], information[base:, :base]
     through = cross @ np.linalg.pinv(nuisance, rcond=1e-11, hermitian=True)
     left = information[base:, base:] - through @ cross.T
