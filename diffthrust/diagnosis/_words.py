@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from diffthrust._support.tables import number
 from diffthrust._support.words import an, apart, capitalised, joined, percent, probability, spelt
 from diffthrust.diagnosis._given_words import held_words, much_words, odd_words
+from diffthrust.diagnosis._learned_words import effects_of, learned_words
 from diffthrust.diagnosis._matter_words import (
     errors_of,
     forced_words,
@@ -71,7 +72,7 @@ def summary(diag: Findings) -> str:
     sentences += held_words(diag)
     sentences += worth_words(diag)
     if diag.verdict == "unexplained":
-        sentences += [remaining_words(diag), *possible_words(diag)]
+        sentences += [remaining_words(diag), *learned_words(diag), *possible_words(diag)]
     if not diag.best and diag.verdict != "undecided":
         told = gain_words if diag.held else level_words
         sentences.append(f"{capitalised(told(diag))}.")
@@ -290,14 +291,14 @@ def caution_words(diag: Findings) -> list[str]:
 def closing_words(diag: Findings) -> list[str]:
     """The last lines: date, versions, hashes, and the model with what was found, to copy."""
     origin = diag.origin.sentences if diag.origin else ()
-    freed = ", ".join(f'"{name}"' for name in diag.held)
+    freed, found = ", ".join(f'"{name}"' for name in diag.held), effects_of(diag)
     return [
         *origin,
         "To copy into a spec file, and into Python:",
-        effects_line(diag.model, diag.best),
-        *form_lines((*diag.model.effects, *diag.best)),
+        effects_line(diag.model, found),
+        *form_lines((*diag.model.effects, *found)),
         *(f"[parameters] {_key(name)} = {{ fixed = false }}" for name in diag.held),
-        python_line(diag.model, diag.best),
+        python_line(diag.model, found),
         *[f"model = model.free({freed})"] * bool(freed),
     ]
 

@@ -134,7 +134,7 @@ class Curve(MadeEffect):
         """The curve at values of its signal, of the same shape."""
         return self._curve(jnp.asarray(x, float))
 
-    def basis(self, x: ArrayLike) -> Float[np.ndarray, coefficients * T]:
+    def basis(self, x: ArrayLike) -> Float[np.ndarray, " coefficients *T"]:
         """The curve's derivatives by its coefficients at values of its signal."""
         at = np.clip(self._on_grid(np.asarray(x, float)), -_BEYOND, self.pieces + _BEYOND)
         starts = np.arange(self.pieces + 7) - _BEYOND

@@ -38,8 +38,8 @@ _FORMS = 3
 _AS_GOOD = 1.1
 """It is, where whole runs err by no more than so many times as much with it."""
 _BETTER = 0.95
-"""Effects that were added before a law was learned only imitated it, where whole runs err by no more
-than so many times as much with the law in their place."""
+"""Effects that were added before a law was learned only imitated it, where whole runs err by no
+more than so many times as much with the law in their place."""
 
 
 def learned(tools: Tools, known: SearchState, first: TrialFit) -> tuple[LearnedLaw, ...]:
