@@ -58,8 +58,9 @@ def diagnose(
         fit: a fit, or a model that is fitted first.
         logs: training logs.
         holdout: unseen logs: they guard against effects that only imitate noise.
-        candidates: names or objects of effects to try; all that fit the model where ``None``. The
-            word "all" stands for the catalogue: ``["all", MyEffect()]``.
+        candidates: names or objects of effects to try, and names of constants that the model holds;
+            all of both that fit the model where ``None``. The word "all" stands for these:
+            ``["all", MyEffect()]``.
         experiment: propose a test that would separate effects that these logs cannot.
         limits: lowest and highest value of each input in that test, in the model's unit; by default
             the range of the training logs.

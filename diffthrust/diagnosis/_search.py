@@ -13,7 +13,7 @@ from typing import Any
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.progress import Progress, part
-from diffthrust.diagnosis._candidates import Candidates, candidates_of
+from diffthrust.diagnosis._candidates import Candidates, candidates_of, constants_of
 from diffthrust.diagnosis._criteria import criterion
 from diffthrust.diagnosis._findings import Refusal, Remaining, Stage, TriedEffect
 from diffthrust.diagnosis._structure import remaining_structure
@@ -204,7 +204,7 @@ def begun(
     effects, untestable = candidates_of(first.model, (*train, *unseen), wanted)
     say("compiling the trials", FITTED)
     with clock("compile"):
-        trials, trial = _compiled(first, effects, train, unseen)
+        trials, trial = _compiled(first, effects, constants_of(first.model, wanted), train, unseen)
     tools = Tools(first.model, trials, tuple(unseen), refit, guess, say, clock)
     return tools, SearchState(Present(trials, trial), (Stage((), first),), untestable)
 
@@ -222,11 +222,15 @@ def _is_of_these_logs(fit: Fit, train: Sequence[Log], unseen: Sequence[Log]) -> 
 
 
 def _compiled(
-    fit: Fit, effects: Sequence[Effect], train: Sequence[Log], unseen: Sequence[Log]
+    fit: Fit,
+    effects: Sequence[Effect],
+    held: Sequence[str],
+    train: Sequence[Log],
+    unseen: Sequence[Log],
 ) -> tuple[Trials, TrialFit]:
     """The trials, and the first of them: the model as it is."""
     for substeps in dict.fromkeys((_few_substeps(fit, train), fit.substeps)):
-        trials = Trials(fit.model, effects, train, unseen, substeps, fit.noise_model)
+        trials = Trials(fit.model, effects, train, unseen, substeps, fit.noise_model, held)
         first = trials.base()
         if math.isfinite(first.cost):
             return trials, first

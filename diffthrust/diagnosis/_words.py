@@ -48,10 +48,10 @@ def summary(diag: Findings) -> str:
     elif diag.verdict == "undecided":
         sentences = undecided_words(diag)
     elif diag.verdict == "adequate" and not (diag.ranking or diag.silent):
-        sentences = [
-            f"These logs can test none of the effects: whether the {model} lacks one, they do not "
-            "tell."
-        ]
+        none = (
+            "These logs can test none of the effects" if diag.untestable else "No effect was tried"
+        )
+        sentences = [f"{none}: whether the {model} lacks an effect, these logs do not tell."]
     elif diag.verdict == "adequate":
         tried = len({c.effect for c in diag.ranking} | {*diag.silent})
         all_tried = f"none of the {tried} effects that were tried" if tried > 1 else "no effect"
