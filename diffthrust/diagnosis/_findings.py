@@ -167,8 +167,11 @@ class Missing(Brief):
 
     @property
     def shows(self) -> bool:
-        """Whether it depends on a signal, or is clearly larger than its error."""
-        return self.signal is not None or not self.size < _TOLD * self.error
+        """Whether it depends on a signal, or is clearly larger than its error.
+
+        A signal of no size is none: what acts there reaches no measurement.
+        """
+        return self.signal is not None or (self.size > 0 and not self.size < _TOLD * self.error)
 
     def shown(self, model: Model, told: ShownUnits) -> Missing:
         """The same in the units for people: of the output that the port's unit is that of."""

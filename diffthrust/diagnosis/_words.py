@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from diffthrust._support.tables import number
 from diffthrust._support.words import an, apart, capitalised, joined, percent, probability, spelt
-from diffthrust.diagnosis._given_words import held_words, much_words, odd_words
+from diffthrust.diagnosis._given_words import held_words, much_words, odd_words, stopped_words
 from diffthrust.diagnosis._matter_words import (
     errors_of,
     forced_words,
@@ -69,6 +69,7 @@ def summary(diag: Findings) -> str:
     else:
         sentences = [f"The {model} lacks something that no known effect explains."]
     sentences += held_words(diag)
+    sentences += stopped_words(diag)
     sentences += worth_words(diag)
     if diag.verdict == "unexplained":
         sentences += [remaining_words(diag), *possible_words(diag)]
@@ -167,7 +168,7 @@ def refused_words(diag: Findings) -> list[str]:
 
 
 def bound_words(diag: Findings) -> list[str]:
-    """The parameters of effects, added or promising, that a bound has stopped, and the mend."""
+    """The parameters of promising effects that a bound has stopped, and the mend."""
     stopped = {
         (c.effect, name): e
         for c in diag.ranking
@@ -175,11 +176,6 @@ def bound_words(diag: Findings) -> list[str]:
         for name, e in c.parameters.items()
         if e.at_bound
     }
-    nulls = {n: p.null for n, p in diag.fit.model.parameters.items()}
-    for full, e in diag.fit.parameters.items():
-        effect, _, name = full.rpartition(".")
-        if effect in diag.added and e.at_bound and e.value != nulls[full]:
-            stopped[effect, name] = e
     return [
         f"{capitalised(spelt(name))} of {an(spelt(effect))} stopped at its bound of "
         f"{_measured(e)}: the effect may explain more beyond it. Widen the bound, if nature allows."
