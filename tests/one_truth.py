@@ -31,7 +31,7 @@ def _of_names(diag: dft.Diagnosis) -> Iterator[str]:
 
 
 def _of_verdict(diag: dft.Diagnosis) -> Iterator[str]:
-    open_ends = diag.remaining is not None or bool(diag.after.hints) or bool(diag.repeating)
+    open_ends = diag.remaining is not None or bool(diag.judged.hints) or bool(diag.repeating)
     if (diag.verdict == "unexplained") != open_ends:
         yield f"verdict {diag.verdict}, and something remains: {open_ends}"
     if (diag.verdict == "effects_found") != (bool(diag.added or diag.held) and not open_ends):

@@ -17,6 +17,7 @@ from diffthrust.diagnosis._missing import missing_signals
 from diffthrust.diagnosis._odd_logs import odd_logs
 from diffthrust.diagnosis._result import Diagnosis
 from diffthrust.diagnosis._search import SOUGHT, SearchState, Tools, begun
+from diffthrust.diagnosis._set_aside import set_aside
 from diffthrust.diagnosis._stages import next_stage
 from diffthrust.diagnosis._trials import TrialFit
 from diffthrust.diagnosis._verdict import verdict_of
@@ -166,6 +167,7 @@ def _reported(
         detectable=known.detectable,
         detectable_groups=beside,
     )
+    found = set_aside(tools, found)
     with tools.clock("headroom"):
         found = replace(found, verdict=verdict_of(found))
     if found.verdict in ("undecided", "unexplained"):

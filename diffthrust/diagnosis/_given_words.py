@@ -8,16 +8,20 @@ from diffthrust._support.tables import with_error
 from diffthrust._support.words import an, capitalised, joined, percent, spelt
 
 if TYPE_CHECKING:
-    from diffthrust.diagnosis._findings import Findings, OddLog
+    from diffthrust.diagnosis._findings import Findings
+    from diffthrust.diagnosis._given import OddLog
     from diffthrust.estimation._result import Fit
-
-_MUCH = 1 / 3
-"""An odd log that carries more than this of a channel's squared error belongs to the summary."""
 
 
 def much_words(diag: Findings) -> list[str]:
-    """The odd logs that carry so much of the error that the outcome rests on them."""
-    return [_odd_words(odd) for odd in diag.odd_logs if odd.share > _MUCH]
+    """The odd logs that carry so much of the error that they might decide, and whether they do."""
+    words = [_odd_words(odd) for odd in diag.odd_logs if odd.much]
+    if diag.apart:
+        words.append(
+            "The verdict rests on the other logs alone, with the model fitted to them: what is "
+            "unlike them was recorded otherwise, or shows what they do not."
+        )
+    return words
 
 
 def odd_words(diag: Findings) -> list[str]:

@@ -68,7 +68,8 @@ class Tools:
         given: the model that is diagnosed.
         trials: fits of it with any candidate.
         unseen: unseen logs.
-        refit: fits a model to whole runs, with the first fit's options; given values are starts.
+        refit: fits a model to whole runs, with the first fit's options; given values are starts,
+            given ``logs``, training and unseen ones, take the place of all.
         guess: values from which the first fit began.
         say: told how far the work is.
         clock: times its parts.
@@ -181,17 +182,20 @@ def begun(
     begun_with: dict[str, Any] = {}
 
     def refit(
-        model: Model, guesses: Sequence[Mapping[str, float]] = (), tell: Progress | None = None
+        model: Model,
+        guesses: Sequence[Mapping[str, float]] = (),
+        tell: Progress | None = None,
+        logs: tuple[Sequence[Log], Sequence[Log]] = (train, unseen),
     ) -> Fit:
         starts = _STARTS[bool(guesses)]
         told = {"starts": starts, "seed": seed, "guesses": guesses, "progress": tell, **options}
         with clock("refit"), warnings.catch_warnings(record=True) as seen:  # its notes say the same
             warnings.simplefilter("always", CoarseStepWarning)
             if begun_with:
-                fitted = fit_model(model, train, holdout=unseen or None, **told, **begun_with)
+                fitted = fit_model(model, logs[0], holdout=logs[1] or None, **told, **begun_with)
                 if not any(issubclass(one.category, CoarseStepWarning) for one in seen):
                     return fitted
-            return fit_model(model, train, holdout=unseen or None, **told)
+            return fit_model(model, logs[0], holdout=logs[1] or None, **told)
 
     tell = part(say, 0.0, FITTED)
     first = fit if isinstance(fit, Fit) else refit(fit, tell=tell)
@@ -204,7 +208,7 @@ def begun(
     effects, untestable = candidates_of(first.model, (*train, *unseen), wanted)
     say("compiling the trials", FITTED)
     with clock("compile"):
-        trials, trial = _compiled(first, effects, constants_of(first.model, wanted), train, unseen)
+        trials, trial = compiled(first, effects, constants_of(first.model, wanted), train, unseen)
     tools = Tools(first.model, trials, tuple(unseen), refit, guess, say, clock)
     return tools, SearchState(Present(trials, trial), (Stage((), first),), untestable)
 
@@ -221,7 +225,7 @@ def _is_of_these_logs(fit: Fit, train: Sequence[Log], unseen: Sequence[Log]) -> 
     return all(math.isclose(a.nrmse, b.nrmse, rel_tol=1e-6) for a, b in pairs)
 
 
-def _compiled(
+def compiled(
     fit: Fit,
     effects: Sequence[Effect],
     held: Sequence[str],

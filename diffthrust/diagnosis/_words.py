@@ -12,6 +12,7 @@ from diffthrust.diagnosis._given_words import held_words, much_words, odd_words,
 from diffthrust.diagnosis._matter_words import (
     errors_of,
     forced_words,
+    judged_errors,
     leading,
     possible_words,
     repeating_words,
@@ -57,7 +58,7 @@ def summary(diag: Findings) -> str:
         all_tried = f"none of the {tried} effects that were tried" if tried > 1 else "no effect"
         helps = "matters over whole runs" if diag.detectable else "helps on these logs"
         sentences = [f"The {model} is adequate: {all_tried} {helps}."]
-        errors = errors_of(diag)[2].channels
+        errors = judged_errors(diag)[1].channels
         blind = [spelt(name) for name, e in errors.items() if e.nrmse >= 1.0]
         if blind:
             sentences = [
@@ -149,7 +150,7 @@ def gain_words(diag: Findings) -> str:
 
 def level_words(diag: Findings) -> str:
     """How large the error of each channel is at the last stage."""
-    logs, _, after = errors_of(diag)
+    logs, after = judged_errors(diag)
     parts = [
         f"the {spelt(name)} error{f' on {logs}' if i == 0 else ''} is "
         f"{number(e.shown.value, 2)} {e.shown.unit}".rstrip()

@@ -10,7 +10,7 @@ from reference import noise, vessel
 import diffthrust as dft
 from diffthrust.diagnosis import _search  # private: how a search begins
 from diffthrust.diagnosis._candidates import constants_of  # private: names alone
-from diffthrust.diagnosis._findings import HeldValue  # private: made by hand
+from diffthrust.diagnosis._given import HeldValue  # private: made by hand
 from diffthrust.diagnosis._held import built, held_of, of_effect  # private: names alone
 from diffthrust.diagnosis._words import stage_words, verdict_words  # private: each sentence alone
 
@@ -73,7 +73,7 @@ def test_a_search_tries_the_constants_that_were_asked_for(monkeypatch):
     """Told by what the trials are made of: they are not waited for."""
     (log,) = boats(seed=3, logs=1, size=100)
     fit = dft.fit(dft.Vessel(drive="twin"), log, starts=1, doubts=False)
-    monkeypatch.setattr(_search, "_compiled", lambda fit, effects, held, *logs: (held, None))
+    monkeypatch.setattr(_search, "compiled", lambda fit, effects, held, *logs: (held, None))
     for wanted, held in (
         (None, constants_of(fit.model)),
         ("wind", ()),
