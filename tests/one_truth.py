@@ -23,6 +23,8 @@ def _of_names(diag: dft.Diagnosis) -> Iterator[str]:
             yield f"{both} {one} and {other}"
     if both := {*diag.refused} & {*diag.added, *diag.detectable}:
         yield f"{both} refused and added"
+    if lost := {*diag.worth} - {*diag.added, *diag.detectable}:
+        yield f"{lost} of worth, and not in the model"
     own = tuple(effect.name for effect in diag.fit.model.effects)
     if own != (*(effect.name for effect in diag.model.effects), *diag.added):
         yield f"added {diag.added}, and the last model has {own}"

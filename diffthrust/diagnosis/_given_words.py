@@ -50,7 +50,7 @@ def held_words(diag: Findings) -> list[str]:
 
 
 def stopped_words(diag: Findings) -> list[str]:
-    """Every parameter of the model, and of what was added, that a bound has stopped.
+    """Every parameter of the model as given that a bound has stopped.
 
     Also those that a bound held until effects were added: these may stand in for what lies beyond.
 
@@ -59,19 +59,30 @@ def stopped_words(diag: Findings) -> list[str]:
         ['alpha stopped at its bound of 0.2 1/s: these logs want it higher. What is told here ...']
     """
     last = _stopped(diag.fit)
-    words = [
-        f"{named} stopped at its bound of {amount}: these logs want it {way}. What is told here "
-        "holds under that bound: widen it, if nature allows, and diagnose again."
-        for named, amount, way in last.values()
-    ]
     news = joined(an(spelt(name)) for name in diag.added)
-    freed = {k: one for k, one in _stopped(diag.stages[0].fit).items() if news and k not in last}
-    words += [
-        f"{named} stood at its bound of {amount} before {news} came in, which may stand for a "
-        f"{way} {named}: widen the bound, if nature allows, and diagnose again."
-        for named, amount, way in freed.values()
-    ]
+    words = []
+    for full, (named, amount, way) in {**_stopped(diag.stages[0].fit), **last}.items():
+        if full in diag.model.parameters and full in last:
+            words.append(
+                f"{named} stopped at its bound of {amount}: these logs want it {way}. What is told "
+                "here holds under that bound: widen it, if nature allows, and diagnose again."
+            )
+        elif full in diag.model.parameters and news:
+            words.append(
+                f"{named} stood at its bound of {amount} before {news} came in, which may stand "
+                f"for a {way} {named}: widen the bound, if nature allows, and diagnose again."
+            )
     return words
+
+
+def added_bound_words(diag: Findings) -> list[str]:
+    """Every parameter of what was added that a bound has stopped."""
+    return [
+        f"{named} stopped at its bound of {amount}: the effect may explain more beyond it. Widen "
+        "the bound, if nature allows."
+        for full, (named, amount, _) in _stopped(diag.fit).items()
+        if full not in diag.model.parameters
+    ]
 
 
 def _stopped(fit: Fit) -> dict[str, tuple[str, str, str]]:

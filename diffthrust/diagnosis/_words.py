@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING
 
 from diffthrust._support.tables import number
 from diffthrust._support.words import an, apart, capitalised, joined, percent, probability, spelt
-from diffthrust.diagnosis._given_words import held_words, much_words, odd_words, stopped_words
+from diffthrust.diagnosis._given_words import (
+    added_bound_words,
+    held_words,
+    much_words,
+    odd_words,
+    stopped_words,
+)
 from diffthrust.diagnosis._matter_words import (
     errors_of,
     forced_words,
@@ -70,7 +76,7 @@ def summary(diag: Findings) -> str:
     else:
         sentences = [f"The {model} lacks something that no known effect explains."]
     sentences += held_words(diag)
-    sentences += stopped_words(diag)
+    sentences = [*stopped_words(diag), *sentences, *added_bound_words(diag)]
     sentences += worth_words(diag)
     if diag.verdict == "unexplained":
         sentences += [remaining_words(diag), *possible_words(diag)]

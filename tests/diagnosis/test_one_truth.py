@@ -31,6 +31,7 @@ def test_what_is_told_agrees(made_up):
         (lambda: replace(made.found(), detectable=("command_deadband",)), "detectable"),
         (lambda: replace(made.found(), silent=("command_deadband",)), "silent"),
         (lambda: replace(made.found(), stages=made.found().stages[:1]), "last model"),
+        (lambda: replace(made.found(), worth={"actuator_lag": SMALL}), "not in the model"),
         (lambda: replace(made.found(), verdict="adequate"), "verdict adequate"),
         (lambda: replace(made.unexplained(), verdict="undecided"), "verdict undecided"),
         (lambda: replace(made.adequate(), verdict="undecided"), "whole runs are good"),
@@ -115,13 +116,16 @@ def test_a_bound_that_stopped_the_model_itself_is_told_in_the_summary():
     stopped = at_bound(made.unexplained(), 0, beta=0.2)
     words = "beta stopped at its bound of 0.2: these logs want it higher."
     unit = stopped.fit.parameters["beta"].unit
-    assert words.replace("0.2", f"0.2 {unit}".rstrip()) in stopped.summary
+    assert stopped.summary.startswith(words.replace("0.2", f"0.2 {unit}".rstrip()))
     assert "widen it, if nature allows, and diagnose again." in stopped.summary
     assert "stopped at its bound" not in made.unexplained().summary
     # nothing is stopped at the zero of a logarithm: it is gone, as a note of the fit says
     gone = at_bound(made.unexplained(), 0, alpha=0.0)
     assert "stopped at its bound" not in gone.summary
-    # and what was added may stand for what a bound kept out
+    added = at_bound(made.found(), 1, **{"command_deadband.width": 0.5}).summary
+    assert added.startswith("The basic thruster lacks a command dead band")
+    assert "Width of a command dead band stopped at its bound of 0.5 V: the effect may" in added
+    # what was added may stand for what a bound kept out
     before = at_bound(made.found(), 0, beta=0.2).summary
     assert "before a command dead band came in, which may stand for a higher beta:" in before
     assert "stopped at its bound" not in before
