@@ -5,8 +5,8 @@ is cut at 150 s, and errors are those of one simulation over the whole run from 
 The diagnosis then tries what the basic vessel may lack; a wind was measured, and the
 logs give it as an input. Out come where the model fails, what it lacks, the error on the unseen
 runs stage by stage, and the report as a page. The tanker moves slowly and its log is smooth: means
-over half a second tell as much as all samples. Takes some minutes. Data: Miyauchi et al. 2022, doi
-10.1007/s00773-022-00889-3, and Wakita et al. 2022, doi 10.1007/s00773-021-00867-1.
+over half a second tell as much as all samples. Takes six minutes of processor time. Data: Miyauchi
+et al. 2022, doi 10.1007/s00773-022-00889-3, and Wakita et al. 2022, doi 10.1007/s00773-021-00867-1.
 
     python examples/esso_osaka.py [FOLDER FOR REPORT AND FIGURE]
 """

@@ -4,9 +4,9 @@
 that the basic physics leaves on unseen runs: structure that repeats, whatever its form. Here each
 basic model (no effects) is fitted to the training runs of a public data set, and a ladder of
 black-box corrections, from a straight line to curves with memory, is learned on the same runs and
-judged on the unseen ones. Out comes one table, and the words for each channel. Takes a few minutes;
-records are averaged to a few samples a second where the vessel is slow. Sources: see
-`dft.datasets.list()`.
+judged on the unseen ones. Out comes one table, and the words for each channel. Takes some 75 s of
+processor time; records are averaged to a few samples a second where the vessel is slow. Sources:
+see `dft.datasets.list()`.
 
     python examples/headroom.py
 """

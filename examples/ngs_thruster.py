@@ -5,7 +5,7 @@ The basic thruster is off by some 19 rad/s there. The diagnosis tells where, tri
 these logs can test, adds what helps, and names what no known effect explains. Out come its report
 as text and as a page, and a figure of the error falling stage by stage. The tachometer of these
 runs gives no sign (``unsigned=True``), and the files are read as they are. Data: J. Boehm, MSc
-thesis, University of Maryland, 2019. Takes a few minutes.
+thesis, University of Maryland, 2019. Takes some 200 s of processor time.
 
     python examples/ngs_thruster.py [FOLDER FOR REPORT AND FIGURE]
 """

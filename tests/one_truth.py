@@ -23,6 +23,8 @@ def _of_names(diag: dft.Diagnosis) -> Iterator[str]:
             yield f"{both} {one} and {other}"
     if both := {*diag.refused} & {*diag.added, *diag.detectable}:
         yield f"{both} refused and added"
+    if lost := {*diag.worth} - {*diag.added, *diag.detectable}:
+        yield f"{lost} of worth, and not in the model"
     own = tuple(effect.name for effect in diag.fit.model.effects)
     if own != (*(effect.name for effect in diag.model.effects), *diag.added):
         yield f"added {diag.added}, and the last model has {own}"
@@ -31,7 +33,7 @@ def _of_names(diag: dft.Diagnosis) -> Iterator[str]:
 
 
 def _of_verdict(diag: dft.Diagnosis) -> Iterator[str]:
-    open_ends = diag.remaining is not None or bool(diag.after.hints) or bool(diag.repeating)
+    open_ends = diag.remaining is not None or bool(diag.judged.hints) or bool(diag.repeating)
     if (diag.verdict == "unexplained") != open_ends:
         yield f"verdict {diag.verdict}, and something remains: {open_ends}"
     if (diag.verdict == "effects_found") != (bool(diag.added or diag.held) and not open_ends):

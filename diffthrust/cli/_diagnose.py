@@ -27,7 +27,8 @@ def diagnose_command(
         typer.Option(
             "--candidates",
             metavar="A,B,...",
-            help="Effects to try, also script.py:Class; 'all', the default, is the catalogue.",
+            help="Effects to try, also script.py:Class, and constants that the model holds; "
+            "'all', the default, is the catalogue and every constant.",
         ),
     ] = None,
     json: JsonPath = None,

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
+from diffthrust.diagnosis._held import held_of
 from diffthrust.diagnosis._ports import unseen_at
 from diffthrust.logs._log import Log
 from diffthrust.models._base.effect import Effect
@@ -29,13 +30,13 @@ def candidates_of(
         model: the model; effects that it has, and those made for other ports, are left out.
         logs: all logs, training and unseen.
         wanted: name, effect or class of effect, or several; "all" is the whole catalogue, which is
-            tried where ``None``.
+            tried where ``None``. A name of `constants_of` is no effect, and is passed over.
 
     Raises:
         InputError: a wanted effect that does not exist, that the model has no port for, or that is
             called like one of its parameters.
     """
-    asked, chosen = _asked_for(wanted)
+    asked, chosen = _asked_for(wanted, held_of(model))
     measured = {name for log in logs for name in log.measured}
     inputs = set.intersection(*(set(log.inputs) for log in logs))
     has = {effect.name for effect in model.effects}
@@ -86,24 +87,42 @@ def candidates_of(
     return tried, untestable
 
 
-def _asked_for(wanted: Candidates | None) -> tuple[set[str], list[Effect]]:
+def constants_of(model: Model, wanted: Candidates | None = None) -> tuple[str, ...]:
+    """The held parameters of a model to try: all beside the catalogue, else those that are named.
+
+    Example:
+        >>> constants_of(dft.Vessel()), constants_of(dft.Vessel(), "wind")
+        (('lever_arm',), ())
+    """
+    names = {one for one in _several(wanted) if isinstance(one, str)}
+    return tuple(name for name in held_of(model) if _EVERY in names or name in names)
+
+
+def _several(wanted: Candidates | None) -> Sequence[str | Effect | type[Effect]]:
+    if wanted is None or isinstance(wanted, str | Effect | type):
+        return (_EVERY if wanted is None else wanted,)
+    return wanted
+
+
+def _asked_for(wanted: Candidates | None, held: Sequence[str]) -> tuple[set[str], list[Effect]]:
     """The names of effects that were asked for one by one, and all effects in question."""
     known = catalogue()
     chosen: list[Effect] = []
     asked: set[str] = set()
-    if wanted is None or isinstance(wanted, str | Effect | type):
-        wanted = (_EVERY if wanted is None else wanted,)
-    for one in wanted:
+    for one in _several(wanted):
+        if isinstance(one, str) and one in held:
+            continue
         if isinstance(one, str) and one == _EVERY:
             names = {other.name for other in chosen}
             chosen += [effect() for name, effect in known.items() if name not in names]
             continue
         if isinstance(one, str):
             if one not in known:
-                near = nearest(one, known)
+                near = nearest(one, (*known, *held))
+                constants = f", and of the model's constants {listing(held)}" if held else ""
                 raise InputError(
                     f"candidates: the effect {one!r} is not known{f' ({near})' if near else ''}; "
-                    f"there are {listing(known)}.",
+                    f"there are {listing(known)}{constants}.",
                     "Correct the name. An effect of your own is given as an object, on the command "
                     "line as my_effect.py:MyEffect; 'all' stands for the catalogue.",
                 )

@@ -18,6 +18,7 @@ from diffthrust.diagnosis._missing import missing_signals
 from diffthrust.diagnosis._odd_logs import odd_logs
 from diffthrust.diagnosis._result import Diagnosis
 from diffthrust.diagnosis._search import LEARNING, SOUGHT, SearchState, Tools, begun
+from diffthrust.diagnosis._set_aside import set_aside
 from diffthrust.diagnosis._stages import next_stage
 from diffthrust.diagnosis._trials import TrialFit
 from diffthrust.diagnosis._verdict import verdict_of
@@ -59,8 +60,9 @@ def diagnose(
         fit: a fit, or a model that is fitted first.
         logs: training logs.
         holdout: unseen logs: they guard against effects that only imitate noise.
-        candidates: names or objects of effects to try; all that fit the model where ``None``. The
-            word "all" stands for the catalogue: ``["all", MyEffect()]``.
+        candidates: names or objects of effects to try, and names of constants that the model holds;
+            all of both that fit the model where ``None``. The word "all" stands for these:
+            ``["all", MyEffect()]``.
         experiment: propose a test that would separate effects that these logs cannot.
         limits: lowest and highest value of each input in that test, in the model's unit; by default
             the range of the training logs.
@@ -166,6 +168,7 @@ def _reported(
         detectable=known.detectable,
         detectable_groups=beside,
     )
+    found = set_aside(tools, found)
     with tools.clock("headroom"):
         found = replace(found, verdict=verdict_of(found))
     if found.verdict == "unexplained":

@@ -112,9 +112,10 @@ def _estimate(
         ((1.0 - share - short) * b - (1.0 + reach) * a + reach * h) * samples / total
         for b, a, h in zip(before, whole, halves, strict=True)
     ]
+    scores = [score[np.isfinite(score)] for score in scores]  # of a held sensor one by one
     lags = max(1, min(score.size for score in scores) // 2)
     lasting = integral(autocorrelation(scores, lags))
-    scatter = float(np.nanstd(np.concatenate(scores))) * np.sqrt(lasting / samples)
+    scatter = float(np.std(np.concatenate(scores))) * np.sqrt(lasting / samples)
     wide = _WIDTH * float(np.hypot(scatter, 0.5 * short))
     low = min(share + short - wide, share - _WIDTH * scatter)
     return _Estimate(share, float(low), min(max(share, share + short, 0.0) + wide, 1.0))

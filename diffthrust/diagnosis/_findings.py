@@ -14,6 +14,7 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust._support.results import Brief
 from diffthrust.comparison._compare import Comparison
+from diffthrust.diagnosis._given import HeldValue, OddLog
 from diffthrust.diagnosis._headroom import Headroom, headroom_of
 from diffthrust.diagnosis._learned import LearnedLaw
 from diffthrust.diagnosis._worth import Worth, far_above
@@ -169,8 +170,11 @@ class Missing(Brief):
 
     @property
     def shows(self) -> bool:
-        """Whether it depends on a signal, or is clearly larger than its error."""
-        return self.signal is not None or not self.size < _TOLD * self.error
+        """Whether it depends on a signal, or is clearly larger than its error.
+
+        A signal of no size is none: what acts there reaches no measurement.
+        """
+        return self.signal is not None or (self.size > 0 and not self.size < _TOLD * self.error)
 
     def shown(self, model: Model, told: ShownUnits) -> Missing:
         """The same in the units for people: of the output that the port's unit is that of."""
@@ -217,40 +221,6 @@ _REPEATS = 0.25
 """Errors repeat of which a flexible model surely explains more than this share of the squares."""
 
 
-@dataclass(frozen=True)
-class OddLog:
-    """A log that disagrees with the others.
-
-    Args:
-        log: its name.
-        channel: the measured channel in which it shows most.
-        evidence: a sentence that says how it differs.
-        share: of the squared whole-run error of all logs that this one carries.
-    """
-
-    log: str
-    channel: str
-    evidence: str
-    share: float = float("nan")
-
-
-@dataclass(frozen=True)
-class HeldValue:
-    """A parameter that is held at a value against which the logs speak.
-
-    Args:
-        value: at which it is held.
-        wanted: what these logs want.
-        std_error: of that.
-        unit: of all three.
-    """
-
-    value: float
-    wanted: float
-    std_error: float
-    unit: str = ""
-
-
 @dataclass(frozen=True, repr=False)
 class Findings(Brief):
     """What is missing from a model.
@@ -289,6 +259,9 @@ class Findings(Brief):
         odd_logs: logs that disagree with the others.
         held: fixed parameters that these logs want elsewhere.
         laws: what no known effect expresses, learned as curves.
+        apart: where something is open and odd logs carry much of the error, the last stage without
+            these logs, on which the verdict, ``remaining`` and ``one_step`` then rest: held against
+            the other training logs, and against the other logs that count.
     """
 
     verdict: Verdict
@@ -318,6 +291,7 @@ class Findings(Brief):
     possible: Mapping[str, Worth] = field(default_factory=dict)
     odd_logs: tuple[OddLog, ...] = ()
     held: Mapping[str, HeldValue] = field(default_factory=dict)
+    apart: tuple[Comparison, Comparison] | None = field(default=None, repr=False)
     laws: tuple[LearnedLaw, ...] = ()
 
     @property
@@ -336,20 +310,26 @@ class Findings(Brief):
         return self.stages[-1].fit
 
     @property
+    def judged(self) -> Comparison:
+        """The last stage held against the logs on which the verdict rests."""
+        return self.apart[1] if self.apart else self.after
+
+    @property
     def far(self) -> tuple[str, ...]:
         """The channels whose errors over whole runs are large and last, the worst first."""
         last, noise = self.stages[-1], dict(self.one_step)
-        for run in self.after.runs:
+        for run in self.judged.runs:
             for name, trace in run.channels.items():
                 stated = run.log.noise_in(name, trace.unit)
                 noise[name] = min(stated or math.inf, noise.get(name, math.inf))
-        return far_above(last.holdout or last.train, noise)
+        whole = self.judged.errors if self.apart else last.holdout or last.train
+        return far_above(whole, noise)
 
     @property
     def repeating(self) -> tuple[str, ...]:
         """Those of them whose errors surely repeat, as a flexible model shows."""
-        room = self.headroom if self.far else None
-        known = room[1].channels if room else {}
+        room = self.room if self.far else None
+        known = room.channels if room else {}
         return tuple(name for name in self.far if name in known and known[name].low > _REPEATS)
 
     def shown(self, missing: Sequence[Missing]) -> tuple[Missing, ...]:
@@ -361,11 +341,12 @@ class Findings(Brief):
     def headroom(self) -> tuple[Headroom, Headroom] | None:
         """How much any flexible model could explain, of the model as given and of the last stage.
 
-        Worked out when it is first asked for; ``None`` where the logs are too short for it.
+        Worked out when it is first asked for; ``None`` where training and unseen logs have no
+        channel in common.
         """
         if self.trained is None:
             return None
-        (learn, last), unseen = self.trained, self.stages[0].holdout is not None
+        (learn, last), unseen = self.trained, self._unseen
         try:
             before = headroom_of(learn, self.before if unseen else None)
             if len(self.stages) == 1:
@@ -373,3 +354,18 @@ class Findings(Brief):
             return before, headroom_of(last, self.after if unseen else None)
         except InputError:
             return None
+
+    @cached_property
+    def room(self) -> Headroom | None:
+        """How much any flexible model could explain of the errors on which the verdict rests."""
+        if self.apart is None:
+            return self.headroom[1] if self.headroom else None
+        learn, judge = self.apart
+        try:
+            return headroom_of(learn, judge if self._unseen else None)
+        except InputError:
+            return None
+
+    @property
+    def _unseen(self) -> bool:
+        return self.stages[0].holdout is not None

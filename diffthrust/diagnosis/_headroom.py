@@ -14,7 +14,7 @@ from diffthrust._support.progress import Progress, ProgressOption, part, progres
 from diffthrust._support.results import Result
 from diffthrust._support.words import percent
 from diffthrust.comparison._compare import Comparison, compare
-from diffthrust.diagnosis._explainable import explainable
+from diffthrust.diagnosis._explainable import Explainable, explainable
 from diffthrust.diagnosis._regressions import ErrorRecord, Rung
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
@@ -31,6 +31,8 @@ _FEWEST = 3
 """so many records are left whole."""
 _MOST = 20_000
 """Samples that are used; more are thinned."""
+_LEAST = 100
+"""Fewer samples teach no correction."""
 _WORTH = 0.1
 """A share that is surely below this is not worth a search."""
 
@@ -48,6 +50,7 @@ class ChannelHeadroom:
         high: upper end.
         rung: the form of the correction.
         signals: what it was given.
+        samples: that it learned from; of a sensor that is held its readings.
     """
 
     physics: float
@@ -57,6 +60,7 @@ class ChannelHeadroom:
     high: float
     rung: Rung
     signals: tuple[str, ...]
+    samples: int
 
 
 @dataclass(frozen=True, repr=False)
@@ -134,10 +138,11 @@ def headroom(
         progress: True for a bar, or a function of a message and the share done.
 
     Returns:
-        For each measured channel the share of the squared error, with an interval; a sentence.
+        For each measured channel the share of the squared error, with an interval, that of all
+        possible shares where there are fewer than a hundred samples to learn from; a sentence.
 
     Raises:
-        InputError: a log without a channel that the model needs, or too few samples.
+        InputError: a log without a channel that the model needs, or no channel in common.
 
     Example:
         >>> print(dft.diagnosis.headroom(fit, train, holdout=unseen).summary)
@@ -195,16 +200,13 @@ def _channel(
 ) -> ChannelHeadroom:
     if len(train) < _FEWEST:
         train = [part for record in train for part in _cut(record, _BLOCKS // len(train))]
-    if sum(int(np.isfinite(r.error).sum()) for r in train) < 100:
-        raise InputError(
-            "headroom: expected 100 or more samples to learn from, found fewer.",
-            "Give longer logs.",
-        )
-    found = explainable(train, test, seed)
+    samples = sum(int(np.isfinite(r.error).sum()) for r in train)
+    nothing = Explainable(0.0, 0.0, 1.0, Rung.NOTHING, ())
+    found = explainable(train, test, seed) if samples >= _LEAST else nothing
     seen = np.concatenate([record.error for record in test or train])
     physics = float(np.sqrt(np.nanmean(seen**2))) / float(np.nanstd(measured))
     corrected = physics * float(np.sqrt(1.0 - found.share))
-    return ChannelHeadroom(physics, corrected, *found)
+    return ChannelHeadroom(physics, corrected, *found, samples)
 
 
 def _cut(record: ErrorRecord, into: int) -> list[ErrorRecord]:
@@ -224,6 +226,11 @@ def _share(value: float) -> str:
 
 def _words(name: str, c: ChannelHeadroom, judged_on: str) -> str:
     where, interval = f"on {judged_on} logs", f"{_share(c.low)} to {_share(c.high)}"
+    if c.samples < _LEAST:
+        return (
+            f"What a flexible model could explain of the error of {name} {where}, {c.samples} "
+            f"samples to learn from do not tell: {_LEAST} are needed."
+        )
     if c.high < _WORTH:
         return (
             f"Of the squared error of {name} {where}, a flexible model explains {_share(c.share)} "

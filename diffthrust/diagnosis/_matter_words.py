@@ -25,6 +25,14 @@ def errors_of(diag: Findings) -> tuple[str, Errors, Errors]:
     return "the training logs", first.train, last.train
 
 
+def judged_errors(diag: Findings) -> tuple[str, Errors]:
+    """Name of the logs on which the verdict rests, and the errors of the last stage on them."""
+    logs, _, after = errors_of(diag)
+    if diag.apart is None:
+        return logs, after
+    return f"the other {logs.removeprefix('the ')}", diag.judged.errors
+
+
 def share_words(worth: Worth) -> str:
     """A worth with its interval.
 
@@ -70,7 +78,7 @@ def leading(diag: Findings) -> tuple[str, ...]:
 
 def undecided_words(diag: Findings) -> list[str]:
     """That it cannot be told whether physics or random forces make large errors that last."""
-    logs, _, after = errors_of(diag)
+    logs, after = judged_errors(diag)
     name = next(iter(diag.far), next(iter(after.channels)))
     error = after.channels[name]
     times = number(error.rmse / diag.one_step.get(name, math.nan), 2)
@@ -108,7 +116,7 @@ def deciding_words(diag: Findings) -> str:
 
 def forced_words(diag: Findings) -> list[str]:
     """How much of the error over whole runs is left, and to what."""
-    logs, _, after = errors_of(diag)
+    logs, after = judged_errors(diag)
     grown = {n: e.rmse / diag.one_step[n] for n, e in after.channels.items() if n in diag.one_step}
     name = max(grown, key=lambda n: _rank(grown[n]), default="")
     if not name or not grown[name] > _GROWN:
@@ -131,8 +139,8 @@ def forced_words(diag: Findings) -> list[str]:
 
 def repeating_words(diag: Findings) -> str:
     """That large errors over whole runs repeat, as a flexible model shows."""
-    room = diag.headroom[1].channels if diag.headroom else {}
-    logs = errors_of(diag)[0]
+    room = diag.room.channels if diag.room else {}
+    logs = judged_errors(diag)[0]
     parts = [
         f"{percent(room[name].share)} ({percent(max(room[name].low, 0.0))} to "
         f"{percent(room[name].high)}) of the squared {spelt(name)} error"

@@ -13,7 +13,7 @@ from typing import Any
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.progress import Progress, part
-from diffthrust.diagnosis._candidates import Candidates, candidates_of
+from diffthrust.diagnosis._candidates import Candidates, candidates_of, constants_of
 from diffthrust.diagnosis._criteria import criterion
 from diffthrust.diagnosis._findings import Refusal, Remaining, Stage, TriedEffect
 from diffthrust.diagnosis._structure import remaining_structure
@@ -71,7 +71,8 @@ class Tools:
         given: the model that is diagnosed.
         trials: fits of it with any candidate.
         unseen: unseen logs.
-        refit: fits a model to whole runs, with the first fit's options; given values are starts.
+        refit: fits a model to whole runs, with the first fit's options; given values are starts,
+            given ``logs``, training and unseen ones, take the place of all.
         guess: values from which the first fit began.
         say: told how far the work is.
         clock: times its parts.
@@ -188,16 +189,17 @@ def begun(
         guesses: Sequence[Mapping[str, float]] = (),
         tell: Progress | None = None,
         starts: int = 0,
+        logs: tuple[Sequence[Log], Sequence[Log]] = (train, unseen),
     ) -> Fit:
         starts = starts or _STARTS[bool(guesses)]
         told = {"starts": starts, "seed": seed, "guesses": guesses, "progress": tell, **options}
         with clock("refit"), warnings.catch_warnings(record=True) as seen:  # its notes say the same
             warnings.simplefilter("always", CoarseStepWarning)
             if begun_with:
-                fitted = fit_model(model, train, holdout=unseen or None, **told, **begun_with)
+                fitted = fit_model(model, logs[0], holdout=logs[1] or None, **told, **begun_with)
                 if not any(issubclass(one.category, CoarseStepWarning) for one in seen):
                     return fitted
-            return fit_model(model, train, holdout=unseen or None, **told)
+            return fit_model(model, logs[0], holdout=logs[1] or None, **told)
 
     tell = part(say, 0.0, FITTED)
     first = fit if isinstance(fit, Fit) else refit(fit, tell=tell)
@@ -212,7 +214,7 @@ def begun(
     effects = [effect.scaled(levels) for effect in effects]
     say("compiling the trials", FITTED)
     with clock("compile"):
-        trials, trial = _compiled(first, effects, train, unseen)
+        trials, trial = compiled(first, effects, constants_of(first.model, wanted), train, unseen)
     tools = Tools(first.model, trials, tuple(unseen), refit, guess, say, clock)
     return tools, SearchState(Present(trials, trial), (Stage((), first),), untestable)
 
@@ -229,12 +231,16 @@ def _is_of_these_logs(fit: Fit, train: Sequence[Log], unseen: Sequence[Log]) -> 
     return all(math.isclose(a.nrmse, b.nrmse, rel_tol=1e-6) for a, b in pairs)
 
 
-def _compiled(
-    fit: Fit, effects: Sequence[Effect], train: Sequence[Log], unseen: Sequence[Log]
+def compiled(
+    fit: Fit,
+    effects: Sequence[Effect],
+    held: Sequence[str],
+    train: Sequence[Log],
+    unseen: Sequence[Log],
 ) -> tuple[Trials, TrialFit]:
     """The trials, and the first of them: the model as it is."""
     for substeps in dict.fromkeys((_few_substeps(fit, train), fit.substeps)):
-        trials = Trials(fit.model, effects, train, unseen, substeps, fit.noise_model)
+        trials = Trials(fit.model, effects, train, unseen, substeps, fit.noise_model, held)
         first = trials.base()
         if math.isfinite(first.cost):
             return trials, first

@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Float
 
 from diffthrust._support.errors import InputError
-from diffthrust.diagnosis._held import held_of, of_effect
+from diffthrust.diagnosis._held import of_effect
 from diffthrust.diagnosis._ports import places_of
 from diffthrust.diagnosis._response import Response
 from diffthrust.diagnosis._score_test import promised_gain
@@ -160,8 +160,6 @@ class Compiled(NamedTuple):
 class Trials:
     """Fits of a model with any of the candidates, over the same logs.
 
-    A parameter that the model holds at a number is a candidate, too, by its own name.
-
     Args:
         model: the model with the effects that it has already.
         candidates: effects to try, at any values.
@@ -170,6 +168,7 @@ class Trials:
         substeps: integrator steps per sample.
         noise_model: with "ar1" no random forces act and no state is corrected, as in a fit with
             that noise.
+        held: parameters that the model holds at a number and that are candidates by their names.
     """
 
     def __init__(
@@ -180,12 +179,13 @@ class Trials:
         unseen: Sequence[Log],
         substeps: int = 1,
         noise_model: str = "white",
+        held: Sequence[str] = (),
     ) -> None:
         self.model = model
         self.logs = tuple(logs)
         self.channels = measured_outputs(model, logs)
         self.places = places_of(model, logs[0], self.channels)
-        self.held = held_of(model)
+        self.held = tuple(held)
         self.candidates = {effect.name: effect for effect in candidates}
         self.own = tuple(n for n, p in model.parameters.items() if not p.fixed)
         remembering = {p for e in model.effects if e.memory for p in e.ports}
@@ -209,7 +209,7 @@ class Trials:
             )
 
     def _program(self, effects: Collection[str], least: int = 0) -> Compiled:
-        """The model with these effects at their nulls; any of its constants may be freed."""
+        """The model with these effects at their nulls; constants to try may be freed."""
         problem = self._problem(effects, self.logs, least)
         unseen = self._problem(effects, self._unseen, least) if self._unseen else None
         return Compiled(frozenset((*effects, *self.held)), problem, unseen)

@@ -13,7 +13,7 @@ def verdict_of(found: Findings) -> Verdict:
     a quarter of them: they repeat, so that no random force makes them. Large errors that do not
     repeat leave it undecided without an effect that was found; a constant alone decides nothing.
     """
-    if found.remaining is not None or found.after.hints or found.repeating:
+    if found.remaining is not None or found.judged.hints or found.repeating:
         return "unexplained"
     if found.added or (found.held and not found.far):
         return "effects_found"

@@ -8,11 +8,18 @@ from typing import TYPE_CHECKING
 
 from diffthrust._support.tables import number
 from diffthrust._support.words import an, apart, capitalised, joined, percent, probability, spelt
-from diffthrust.diagnosis._given_words import held_words, much_words, odd_words
+from diffthrust.diagnosis._given_words import (
+    added_bound_words,
+    held_words,
+    much_words,
+    odd_words,
+    stopped_words,
+)
 from diffthrust.diagnosis._learned_words import effects_of, learned_words
 from diffthrust.diagnosis._matter_words import (
     errors_of,
     forced_words,
+    judged_errors,
     leading,
     possible_words,
     repeating_words,
@@ -49,16 +56,16 @@ def summary(diag: Findings) -> str:
     elif diag.verdict == "undecided":
         sentences = undecided_words(diag)
     elif diag.verdict == "adequate" and not (diag.ranking or diag.silent):
-        sentences = [
-            f"These logs can test none of the effects: whether the {model} lacks one, they do not "
-            "tell."
-        ]
+        none = (
+            "These logs can test none of the effects" if diag.untestable else "No effect was tried"
+        )
+        sentences = [f"{none}: whether the {model} lacks an effect, these logs do not tell."]
     elif diag.verdict == "adequate":
         tried = len({c.effect for c in diag.ranking} | {*diag.silent})
         all_tried = f"none of the {tried} effects that were tried" if tried > 1 else "no effect"
         helps = "matters over whole runs" if diag.detectable else "helps on these logs"
         sentences = [f"The {model} is adequate: {all_tried} {helps}."]
-        errors = errors_of(diag)[2].channels
+        errors = judged_errors(diag)[1].channels
         blind = [spelt(name) for name, e in errors.items() if e.nrmse >= 1.0]
         if blind:
             sentences = [
@@ -70,6 +77,7 @@ def summary(diag: Findings) -> str:
     else:
         sentences = [f"The {model} lacks something that no known effect explains."]
     sentences += held_words(diag)
+    sentences = [*stopped_words(diag), *sentences, *added_bound_words(diag)]
     sentences += worth_words(diag)
     if diag.verdict == "unexplained":
         sentences += [remaining_words(diag), *learned_words(diag), *possible_words(diag)]
@@ -149,7 +157,7 @@ def gain_words(diag: Findings) -> str:
 
 def level_words(diag: Findings) -> str:
     """How large the error of each channel is at the last stage."""
-    logs, _, after = errors_of(diag)
+    logs, after = judged_errors(diag)
     parts = [
         f"the {spelt(name)} error{f' on {logs}' if i == 0 else ''} is "
         f"{number(e.shown.value, 2)} {e.shown.unit}".rstrip()
@@ -168,7 +176,7 @@ def refused_words(diag: Findings) -> list[str]:
 
 
 def bound_words(diag: Findings) -> list[str]:
-    """The parameters of effects, added or promising, that a bound has stopped, and the mend."""
+    """The parameters of promising effects that a bound has stopped, and the mend."""
     stopped = {
         (c.effect, name): e
         for c in diag.ranking
@@ -176,11 +184,6 @@ def bound_words(diag: Findings) -> list[str]:
         for name, e in c.parameters.items()
         if e.at_bound
     }
-    nulls = {n: p.null for n, p in diag.fit.model.parameters.items()}
-    for full, e in diag.fit.parameters.items():
-        effect, _, name = full.rpartition(".")
-        if effect in diag.added and e.at_bound and e.value != nulls[full]:
-            stopped[effect, name] = e
     return [
         f"{capitalised(spelt(name))} of {an(spelt(effect))} stopped at its bound of "
         f"{_measured(e)}: the effect may explain more beyond it. Widen the bound, if nature allows."

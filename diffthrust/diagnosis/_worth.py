@@ -176,7 +176,8 @@ def _lasting(rest: np.ndarray) -> float:
     if seen.size < _BLOCKS[0] or not np.all(np.isfinite(seen)) or not np.ptp(seen) > 0:
         return 1.0
     unit = np.abs(seen).max()  # of a run that went astray the squares would overflow
-    return integral(autocorrelation([rest / unit], rest.size // _BLOCKS[0]))
+    read = integral(autocorrelation([seen / unit], seen.size // _BLOCKS[0]))
+    return read * rest.size / seen.size  # of a held sensor readings are apart
 
 
 def _drawn(table: Sequence[np.ndarray], seed: int) -> np.ndarray:

@@ -210,7 +210,8 @@ class Spec(Brief):
 
         Args:
             progress: True for a bar, or a function of a message and the share done.
-            candidates: effects to try, as ``effects`` in a spec names them; all where ``None``.
+            candidates: effects to try, as ``effects`` in a spec names them, and constants that the
+                model holds, by their names; all of both where ``None``.
 
         Raises:
             InputError: an effect that is not known, or logs that cannot be diagnosed.

@@ -198,3 +198,6 @@ def test_an_effect_that_is_called_like_a_parameter_is_refused():
     )
     with pytest.raises(dft.InputError, match=r"'lever_arm' is called like a parameter"):
         candidates_of(dft.Vessel(), [log], [Arm()])
+    assert candidates_of(dft.Vessel(), [log], ["lever_arm"]) == ([], {})  # the constant itself
+    with pytest.raises(dft.InputError, match="the nearest is 'lever_arm'"):
+        candidates_of(dft.Vessel(), [log], ["lever_arn"])

@@ -256,7 +256,9 @@ def test_the_table_of_an_adequate_model_has_no_empty_parts():
     assert "Tried in vain: Coulomb friction." in text
     nothing = replace(made.adequate(), silent=())
     assert "Effects tried" not in nothing.report()
-    assert nothing.summary.startswith("These logs can test none of the effects")
+    assert nothing.summary.startswith("No effect was tried: whether the thruster with command dead")
+    untested = replace(nothing, untestable={"inflow": "no log has it"})
+    assert untested.summary.startswith("These logs can test none of the effects")
 
 
 def test_the_summary_tells_what_is_left_to_random_forces():

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from reference import noise
 
 import diffthrust as dft
 from diffthrust import InputError, effects, papers
+from diffthrust.diagnosis._explainable import explainable  # private: against known errors
 from diffthrust.diagnosis._headroom import ChannelHeadroom, Headroom  # private: made by hand
 from diffthrust.diagnosis._regressions import (  # private: the regressions alone
     ErrorRecord,
@@ -101,7 +103,7 @@ def test_a_vessels_heading_counts_modulo_a_turn_and_its_place_not_at_all():
 def test_too_few_logs_are_told_from_nothing_to_find():
     shares = {"few": (0.02, -0.3, 0.4), "none": (0.01, -0.02, 0.04), "much": (0.6, 0.4, 0.8)}
     channels = {
-        name: ChannelHeadroom(0.3, 0.2, *share, rung=Rung.STATIC_LINEAR, signals=("command",))
+        name: ChannelHeadroom(0.3, 0.2, *share, Rung.STATIC_LINEAR, ("command",), samples=500)
         for name, share in shares.items()
     }
     text = Headroom(channels, "unseen", "thruster").summary
@@ -154,10 +156,43 @@ def test_a_higher_rung_is_taken_only_where_it_helps():
         assert (found.rung if found else Rung.NOTHING) == list(Rung)[rung]
 
 
-def test_too_little_to_learn_from_is_refused():
+def read_at_every(log, n, name):
+    """A log whose sensor is read at every nth sample, and held in between."""
+    kept = log.measured[name][np.arange(len(log)) // n * n]
+    return log.replaced(measured={**log.measured, name: kept})
+
+
+def test_of_few_readings_it_says_why_it_does_not_tell_and_answers_for_the_other_channel():
+    truth = dft.Thruster() + effects.ThrustSensorOffset(offset=2.0)
+    logs = [read_at_every(recorded(truth, seed), 40, "speed") for seed in range(3)]
+    found = dft.diagnosis.headroom(dft.Thruster(), logs)
+    few, thrust = found.channels["speed"], found.channels["thrust"]
+    assert (few.share, few.low, few.high, few.samples) == (0.0, 0.0, 1.0, 93)
+    assert "93 samples to learn from do not tell: 100 are needed" in found.summary
+    assert thrust.share > 0.95
+    assert thrust.samples == 3603
+
+
+def test_readings_of_errors_that_last_are_as_few_as_all_samples_of_them():
+    """What lasts for two hundred samples is no surer from every tenth, nor from all of them."""
+    rng = np.random.default_rng(5)
+    time = np.arange(0.0, 200.0, 0.05)
+
+    def record(every):
+        signal, rest = (noise.ar1(rng, time.size, 1.0, np.exp(-1 / 100)) for _ in range(2))
+        error = np.where(np.arange(time.size) % every == 0, signal + rest, np.nan)
+        return ErrorRecord(time, {"a": signal}, error)
+
+    def width(every):
+        found = [explainable([record(every) for _ in range(3)], [], 0) for _ in range(3)]
+        return float(np.mean([one.high - one.low for one in found]))
+
+    # a tenth of the samples taken as independent would make it less than half as wide
+    assert width(10) > 0.7 * width(1)
+
+
+def test_logs_without_a_common_channel_are_refused():
     short = recorded(dft.Thruster(), 0, duration=2.0)
-    with pytest.raises(InputError, match="100 or more samples"):
-        dft.diagnosis.headroom(dft.Thruster(), short)
     speed, thrust = (
         dft.Log(time=short.time, inputs=short.inputs, measured={name: short.measured[name]},
                 units={name: short.units[name] for name in ("command", name)})

@@ -8,7 +8,9 @@ import pytest
 from reference import noise, vessel
 
 import diffthrust as dft
-from diffthrust.diagnosis._findings import HeldValue  # private: made by hand
+from diffthrust.diagnosis import _search  # private: how a search begins
+from diffthrust.diagnosis._candidates import constants_of  # private: names alone
+from diffthrust.diagnosis._given import HeldValue  # private: made by hand
 from diffthrust.diagnosis._held import built, held_of, of_effect  # private: names alone
 from diffthrust.diagnosis._words import stage_words, verdict_words  # private: each sentence alone
 
@@ -33,12 +35,10 @@ def boats(seed, logs=3, size=500):
         yield dft.Log(record.time, record.inputs, record.measured, name=f"run {k}")
 
 
-def diagnosed(arm, seed):
+def diagnosed(arm, seed, candidates=("quadratic_yaw_drag", "lever_arm")):
     *train, unseen = boats(seed)
     model = dft.Vessel(drive="twin").replace(lever_arm=arm)
-    return dft.diagnose(
-        model, train, holdout=unseen, candidates="quadratic_yaw_drag", experiment=False
-    )
+    return dft.diagnose(model, train, holdout=unseen, candidates=candidates, experiment=False)
 
 
 def test_a_lever_arm_held_at_a_wrong_value_is_named_and_freed():
@@ -67,6 +67,27 @@ def test_one_held_at_the_right_value_is_left_alone():
     assert diag.held == {}
     assert diag.verdict == "adequate"
     assert "lever_arm" not in {*diag.silent, *diag.untestable, *diag.refused}
+
+
+def test_a_search_tries_the_constants_that_were_asked_for(monkeypatch):
+    """Told by what the trials are made of: they are not waited for."""
+    (log,) = boats(seed=3, logs=1, size=100)
+    fit = dft.fit(dft.Vessel(drive="twin"), log, starts=1, doubts=False)
+    monkeypatch.setattr(_search, "compiled", lambda fit, effects, held, *logs: (held, None))
+    for wanted, held in (
+        (None, constants_of(fit.model)),
+        ("wind", ()),
+        ("lever_arm", ("lever_arm",)),
+    ):
+        assert _search.begun(fit, [log], [], wanted, 0, lambda *_: None)[0].trials == held
+
+
+def test_constants_are_tried_beside_the_catalogue_or_by_their_names():
+    model = dft.Thruster().fix("ct")
+    assert constants_of(model) == constants_of(model, ["all", "coulomb_friction"]) == ("ct",)
+    assert constants_of(model, ["ct", "coulomb_friction"]) == ("ct",)
+    assert constants_of(model, "coulomb_friction") == ()
+    assert constants_of(model, [dft.effects.CommandDeadband]) == ()
 
 
 def test_constants_are_parameters_that_are_held_at_a_number_and_no_form():

@@ -6,10 +6,11 @@ from dataclasses import replace
 import made_diagnosis as made
 import numpy as np
 import pytest
+from one_truth import contradictions
 from reference import thruster
 
 import diffthrust as dft
-from diffthrust.diagnosis._findings import OddLog  # private: made by hand
+from diffthrust.diagnosis._given import OddLog  # private: made by hand
 from diffthrust.diagnosis._log_slopes import Slopes, deviations  # private: the test alone
 from diffthrust.diagnosis._odd_logs import odd_logs  # private: without a search for effects
 from diffthrust.diagnosis._trials import Trials  # private: as a diagnosis makes them
@@ -117,3 +118,42 @@ def test_the_summary_names_what_carries_much_of_the_error_and_the_cautions_all()
     assert "60 % of the squared thrust error" in much.summary
     assert "20V" not in much.summary
     assert sum("is unlike the others" in words for words in caution_words(much)) == 2
+
+
+def diagnosed(ct, unseen, seed):
+    """Of thrusters, the last of them unseen, without an effect to find."""
+    logs = list(thrusters(np.random.default_rng(seed), ct))
+    train, held = logs[:-unseen], logs[-unseen:]
+    model = dft.Thruster().replace(thruster.JASON)
+    fit = dft.fit(model, train, holdout=held, starts=1, doubts=False)
+    return dft.diagnose(fit, train, holdout=held, candidates="linear_damping", experiment=False)
+
+
+@pytest.mark.parametrize("place", [1, 5])
+def test_a_verdict_rests_on_the_other_logs_where_an_odd_one_makes_whole_runs_poor(place):
+    ct = np.ones(6)
+    ct[place] = 2.0
+    diag = diagnosed(ct, unseen=2, seed=7)
+    (odd,) = diag.odd_logs
+    assert odd.log == f"run {place}"
+    assert odd.share > 1 / 3
+    told = re.search(r"it asks for ct some (\d+) % higher than the others", odd.evidence)
+    assert told is not None
+    assert 90 <= int(told[1]) <= 110  # of two standard errors of 5 %; one step would say 190
+    assert diag.stages[-1].holdout.channels["thrust"].nrmse > 0.05  # with all of them it is poor
+    assert diag.verdict == "adequate"
+    words = "The verdict rests on the other logs alone"
+    assert words in diag.summary
+    assert "on the other unseen logs is" in diag.summary
+    assert contradictions(diag) == []
+    others = diag.judged.errors
+    assert others.channels["thrust"].nrmse < 0.02  # the noise is a hundredth
+
+
+def test_the_only_unseen_log_is_not_left_out():
+    """What is odd about it may be what the model lacks."""
+    diag = diagnosed([1.0, 1.0, 1.0, 1.0, 2.0], unseen=1, seed=9)
+    assert diag.odd_logs[0].log == "run 4"
+    assert diag.apart is None
+    assert diag.verdict == "undecided"
+    assert contradictions(diag) == []

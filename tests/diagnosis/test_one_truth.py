@@ -3,11 +3,13 @@
 from dataclasses import replace
 
 import made_diagnosis as made
+import numpy as np
 import pytest
 from one_truth import contradictions
 
 import diffthrust as dft
 from diffthrust.diagnosis._verdict import verdict_of  # private: the verdict alone
+from diffthrust.diagnosis._words import missing_words  # private: each sentence alone
 from diffthrust.diagnosis._worth import Worth  # private: made by hand
 
 SMALL = Worth(0.01, 0.0, 0.02)
@@ -29,6 +31,7 @@ def test_what_is_told_agrees(made_up):
         (lambda: replace(made.found(), detectable=("command_deadband",)), "detectable"),
         (lambda: replace(made.found(), silent=("command_deadband",)), "silent"),
         (lambda: replace(made.found(), stages=made.found().stages[:1]), "last model"),
+        (lambda: replace(made.found(), worth={"actuator_lag": SMALL}), "not in the model"),
         (lambda: replace(made.found(), verdict="adequate"), "verdict adequate"),
         (lambda: replace(made.unexplained(), verdict="undecided"), "verdict undecided"),
         (lambda: replace(made.adequate(), verdict="undecided"), "whole runs are good"),
@@ -93,3 +96,47 @@ def test_a_parameter_that_a_bound_stopped_is_told_with_the_mend():
     told = replace(diag, ranking=(diag.ranking[0], stopped)).report()
     assert "Time constant of an actuator lag stopped at its bound of" in " ".join(told.split())
     assert "stopped at its bound" not in diag.report()
+
+
+def at_bound(diag, index, **values):
+    """A diagnosis in which some parameters of a stage were stopped at these values."""
+    stage = diag.stages[index]
+    fit = stage.fit
+    known = {n: replace(fit.parameters[n], value=v, at_bound=True) for n, v in values.items()}
+    model = fit.model.replace(
+        {n: {"value": v, "bounds": (0.5 * v, v)} for n, v in values.items() if v > 0}
+    )
+    fit = replace(fit, model=model, parameters={**fit.parameters, **known})
+    stages = [*diag.stages]
+    stages[index] = replace(stage, fit=fit)
+    return replace(diag, stages=tuple(stages))
+
+
+def test_a_bound_that_stopped_the_model_itself_is_told_in_the_summary():
+    stopped = at_bound(made.unexplained(), 0, beta=0.2)
+    words = "beta stopped at its bound of 0.2: these logs want it higher."
+    unit = stopped.fit.parameters["beta"].unit
+    assert stopped.summary.startswith(words.replace("0.2", f"0.2 {unit}".rstrip()))
+    assert "widen it, if nature allows, and diagnose again." in stopped.summary
+    assert "stopped at its bound" not in made.unexplained().summary
+    # nothing is stopped at the zero of a logarithm: it is gone, as a note of the fit says
+    gone = at_bound(made.unexplained(), 0, alpha=0.0)
+    assert "stopped at its bound" not in gone.summary
+    added = at_bound(made.found(), 1, **{"command_deadband.width": 0.5}).summary
+    assert added.startswith("The basic thruster lacks a command dead band")
+    assert "Width of a command dead band stopped at its bound of 0.5 V: the effect may" in added
+    # what was added may stand for what a bound kept out
+    before = at_bound(made.found(), 0, beta=0.2).summary
+    assert "before a command dead band came in, which may stand for a higher beta:" in before
+    assert "stopped at its bound" not in before
+
+
+def test_what_has_no_size_does_not_show():
+    """A force that reaches no measurement was told as "a signal of 0.0 rad/s^2 is missing"."""
+    (missing,) = made.found().missing
+    ((time, signal, error),) = missing.runs
+    silent = replace(missing, signal=None, runs=((time, 0 * signal, np.nan * error),))
+    words = missing_words(silent, made.found().model)
+    assert words.endswith("nothing is missing that shows.")
+    tiny = replace(missing, runs=((time, 1e-9 * signal, error),))
+    assert "a signal of 1.5e-08 rad/s^2 (RMS)" in missing_words(tiny, made.found().model)

@@ -82,3 +82,20 @@ def test_errors_lie_far_above_where_they_grow_over_whole_runs_and_are_relevant()
     assert far_above(whole(3.0, 0.3), {"speed": 2.0}) == ()  # the noise of the sensor
     assert far_above(whole(3.0, 0.02), {"speed": 0.3}) == ()  # too small to matter
     assert far_above(whole(np.inf, np.inf), {"speed": 0.3}) == ("speed",)
+
+
+def test_readings_of_a_held_sensor_make_errors_that_last_no_surer():
+    """Taken as errors that come and go, every 20th sample gave a third less of an interval."""
+    rng = np.random.default_rng(17)
+
+    def width(before, after, read):
+        seen = np.where(read, rng.standard_normal(before.size), np.nan)
+        worth = worth_of([{"speed": BeforeAfter(seen, before, 0.7 * after)}])
+        return worth.high - worth.low
+
+    every, held = [], []
+    for _ in range(20):
+        errors = [lasting(rng, 4000, np.exp(-1 / 200)) for _ in range(2)]
+        every.append(width(*errors, np.ones(4000, bool)))
+        held.append(width(*errors, np.arange(4000) % 20 == 0))
+    assert np.mean(held) > 0.85 * np.mean(every)
