@@ -17,7 +17,7 @@ from diffthrust.diagnosis._ports import DrivingPort, words_and_unit
 from diffthrust.diagnosis._search import SearchState, Tools
 from diffthrust.diagnosis._structure import behind, observed
 from diffthrust.diagnosis._trials import TrialFit
-from diffthrust.diagnosis._worth import worth_of
+from diffthrust.diagnosis._worth import Worth, worth_of
 from diffthrust.effects._curve import Curve
 from diffthrust.estimation._result import Fit
 from diffthrust.models._base.made_effect import ARRIVING
@@ -66,8 +66,8 @@ def learned(tools: Tools, known: SearchState, first: TrialFit) -> tuple[LearnedL
     law = _learned_beside(tools, last.fit, known.present.trial, place)
     if law is None:
         return ()
-    law = replace(law, worth=law.worth.of(left_of(known, last)))
-    return (_named(tools, last.fit, law),)
+    law = _named(tools, last.fit, law)
+    return (replace(law, worth=law.worth.of(left_of(known, last))),)
 
 
 def _learned_beside(
@@ -110,8 +110,7 @@ def _fitted(tools: Tools, before: Fit, likely: LikelyCurve) -> LearnedLaw | None
     fit = tools.refit(
         model + Curve(**{**curve.arguments, "unit": unit, "name": _free_name(model)}), starts=1
     )
-    logs, trained = (tools.unseen, False) if tools.unseen else (tools.trials.logs, True)
-    worth = worth_of(errors_between(Stage((), before), Stage((), fit), logs, trained=trained))
+    worth = _worth(tools, before, fit)
     if not worth.sure or not fit.train.nrmse < before.train.nrmse:
         return None
     return LearnedLaw(
@@ -124,6 +123,11 @@ def _fitted(tools: Tools, before: Fit, likely: LikelyCurve) -> LearnedLaw | None
         signal_unit=signal_unit,
         port_unit=port_unit,
     )
+
+
+def _worth(tools: Tools, before: Fit, after: Fit) -> Worth:
+    logs, trained = (tools.unseen, False) if tools.unseen else (tools.trials.logs, True)
+    return worth_of(errors_between(Stage((), before), Stage((), after), logs, trained=trained))
 
 
 def _units(tools: Tools, model: Model, curve: Curve) -> tuple[str, str]:
@@ -165,7 +169,10 @@ def _named(tools: Tools, before: Fit, law: LearnedLaw) -> LearnedLaw:
         effect = fit.model.effects[-1]
         tried.append(TriedForm(match.form.name, effect, fit, price - gain))  # pyright: ignore[reportArgumentType]
     tried.sort(key=lambda one: one.bic)
-    return replace(law, forms=tuple(tried), named=bool(tried) and _as_good(tried[0].fit, law.fit))
+    law = replace(law, forms=tuple(tried))
+    if not tried or not _as_good(tried[0].fit, law.fit):
+        return law
+    return replace(law, named=True, worth=_worth(tools, before, tried[0].fit))
 
 
 def _as_good(fit: Fit, other: Fit, times: float = _AS_GOOD) -> bool:
