@@ -10,7 +10,7 @@ from typing import Any
 from diffthrust._support.literals import as_python
 from diffthrust.effects._formula import ARRIVING, Formula
 from diffthrust.effects._grammar import SHORT, is_whole, parsed
-from diffthrust.models._base.described import plain
+from diffthrust.models._base.described import plain_description
 from diffthrust.models._base.parameter import Parameter
 
 _WIDTH = 100
@@ -145,7 +145,7 @@ def _moved(p: Parameter) -> float:
 
 def _declaration(p: Parameter) -> str:
     """A parameter as code; an amplitude that has no size yet is of size one."""
-    fields = plain("", p)
+    fields = plain_description("", p)
     assert isinstance(fields, dict)
     value, unit = fields.pop("value"), fields.pop("unit")
     if p.null == p.value and "size" not in fields:

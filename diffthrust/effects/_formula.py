@@ -11,10 +11,10 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
-from diffthrust.effects._grammar import WORDS, Expression, parsed
+from diffthrust.effects._grammar import Expression, parsed
 from diffthrust.logs._units import si_unit
 from diffthrust.models._base.component import registered
-from diffthrust.models._base.described import fields_of, plain
+from diffthrust.models._base.described import fields_of, plain_description
 from diffthrust.models._base.made_effect import MadeEffect
 from diffthrust.models._base.parameter import Parameter, parameter
 from diffthrust.models._base.signals import Signal, Signals
@@ -85,12 +85,11 @@ class Formula(MadeEffect):
                 f"{'; ' + near if near else ''}.",
                 "Correct the name, or remove it.",
             )
-        for word in (n for n in parameters if n in WORDS):
-            raise InputError(
-                f"formula: a parameter cannot be called {word!r}, which means something else here.",
-                f"Call it {word}_0, say.",
-            )
-        given = {n: plain(f"formula, parameter '{n}'", each) for n, each in parameters.items()}
+        self._check_parameters(parameters)
+        given = {
+            n: plain_description(f"formula, parameter '{n}'", each)
+            for n, each in parameters.items()
+        }
         self._set(expression=expression, given=given, __doc__=f"{expression} at the port '{port}'.")
         reads = tuple(n for n in law.places if n not in given and n != ARRIVING)
         self._make(name, port, _declared(law, given), reads)
@@ -143,20 +142,14 @@ def _level(formula: Formula, numbers: Mapping[str, float], levels: Mapping[str, 
     The 90th percentile of its size; zero where a level is not known.
     """
     law, rng = parsed(formula.expression), np.random.default_rng(0)
-    ranges = {
-        ARRIVING: levels.get(formula.port, 0.0),
-        "time": levels.get("duration", 0.0),
-        **levels,
-    }
+    ranges = {ARRIVING: levels.get(formula.port, 0.0), **levels}
     if any(name not in ranges for name in formula.reads):
         return 0.0
     at = {n: ranges[n] * rng.uniform(-1, 1, _POINTS) for n in (ARRIVING, *formula.reads)}
-    if "time" in at:
-        at["time"] = np.abs(at["time"])
+    at |= {"time": np.abs(at["time"])} if "time" in at else {}
     change = np.abs(_change(law, {**at, **numbers}))
-    return (
-        float(np.quantile(change[np.isfinite(change)], 0.9)) if np.isfinite(change).any() else 0.0
-    )
+    change = change[np.isfinite(change)]
+    return float(np.quantile(change, 0.9)) if change.size else 0.0
 
 
 def _declared(

@@ -50,8 +50,6 @@ FINITE: Mapping[str, Callable[..., Any]] = {
     "log": logarithm,
 }
 """Functions that are not those of NumPy of the same name."""
-WORDS = (*_ARGUMENTS, "pi")
-"""Functions and constants that an expression may name."""
 ALLOWED = f"numbers, names, + - * / **, comparisons, pi, and {', '.join(_ARGUMENTS)}"
 
 

@@ -9,14 +9,15 @@ from typing import Any
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest, shortly
-from diffthrust.models._base.parameter import Normal, Parameter, Relative
+from diffthrust.models._base.parameter import Normal, Parameter, Relative, parameter
 
 _FIELDS = tuple(f.name for f in fields(Parameter) if f.name != "pattern")
+_USUAL = Parameter(0.0)
 _PARTS: Mapping[str, type] = {"prior": Normal, "probes": Relative}
 """Fields that are tables themselves."""
 
 
-def plain(where: str, given: Any) -> str | dict[str, Any]:
+def plain_description(where: str, given: Any) -> str | dict[str, Any]:
     """A description of a parameter as plain data: its unit, or its fields that are not usual.
 
     Args:
@@ -27,16 +28,17 @@ def plain(where: str, given: Any) -> str | dict[str, Any]:
         InputError: something else, or fields that a parameter does not have.
 
     Example:
-        >>> plain("p", dft.parameter(1.5, bounds=(0.5, 3)))
-        {'unit': '', 'value': 1.5, 'bounds': (0.5, 3), 'transform': 'log'}
+        >>> plain_description("p", dft.parameter(1.5, bounds=(0.5, 3)))
+        {'unit': '', 'value': 1.5, 'bounds': (0.5, 3)}
     """
     if isinstance(given, str):
         return given
     if isinstance(given, Parameter):
-        usual = Parameter(0.0)
-        own = {name: getattr(given, name) for name in _FIELDS if name not in ("unit", "value")}
-        changed = {name: v for name, v in own.items() if v != getattr(usual, name)}
-        told = {"unit": given.pattern or given.unit, "value": given.value, **changed}
+        told = {"unit": given.pattern or given.unit, "value": given.value}
+        own = {name: getattr(given, name) for name in _FIELDS if name not in told}
+        told |= {n: v for n, v in own.items() if v != getattr(_USUAL, n) and n != "transform"}
+        if parameter(**told).transform != given.transform:
+            told["transform"] = given.transform
         return {name: _flat(value) for name, value in told.items()}
     if not isinstance(given, Mapping):
         raise InputError(
