@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from functools import cache
 
 import numpy as np
@@ -58,14 +59,23 @@ def test_a_hypothesis_that_is_right_is_found_and_can_be_copied(tmp_path):
     )
     assert diag.added == ("hump",)
     assert not contradictions(diag)
-    assert diag.after.nrmse < 0.5 * diag.before.nrmse
+    assert diag.after.errors.nrmse < 0.5 * diag.before.errors.nrmse
     for name, value in (("hump.a", LEVEL), ("hump.width", WIDTH)):
         found = diag.fit.parameters[name]
         assert abs(found.value - value) < 4 * found.std_error  # 1 in 8000 each
+    diag.save(tmp_path / "diag.html")
+    assert HUMP in (tmp_path / "diag.html").read_text()  # what the effect does, in the page
     told = diag.report()
-    assert f"{HUMP} at the port 'shaft'." in " ".join(told.split())
-    line = next(row for row in told.splitlines() if row.startswith("model = dft.Thruster() + "))
-    assert 'dft.effects.Formula(port="shaft", expression="-a * speed' in line
+    scope = {"dft": dft}
+    exec(next(row for row in told.splitlines() if row.startswith("model = ")), scope)
+    line = next(row for row in told.splitlines() if row.startswith("effects = "))
+    copied = Formula(**{
+        {"formula": "expression"}.get(key, key): value
+        for key, value in tomllib.loads(line)["effects"][0].items()
+    })  # fmt: skip
+    for effect in (scope["model"].effects[0], copied):
+        assert effect.structure == asked().structure
+        assert effect.declared == asked().declared
     diag.save(tmp_path / "diag.json")
     again = dft.load(tmp_path / "diag.json")
     assert again.report() == told

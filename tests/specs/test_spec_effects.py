@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import diffthrust as dft
 from diffthrust import InputError
@@ -13,6 +16,7 @@ from diffthrust.checks import check
 from diffthrust.effects import Formula
 from diffthrust.estimation._origin import effects_line, python_line  # private: lines to copy
 from diffthrust.specs import load_spec
+from diffthrust.specs._effects import effect_of  # private: one entry, without a file
 
 DRAG = (
     '{ formula = "-a * speed * abs(speed)**p", port = "shaft", a = "rad/s^2", '
@@ -136,3 +140,39 @@ def test_what_is_wrong_is_told_with_its_line(written, effects, told):
     assert "fit.toml, line 2, effects: " in message
     assert told in message
     assert "\nMend: " in message
+
+
+values = st.recursive(
+    st.one_of(
+        st.none(), st.booleans(), st.integers(-(2**63), 2**63), st.floats(), st.text(max_size=6),
+        st.sampled_from(["rad/s", "{speed}", "{", "}{", "{ }", "1/(s", "inf", "drag", "shaft"]),
+    ),
+    lambda inner: st.one_of(
+        st.lists(inner, max_size=3),
+        st.dictionaries(
+            st.sampled_from([
+                *("unit", "value", "bounds", "fixed", "prior", "transform", "size", "null", "doc"),
+                *("probes", "mean", "std", "signal", "factors", "power", "other"),
+            ]), inner, max_size=4,
+        ),
+    ),
+    max_leaves=6,
+)  # fmt: skip
+
+
+@settings(max_examples=150, deadline=None, derandomize=True)
+@given(
+    st.fixed_dictionaries({"a": values}, optional={k: values for k in ("name", "port", "formula")}),
+    st.sampled_from(["-a * speed", "value * (1 + a)", "min(value, a)", "speed**a - 1"]),
+)
+def test_any_table_is_an_effect_or_an_input_error(table, law):
+    try:
+        effect = effect_of({"port": "shaft", "formula": law, **table}, Path(), ())
+        model = dft.Thruster() + effect
+    except InputError as refused:
+        told = str(refused)
+        assert "\nMend: " in told
+    else:
+        again = effect_of(tomllib.loads(effects_line(model))["effects"][0], Path(), ())
+        assert again.structure == effect.structure
+        assert repr(again.declared) == repr(effect.declared)  # NaN is not equal to itself

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import operator
+import math
 from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
@@ -39,7 +39,7 @@ def plain_description(where: str, given: Any) -> str | dict[str, Any]:
         told |= {n: v for n, v in own.items() if v != getattr(_USUAL, n) and n != "transform"}
         if parameter(**told).transform != given.transform:
             told["transform"] = given.transform
-        return {name: _flat(value) for name, value in told.items()}
+        return _flat(told)
     if not isinstance(given, Mapping):
         raise InputError(
             f"{where}: expected a unit, a dft.parameter or a table with a unit, "
@@ -53,10 +53,10 @@ def plain_description(where: str, given: Any) -> str | dict[str, Any]:
                 f"{where}: a parameter has no field {name!r}{'; ' + near if near else ''}.",
                 f"Fields are {listing(_FIELDS)}.",
             )
-    return {name: _flat(value) for name, value in given.items()}
+    return _flat(given)
 
 
-def fields_of(where: str, described: str | Mapping[str, Any]) -> dict[str, Any]:
+def described_fields(where: str, described: str | Mapping[str, Any]) -> dict[str, Any]:
     """The arguments of `parameter` that plain data describe.
 
     Raises:
@@ -75,9 +75,9 @@ def fields_of(where: str, described: str | Mapping[str, Any]) -> dict[str, Any]:
             )
         numbers = [told[n] for n in ("value", "null") if told.get(n) is not None]
         probes = told.get("probes", ())
-        numbers += probes.factors if isinstance(probes, Relative) else probes
-        hash((*told.values(), *map(operator.pos, numbers)))
-    except (TypeError, ValueError) as error:
+        numbers += (*probes.factors, probes.power) if isinstance(probes, Relative) else probes
+        hash((*told.values(), *map(math.isfinite, numbers)))
+    except (TypeError, ValueError, OverflowError) as error:
         raise InputError(
             f"{where}: its fields {shortly(dict(described))} describe no parameter ({error}).",
             "Write bounds = [low, high], prior = { mean = 1.0, std = 0.1 }, probes = [0.5, 2.0].",
@@ -90,5 +90,5 @@ def _flat(value: Any) -> Any:
     if isinstance(value, Normal | Relative):
         return {f.name: _flat(getattr(value, f.name)) for f in fields(value)}
     if isinstance(value, Mapping):
-        return {name: _flat(each) for name, each in value.items()}
+        return {name: _flat(each) for name, each in value.items() if each is not None}
     return tuple(map(_flat, value)) if isinstance(value, list | tuple) else value
