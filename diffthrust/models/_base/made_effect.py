@@ -18,8 +18,8 @@ class MadeEffect(Effect):
 
     Several of one class stand in one model under different names. A subclass has in ``name`` the
     word by which spec files ask for it (objects are called so by default), in ``main`` the
-    argument that this word gives there, in ``options`` whatever else chooses its equations, and
-    its constructor ends with `_make`.
+    argument that this word gives there, in ``options`` name, port and whatever else chooses its
+    equations, and its constructor ends with `_make`.
     """
 
     told = ()
