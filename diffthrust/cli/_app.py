@@ -21,6 +21,7 @@ from diffthrust.cli._interrupt import ended_soon
 from diffthrust.cli._look import look_command
 from diffthrust.cli._map import map_command
 from diffthrust.cli._new import new_command
+from diffthrust.cli._new_effect import new_effect_command
 from diffthrust.cli._sample import sample_command
 from diffthrust.cli._session import BAD_INPUT, DONE
 
@@ -75,10 +76,12 @@ for _command in (
     export_command,
     check_command,
     new_command,
+    new_effect_command,
     demo_command,
     effects_command,
 ):
-    app.command(_command.__name__.removesuffix("_command"))(_command)
+    _name = _command.__name__.removesuffix("_command").replace("_", "-")
+    app.command(_name)(_command)
 
 
 if __name__ == "__main__":

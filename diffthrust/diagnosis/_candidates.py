@@ -46,8 +46,10 @@ def candidates_of(
     tried: list[Effect] = []
     untestable: dict[str, str] = {}
     for effect in chosen:
-        lacking = [name for name in effect.needs if name not in inputs]
         elsewhere = [port for port in effect.ports if port not in places]
+        if effect.reads and not elsewhere and effect.name not in has:
+            effect = (model + effect).effects[-1]  # which knows what it needs there
+        lacking = [name for name in effect.needs if name not in inputs]
         if effect.name in has:
             continue
         if effect.name in model.parameters:  # each of these is a candidate by its own name

@@ -87,15 +87,6 @@ def places_of(model: Model, log: Log, channels: Sequence[str]) -> tuple[DrivingP
     return tuple(places)
 
 
-def port_readings(model: Model, series: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """What passes each port over a log, given its input and state series."""
-    s = Signals({name: jnp.asarray(value) for name, value in series.items()})
-    port = Reading(model.effects, s)
-    equations_of(model, s, port)
-    shape = np.shape(series["time"])
-    return {name: np.broadcast_to(np.asarray(value), shape) for name, value in port.seen.items()}
-
-
 def slopes_along(
     model: Model, series: Mapping[str, np.ndarray], place: DrivingPort
 ) -> tuple[np.ndarray, np.ndarray]:

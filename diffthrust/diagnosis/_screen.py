@@ -13,6 +13,7 @@ import numpy as np
 from diffthrust.diagnosis._probes import probes
 from diffthrust.diagnosis._shortlist import constants, inside, shortlist
 from diffthrust.diagnosis._trials import TrialFit, Trials, side_by_side
+from diffthrust.simulation._levels import levels_over
 
 _HOPE = 2.0
 """Likelihood ratio that a probe must promise to be followed."""
@@ -114,12 +115,7 @@ def levels_of(trials: Trials, trial: TrialFit) -> dict[str, float]:
     """The 90th percentile of the absolute value of every signal, and the longest duration."""
     pairs = zip(trial.path, trials.readings(trial), strict=True)
     series = [{**path, **ports} for path, ports in pairs]
-    levels = {
-        name: float(np.quantile(np.abs(np.concatenate([one[name] for one in series])), 0.9))
-        for name in series[0]
-        if all(name in one for one in series)
-    }
-    return {**levels, "duration": max(log.duration for log in trials.logs)}
+    return levels_over(series, trials.logs)
 
 
 def is_idle(trials: Trials, trial: TrialFit) -> bool:

@@ -26,6 +26,7 @@ from diffthrust.estimation._status import Status
 from diffthrust.logs._log import Log
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
+from diffthrust.simulation._levels import levels_when_asked
 from diffthrust.simulation._runs import pooled_errors, runs_over
 from diffthrust.simulation._step_size import CoarseStepWarning
 
@@ -206,6 +207,8 @@ def begun(
     if first.horizon is None:
         begun_with["horizon"] = None
     effects, untestable = candidates_of(first.model, (*train, *unseen), wanted)
+    levels = levels_when_asked(first.model, train)
+    effects = [effect.scaled(levels) for effect in effects]
     say("compiling the trials", FITTED)
     with clock("compile"):
         trials, trial = compiled(first, effects, constants_of(first.model, wanted), train, unseen)

@@ -4,31 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from diffthrust.diagnosis._findings import Missing, Remaining, SignalForm
+from diffthrust._support.literals import ToCopy
+from diffthrust.diagnosis._findings import Missing, Remaining
 from diffthrust.diagnosis._ports import words_and_unit
+from diffthrust.effects import Formula
+from diffthrust.effects._class_text import class_name, effect_class_text
+from diffthrust.estimation._origin import effects_line
+from diffthrust.logs._units import same_unit
 from diffthrust.models._base.model import Model
 
 HOW = "Write the law that you suspect as an effect of your own, say in my_effect.py, and fit it:"
-_CODE = '''import jax.numpy as jnp
+_NAME = "my_effect"
+_USED = """
 
-import diffthrust as dft
-
-
-class MyEffect(dft.Effect):
-    """What happens there, in one line."""
-
-    name = "my_effect"
-    port = "{port}"
-    strength: float = dft.parameter(0.0, unit="{unit}", null=0.0, size=1.0)
-
-    def __call__(self, value, s):
-        signal = {signal}
-        return {law}  # put your law in place of this line
-
-
-# In Python:      fit = dft.fit(model + MyEffect(), logs, holdout=unseen)
-# In a spec file: effects = [{effects}]
-'''
+# In Python:      fit = dft.fit(model + {cls}(), logs, holdout=unseen)
+# In a spec file: {line}
+"""
 
 
 def skeleton(model: Model, left: Remaining, missing: Sequence[Missing]) -> str:
@@ -42,17 +33,21 @@ def skeleton(model: Model, left: Remaining, missing: Sequence[Missing]) -> str:
         missing: the missing signals, which know the units of their ports.
     """
     units = {m.port: m.unit for m in reversed(missing)}
-    adds = left.manner == "adds"
+    adds, signal = left.manner == "adds", left.signal
     here = units.get(left.port, _unit(model, left.port)) if adds else ""
-    signal, unit = _read(model, left.signal)
-    effects = [*(effect.name for effect in model.effects), "my_effect.py:MyEffect"]
-    return _CODE.format(
-        port=left.port,
-        signal=signal,
-        law="value + self.strength * signal" if adds else "value * (1.0 + self.strength * signal)",
-        unit=f"{_bracketed(here or '1')}/{_bracketed(unit)}" if unit else here,
-        effects=", ".join(f'"{name}"' for name in effects),
+    later = bool(signal.rate or signal.past is not None)
+    unit = "" if later else _signal_units(model)[signal.name]
+    whole = f"{_bracketed(here or '1')}/{_bracketed(unit)}" if unit else here
+    term = f"strength * {signal.name}"
+    formula = Formula(
+        left.port,
+        term if adds else f"value * (1 + {term})",
+        strength=whole if same_unit(whole, whole) else "",
     )
+    hint = f"from which to work out: {signal}; " if later else ""
+    text = effect_class_text(formula, _NAME, hint=f"{hint}put your law in place of this line")
+    cls = class_name(_NAME)
+    return ToCopy(text + _USED.format(cls=cls, line=effects_line(model, [f"{_NAME}.py:{cls}"])))
 
 
 def _unit(model: Model, place: str) -> str:
@@ -65,9 +60,5 @@ def _bracketed(unit: str) -> str:
     return f"({unit})" if set(unit) & {"/", " "} else unit
 
 
-def _read(model: Model, signal: SignalForm) -> tuple[str, str]:
-    """The signal as an effect reads it, and its unit."""
-    if signal.rate or signal.past is not None:
-        return f"s.{signal.name}  # from which to work out: {signal}", ""
-    units = {**model.inputs, **model.optional_inputs, **model.states, "time": "s"}
-    return f"s.{signal.name}", units[signal.name]
+def _signal_units(model: Model) -> dict[str, str]:
+    return {**model.inputs, **model.optional_inputs, **model.states, "time": "s"}

@@ -22,7 +22,7 @@ from jaxtyping import Float
 
 from diffthrust._support.errors import InputError
 from diffthrust.diagnosis._held import of_effect
-from diffthrust.diagnosis._ports import places_of, port_readings
+from diffthrust.diagnosis._ports import places_of
 from diffthrust.diagnosis._response import Response
 from diffthrust.diagnosis._score_test import promised_gain
 from diffthrust.estimation._arrange import build
@@ -46,6 +46,7 @@ from diffthrust.logs._log import Log
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._inputs import measured_outputs
+from diffthrust.simulation._levels import port_readings
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")

@@ -343,17 +343,17 @@ def _rank(value: float) -> float:
     return -math.inf if math.isnan(value) else value
 
 
-def effects_known(diag: Findings) -> dict[str, type[Effect]]:
-    """The classes of effects by name: those of the catalogue and those that the models have."""
+def effects_known(diag: Findings) -> dict[str, Effect | type[Effect]]:
+    """Effects by name: the classes of the catalogue and what the models have."""
     from diffthrust.models._base.registry import catalogue
 
     return {
         **catalogue(),
-        **{effect.name: type(effect) for effect in (*diag.model.effects, *diag.best)},
+        **{effect.name: effect for effect in (*diag.model.effects, *diag.best)},
     }
 
 
-def first_line(name: str, known: Mapping[str, type[Effect]]) -> str:
+def first_line(name: str, known: Mapping[str, Effect | type[Effect]]) -> str:
     """The first line of an effect's docstring; "" where the effect is not known."""
     doc = (known[name].__doc__ or "").strip() if name in known else ""
     return doc.splitlines()[0] if doc else ""

@@ -3,6 +3,7 @@
 A new effect is one class with `registered` in the file of its place, and its line here.
 """
 
+from diffthrust.effects import _finite
 from diffthrust.effects._command import CommandDeadband as CommandDeadband
 from diffthrust.effects._command import CommandDelay as CommandDelay
 from diffthrust.effects._command import CommandOffset as CommandOffset
@@ -23,6 +24,7 @@ from diffthrust.effects._drive import RudderRateLimit as RudderRateLimit
 from diffthrust.effects._drive import SwappedThrusters as SwappedThrusters
 from diffthrust.effects._environment import WaterCurrent as WaterCurrent
 from diffthrust.effects._environment import Wind as Wind
+from diffthrust.effects._formula import Formula as Formula
 from diffthrust.effects._hull import QuadraticSurgeDrag as QuadraticSurgeDrag
 from diffthrust.effects._hull import QuadraticSwayDrag as QuadraticSwayDrag
 from diffthrust.effects._hull import QuadraticYawDrag as QuadraticYawDrag
@@ -49,3 +51,5 @@ from diffthrust.effects._shaft import StaticFriction as StaticFriction
 from diffthrust.effects._shaft import SupplyVoltageSag as SupplyVoltageSag
 from diffthrust.models._base.effect import EFFECTS as EFFECTS
 from diffthrust.models._base.effect import Effect as Effect
+
+finite = _finite

@@ -37,6 +37,7 @@ from diffthrust.logs._written import ShownUnits
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._commands import adopted
 from diffthrust.simulation._inputs import input_ranges
+from diffthrust.simulation._levels import with_sizes
 from diffthrust.simulation._runs import (
     Run,
     failures,
@@ -141,7 +142,7 @@ def fit(
         horizon=horizon,
         guesses=guesses,
     )
-    model = adopted(model, logs)
+    model = with_sizes(adopted(model, logs), logs)
     words = {"likelihood": likelihood, "noise_model": noise_model, "loss": loss}
     law = likelihood_of(model, logs, **words)
     task = _Task(

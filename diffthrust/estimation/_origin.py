@@ -6,10 +6,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
+from diffthrust._support.literals import ToCopy, as_python, as_toml
 from diffthrust.logs._identity import LogIdentity
 from diffthrust.logs._log import Log
 from diffthrust.models._base.component import file_of
 from diffthrust.models._base.effect import Effect
+from diffthrust.models._base.made_effect import MadeEffect
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.registry import catalogue
 
@@ -75,14 +77,18 @@ def versions() -> dict[str, str]:
     return {"diffthrust": __version__, "jax": jax.__version__, "numpy": np.__version__}
 
 
-def effects_line(model: Model, more: Sequence[Effect] = ()) -> str:
+def effects_line(model: Model, more: Sequence[Effect | str] = ()) -> str:
     """The line of a spec file that names a model's effects, to copy.
+
+    Args:
+        model: the model.
+        more: further effects, or words for them.
 
     Example:
         >>> effects_line(dft.Thruster() + "actuator_lag")
         'effects = ["actuator_lag"]'
     """
-    return f"effects = [{', '.join(map(_word, (*model.effects, *more)))}]"
+    return ToCopy(f"effects = [{', '.join(map(_word, (*model.effects, *more)))}]")
 
 
 def python_line(model: Model, more: Sequence[Effect] = ()) -> str:
@@ -97,13 +103,16 @@ def python_line(model: Model, more: Sequence[Effect] = ()) -> str:
     told = ", ".join(f"{name}={_quoted(v)}" for name, v in chosen.items())
     made = f"{'' if model.own else 'dft.'}{type(model).__name__}({told})"
     every = (*model.effects, *more)
-    return f"model = {' + '.join([made, *map(_made, every)])}"
+    return ToCopy(f"model = {' + '.join([made, *map(_made, every)])}")
 
 
 def _made(effect: Effect) -> str:
     """An effect as code."""
     if _known(effect) and not effect.form:
         return f'"{effect.name}"'
+    if isinstance(effect, MadeEffect) and not effect.own:
+        told = ", ".join(f"{n}={as_python(v)}" for n, v in effect.arguments.items())
+        return f"dft.effects.{type(effect).__name__}({told})"
     form = ", ".join(f"{name}={value:g}" for name, value in effect.form.items())
     return f"{'dft.effects.' if _known(effect) else ''}{type(effect).__name__}({form})"
 
@@ -150,9 +159,13 @@ def _known(effect: Effect) -> bool:
     return catalogue().get(effect.name) is type(effect)
 
 
-def _word(effect: Effect) -> str:
+def _word(effect: Effect | str) -> str:
+    if isinstance(effect, str):
+        return as_toml(effect)
     if _known(effect):
         return f'"{effect.name}"'
+    if isinstance(effect, MadeEffect) and not effect.own:
+        return as_toml(effect.as_table())
     cls = type(effect)
     script = (file_of(cls) or "script.py").replace("\\", "/").rpartition("/")[2]
     return f'"{script}:{cls.__name__}"'

@@ -11,6 +11,7 @@ from diffthrust._support.names import listing
 from diffthrust.models import MODELS
 from diffthrust.models._base.component import Component
 from diffthrust.models._base.effect import Effect
+from diffthrust.models._base.made_effect import MADE_EFFECTS
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Parameter
 from diffthrust.models._base.registry import catalogue
@@ -41,7 +42,7 @@ def component_made(
     """The model without its effects, or the effect, that `Component.as_plain` tells of."""
     name, what = plain["name"], base.__name__.lower()
     cls = _class_of(base, plain, own)
-    thing = cls(**{key: _unlisted(value) for key, value in plain["arguments"].items()})
+    thing = cls(**{key: _restored(value) for key, value in plain["arguments"].items()})
     saved = {
         key: decoder.decoded(Parameter, described) for key, described in plain["parameters"].items()
     }
@@ -57,7 +58,7 @@ def component_made(
 
 def _class_of(base: type, plain: dict[str, Any], own: Sequence[type]) -> Any:
     name, told = plain["name"], plain["own"]
-    known: Mapping[str, Any] = MODELS if base is Model else catalogue()
+    known: Mapping[str, Any] = MODELS if base is Model else {**catalogue(), **MADE_EFFECTS}
     candidates: list[Any] = [*own, *known.values()]  # those of installed packages are known too
     if told is None:
         if name in known:
@@ -80,6 +81,10 @@ def _class_of(base: type, plain: dict[str, Any], own: Sequence[type]) -> Any:
     )
 
 
-def _unlisted(value: Any) -> Any:
-    """What JSON made a list was a tuple."""
-    return tuple(_unlisted(each) for each in value) if isinstance(value, list) else value
+def _restored(value: Any, described: bool = False) -> Any:
+    """What JSON made a list was a tuple; in a description of a parameter, "inf" is a number."""
+    if isinstance(value, dict):
+        return {key: _restored(each, True) for key, each in value.items()}
+    if isinstance(value, list):
+        return tuple(_restored(each, described) for each in value)
+    return float(value) if described and value in ("inf", "-inf") else value

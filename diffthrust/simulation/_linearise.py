@@ -19,7 +19,7 @@ from diffthrust.simulation._trajectory import equations_of
 
 
 class Reading(Ports):
-    """Ports that note what passes, and may add something to it."""
+    """Ports that note what passes and what the model tells, and may add something to the former."""
 
     def __init__(
         self, effects: Any, signals: Signals, push: Mapping[str, Any] | None = None
@@ -27,6 +27,11 @@ class Reading(Ports):
         super().__init__(effects, signals)
         self.push = push or {}
         self.seen: dict[str, Any] = {}
+        self.told: dict[str, Any] = {}
+
+    def tell(self, **signals: Any) -> None:
+        super().tell(**signals)
+        self.told |= signals
 
     def __call__(self, port: str, value: Any) -> Any:
         value = super().__call__(port, value)

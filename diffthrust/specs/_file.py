@@ -37,6 +37,13 @@ def _as_list(value: Any) -> Any:
     return [value] if isinstance(value, str) else value
 
 
+def _as_effects(value: Any) -> Any:
+    entries = [value] if isinstance(value, str | dict) else value
+    if not (isinstance(entries, list) and all(isinstance(e, str | dict) for e in entries)):
+        raise ValueError('a list of names and tables: ["actuator_lag", { formula = "...", ... }]')
+    return entries
+
+
 def _as_column(value: Any) -> Any:
     return {"column": value} if isinstance(value, str) else value
 
@@ -198,7 +205,7 @@ class SpecFile(_Part):
     """A whole spec file."""
 
     model: str
-    effects: Annotated[list[str], BeforeValidator(_as_list)] = []
+    effects: Annotated[list[Any], BeforeValidator(_as_effects)] = []
     options: dict[str, str | bool | int | float] = {}
     logs: LogsPart
     channels: Annotated[
@@ -207,6 +214,11 @@ class SpecFile(_Part):
     parameters: dict[str, Annotated[ParameterPart, BeforeValidator(_as_value)]] = {}
     fit: FitPart = FitPart()
     expected: ExpectedPart | None = None
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """The model and those effects that are named by a word, which may be a script's."""
+        return (self.model, *(entry for entry in self.effects if isinstance(entry, str)))
 
 
 def read_spec_text(path: Path) -> str:
@@ -311,9 +323,10 @@ def parse_spec(text: str, file: Path | str) -> SpecFile:
 def _dotted(data: dict[str, Any]) -> None:
     """Read ``effect.parameter = ...``, which TOML nests, as one name."""
     effects = data.get("effects", [])
-    effects = [effects] if isinstance(effects, str) else effects
+    effects = [effects] if isinstance(effects, str | dict) else effects
     effects = effects if isinstance(effects, list) else []
-    names = {str(word).rpartition(":")[2] for word in effects}
+    called = [e.get("name", "") if isinstance(e, dict) else e for e in effects]
+    names = {str(word).rpartition(":")[2] for word in called}
     for holder in (data, data.get("expected")):
         tables = holder.get("parameters") if isinstance(holder, dict) else None
         if not isinstance(tables, dict):

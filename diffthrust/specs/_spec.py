@@ -26,6 +26,7 @@ from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Normal
 from diffthrust.simulation._commands import command_kind
 from diffthrust.specs._channels import columns_of, roles_of
+from diffthrust.specs._effects import effect_of
 from diffthrust.specs._file import (
     NAME,
     ParameterPart,
@@ -87,8 +88,7 @@ class Spec(Brief):
         """
         told = parse_toml(self.text, self.path)
         told.pop("expected", None)
-        words = [self.file.model, *self.file.effects]
-        scripts = [script_file(word, self.path.parent) for word in words]
+        scripts = [script_file(word, self.path.parent) for word in self.file.words]
         code = [sha256(script.read_bytes()).hexdigest() for script in scripts if script]
         return sha256(json.dumps([told, code], sort_keys=True, default=str).encode()).hexdigest()
 
@@ -302,9 +302,8 @@ def _model(file: SpecFile, text: str, path: Path, trust: Sequence[Path | str]) -
                 unit = si_unit(file.channels[name].as_column().kept_unit, name)
                 model = model.commanded_in(command_kind(model, unit))
         loc = ("effects",)
-        for name in file.effects:
-            check_place(name, path.parent, trust)
-            model = model + effect_class(name, path.parent)()
+        for entry in file.effects:
+            model = model + effect_of(entry, path.parent, trust)
         for name, part in file.parameters.items():
             loc = ("parameters", name)
             model = model.replace({name: _fields(part)})

@@ -102,7 +102,7 @@ def fingerprint(spec: Spec, job: Job) -> str:
     from diffthrust import __version__
 
     here = spec.path.parent
-    named = (spec.file.model, *spec.file.effects, *job.options.get("candidates", ()))
+    named = (*spec.file.words, *job.options.get("candidates", ()))
     scripts = [script for name in named if (script := script_file(name, here))]
     paths = [*spec.train, *spec.holdout, *(path for path in scripts if path.is_file())]
     causes = {

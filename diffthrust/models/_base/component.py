@@ -82,7 +82,7 @@ class Component:
     @property
     def own(self) -> bool:
         """Whether it is of a class of the user's own, which spec files do not know by name."""
-        return self.library.get(self.name) is not type(self)
+        return self.library.get(type(self).name) is not type(self)
 
     @property
     def arguments(self) -> dict[str, Any]:
@@ -108,7 +108,7 @@ class Component:
                 )
         own = {"class": cls.__qualname__, "module": cls.__module__, "file": file_of(cls)}
         return {
-            "name": self.name,
+            "name": cls.name,
             "own": own if self.own else None,
             "arguments": self.arguments,
             "parameters": {k: p.with_value(getattr(self, k)) for k, p in self._parameters.items()},
@@ -219,6 +219,6 @@ _ABSENT = object()
 
 
 def _writable(value: Any) -> bool:
-    if isinstance(value, tuple):
-        return all(map(_writable, value))
+    if isinstance(value, tuple | Mapping):
+        return all(map(_writable, value.values() if isinstance(value, Mapping) else value))
     return value is None or isinstance(value, bool | int | float | str)

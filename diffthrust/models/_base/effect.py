@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing, nearest
 from diffthrust.models._base.component import Component
 from diffthrust.models._base.signals import Rate, Signal, Signals, elementwise, expect
 
@@ -39,6 +40,10 @@ class Effect(Component):
     states: ClassVar[Mapping[str, str]] = {}
     memory: ClassVar[bool] = False
     ports: ClassVar[tuple[str, ...]] = ()
+    reads: tuple[str, ...] = ()
+    """Signals that it reads, where these are known; a model refuses one that it does not have."""
+    told: ClassVar[tuple[str, ...]] = ("name", "port")
+    """What each class of effects must say of itself."""
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -52,7 +57,7 @@ class Effect(Component):
                 "underscores.",
                 "Write it like the names of Python: my_effect.",
             )
-        missing = [field for field in ("name", "port") if not getattr(cls, field)]
+        missing = [field for field in cls.told if not getattr(cls, field)]
         if missing:
             raise InputError(
                 f"Effect {cls.__name__}: expected {' and '.join(missing)} in the class body.",
@@ -80,6 +85,15 @@ class Effect(Component):
         """States at the start of a log, from the value that arrives there; zero by default."""
         return {}
 
+    def unread(self, name: str, port: str, known: Sequence[str]) -> InputError:
+        """The error for a signal that it reads and that the model does not have there."""
+        near = nearest(name, known)
+        return InputError(
+            f"Effect '{self.name}' reads the signal {name!r}, which is not known at the port "
+            f"'{port}'{'; ' + near if near else ''}.",
+            f"Correct the name; known there are {listing(known)}.",
+        )
+
     @property
     def form(self) -> dict[str, float]:
         """Fixed parameters that are not as declared, and so choose another form of the effect."""
@@ -88,6 +102,15 @@ class Effect(Component):
             for name, p in self._parameters.items()
             if p.fixed and p.probes and getattr(self, name) != self.declared[name].value
         }
+
+    def scaled(self, levels: Callable[[], Mapping[str, float]]) -> Effect:
+        """The effect with sizes and trial values that follow from the logs; as it is, by default.
+
+        Args:
+            levels: gives how large the signals of the model are, the ports' among them: the 90th
+                percentile of the absolute value.
+        """
+        return self
 
     def at_null(self) -> Effect:
         """The same effect with every parameter that has a null value set to it."""

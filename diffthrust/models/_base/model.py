@@ -11,7 +11,9 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
 from diffthrust.models._base.component import Component, changed
 from diffthrust.models._base.effect import Effect, Ports
+from diffthrust.models._base.made_effect import MadeEffect
 from diffthrust.models._base.parameter import Parameter
+from diffthrust.models._base.readable import told_at
 from diffthrust.models._base.registry import effect_named
 from diffthrust.models._base.signals import RatesAndOutputs, Signal, Signals
 
@@ -215,7 +217,8 @@ class Model(Component):
         if any(effect.name == other.name for effect in self.effects):
             raise InputError(
                 f"{self} already has the effect '{other.name}'.",
-                f'Take it out first: model - "{other.name}".',
+                f'Take it out first: model - "{other.name}".'
+                + " Or give one of them another name." * isinstance(other, MadeEffect),
             )
         places = [*self.ports, *self.inputs, *self.optional_inputs, *self.outputs]
         for port in other.ports:
@@ -232,7 +235,34 @@ class Model(Component):
                     f"{listing(self.ports)}.",
                     "Let it act at one of these ports.",
                 )
-        return self._copy(effects=(*self.effects, other._in_units(self.channel_units)))
+        return self._copy(effects=(*self.effects, self._fitted_in(other)))
+
+    def _fitted_in(self, effect: Effect) -> Effect:
+        """An effect with the units of this model's channels, and the optional ones it needs."""
+        for port in effect.ports if effect.reads else ():
+            known = self.signals_at(port)
+            for name in effect.reads:
+                if name not in known:
+                    raise effect.unread(name, port, known)
+        always = {*self.inputs, *self.states}
+        needs = [n for n in effect.reads if n in self.optional_inputs and n not in always]
+        effect = effect._in_units(self.channel_units)
+        return effect._copy(needs=tuple({*effect.needs, *needs})) if needs else effect
+
+    def signals_at(self, port: str) -> tuple[str, ...]:
+        """The signals that an effect may read at a port, or on a channel.
+
+        Example:
+            >>> dft.Thruster().signals_at("shaft")
+            ('time', 'command', 'speed', 'inflow', 'supply_voltage')
+        """
+        given = ("time", *self.inputs, *self.optional_inputs)
+        if port in self.ports:
+            given = ("time", *self.inputs, *self.states, *self.optional_inputs)
+            given += told_at(self.equations, given, port)
+        elif port in self.outputs:
+            given = ("time", *self.inputs, *self.states, *self.outputs, *self.optional_inputs)
+        return tuple(dict.fromkeys(given))
 
     def __sub__(self, name: str) -> Self:
         kept = tuple(effect for effect in self.effects if effect.name != name)

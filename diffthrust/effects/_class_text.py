@@ -1,0 +1,259 @@
+"""The text of a class of an effect, and of its tests, from a formula."""
+
+from __future__ import annotations
+
+import ast
+import textwrap
+from copy import deepcopy
+from typing import Any
+
+from diffthrust._support.literals import as_python
+from diffthrust.effects._formula import ARRIVING, Formula
+from diffthrust.effects._grammar import SHORT, expression_of, keeps_sign
+from diffthrust.models._base.described import plain_description
+from diffthrust.models._base.parameter import Parameter
+
+_WIDTH = 100
+_FINITE = {"sqrt": "square_root", "log": "logarithm", "exp": "exponential"}
+
+_CLASS = '''"""{title}"""
+
+import jax.numpy as jnp
+
+import diffthrust as dft
+
+
+class {cls}(dft.Effect):
+    """{doc}
+
+{about}
+    """
+
+    name = "{name}"
+    port = "{port}"
+{needs}{parameters}
+
+    def __call__(self, value, s):
+        """What leaves the port where `value` arrives and `s` are the signals."""
+        return {law}{hint}
+'''
+
+_TEST = '''"""Tests of {name}.py."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from {name} import {cls}
+
+import diffthrust as dft
+
+POINTS = np.random.default_rng(0)
+VALUE = jnp.asarray(POINTS.normal(size=100))
+SIGNALS = dft.models.Signals(
+    {{name: jnp.asarray(3.0 * POINTS.normal(size=100)) for name in {reads}}}
+)
+MOVED = {moved}
+
+
+def test_at_its_null_it_changes_nothing():
+    left = {cls}().at_null()(VALUE, SIGNALS)
+    np.testing.assert_allclose(left, VALUE, rtol=1e-12, atol=1e-12)
+
+
+def test_elsewhere_it_is_the_law():
+    formula = {formula}
+    described = {{
+        name: {{"unit": p.unit, "null": p.null, "value": MOVED.get(name, p.value)}}
+        for name, p in {cls}.declared.items()
+    }}
+    law = dft.effects.Formula(**formula, **described)
+    left = {cls}(**MOVED)(VALUE, SIGNALS)
+    np.testing.assert_allclose(left, law(VALUE, SIGNALS), rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("size", [0.0, 1.0])
+@pytest.mark.parametrize("effect", [{cls}().at_null(), {cls}(**MOVED)], ids=["null", "moved"])
+def test_its_slopes_are_finite(effect, size):
+    def left(effect, scale):
+        signals = dft.models.Signals({{name: scale * SIGNALS[name] for name in SIGNALS}})
+        return jnp.sum(effect(scale * VALUE, signals))
+
+    slopes = jax.grad(left, argnums=(0, 1))(effect, size)
+    assert np.all(np.isfinite(jax.tree_util.tree_leaves(slopes)))
+'''
+
+
+def class_name(name: str) -> str:
+    """How the class of an effect is called: tip_loss is TipLoss."""
+    return "".join(part.title() for part in name.split("_"))
+
+
+def effect_class_text(
+    formula: Formula, name: str, doc: str = "What happens there, in one line.", hint: str = ""
+) -> str:
+    """The script of a class that does what a formula does, to be changed by hand.
+
+    Args:
+        formula: the effect; one that was added to a model knows which channels a log must have.
+        name: by which the effect is to be known, and its file.
+        doc: what happens, in a sentence.
+        hint: a comment at the end of the law.
+
+    Example:
+        >>> formula = dft.effects.Formula("shaft", "-rate * speed", rate="1/s")
+        >>> "value - self.rate * s.speed" in effect_class_text(formula, "drag")
+        True
+    """
+    nulls = [f"{n} = {p.null:g}" for n, p in formula.declared.items() if p.null is not None]
+    acts = formula.expression if formula.adds else f"{ARRIVING} becomes {formula.expression}"
+    about = f"Acts at the port '{formula.port}'{', adding' * formula.adds}: {acts}."
+    about = textwrap.fill(f"{about} Null: {', '.join(nulls)}.", _WIDTH - 4)
+    described = formula._parameters.items()
+    return _CLASS.format(
+        title=f"The effect {name}, of one's own.",
+        cls=class_name(name),
+        doc=doc.strip().replace("\\", "\\\\").replace('"""', "'''"),
+        about=textwrap.indent(about, "    "),
+        name=name,
+        port=formula.port,
+        needs=f"    needs = {as_python(formula.needs)}\n" if formula.needs else "",
+        parameters="\n".join(f"    {n}: float = {_declaration(p)}" for n, p in described),
+        law=_law(formula),
+        hint=f"  # {hint}" if hint else "",
+    )
+
+
+def effect_test_text(formula: Formula, name: str) -> str:
+    """The tests of `effect_class_text`, which pass: its null, its law, its slopes."""
+    told = {"port": formula.port, "expression": formula.expression}
+    return _TEST.format(
+        cls=class_name(name),
+        name=name,
+        reads=as_python(formula.reads),
+        formula=as_python(told),
+        moved=as_python({n: _moved(p) for n, p in formula._parameters.items() if not p.fixed}),
+    )
+
+
+def _moved(p: Parameter) -> float:
+    """Another value within the bounds."""
+    low, high = p.limits
+    tried = (p.value + 0.5, p.value - 0.5, 0.5 * (p.value + high), 0.5 * (p.value + low))
+    return next(value for value in tried if low <= value <= high)
+
+
+def _declaration(p: Parameter) -> str:
+    """A parameter as code; an amplitude that has no size yet is of size one."""
+    fields = plain_description("", p)
+    assert isinstance(fields, dict)
+    value, unit = fields.pop("value"), fields.pop("unit")
+    if p.null == p.value and "size" not in fields:
+        fields["size"] = 1.0
+    told = [f"{_rounded(value)!r}", f"unit={as_python(unit)}"]
+    told += [f"{n}={_field(n, v)}" for n, v in fields.items()]
+    line = f"dft.parameter({', '.join(told)})"
+    if len(line) <= _WIDTH - 30:
+        return line
+    return "\n".join(["dft.parameter(", *(f"        {part}," for part in told), "    )"])
+
+
+def _field(name: str, value: Any) -> str:
+    if name == "prior":
+        return f"dft.Normal(mean={value['mean']!r}, std={value['std']!r})"
+    if name == "probes" and isinstance(value, dict):
+        factors = ", ".join(map(repr, value["factors"]))
+        return f'dft.models.relative_to("{value["signal"]}", {factors}, power={value["power"]!r})'
+    return as_python(_rounded(value))
+
+
+def _rounded(value: Any) -> Any:
+    """Four digits of what was worked out from logs."""
+    if isinstance(value, tuple):
+        return tuple(map(_rounded, value))
+    return float(f"{value:.4g}") if isinstance(value, float) else value
+
+
+def _law(formula: Formula) -> str:
+    """The expression as an effect writes it."""
+    tree = deepcopy(expression_of(formula.expression).tree)
+    body = _Written(frozenset(formula.declared)).visit(tree)
+    if formula.adds:
+        body = _sum(ast.Name(ARRIVING), body)
+    text = ast.unparse(ast.fix_missing_locations(body))
+    if len(text) <= _WIDTH - 15:
+        return text
+    rows = textwrap.wrap(text, _WIDTH - 12, break_long_words=False, break_on_hyphens=False)
+    return "\n".join(["(", *(f"            {row}" for row in rows), "        )"])
+
+
+def _sum(left: ast.expr, right: ast.expr) -> ast.expr:
+    """Their sum; a difference where the second begins with a minus."""
+    if isinstance(right, ast.BinOp) and isinstance(right.op, ast.Add | ast.Sub):
+        return ast.BinOp(_sum(left, right.left), right.op, right.right)
+    product = right
+    while isinstance(product, ast.BinOp) and isinstance(product.left, ast.BinOp):
+        product = product.left
+    first = product.left if isinstance(product, ast.BinOp) else product
+    if not (isinstance(first, ast.UnaryOp) and isinstance(first.op, ast.USub)):
+        return ast.BinOp(left, ast.Add(), right)
+    if not isinstance(product, ast.BinOp):
+        return ast.BinOp(left, ast.Sub(), first.operand)
+    product.left = first.operand
+    return ast.BinOp(left, ast.Sub(), right)
+
+
+class _Written(ast.NodeTransformer):
+    """Names become attributes, and functions those that an effect would call."""
+
+    def __init__(self, parameters: frozenset[str]) -> None:
+        self._parameters = parameters
+
+    def visit_Name(self, node: ast.Name) -> ast.expr:
+        if node.id == ARRIVING:
+            return node
+        owner = "self" if node.id in self._parameters else "jnp" if node.id == "pi" else "s"
+        return ast.Attribute(ast.Name(owner), node.id)
+
+    def visit_Call(self, node: ast.Call) -> ast.expr:
+        assert isinstance(node.func, ast.Name)
+        name = SHORT.get(node.func.id, node.func.id)
+        given = [self.visit(part) for part in node.args]
+        if name == "where":
+            given[0] = _condition(node.args[0], given[0])
+        return _finite(_FINITE[name], *given) if name in _FINITE else _jnp(name, *given)
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
+        left, right = self.visit(node.left), self.visit(node.right)
+        if isinstance(node.op, ast.Div) and not isinstance(right, ast.Constant):
+            return _finite("quotient", left, right)
+        if isinstance(node.op, ast.Pow) and not keeps_sign(right):
+            return _finite("raised", left, right)
+        return ast.BinOp(left, node.op, right)
+
+    def visit_Compare(self, node: ast.Compare) -> ast.expr:
+        parts = [self.visit(part) for part in (node.left, *node.comparators)]
+        pairs = [
+            ast.Compare(left, [op], [right])
+            for left, op, right in zip(parts[:-1], node.ops, parts[1:], strict=True)
+        ]
+        held: ast.expr = pairs[0]
+        for pair in pairs[1:]:
+            held = ast.BinOp(held, ast.BitAnd(), pair)
+        return _jnp("where", held, ast.Constant(1.0), ast.Constant(0.0))
+
+
+def _condition(before: ast.expr, written: ast.expr) -> ast.expr:
+    """What a `where` asks: a comparison as such, a number for being none."""
+    if isinstance(before, ast.Compare) and isinstance(written, ast.Call):
+        return written.args[0]
+    return ast.Compare(written, [ast.NotEq()], [ast.Constant(0)])
+
+
+def _jnp(name: str, *given: ast.expr) -> ast.expr:
+    return ast.Call(ast.Attribute(ast.Name("jnp"), name), list(given), [])
+
+
+def _finite(name: str, *given: ast.expr) -> ast.expr:
+    finite = ast.Attribute(ast.Attribute(ast.Name("dft"), "effects"), "finite")
+    return ast.Call(ast.Attribute(finite, name), list(given), [])

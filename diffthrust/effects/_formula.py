@@ -1,0 +1,247 @@
+"""An effect that is written as an expression of one line."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing, nearest
+from diffthrust.effects._grammar import Expression, expression_of
+from diffthrust.logs._units import si_unit
+from diffthrust.models._base.component import registered
+from diffthrust.models._base.described import described_fields, plain_description
+from diffthrust.models._base.made_effect import MadeEffect
+from diffthrust.models._base.parameter import Parameter, parameter
+from diffthrust.models._base.signals import Signal, Signals
+
+ARRIVING = "value"
+"""The name of what arrives at the port."""
+_POINTS = 256
+_EXPONENT = {"value": 1.0, "bounds": (0.1, 4.0), "probes": (0.5, 1.0, 2.0), "transform": "linear"}
+"""What an exponent is where only its unit is given."""
+_FOLLOWS = re.compile(r"[^{}]*\{\w+\}[^{}]*")
+"""A unit that follows a channel: which one that is, the model knows."""
+_SHARE = 0.1
+"""An amplitude is tried where it makes this share of what passes the port."""
+
+
+@registered
+class Formula(MadeEffect):
+    """A hypothesis of one line: an expression of parameters and signals, at a port.
+
+    Names among the keywords are parameters, every other name is a signal of the model: time,
+    inputs, states, and what the model tells at the port (``model.signals_at(port)``). ``value`` is
+    what arrives there: an expression that mentions it gives what leaves the port, one that does not
+    is added. Allowed are numbers, ``+ - * / **``, comparisons (1 where they hold, 0 elsewhere), pi,
+    and abs, sign, sqrt, exp, log, tanh, sin, cos, minimum, maximum (min, max) and
+    ``where(condition, x, y)``. A power that is not whole is that of the size of its base; powers,
+    roots, logarithms and quotients are finite everywhere, with their derivatives.
+
+    Args:
+        port: a port of the model, or one of its channels.
+        expression: the law, such as ``"-a * speed * abs(speed)**p"``.
+        name: by which the model knows it; its parameters are then ``name.a``, ``name.p``.
+        **parameters: each a unit ("" for a pure number), a `dft.parameter`, or a mapping of its
+            fields with "unit". Where only the unit is given, a parameter without which the effect
+            does nothing begins at zero and is tried at a tenth of what passes the port, and one in
+            an exponent begins at 1 within 0.1 to 4. Any other needs a value.
+
+    Null: the parameters are found without which nothing is changed; ``null`` in a mapping gives
+    another.
+
+    Raises:
+        InputError: an expression that is not allowed, with a mark below the place; a parameter that
+            it does not have or that needs a value; no null value.
+
+    Example:
+        >>> drag = dft.effects.Formula(
+        ...     "shaft", "-a * speed * abs(speed)**p", name="drag", a="rad/s^2", p=""
+        ... )
+        >>> fit = dft.fit(dft.Thruster() + drag, logs)
+        >>> diag = dft.diagnose(dft.Thruster(), logs, candidates=["all", drag])
+    """
+
+    name = "formula"
+    main = "expression"
+    options = ("name", "port", "expression")
+    expression: str
+
+    def __init__(
+        self, port: str, expression: str, *, name: str = "formula", **parameters: Any
+    ) -> None:
+        if not isinstance(expression, str):
+            raise InputError(
+                f"formula: expected an expression as text, found {expression!r:.60}.",
+                'Write one in quotes: "-a * speed".',
+            )
+        law = expression_of(expression)
+        for unknown in (n for n in parameters if n not in law.places):
+            near = nearest(unknown, law.places)
+            raise InputError(
+                f"formula: the parameter {unknown!r} does not occur in {expression!r}"
+                f"{'; ' + near if near else ''}.",
+                "Correct the name, or remove it.",
+            )
+        self._check_parameters(parameters)
+        given = {
+            n: plain_description(f"formula, parameter '{n}'", each)
+            for n, each in parameters.items()
+        }
+        self._set(expression=expression, given=given, __doc__=f"{expression} at the port '{port}'.")
+        reads = tuple(n for n in law.places if n not in given and n != ARRIVING)
+        self._make(name, port, _declared(law, given), reads)
+
+    def __call__(self, value: Signal, s: Signals) -> Signal:
+        """What leaves the port."""
+        law = expression_of(self.expression)
+
+        def named(name: str) -> Any:
+            if name == ARRIVING:
+                return value
+            return getattr(self if name in self.declared else s, name)
+
+        found = law(named, jnp)
+        return value + found if self.adds else found
+
+    @property
+    def adds(self) -> bool:
+        """Whether the expression is added to what arrives, and does not read it."""
+        return ARRIVING not in expression_of(self.expression).places
+
+    def scaled(self, levels: Callable[[], Mapping[str, float]]) -> Formula:
+        """The sizes of amplitudes that have none: a tenth of what passes the port."""
+        described = dict(self._parameters)
+        numbers = {n: getattr(self, n) for n in described}
+        for name, p in self._parameters.items():
+            if p.null == p.value == 0.0 and p.size is None and not p.probes:
+                known = levels()
+                one = _level(self, {**numbers, name: 1.0}, known)
+                size = _SHARE * known.get(self.port, 0.0) / one if one > 0 else 0.0
+                if 0 < size < np.inf:
+                    described[name] = replace(p, size=size, probes=(size, -size))
+        return self._copy(_parameters=described)
+
+    def unread(self, name: str, port: str, known: Sequence[str]) -> InputError:
+        """The error for a name that is no parameter and no signal, with a mark below it."""
+        near = nearest(name, (*known, *self.declared))
+        return expression_of(self.expression).refused(
+            expression_of(self.expression).places[name],
+            f"{name!r} is no parameter of '{self.name}', and no signal at the port '{port}'"
+            f"{'; ' + near if near else ''}",
+            f'Correct the name, or give a parameter\'s unit: {name}="rad/s". Signals there are '
+            f"{listing(known)}.",
+        )
+
+
+def _level(formula: Formula, numbers: Mapping[str, float], levels: Mapping[str, float]) -> float:
+    """How much a formula adds to what arrives, where signals are anywhere within their levels.
+
+    The 90th percentile of its size; zero where a level is not known.
+    """
+    law, rng = expression_of(formula.expression), np.random.default_rng(0)
+    ranges = {ARRIVING: levels.get(formula.port, 0.0), **levels}
+    if any(name not in ranges for name in formula.reads):
+        return 0.0
+    at = {n: ranges[n] * rng.uniform(-1, 1, _POINTS) for n in (ARRIVING, *formula.reads)}
+    at |= {"time": np.abs(at["time"])} if "time" in at else {}
+    change = np.abs(_change(law, {**at, **numbers}))
+    change = change[np.isfinite(change)]
+    return float(np.quantile(change, 0.9)) if change.size else 0.0
+
+
+def _declared(
+    law: Expression, given: Mapping[str, str | Mapping[str, Any]]
+) -> dict[str, Parameter]:
+    """The parameters with their nulls, and with values where only a unit was given."""
+    told = {n: described_fields(f"formula, parameter '{n}'", each) for n, each in given.items()}
+    for name, its in told.items():
+        if not _FOLLOWS.fullmatch(str(its["unit"])):
+            si_unit(its["unit"], where=f"formula, parameter '{name}'")
+    nulls, linear = _nulls(law, told)
+    full: dict[str, Parameter] = {}
+    for name, its in told.items():
+        if name in nulls:
+            begin = {"value": 0.0} if nulls[name] == 0 and name in linear else {}
+            its = {**begin, **its, "null": nulls[name]}
+            its |= {"transform": "linear"} if nulls[name] == 0 else {}
+        elif name in law.exponents:
+            its = {**_EXPONENT, **its}
+        if "value" not in its:
+            raise law.refused(
+                law.places[name],
+                f"nothing says where {name!r} begins",
+                f'Give it a value: {name}={{"unit": "{its["unit"]}", "value": ...}}.',
+            )
+        full[name] = parameter(**its)
+    return full
+
+
+def _nulls(
+    law: Expression, told: Mapping[str, Mapping[str, Any]]
+) -> tuple[dict[str, float], list[str]]:
+    """The parameters at whose null the formula changes nothing, with it, and those it is linear in.
+
+    Found by evaluation at random signals: those in which it is linear are tried first, and as few
+    as suffice are taken.
+    """
+    free = [name for name, its in told.items() if not its.get("fixed")]
+    asked = {n: float(told[n]["null"]) for n in free if told[n].get("null") is not None}
+    rng = np.random.default_rng(0)
+    signals = {
+        name: rng.normal(size=_POINTS) * 10 ** rng.uniform(-1, 2, _POINTS)
+        for name in (*law.places, ARRIVING)
+    }
+    drawn = {n: rng.uniform(0.5, 2.0) for n in told}
+    drawn |= {n: its["value"] for n, its in told.items() if "value" in its and n not in free}
+    at = {**signals, **drawn}
+    if not np.isfinite(_change(law, at)).any():
+        raise InputError(
+            f"formula: {law.text!r} is nowhere finite.", "Correct its numbers and exponents."
+        )
+    linear = [n for n in free if _is_linear(law, at, n)]
+    at |= asked
+    if asked and _does_nothing(law, at):
+        return asked, linear
+    for pool in (linear, free):
+        zero = [name for name in pool if name not in asked]
+        if zero and _does_nothing(law, {**at, **dict.fromkeys(zero, 0.0)}):
+            for name in reversed(zero):
+                fewer = [n for n in zero if n != name]
+                if fewer and _does_nothing(law, {**at, **dict.fromkeys(fewer, 0.0)}):
+                    zero = fewer
+            return {**asked, **dict.fromkeys(zero, 0.0)}, linear
+    zero = ", ".join(f"{n} = {v:g}" for n, v in asked.items())
+    raise InputError(
+        f"formula: {law.text!r} changes what passes its port whatever its parameters"
+        f"{f', also where {zero}' if zero else ''}.",
+        "Multiply it by an amplitude (of what arrives: value * (1 + a)), or say at which value it "
+        'does nothing: limit={"unit": "rad/s^2", "value": 50.0, "null": float("inf")}.',
+    )
+
+
+def _change(law: Expression, at: Mapping[str, Any]) -> np.ndarray:
+    """What the formula adds to what arrives, at some points."""
+    with np.errstate(all="ignore"):
+        found = np.asarray(law(at.__getitem__, np), float)
+        change = found - at[ARRIVING] if ARRIVING in law.places else found
+    return np.broadcast_to(change, np.shape(at[ARRIVING]))
+
+
+def _does_nothing(law: Expression, at: Mapping[str, Any]) -> bool:
+    change, size = _change(law, at), np.abs(at[ARRIVING])
+    seen = np.isfinite(change)
+    return bool(seen.any() and np.all(np.abs(change[seen]) <= 1e-12 * size[seen]))
+
+
+def _is_linear(law: Expression, at: Mapping[str, Any], name: str) -> bool:
+    one, two, three = (_change(law, {**at, name: k * at[name]}) for k in (1.0, 2.0, 3.0))
+    with np.errstate(all="ignore"):
+        bend = np.abs(one - 2 * two + three)
+    seen = np.isfinite(bend)
+    return bool(seen.any() and np.all(bend[seen] <= 1e-9 * np.abs(three - one)[seen] + 1e-300))

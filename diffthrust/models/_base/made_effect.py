@@ -1,0 +1,81 @@
+"""Effects whose name, port and parameters are given where they are made, not by a class."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, ClassVar
+
+from diffthrust._support.errors import InputError
+from diffthrust.models._base.effect import Effect
+from diffthrust.models._base.parameter import Parameter
+
+_MEANT = ("value", "time")
+"""What arrives at a port, and a signal that every model has."""
+
+
+class MadeEffect(Effect):
+    """An effect of which each object has a name, a port and parameters of its own.
+
+    Several of one class stand in one model under different names. A subclass has in ``name`` the
+    word by which spec files ask for it (objects are called so by default), in ``main`` the
+    argument that this word gives there, in ``options`` name, port and whatever else chooses its
+    equations, and its constructor ends with `_make`.
+    """
+
+    told = ()
+    library: ClassVar[dict[str, type[MadeEffect]]] = {}  # pyright: ignore[reportIncompatibleVariableOverride]
+    options = ("name", "port")
+    main: ClassVar[str] = ""
+    given: Mapping[str, Any] = {}
+    """Parameters as they were asked for, as plain data; see `plain_description`."""
+
+    def _make(
+        self, name: str, port: str, declared: Mapping[str, Parameter], reads: tuple[str, ...] = ()
+    ) -> None:
+        """Take name, port, parameters, and the signals that are read.
+
+        Raises:
+            InputError: a name or a port that is none, or a parameter out of its bounds.
+        """
+        for what, given in (("name", name), ("port", port)):
+            self._check_word(what, given)
+        self._set(name=name, port=port, ports=(port,), reads=reads, declared=dict(declared))
+        super().__init__()
+
+    def _check_parameters(self, names: Iterable[str]) -> None:
+        """Raise `InputError` for a parameter that is called like something else of an effect."""
+        word = type(self).name
+        for name in names:
+            self._check_word("parameter", name)
+            if hasattr(type(self), name) or name in _MEANT or name.startswith("_"):
+                raise InputError(
+                    f"{word}: a parameter cannot be called {name!r}, which means something else.",
+                    "Give it another name.",
+                )
+
+    def _check_word(self, what: str, given: object) -> None:
+        if not (isinstance(given, str) and given.isascii() and given.isidentifier()):
+            raise InputError(
+                f"{type(self).name}: expected a {what} made of letters, digits and underscores, "
+                f"found {given!r:.60}.",
+                "Write it like the names of Python: tip_loss.",
+            )
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The arguments that it was made with, parameters as they were asked for."""
+        return {**super().arguments, **self.given}
+
+    def as_table(self) -> dict[str, Any]:
+        """The entry of a spec file's effects that asks for it."""
+        told = self.arguments
+        return {type(self).name: told.pop(self.main), **told}
+
+    def __repr__(self) -> str:
+        told = [f"{n}={argument!r}" for n, argument in super().arguments.items()]
+        told += [f"{n}={getattr(self, n):.4g}" for n in self._parameters]
+        return f"{type(self).__name__}({', '.join(told)})"
+
+
+MADE_EFFECTS = MadeEffect.library
+"""The library's classes of such effects, by the words of spec files."""
