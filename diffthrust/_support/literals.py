@@ -8,6 +8,10 @@ from collections.abc import Mapping
 from typing import Any
 
 
+class ToCopy(str):
+    """Lines to be copied: code, which is another one where a line of it is broken."""
+
+
 def as_python(value: Any) -> str:
     """Plain data as Python.
 

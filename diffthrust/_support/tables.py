@@ -16,6 +16,7 @@ from rich.measure import Measurement
 from rich.table import Column, Row, Table
 from rich.text import Text
 
+from diffthrust._support.literals import ToCopy
 from diffthrust._support.visible import visible
 
 WIDEST = 100
@@ -40,8 +41,15 @@ def rendered(thing: RenderableType) -> str:
     console = Console(
         file=out, width=width, force_terminal=False, force_jupyter=False, color_system=None
     )
-    console.print(Visible(thing))
+    console.print(Visible(thing), crop=False)  # lines to copy may be longer
     return "\n".join(line.rstrip() for line in out.getvalue().splitlines()) + "\n"
+
+
+def line_text(line: str, style: str = "") -> Text:
+    """A line of prose, which is broken where it is too long; one to copy is not."""
+    if isinstance(line, ToCopy):
+        return Text(line, style, no_wrap=True, overflow="ignore")
+    return Text(line, style)
 
 
 class Visible:

@@ -162,13 +162,13 @@ def show(thing: RenderableType) -> None:
     thing = Visible(thing)
     console = Console(highlight=False, force_jupyter=False)
     if sys.stdout.isatty():
-        console.print(thing)
+        console.print(thing, crop=False)
         return
     # files and pipes have no width but a given one, and want no blanks at the ends of lines
     given = os.environ.get("COLUMNS", "")
     console.width = int(given) if given.isdecimal() and int(given) else 140
     with console.capture() as text:
-        console.print(thing)
+        console.print(thing, crop=False)
     typer.echo("\n".join(line.rstrip() for line in text.get().split("\n")), nl=False)
 
 

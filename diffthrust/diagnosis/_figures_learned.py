@@ -9,7 +9,7 @@ import numpy as np
 from diffthrust._support.figures import BLUE, GREY
 from diffthrust.diagnosis._figures import BAND, COLOURS, plainly
 from diffthrust.diagnosis._learned_words import manner_words
-from diffthrust.effects._grammar import parsed
+from diffthrust.effects._grammar import expression_of
 from diffthrust.models._base.made_effect import ARRIVING
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def _curve(panel: Axes, law: LearnedLaw) -> None:
 def _formed(law: LearnedLaw, tried: TriedForm, x: np.ndarray) -> np.ndarray | None:
     """A form over the signal, as what the curve is; ``None`` where it is of the product."""
     formula, curve = tried.formula, law.curve
-    scales = ARRIVING in parsed(formula.expression).places
+    scales = ARRIVING in expression_of(formula.expression).places
     if scales != (curve.times == ARRIVING) or curve.times not in ("", ARRIVING):
         return None
 
@@ -66,7 +66,9 @@ def _formed(law: LearnedLaw, tried: TriedForm, x: np.ndarray) -> np.ndarray | No
             return x
         return np.ones_like(x) if name == ARRIVING else getattr(formula, name)
 
-    found = np.broadcast_to(np.asarray(parsed(formula.expression)(named, np), float), x.shape)
+    found = np.broadcast_to(
+        np.asarray(expression_of(formula.expression)(named, np), float), x.shape
+    )
     return found - 1.0 if scales else found
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from diffthrust._support.literals import ToCopy
 from diffthrust.diagnosis._findings import Missing, Remaining
 from diffthrust.diagnosis._ports import words_and_unit
 from diffthrust.effects import Formula
@@ -46,7 +47,7 @@ def skeleton(model: Model, left: Remaining, missing: Sequence[Missing]) -> str:
     hint = f"from which to work out: {signal}; " if later else ""
     text = effect_class_text(formula, _NAME, hint=f"{hint}put your law in place of this line")
     cls = class_name(_NAME)
-    return text + _USED.format(cls=cls, line=effects_line(model, [f"{_NAME}.py:{cls}"]))
+    return ToCopy(text + _USED.format(cls=cls, line=effects_line(model, [f"{_NAME}.py:{cls}"])))
 
 
 def _unit(model: Model, place: str) -> str:

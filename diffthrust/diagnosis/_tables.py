@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from diffthrust._support.tables import number, plain_table, with_error
+from diffthrust._support.tables import line_text, number, plain_table, with_error
 from diffthrust._support.words import percent, spelt
 from diffthrust.diagnosis._learned_words import learned_words
 from diffthrust.diagnosis._matter_words import leading, share_cells
@@ -350,7 +350,7 @@ def _valued(fit: Fit, name: str) -> tuple[str, str]:
 
 def _section(title: str, *things: RenderableType) -> list[RenderableType]:
     """A titled part; nothing where there is nothing to tell."""
-    texts = [Text(thing) if isinstance(thing, str) else thing for thing in things]
+    texts = [line_text(thing) if isinstance(thing, str) else thing for thing in things]
     kept = [thing for thing in texts if not isinstance(thing, Text) or thing.plain]
     return [Text(), Text(title, style="bold"), *kept] if kept else []
 

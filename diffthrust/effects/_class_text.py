@@ -9,8 +9,8 @@ from typing import Any
 
 from diffthrust._support.literals import as_python
 from diffthrust.effects._formula import ARRIVING, Formula
-from diffthrust.effects._grammar import SHORT, is_whole, parsed
-from diffthrust.models._base.described import plain
+from diffthrust.effects._grammar import SHORT, expression_of, keeps_sign
+from diffthrust.models._base.described import plain_description
 from diffthrust.models._base.parameter import Parameter
 
 _WIDTH = 100
@@ -145,7 +145,7 @@ def _moved(p: Parameter) -> float:
 
 def _declaration(p: Parameter) -> str:
     """A parameter as code; an amplitude that has no size yet is of size one."""
-    fields = plain("", p)
+    fields = plain_description("", p)
     assert isinstance(fields, dict)
     value, unit = fields.pop("value"), fields.pop("unit")
     if p.null == p.value and "size" not in fields:
@@ -176,7 +176,7 @@ def _rounded(value: Any) -> Any:
 
 def _law(formula: Formula) -> str:
     """The expression as an effect writes it."""
-    tree = deepcopy(parsed(formula.expression).tree)
+    tree = deepcopy(expression_of(formula.expression).tree)
     body = _Written(frozenset(formula.declared)).visit(tree)
     if formula.adds:
         body = _sum(ast.Name(ARRIVING), body)
@@ -227,7 +227,7 @@ class _Written(ast.NodeTransformer):
         left, right = self.visit(node.left), self.visit(node.right)
         if isinstance(node.op, ast.Div) and not isinstance(right, ast.Constant):
             return _finite("quotient", left, right)
-        if isinstance(node.op, ast.Pow) and not is_whole(right):
+        if isinstance(node.op, ast.Pow) and not keeps_sign(right):
             return _finite("raised", left, right)
         return ast.BinOp(left, node.op, right)
 

@@ -12,7 +12,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Float
 
 from diffthrust._support.errors import InputError
-from diffthrust.effects._grammar import parsed
+from diffthrust.effects._grammar import expression_of
 from diffthrust.models._base.component import registered
 from diffthrust.models._base.made_effect import ARRIVING, MadeEffect
 from diffthrust.models._base.parameter import Normal, parameter
@@ -121,7 +121,7 @@ class Curve(MadeEffect):
         self._set(past=past, size=size, bend=bend, unit=unit, held=tuple(held), coefficients=names)
         self._set(lags=bool(past) or signal == CLOCK)
         self._set(states={"past": ""} if self.lags else {})
-        read = {*parsed(signal).places, *parsed(times or "0").places}
+        read = {*expression_of(signal).places, *expression_of(times or "0").places}
         self._make(name, port, declared, tuple(sorted(read - {ARRIVING, CLOCK})))
         self._set(_weights=self._weighed())
 
@@ -147,7 +147,7 @@ class Curve(MadeEffect):
         def named(name: str) -> Any:
             return value if name == ARRIVING else s[name]
 
-        return parsed(expression)(named, jnp)
+        return expression_of(expression)(named, jnp)
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
         """The signal of the port with the curve in it."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -11,10 +12,10 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
-from diffthrust.effects._grammar import WORDS, Expression, parsed
+from diffthrust.effects._grammar import Expression, expression_of
 from diffthrust.logs._units import si_unit
 from diffthrust.models._base.component import registered
-from diffthrust.models._base.described import fields_of, plain
+from diffthrust.models._base.described import described_fields, plain_description
 from diffthrust.models._base.made_effect import ARRIVING, MadeEffect
 from diffthrust.models._base.parameter import Parameter, parameter
 from diffthrust.models._base.signals import Signal, Signals
@@ -22,6 +23,8 @@ from diffthrust.models._base.signals import Signal, Signals
 _POINTS = 256
 _EXPONENT = {"value": 1.0, "bounds": (0.1, 4.0), "probes": (0.5, 1.0, 2.0), "transform": "linear"}
 """What an exponent is where only its unit is given."""
+_FOLLOWS = re.compile(r"[^{}]*\{\w+\}[^{}]*")
+"""A unit that follows a channel: which one that is, the model knows."""
 _SHARE = 0.1
 """An amplitude is tried where it makes this share of what passes the port."""
 
@@ -75,7 +78,7 @@ class Formula(MadeEffect):
                 f"formula: expected an expression as text, found {expression!r:.60}.",
                 'Write one in quotes: "-a * speed".',
             )
-        law = parsed(expression)
+        law = expression_of(expression)
         for unknown in (n for n in parameters if n not in law.places):
             near = nearest(unknown, law.places)
             raise InputError(
@@ -83,19 +86,18 @@ class Formula(MadeEffect):
                 f"{'; ' + near if near else ''}.",
                 "Correct the name, or remove it.",
             )
-        for word in (n for n in parameters if n in WORDS):
-            raise InputError(
-                f"formula: a parameter cannot be called {word!r}, which means something else here.",
-                f"Call it {word}_0, say.",
-            )
-        given = {n: plain(f"formula, parameter '{n}'", each) for n, each in parameters.items()}
+        self._check_parameters(parameters)
+        given = {
+            n: plain_description(f"formula, parameter '{n}'", each)
+            for n, each in parameters.items()
+        }
         self._set(expression=expression, given=given, __doc__=f"{expression} at the port '{port}'.")
         reads = tuple(n for n in law.places if n not in given and n != ARRIVING)
         self._make(name, port, _declared(law, given), reads)
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
         """What leaves the port."""
-        law = parsed(self.expression)
+        law = expression_of(self.expression)
 
         def named(name: str) -> Any:
             if name == ARRIVING:
@@ -108,7 +110,7 @@ class Formula(MadeEffect):
     @property
     def adds(self) -> bool:
         """Whether the expression is added to what arrives, and does not read it."""
-        return ARRIVING not in parsed(self.expression).places
+        return ARRIVING not in expression_of(self.expression).places
 
     def scaled(self, levels: Callable[[], Mapping[str, float]]) -> Formula:
         """The sizes of amplitudes that have none: a tenth of what passes the port."""
@@ -126,8 +128,8 @@ class Formula(MadeEffect):
     def unread(self, name: str, port: str, known: Sequence[str]) -> InputError:
         """The error for a name that is no parameter and no signal, with a mark below it."""
         near = nearest(name, (*known, *self.declared))
-        return parsed(self.expression).refused(
-            parsed(self.expression).places[name],
+        return expression_of(self.expression).refused(
+            expression_of(self.expression).places[name],
             f"{name!r} is no parameter of '{self.name}', and no signal at the port '{port}'"
             f"{'; ' + near if near else ''}",
             f'Correct the name, or give a parameter\'s unit: {name}="rad/s". Signals there are '
@@ -140,30 +142,24 @@ def _level(formula: Formula, numbers: Mapping[str, float], levels: Mapping[str, 
 
     The 90th percentile of its size; zero where a level is not known.
     """
-    law, rng = parsed(formula.expression), np.random.default_rng(0)
-    ranges = {
-        ARRIVING: levels.get(formula.port, 0.0),
-        "time": levels.get("duration", 0.0),
-        **levels,
-    }
+    law, rng = expression_of(formula.expression), np.random.default_rng(0)
+    ranges = {ARRIVING: levels.get(formula.port, 0.0), **levels}
     if any(name not in ranges for name in formula.reads):
         return 0.0
     at = {n: ranges[n] * rng.uniform(-1, 1, _POINTS) for n in (ARRIVING, *formula.reads)}
-    if "time" in at:
-        at["time"] = np.abs(at["time"])
+    at |= {"time": np.abs(at["time"])} if "time" in at else {}
     change = np.abs(_change(law, {**at, **numbers}))
-    return (
-        float(np.quantile(change[np.isfinite(change)], 0.9)) if np.isfinite(change).any() else 0.0
-    )
+    change = change[np.isfinite(change)]
+    return float(np.quantile(change, 0.9)) if change.size else 0.0
 
 
 def _declared(
     law: Expression, given: Mapping[str, str | Mapping[str, Any]]
 ) -> dict[str, Parameter]:
     """The parameters with their nulls, and with values where only a unit was given."""
-    told = {n: fields_of(f"formula, parameter '{n}'", each) for n, each in given.items()}
+    told = {n: described_fields(f"formula, parameter '{n}'", each) for n, each in given.items()}
     for name, its in told.items():
-        if "{" not in str(its["unit"]):  # one that follows a channel is known in the model
+        if not _FOLLOWS.fullmatch(str(its["unit"])):
             si_unit(its["unit"], where=f"formula, parameter '{name}'")
     nulls, linear = _nulls(law, told)
     full: dict[str, Parameter] = {}

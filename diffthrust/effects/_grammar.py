@@ -50,8 +50,6 @@ FINITE: Mapping[str, Callable[..., Any]] = {
     "log": logarithm,
 }
 """Functions that are not those of NumPy of the same name."""
-WORDS = (*_ARGUMENTS, "pi")
-"""Functions and constants that an expression may name."""
 ALLOWED = f"numbers, names, + - * / **, comparisons, pi, and {', '.join(_ARGUMENTS)}"
 
 
@@ -86,7 +84,7 @@ class Expression:
 
 
 @lru_cache(maxsize=256)
-def parsed(text: str) -> Expression:
+def expression_of(text: str) -> Expression:
     """Read an expression.
 
     Raises:
@@ -94,7 +92,7 @@ def parsed(text: str) -> Expression:
             marks the place.
 
     Example:
-        >>> sorted(parsed("-a * speed * abs(speed)**p").places)
+        >>> sorted(expression_of("-a * speed * abs(speed)**p").places)
         ['a', 'p', 'speed']
     """
     if len(text) > _LONGEST:
@@ -240,11 +238,11 @@ def _combined(node: ast.BinOp, names: Callable[[str], Any], xp: Any) -> Any:
     if isinstance(node.op, ast.Div):
         return quotient(left, right, xp)
     return (
-        xp.asarray(left, float) ** int(right) if is_whole(node.right) else raised(left, right, xp)
+        xp.asarray(left, float) ** int(right) if keeps_sign(node.right) else raised(left, right, xp)
     )
 
 
-def is_whole(exponent: ast.AST) -> bool:
+def keeps_sign(exponent: ast.AST) -> bool:
     """Whether an exponent is a whole number that keeps the sign of what it raises."""
     value = exponent.value if isinstance(exponent, ast.Constant) else None
     return isinstance(value, int | float) and value == int(value) and 0 <= value <= _WHOLE

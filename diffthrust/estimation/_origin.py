@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
-from diffthrust._support.literals import as_python, as_toml
+from diffthrust._support.literals import ToCopy, as_python, as_toml
 from diffthrust.logs._identity import LogIdentity
 from diffthrust.logs._log import Log
 from diffthrust.models._base.component import file_of
@@ -88,7 +88,7 @@ def effects_line(model: Model, more: Sequence[Effect | str] = ()) -> str:
         >>> effects_line(dft.Thruster() + "actuator_lag")
         'effects = ["actuator_lag"]'
     """
-    return f"effects = [{', '.join(map(_word, (*model.effects, *more)))}]"
+    return ToCopy(f"effects = [{', '.join(map(_word, (*model.effects, *more)))}]")
 
 
 def python_line(model: Model, more: Sequence[Effect] = ()) -> str:
@@ -103,7 +103,7 @@ def python_line(model: Model, more: Sequence[Effect] = ()) -> str:
     told = ", ".join(f"{name}={_quoted(v)}" for name, v in chosen.items())
     made = f"{'' if model.own else 'dft.'}{type(model).__name__}({told})"
     every = (*model.effects, *more)
-    return f"model = {' + '.join([made, *map(_made, every)])}"
+    return ToCopy(f"model = {' + '.join([made, *map(_made, every)])}")
 
 
 def _made(effect: Effect) -> str:

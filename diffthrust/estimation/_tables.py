@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from diffthrust._support.tables import number, plain_table, with_error
+from diffthrust._support.tables import line_text, number, plain_table, with_error
 from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._origin import Origin, closing
 from diffthrust.estimation._status import Status
@@ -69,7 +69,7 @@ def fit_table(fit: _Reported) -> RenderableType:
 
 def closing_parts(lines: Iterable[str]) -> list[RenderableType]:
     """The last lines of a report, apart from what stands above."""
-    texts: list[RenderableType] = [Text(line, style="dim") for line in lines]
+    texts: list[RenderableType] = [line_text(line, "dim") for line in lines]
     return [Text(), *texts] if texts else []
 
 

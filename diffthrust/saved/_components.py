@@ -42,7 +42,7 @@ def component_made(
     """The model without its effects, or the effect, that `Component.as_plain` tells of."""
     name, what = plain["name"], base.__name__.lower()
     cls = _class_of(base, plain, own)
-    thing = cls(**{key: _unlisted(value) for key, value in plain["arguments"].items()})
+    thing = cls(**{key: _restored(value) for key, value in plain["arguments"].items()})
     saved = {
         key: decoder.decoded(Parameter, described) for key, described in plain["parameters"].items()
     }
@@ -81,8 +81,10 @@ def _class_of(base: type, plain: dict[str, Any], own: Sequence[type]) -> Any:
     )
 
 
-def _unlisted(value: Any) -> Any:
-    """What JSON made a list was a tuple."""
+def _restored(value: Any, described: bool = False) -> Any:
+    """What JSON made a list was a tuple; in a description of a parameter, "inf" is a number."""
     if isinstance(value, dict):
-        return {key: _unlisted(each) for key, each in value.items()}
-    return tuple(_unlisted(each) for each in value) if isinstance(value, list) else value
+        return {key: _restored(each, True) for key, each in value.items()}
+    if isinstance(value, list):
+        return tuple(_restored(each, described) for each in value)
+    return float(value) if described and value in ("inf", "-inf") else value

@@ -26,8 +26,8 @@ def with_sizes(model: Model, logs: Sequence[Log]) -> Model:
 def levels_when_asked(model: Model, logs: Sequence[Log]) -> Callable[[], Mapping[str, float]]:
     """How large the signals of a model are, worked out at the first call: most effects ask not.
 
-    Of inputs, states, ports, what the model tells there, and "duration". States that a log measures
-    are as measured, others as simulated.
+    Of inputs, states, measured outputs, ports, what the model tells there, and "duration". States
+    that a log measures are as measured, others as simulated.
     """
     return cache(lambda: levels_over([_signals(model, log) for log in logs], logs))
 
@@ -59,4 +59,5 @@ def _signals(model: Model, log: Log) -> dict[str, np.ndarray]:
     if any(name not in series for name in model.all_states):
         modelled = simulate_fixed(model, log, None, 1)
         series = {n: v for n, v in modelled.items() if n in model.all_states} | series
-    return {**port_readings(model, series), **series}
+    measured = {n: log.values(n, u) for n, u in model.outputs.items() if n in log.measured}
+    return {**measured, **port_readings(model, series), **series}

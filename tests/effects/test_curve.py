@@ -85,7 +85,7 @@ def test_a_curve_of_the_past_follows_the_lag_of_its_signal():
     log = dft.Log(time=time, inputs={"command": command}, units={"command": "V"})
     # a level alone would not tell; a straight line of the lagged square is the lag itself
     curve = Curve("drive", "command**2", 0.0, 100.0, past=2.0, shape=(50.0, 100.0))
-    states = dft.simulate(dft.Thruster(alpha=0.0, beta=0.0) + curve, log)["speed"]
+    states = dft.simulate(dft.Thruster(alpha=1e-12, beta=1e-12) + curve, log)["speed"]
     kept = np.exp(-0.05 / 2.0)
     lag = lfilter([1 - kept], [1.0, -kept], np.concatenate([command[:1] ** 2, command[:-1] ** 2]),
                   zi=[kept * command[0] ** 2])[0]  # fmt: skip
@@ -109,7 +109,7 @@ def test_a_fit_finds_a_hump_that_the_reference_simulator_has_hidden():
     learned = dft.fit(fit.model + curve, log, starts=1)
     assert fit.train.nrmse > 10 * learned.train.nrmse
     at = np.linspace(-40.0, 40.0, 81)
-    found = np.asarray(learned.model.effects[0].at_signal(at))
+    found = np.array(learned.model.effects[0].at_signal(at))
     # what the model's own alpha takes of it is its to take: the sum is what the logs tell
     found -= (learned.model.alpha - 0.037) * at * np.abs(at)
     hump = -60.0 * (np.exp(-(((at - 25) / 7) ** 2)) - np.exp(-(((at + 25) / 7) ** 2)))

@@ -22,7 +22,7 @@ from exported_programs import (
 )
 
 import diffthrust as dft
-from diffthrust.effects import EFFECTS
+from diffthrust.effects import EFFECTS, Formula
 from diffthrust.export import export_model
 from diffthrust.models import Relaxing
 
@@ -204,6 +204,24 @@ class Class(dft.Model):
             "x": s.x,
             "register": s["lambda"] + s.u,
         }
+
+
+@needs_compiler
+@pytest.mark.parametrize(
+    "law",
+    [
+        "-a * speed * abs(speed)**p - b * sign(speed) * sqrt(abs(command)) * cos(time)",
+        "b * (log(abs(speed)) / (1 + speed**2) - exp(-abs(speed) / 9) * tanh(a * command) * p)",
+        "where(abs(speed) > 3, min(value, 900), max(value, -900)) + a * b * (0 < speed <= p + 40)",
+    ],
+)
+def test_formulas(law, tmp_path):
+    values = {
+        "a": dft.parameter(0.02, null=0.0),
+        "p": {"value": 0.6},
+        "b": {"value": 3.0, "null": 0},
+    }
+    check_both(dft.Thruster() + Formula("shaft", law, **values), tmp_path)
 
 
 @needs_compiler

@@ -17,7 +17,7 @@ import short_logs as short
 
 import diffthrust as dft
 from diffthrust import InputError, Normal, parameter
-from diffthrust.effects import CommandDeadband, CommandSaturation
+from diffthrust.effects import CommandDeadband, CommandSaturation, Formula
 from diffthrust.logs import PWM
 
 INFINITE = float("inf")
@@ -125,6 +125,13 @@ def fit_of(kind):
         )
         model = model + CommandDeadband() + CommandSaturation(limit=INFINITE)
         return dft.fit(model.fix("command_saturation.limit"), a, holdout=log(1), starts=2), a
+    if kind == "formula":
+        text, power = "-a * speed * abs(speed)**p", dft.parameter(0.5, bounds=(0.1, None))
+        law = Formula("shaft", text, name="drag", a="rad/s^2", p=power)
+        limit = Formula(
+            "load", "min(value, m)", m={"unit": "rad/s^2", "value": 90, "null": INFINITE}
+        )
+        return dft.fit((short.MODEL + law + limit).fix("formula.m"), a, starts=1), a
     if kind == "doubted":  # a thrust of the other sign
         turned = a.replaced(measured={**a.measured, "thrust": -a.measured["thrust"]})
         fit = dft.fit(short.MODEL, turned, starts=2)
@@ -145,7 +152,7 @@ def fit_of(kind):
 
 KINDS = (
     *("plain", "ar1", "innovations", "outliers", "forgiving"),
-    *("vessel", "pulses", "described", "silent", "doubted"),
+    *("vessel", "pulses", "described", "silent", "doubted", "formula"),
 )
 
 

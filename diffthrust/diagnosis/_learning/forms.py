@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from diffthrust.effects._curve import Curve
 from diffthrust.effects._formula import Formula
-from diffthrust.effects._grammar import parsed
+from diffthrust.effects._grammar import expression_of
 from diffthrust.models._base.made_effect import ARRIVING
 
 _PLACES, _WIDTHS, _EXPONENTS = 17, (0.05, 0.1, 0.2, 0.4), (0.5, 1.5, 2.5, 3.5)
@@ -48,7 +48,7 @@ class Form(NamedTuple):
     @property
     def parameters(self) -> tuple[str, ...]:
         """Its parameters besides the amplitude."""
-        return tuple(n for n in parsed(self.text).places if n in ("b", "c", "p"))
+        return tuple(n for n in expression_of(self.text).places if n in ("b", "c", "p"))
 
 
 FORMS = (
@@ -218,7 +218,9 @@ def _shape(form: Form, x: np.ndarray, values: Mapping[str, float]) -> np.ndarray
     """A form of unit amplitude over a signal."""
     named = {"x": x, "a": 1.0, **values}
     with np.errstate(all="ignore"):
-        return np.broadcast_to(np.asarray(parsed(form.text)(named.__getitem__, np), float), x.shape)
+        return np.broadcast_to(
+            np.asarray(expression_of(form.text)(named.__getitem__, np), float), x.shape
+        )
 
 
 def _left(wanted: np.ndarray, rows: np.ndarray) -> tuple[float, np.ndarray]:

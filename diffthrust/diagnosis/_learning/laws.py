@@ -11,7 +11,7 @@ from diffthrust.diagnosis._ports import DrivingPort
 from diffthrust.diagnosis._structure import Observed, behind, recent
 from diffthrust.diagnosis._trials import Trials
 from diffthrust.effects._curve import CLOCK
-from diffthrust.effects._grammar import parsed
+from diffthrust.effects._grammar import expression_of
 from diffthrust.models._base.made_effect import ARRIVING
 
 _PASTS = (20, 100, 500)
@@ -65,7 +65,7 @@ def read(expression: str, seen: Observed, port: str, log: int) -> np.ndarray:
             return path["time"] - path["time"][0]
         return passing[port] if name == ARRIVING else path[name]
 
-    return np.asarray(parsed(expression)(named, np), float)
+    return np.asarray(expression_of(expression)(named, np), float)
 
 
 def _of_each_signal(

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-import operator
+import math
 from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest, shortly
-from diffthrust.models._base.parameter import Normal, Parameter, Relative
+from diffthrust.models._base.parameter import Normal, Parameter, Relative, parameter
 
 _FIELDS = tuple(f.name for f in fields(Parameter) if f.name != "pattern")
+_USUAL = Parameter(0.0)
 _PARTS: Mapping[str, type] = {"prior": Normal, "probes": Relative}
 """Fields that are tables themselves."""
 
 
-def plain(where: str, given: Any) -> str | dict[str, Any]:
+def plain_description(where: str, given: Any) -> str | dict[str, Any]:
     """A description of a parameter as plain data: its unit, or its fields that are not usual.
 
     Args:
@@ -27,17 +28,18 @@ def plain(where: str, given: Any) -> str | dict[str, Any]:
         InputError: something else, or fields that a parameter does not have.
 
     Example:
-        >>> plain("p", dft.parameter(1.5, bounds=(0.5, 3)))
-        {'unit': '', 'value': 1.5, 'bounds': (0.5, 3), 'transform': 'log'}
+        >>> plain_description("p", dft.parameter(1.5, bounds=(0.5, 3)))
+        {'unit': '', 'value': 1.5, 'bounds': (0.5, 3)}
     """
     if isinstance(given, str):
         return given
     if isinstance(given, Parameter):
-        usual = Parameter(0.0)
-        own = {name: getattr(given, name) for name in _FIELDS if name not in ("unit", "value")}
-        changed = {name: v for name, v in own.items() if v != getattr(usual, name)}
-        told = {"unit": given.pattern or given.unit, "value": given.value, **changed}
-        return {name: _flat(value) for name, value in told.items()}
+        told = {"unit": given.pattern or given.unit, "value": given.value}
+        own = {name: getattr(given, name) for name in _FIELDS if name not in told}
+        told |= {n: v for n, v in own.items() if v != getattr(_USUAL, n) and n != "transform"}
+        if parameter(**told).transform != given.transform:
+            told["transform"] = given.transform
+        return _flat(told)
     if not isinstance(given, Mapping):
         raise InputError(
             f"{where}: expected a unit, a dft.parameter or a table with a unit, "
@@ -51,10 +53,10 @@ def plain(where: str, given: Any) -> str | dict[str, Any]:
                 f"{where}: a parameter has no field {name!r}{'; ' + near if near else ''}.",
                 f"Fields are {listing(_FIELDS)}.",
             )
-    return {name: _flat(value) for name, value in given.items()}
+    return _flat(given)
 
 
-def fields_of(where: str, described: str | Mapping[str, Any]) -> dict[str, Any]:
+def described_fields(where: str, described: str | Mapping[str, Any]) -> dict[str, Any]:
     """The arguments of `parameter` that plain data describe.
 
     Raises:
@@ -73,9 +75,9 @@ def fields_of(where: str, described: str | Mapping[str, Any]) -> dict[str, Any]:
             )
         numbers = [told[n] for n in ("value", "null") if told.get(n) is not None]
         probes = told.get("probes", ())
-        numbers += probes.factors if isinstance(probes, Relative) else probes
-        hash((*told.values(), *map(operator.pos, numbers)))
-    except (TypeError, ValueError) as error:
+        numbers += (*probes.factors, probes.power) if isinstance(probes, Relative) else probes
+        hash((*told.values(), *map(math.isfinite, numbers)))
+    except (TypeError, ValueError, OverflowError) as error:
         raise InputError(
             f"{where}: its fields {shortly(dict(described))} describe no parameter ({error}).",
             "Write bounds = [low, high], prior = { mean = 1.0, std = 0.1 }, probes = [0.5, 2.0].",
@@ -88,5 +90,5 @@ def _flat(value: Any) -> Any:
     if isinstance(value, Normal | Relative):
         return {f.name: _flat(getattr(value, f.name)) for f in fields(value)}
     if isinstance(value, Mapping):
-        return {name: _flat(each) for name, each in value.items()}
+        return {name: _flat(each) for name, each in value.items() if each is not None}
     return tuple(map(_flat, value)) if isinstance(value, list | tuple) else value

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, ClassVar
 
 from diffthrust._support.errors import InputError
@@ -11,6 +11,8 @@ from diffthrust.models._base.parameter import Parameter
 
 ARRIVING = "value"
 """The name of what arrives at the port, in expressions."""
+_MEANT = (ARRIVING, "time")
+"""What arrives at a port, and a signal that every model has."""
 
 
 class MadeEffect(Effect):
@@ -18,8 +20,8 @@ class MadeEffect(Effect):
 
     Several of one class stand in one model under different names. A subclass has in ``name`` the
     word by which spec files ask for it (objects are called so by default), in ``main`` the
-    argument that this word gives there, in ``options`` whatever else chooses its equations, and
-    its constructor ends with `_make`.
+    argument that this word gives there, in ``options`` name, port and whatever else chooses its
+    equations, and its constructor ends with `_make`.
     """
 
     told = ()
@@ -27,7 +29,7 @@ class MadeEffect(Effect):
     options = ("name", "port")
     main: ClassVar[str] = ""
     given: Mapping[str, Any] = {}
-    """Parameters as they were asked for, as plain data; see `described.plain`."""
+    """Parameters as they were asked for, as plain data; see `plain_description`."""
 
     def _make(
         self, name: str, port: str, declared: Mapping[str, Parameter], reads: tuple[str, ...] = ()
@@ -35,25 +37,31 @@ class MadeEffect(Effect):
         """Take name, port, parameters, and the signals that are read.
 
         Raises:
-            InputError: a name that is none, or that of something else of an effect.
+            InputError: a name or a port that is none, or a parameter out of its bounds.
         """
-        word = type(self).name
-        for what, given in (("name", name), ("port", port), *(("parameter", n) for n in declared)):
-            if not (isinstance(given, str) and given.isascii() and given.isidentifier()):
-                raise InputError(
-                    f"{word}: expected a {what} made of letters, digits and underscores, "
-                    f"found {given!r:.60}.",
-                    "Write it like the names of Python: tip_loss.",
-                )
-        for parameter in declared:
-            if hasattr(type(self), parameter) or parameter in ("expression", "value", "time"):
-                raise InputError(
-                    f"{word} '{name}': a parameter cannot be called {parameter!r}, which means "
-                    "something else here.",
-                    f"Call it {parameter}_0, say.",
-                )
+        for what, given in (("name", name), ("port", port)):
+            self._check_word(what, given)
         self._set(name=name, port=port, ports=(port,), reads=reads, declared=dict(declared))
         super().__init__()
+
+    def _check_parameters(self, names: Iterable[str]) -> None:
+        """Raise `InputError` for a parameter that is called like something else of an effect."""
+        word = type(self).name
+        for name in names:
+            self._check_word("parameter", name)
+            if hasattr(type(self), name) or name in _MEANT or name.startswith("_"):
+                raise InputError(
+                    f"{word}: a parameter cannot be called {name!r}, which means something else.",
+                    "Give it another name.",
+                )
+
+    def _check_word(self, what: str, given: object) -> None:
+        if not (isinstance(given, str) and given.isascii() and given.isidentifier()):
+            raise InputError(
+                f"{type(self).name}: expected a {what} made of letters, digits and underscores, "
+                f"found {given!r:.60}.",
+                "Write it like the names of Python: tip_loss.",
+            )
 
     @property
     def arguments(self) -> dict[str, Any]:

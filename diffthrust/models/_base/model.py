@@ -11,6 +11,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
 from diffthrust.models._base.component import Component, changed
 from diffthrust.models._base.effect import Effect, Ports
+from diffthrust.models._base.made_effect import MadeEffect
 from diffthrust.models._base.parameter import Parameter
 from diffthrust.models._base.readable import told_at
 from diffthrust.models._base.registry import effect_named
@@ -216,7 +217,8 @@ class Model(Component):
         if any(effect.name == other.name for effect in self.effects):
             raise InputError(
                 f"{self} already has the effect '{other.name}'.",
-                f'Take it out first: model - "{other.name}".',
+                f'Take it out first: model - "{other.name}".'
+                + " Or give one of them another name." * isinstance(other, MadeEffect),
             )
         places = [*self.ports, *self.inputs, *self.optional_inputs, *self.outputs]
         for port in other.ports:

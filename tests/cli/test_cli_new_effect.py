@@ -1,0 +1,40 @@
+"""``diffthrust new-effect``: a class of an effect and its tests."""
+
+from __future__ import annotations
+
+from typer.testing import CliRunner
+
+from diffthrust.cli import _app  # private: the app that the command runs
+from diffthrust.specs import load_spec
+from diffthrust.specs._new import new_fit  # private: a folder to try it in
+
+
+def run(*words, status=0):
+    result = CliRunner().invoke(_app.app, ["new-effect", *map(str, words)])
+    assert result.exit_code == status, result.output
+    return result.output
+
+
+def test_a_class_is_written_and_taken_by_a_spec(tmp_path, monkeypatch):
+    monkeypatch.setenv("DIFFTHRUST_CACHE", "off")
+    folder = new_fit("bollard", "thruster", tmp_path)
+    law = ("--formula", "-a * speed * abs(speed)**p", "--port", "shaft")
+    more = ("--parameter", "a=rad/s^2", "--parameter", "p={ value = 1.5, bounds = [0.5, 3] }")
+    told = run("tip_loss", *law, *more, "--directory", folder, "--doc", "Tips lose thrust.")
+    assert f"Written: {folder / 'tip_loss.py'}\nWritten: {folder / 'test_tip_loss.py'}\n" in told
+    assert 'effects = ["tip_loss.py:TipLoss"]' in told
+    spec = folder / "fit.toml"
+    text = spec.read_text()
+    spec.write_text('effects = ["tip_loss.py:TipLoss"]\n' + text.replace("\neffects =", "\n#"))
+    p = load_spec(folder).model.parameters["tip_loss.p"]
+    assert (p.value, p.bounds) == (1.5, (0.5, 3.0))
+    assert "nothing is overwritten" in run(
+        "tip_loss", *law, *more, "--directory", folder, status=2
+    ).replace("\n", " ")
+
+
+def test_a_wrong_formula_writes_nothing(tmp_path):
+    law = ("--formula", "-a * sped", "--port", "shaft", "--parameter", "a=1/s")
+    told = run("drag", *law, "--directory", tmp_path, status=2)
+    assert "the nearest is 'speed'" in told.replace("\n", " ")
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,144 @@
+"""Classes that are written from formulas do the same, and their tests pass."""
+
+from __future__ import annotations
+
+import ast
+import runpy
+import sys
+from itertools import product
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import diffthrust as dft
+from diffthrust import InputError
+from diffthrust.effects import Formula
+from diffthrust.effects._class_text import (  # private: written by the command
+    class_name,
+    effect_class_text,
+)
+from diffthrust.specs._new_effect import at_home, new_effect, parameter_asked  # private: as above
+
+AMPLITUDE = {"unit": "rad/s^2", "value": 0.3, "null": 0.0}
+LAWS = {
+    "drag": ("-a * speed * abs(speed)**p", {"a": "rad/s^2", "p": ""}),
+    "sum_of": ("-a * speed / 2 - p*(speed - -2)*cos(command) + 3*a", {"a": "1/s", "p": "1/s"}),
+    "sag": ("value*(1 + a*(time > 3)*exp(-speed/10)/(1 + speed**2))", {"a": ""}),
+    "hump": ("where(0 < value < a, pi, value) + a*sqrt(abs(speed))*log(speed)", {"a": AMPLITUDE}),
+    "limit": (
+        "min(value, m)",
+        {"m": {"unit": "rad/s^2", "value": 50.0, "null": np.inf, "bounds": (0, None)}},
+    ),
+    "told": (
+        "max(a * speed, 0) - max(0, a * speed) + a",
+        {
+            "a": dft.parameter(
+                1.23456789,
+                "N s/m",
+                null=0.0,
+                prior=dft.Normal(1, 0.5),
+                probes=dft.models.relative_to("speed", 0.1, 0.2, power=-1),
+                doc='a "strength" \\ of it',
+            )
+        },
+    ),
+}
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_the_class_does_what_the_formula_does(name):
+    text, parameters = LAWS[name]
+    formula = Formula("shaft", text, name=name, **parameters)
+    code = effect_class_text(formula, name, 'Says """what""" happens.')
+    assert max(map(len, code.splitlines())) <= 100
+    scope: dict = {}
+    exec(code, scope)
+    effect = scope[class_name(name)]
+    assert (effect.name, effect.port) == (name, "shaft")
+    for key, p in formula.declared.items():
+        ours = effect.declared[key]
+        for field in ("unit", "bounds", "null", "prior", "probes", "transform", "doc", "fixed"):
+            assert getattr(ours, field) == getattr(p, field), field
+        assert ours.value == pytest.approx(p.value, rel=1e-3)
+    rng = np.random.default_rng(1)
+    value = jnp.asarray(rng.normal(size=50) * 40)
+    signals = dft.models.Signals(
+        {n: jnp.asarray(rng.normal(size=50) * 5) for n in ("speed", "command", "time")}
+    )
+    values = {key: p.value + 0.25 for key, p in formula.declared.items()}
+    made = Formula("shaft", text, **{
+        key: {"unit": p.unit, "null": p.null, "value": values[key]}
+        for key, p in formula.declared.items()
+    })  # fmt: skip
+    ours, theirs = (one(value, signals) for one in (effect(**values), made))
+    np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12)
+    assert name == "limit" or not np.allclose(ours, value)
+
+
+def test_the_files_run_and_their_tests_pass(tmp_path):
+    text, parameters = LAWS["drag"]
+    script, tests = new_effect(
+        Formula("shaft", text, name="drag", **parameters), directory=tmp_path
+    )
+    assert (script.name, tests.name) == ("drag.py", "test_drag.py")
+    assert ast.get_docstring(ast.parse(script.read_text())) == "The effect drag, of one's own."
+    assert len(list(ran(tests))) == 6
+    # the tests are some: with another law, one fails
+    script.write_text(script.read_text().replace("value - self.a", "value + self.a"))
+    with pytest.raises(AssertionError, match="Not equal"):
+        list(ran(tests))
+
+
+def ran(tests):
+    """The tests of a file, run one by one as pytest would; in a process that has loaded JAX."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(tests.parent)
+        patch.delitem(sys.modules, tests.stem.removeprefix("test_"), raising=False)
+        for name, test in runpy.run_path(str(tests)).items():
+            if name.startswith("test_"):
+                marks = [mark.args for mark in getattr(test, "pytestmark", ())]
+                for values in product(*(choices for _, choices in marks)):
+                    test(**dict(zip((key for key, _ in marks), values, strict=True)))
+                    yield name
+
+
+def test_nothing_is_overwritten_and_no_name_taken(tmp_path):
+    def asked(name):
+        return new_effect(Formula("shaft", "-a * speed", name=name, a="1/s"), directory=tmp_path)
+
+    (tmp_path / "test_drag.py").write_text("# mine\n")
+    with pytest.raises(InputError, match="nothing is overwritten"):
+        asked("drag")
+    assert [path.name for path in tmp_path.iterdir()] == ["test_drag.py"]
+    for name in ("wind", "class"):
+        with pytest.raises(InputError, match=f"'{name}' is taken"):
+            asked(name)
+
+
+def test_the_class_knows_which_channels_it_needs():
+    formula = Formula("drive", "value * (1 + k * (supply_voltage - 24))", name="sag", k="1/V")
+    assert 'needs = ("supply_voltage",)' in effect_class_text(at_home(formula), "sag")
+    with pytest.raises(InputError, match="'suply' is no parameter"):
+        at_home(Formula("drive", "value * (1 + k * suply)", k="1/V"))
+    strange = Formula("of_my_own_model", "-k * depth", k="1/m")
+    assert at_home(strange) is strange
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("a=rad/s^2", ("a", "rad/s^2")),
+        ('a="rad/s^2"', ("a", "rad/s^2")),
+        ("p=", ("p", "")),
+        ("p = { value = 1.5, bounds = [0.5, 3] }", ("p", {"value": 1.5, "bounds": [0.5, 3]})),
+    ],
+)
+def test_parameters_on_a_command_line(text, found):
+    assert parameter_asked(text) == found
+
+
+@pytest.mark.parametrize("text", ["a", "a={ value = }", "a={ value = 1"])
+def test_parameters_that_are_none(text):
+    with pytest.raises(InputError, match=r"--parameter a.*\nMend: Write --parameter"):
+        parameter_asked(text)
