@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from diffthrust._support.results import Brief
 from diffthrust.diagnosis._worth import Worth
@@ -61,8 +60,8 @@ class LearnedLaw(Brief):
     forms: tuple[TriedForm, ...] = ()
     named: bool = False
     superfluous: tuple[str, ...] = ()
-    samples: Float[np.ndarray, " N"] = field(default_factory=lambda: np.empty(0), repr=False)
-    factors: Float[np.ndarray, " N"] | None = field(default=None, repr=False)
+    samples: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
+    factors: np.ndarray | None = field(default=None, repr=False)
     signal_unit: str = ""
     port_unit: str = ""
 

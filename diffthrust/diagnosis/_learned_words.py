@@ -64,7 +64,7 @@ def form_words(law: LearnedLaw, tried: TriedForm) -> str:
     """
     form = next(one for one in FORMS if one.name == tried.name)
     sizes = {
-        name.rpartition(".")[2]: f"{number(e.shown.value, 2)} {e.shown.unit}".rstrip()
+        name.rpartition(".")[2]: f"{number(e.shown[0], 2)} {e.shown[2]}".rstrip()
         for name, e in tried.fit.parameters.items()
         if name.startswith(f"{tried.formula.name}.")
     }
