@@ -406,6 +406,17 @@ def test_what_is_not_sound_is_told_before_anything_is_fitted(tmp_path):
     assert "# thrust: run2.csv: thrust opposes" in seen.spec
 
 
+def test_a_file_of_several_that_cannot_be_read_is_told(tmp_path):
+    for i in (1, 2, 3):
+        path = write_table(tmp_path / f"run{i}.csv", bench())
+        if i == 2:
+            path.write_text(path.read_text() + "off\n")
+    told = [doubt for doubt in dft.look(tmp_path).doubts if "run2.csv" in doubt]
+    (doubt,) = (doubt for doubt in told if "expected" in doubt)
+    assert f"run2.csv, line {len(bench()['t']) + 2}" in doubt
+    assert "Mend: " in doubt
+
+
 def test_every_file_of_several_is_looked_at(tmp_path):
     for i in (1, 2, 3):
         columns = bench()
