@@ -18,8 +18,8 @@ from diffthrust.survey._choice import Choice, Pick
 def doubted(choice: Choice, paths: Sequence[Path]) -> Choice:
     """The choice with what `soundness.doubts` says of its channels in some files.
 
-    A file in which they cannot be read is told as the fit will tell it. Of tables; the messages of a robot have clocks of their own, and a fit looks at them once a
-    time base is chosen.
+    A file in which they cannot be read is told as the fit will tell it. Of tables; the messages of
+    a robot have clocks of their own, and a fit looks at them once a time base is chosen.
     """
     if choice.model is None or choice.time is None:
         return choice
