@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+from marks import slow_but
 from shared_data import data_folder
 from survey.strange_logs import ALPHA, BETA, CT, boat, thruster, write_table
 
@@ -245,16 +246,30 @@ SETS = {
 }
 
 
-@pytest.mark.filterwarnings("ignore::diffthrust.CoarseStepWarning")  # what is fitted is rough
-@pytest.mark.parametrize("file", SETS)
-def test_measured_logs_are_fitted_from_the_draft_as_it_is(file, tmp_path):
+def measured(file, tmp_path):
+    """The spec drafted of a measured log, which is what it is known to be."""
     folder, name = file.split("/")
     model, channels = SETS[file]
     seen = dft.look(data_folder(folder) / name)
     assert seen.model == model
     spec = drafted(seen, tmp_path / "fit.toml")
     assert set(spec.file.channels) == channels
-    fit = spec.fit()
+    return spec
+
+
+@pytest.mark.parametrize("file", SETS)
+def test_measured_logs_are_known_and_read_from_the_draft_as_it_is(file, tmp_path):
+    (log,) = measured(file, tmp_path).train_logs()
+    assert {*log.inputs, *log.measured} == SETS[file][1]
+
+
+FITTED = ("ngs_thruster/CL1stateStep.csv", "emps/DATA_EMPS_SC.csv")
+
+
+@pytest.mark.filterwarnings("ignore::diffthrust.CoarseStepWarning")  # what is fitted is rough
+@pytest.mark.parametrize("file", slow_but(FITTED, SETS))
+def test_measured_logs_are_fitted_from_the_draft_as_it_is(file, tmp_path):
+    fit = measured(file, tmp_path).fit()
     assert all(np.isfinite(p.value) for p in fit.parameters.values())
     assert fit.train.nrmse < 1.5
 
