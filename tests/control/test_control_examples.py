@@ -90,6 +90,14 @@ def test_papers_yoerger_adaptive(tmp_path):
         figure(tmp_path, f"yoerger_figure_{number}.png")
 
 
+def test_papers_yoerger_duct(tmp_path):
+    text = run("papers_yoerger_duct", tmp_path)
+    assert numbers(text, "Without a load cell: thrust within ")[0] < 0.2
+    steps = [numbers(text, f"Step of {name} N m: ")[-1] for name in ("2", "1/3", "1/4")]
+    assert steps == sorted(steps)
+    figure(tmp_path, "yoerger_figure_6.png")
+
+
 def test_papers_siramdasu(tmp_path):
     """On 50 gusty days: the sequence's worst error is far above that of the simultaneous fit."""
     text = run("papers_siramdasu", tmp_path)
