@@ -49,12 +49,17 @@ def test_path_tracking(tmp_path):
     text = run("path_tracking", tmp_path)
     rows = [line.split("│")[1:-1] for line in text.splitlines() if line.startswith("│")]
     found = {tuple(cell.strip() for cell in row[:3]): row[3:] for row in rows}
-    along, across, _, rudder = map(float, found["wind", "straight", "plain"])
+    along, across, _, rudder, turn = map(float, found["wind", "straight", "plain"])
     assert along < 0.3
     assert 0.35 < across < 0.5
     assert rudder <= 24.0
+    assert turn > 0.2
     for disturbance in ("wind", "current"):
         for path in ("straight", "harmonic"):
+            plain, bow, gentle = ([float(x) for x in found[disturbance, path, controller]]
+                                  for controller in ("plain", "bow", "gentle"))  # fmt: skip
+            assert bow[1] < 0.8 * plain[1]
+            assert gentle[4] < 0.24 < plain[4]  # 0.2 rad/s, and what the model does not know of
             for controller in ("estimating", "fitted"):
                 assert abs(float(found[disturbance, path, controller][1])) < 0.05
             figure(tmp_path, f"path_tracking_{path}_{'water_' * (disturbance == 'current')}"
