@@ -13,7 +13,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.validation import finite
-from diffthrust.control._mpc_check import check_names, limits_of, measured_number, whole
+from diffthrust.control._mpc_check import check_names, count_of, limit_pair, measured_number
 from diffthrust.control._mpc_step import Frame, Plan, Setting, compiled_replan
 from diffthrust.control._one_sample import AT_SEA, begin, check_vessel
 from diffthrust.control._path import Wanted
@@ -100,12 +100,12 @@ class MPC:
         if self.horizon is None:
             object.__setattr__(self, "horizon", max(1, round(_AHEAD * self.rate)))
         for name in ("horizon", "iterations"):
-            object.__setattr__(self, name, whole(f"MPC, {name}", getattr(self, name)))
+            object.__setattr__(self, name, count_of(f"MPC, {name}", getattr(self, name)))
         finite("MPC, point", self.point, math.isfinite, "metres ahead of the centre of gravity")
         units, states = self.model.inputs, self.model.all_states
         check_names("limits", self.limits, (*units, *states), "(LOWEST, HIGHEST)")
-        limits = {n: limits_of(n, self.limits.get(n), unit) for n, unit in units.items()}
-        more = {name: limits_of(name, pair, states[name], open_=True)
+        limits = {n: limit_pair(n, self.limits.get(n), unit) for n, unit in units.items()}
+        more = {name: limit_pair(name, pair, states[name], open_=True)
                 for name, pair in self.limits.items() if name in states}  # fmt: skip
         object.__setattr__(self, "limits", {**limits, **more})
         for what in ("slew", "rates"):

@@ -22,7 +22,7 @@ def measured_number(where: str, value: Any) -> float:
         ) from None
 
 
-def whole(where: str, value: Any) -> int:
+def count_of(where: str, value: Any) -> int:
     """A whole number above zero."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
         raise InputError(
@@ -48,7 +48,7 @@ def check_names(what: str, given: Any, names: tuple[str, ...], example: str) -> 
             )
 
 
-def limits_of(name: str, pair: Any, unit: str, *, open_: bool = False) -> tuple[float, float]:
+def limit_pair(name: str, pair: Any, unit: str, *, open_: bool = False) -> tuple[float, float]:
     """Lowest and highest value of an input; of a state (``open_``) one side may be infinite."""
     try:
         low, high = (float(value) for value in pair)
