@@ -3,32 +3,21 @@
 Out come a table "figure, paper, ours, ratio, remark" of every printed figure that can be checked,
 what the F tests say of the datasheet's line, the steady map of the thruster with the friction that
 equation 7 leaves out, the depth loop at the paper's gain, black-box models of a simulated record of
-its printed G(s) with the order chosen by unseen data, and four figures. Table 4 is read from
-``aras_2013_table4_depth_sensor.csv`` in the folder that the environment variable DIFFTHRUST_DATA
-names, or in ``shared/data`` beside the repository.
+its printed G(s) with the order chosen by unseen data, and four figures. The open-loop record and
+the depth loop in time are those of ``papers_aras_depth.py``.
 
     python examples/papers_aras.py [FOLDER FOR THE FIGURES]
 """
-
-import os
-from pathlib import Path
 
 import numpy as np
 from _data import output_folder
 from printed.aras import printed_figures
 from printed.printed import printed_table
-from printed.transfer import depth_loop, gain_limit, plot_responses, step_response
+from printed.table_4 import table_4
+from printed.transfer import gain_limit, linear_loop, plot_responses, step_response
 
 import diffthrust as dft
-from diffthrust import Column
 from diffthrust.papers import aras
-
-NAME = "aras_2013_table4_depth_sensor.csv"
-BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data"
-table = Path(os.environ.get("DIFFTHRUST_DATA", BESIDE)) / NAME
-if not table.is_file():
-    print(f"The readings of table 4 are not here: name the folder of {NAME} in DIFFTHRUST_DATA.")
-    raise SystemExit(0)
 
 
 def record(seed: int, seconds: float = 40.0, step: float = 0.02) -> dft.Log:
@@ -47,12 +36,8 @@ def record(seed: int, seconds: float = 40.0, step: float = 0.02) -> dft.Log:
                    units={"command": "V", "depth": "V"}, name=f"record {seed}")  # fmt: skip
 
 
-columns = {f"reading{i}": Column(f"reading{i}_V", unit="V") for i in (1, 2, 3)}
-log = dft.read_log(table, time=None, inputs={"depth": Column("depth_m", unit="m")},
-                   measured=columns)  # fmt: skip
-readings = {name: log.values(name, "V") for name in columns}
-calibration = aras.calibrate(log.values("depth", "m"), readings)
-print(printed_table(printed_figures(calibration)))
+calibration = aras.calibrate(*table_4())
+print(printed_table(printed_figures()))
 print(calibration.sentence)
 for name, line in calibration.lines.items():
     slope = f"{line.slope:.4f} ± {line.slope_error:.4f} V/m"
@@ -63,7 +48,7 @@ motor = aras.thruster(load=aras.load_from(280.4))
 steady = aras.steady_map(motor, np.linspace(0.0, 1e-4 * 280.4**2, 50))
 print(f"At 280.4 rad/s equation 7 gives {steady.printed[-1]:.2f} V; with the friction of table 1 "
       f"it takes {steady.own[-1]:.2f} V.")  # fmt: skip
-swing = step_response(depth_loop(), np.linspace(0.0, 3.0, 3001))
+swing = step_response(linear_loop(), np.linspace(0.0, 3.0, 3001))
 print(f"Depth loop, gain 1: first {-swing.min():.2f} set points the wrong way, then to "
       f"{swing[-1]:.3f} of it; unstable from a gain of {gain_limit():.2f} on.")  # fmt: skip
 

@@ -11,46 +11,21 @@ that depart by more than 5 % are listed once more below the table, among them
   cycle's 15.7 N is not what the printed formula gives;
 - Siramdasu & Fahimi 2013: lambda = 1.56 s is not I33 / d33; 0.75 m/s is below the speed of every
   straight run; signs of equations (3), (8), (14) and (16);
-- Aras et al. 2013: depths of 6.082 m and 70 m, the bucket, the encoder's speed, and a proportional
-  loop that is said to reach its set point.
+- Aras et al. 2013: the offset of equation 9, a depth of 70 m, the encoder's speed, and a
+  proportional loop that is said to reach its set point.
 
-The rows of each paper are made in ``printed/``. Those that need table 4 of Aras et al. are there
-where the environment variable DIFFTHRUST_DATA names the folder of
-``aras_2013_table4_depth_sensor.csv``.
+The rows of each paper are made in ``printed/``.
 
     python examples/papers_printed.py
 """
 
-import os
-from pathlib import Path
-
 from printed.all import printed_figures
 from printed.printed import printed_table
 
-import diffthrust as dft
-from diffthrust import Column, papers
-
-NAME = "aras_2013_table4_depth_sensor.csv"
-BESIDE = Path(__file__).resolve().parents[2] / "shared" / "data"
-
-
-def table_4() -> papers.aras.Calibration | None:
-    path = Path(os.environ.get("DIFFTHRUST_DATA", BESIDE)) / NAME
-    if not path.is_file():
-        return None
-    columns = {f"reading{i}": Column(f"reading{i}_V", unit="V") for i in (1, 2, 3)}
-    log = dft.read_log(path, time=None, inputs={"depth": Column("depth_m", unit="m")},
-                       measured=columns)  # fmt: skip
-    readings = {name: log.values(name, "V") for name in columns}
-    return papers.aras.calibrate(log.values("depth", "m"), readings)
-
 
 def main() -> None:
-    calibration = table_4()
-    rows = printed_figures(calibration)
+    rows = printed_figures()
     print(printed_table(rows))
-    if calibration is None:
-        print(f"Without the rows of table 4 of Aras et al.: {NAME} is not in DIFFTHRUST_DATA.")
 
     for source in dict.fromkeys(row.source for row in rows):
         mine = [row for row in rows if row.source == source]

@@ -8,8 +8,10 @@ from the side, and 0.7 m/s.
 
 Three controllers are compared: a plain one that knows nothing of the disturbance, as in the paper;
 one that estimates it from its own errors of one sample; and one whose model was fitted to the
-record of the plain one, with the effect that was missing. Out come the errors, how long a sample
-takes to solve, and a figure of each plain run.
+record of the plain one, with the effect that was missing. Two more plain ones show what else can be
+asked: the bow on the path rather than the centre of gravity (figure 1; how far ahead the paper's
+control point lies is not printed), and a gentle helm: 0.2 rad/s of rudder and of turn at most. Out
+come the errors, how long a sample takes to solve, and a figure of each plain run.
 
     python examples/path_tracking.py [FOLDER FOR THE FIGURE]
 """
@@ -55,19 +57,23 @@ def run(truth: dft.Model, path: dc.Path, **controller) -> dc.TrackRun:
 def main() -> None:
     folder = output_folder()
     table = Table("disturbance", "path", "controller", "along, largest (m)", "across, mean (m)",
-                  "across, largest (m)", "rudder, largest (deg)",
+                  "across, largest (m)", "rudder, largest (deg)", "turn, largest (rad/s)",
                   title="Errors from 20 s to 60 s, in wind or current from north")  # fmt: skip
     for disturbance, (effect, unknown) in DISTURBANCES.items():
         for name, path in PATHS.items():
             runs = {"plain": run(BOAT + effect, path)}
             runs["estimating"] = run(BOAT + effect, path, disturbance=2.0)
+            runs["bow"] = run(BOAT + effect, path, point=0.4)
+            runs["gentle"] = run(BOAT + effect, path, slew={"rudder_angle": 0.2},
+                                 limits={**LIMITS, "yaw_rate": (-0.2, 0.2)})  # fmt: skip
             ratios = [p for p, described in BOAT.parameters.items() if not described.fixed]
             fit = dft.fit(BOAT.fix(*ratios) + unknown, runs["plain"].log)
             runs["fitted"] = run(BOAT + effect, path, model=fit.model)
             for controller, found in runs.items():
                 along, across = found.along(20.0), found.across(20.0)
                 rudder = math.degrees(abs(found["rudder_angle"]).max())
-                numbers = (along.largest, across.mean, across.largest, rudder)
+                turn = abs(found["yaw_rate"]).max()
+                numbers = (along.largest, across.mean, across.largest, rudder, turn)
                 table.add_row(disturbance, name, controller, *(f"{x:.2f}" for x in numbers))
             table.add_section()
             figure = runs["plain"].plot()

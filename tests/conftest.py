@@ -1,13 +1,22 @@
 """Settings for every test."""
 
+import gc
 import os
+from functools import lru_cache
 
 import jax
 
 import diffthrust  # noqa: F401  (switches double precision on)
+from diffthrust._support._running import programs  # private: how many are kept
 
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")
 
 # text for people is as wide as the terminal: the same for every worker
 os.environ["COLUMNS"] = "100"
+
+# the same models are fitted in many files: of so many programs the memory maps stay half of all
+programs._kept = lru_cache(maxsize=200)(programs._kept.__wrapped__)
+
+# tracing makes many small things that live on: looking through them at each 700 takes a sixth of it
+gc.set_threshold(100_000, 50, 50)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
@@ -83,20 +84,20 @@ def _panel(
 
 
 def track_figure(run: RunSignals, loop: VesselAssembly) -> Figure:
-    """The path over the water on top; errors, each input, and what was estimated below."""
+    """The path over the water on top; errors, what has limits, and what was estimated below."""
     from matplotlib.figure import Figure
 
-    inputs = list(loop.vessel.inputs)
+    limited = list(loop.controller.limits)
     estimating = loop.controller.disturbance is not None
-    below = 1 + len(inputs) + estimating
+    below = 1 + len(limited) + estimating
     figure = Figure(figsize=(8.0, 3.4 + 1.8 * below), layout="constrained")
     grid = figure.add_gridspec(1 + below, 1, height_ratios=[2.0] + [1.0] * below)
-    _over_the_water(figure.add_subplot(grid[0]), run)
+    _over_the_water(figure.add_subplot(grid[0]), run, loop.controller.point)
     first = figure.add_subplot(grid[1])
     _errors(first, run)
     rows = [figure.add_subplot(grid[2 + i], sharex=first) for i in range(below - 1)]
-    for axes, name in zip(rows, inputs, strict=False):
-        _input(axes, run, loop, name)
+    for axes, name in zip(rows, limited, strict=False):
+        _limited(axes, run, loop, name)
     if estimating:
         _estimates(rows[-1], run)
     for axes in (first, *rows)[:-1]:
@@ -109,11 +110,13 @@ def track_figure(run: RunSignals, loop: VesselAssembly) -> Figure:
     return figure
 
 
-def _over_the_water(axes: Axes, run: RunSignals) -> None:
+def _over_the_water(axes: Axes, run: RunSignals, point: float) -> None:
     axes.plot(run["reference.east"], run["reference.north"], color=GREY, linewidth=2.4,
               label="path")  # fmt: skip
-    axes.plot(run["east"], run["north"], color=VERMILLION, linewidth=1.2, label="vessel")
-    axes.plot(run["east"][0], run["north"][0], "o", color=VERMILLION, markersize=5, label="start")
+    axes.plot(run["point.east"], run["point.north"], color=VERMILLION, linewidth=1.2,
+              label="control point" if point else "vessel")  # fmt: skip
+    axes.plot(run["point.east"][0], run["point.north"][0], "o", color=VERMILLION, markersize=5,
+              label="start")  # fmt: skip
     axes.set_aspect("equal", adjustable="datalim")
     styled(axes, "", "east [m]", "north [m]")
     axes.legend(fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
@@ -128,12 +131,15 @@ def _errors(axes: Axes, run: RunSignals) -> None:
     _legend(axes, 2)
 
 
-def _input(axes: Axes, run: RunSignals, loop: VesselAssembly, name: str) -> None:
-    unit = loop.vessel.inputs[name]
+def _limited(axes: Axes, run: RunSignals, loop: VesselAssembly, name: str) -> None:
+    """An input, which is held between samples, or a state."""
+    unit = {**loop.vessel.all_states, **loop.vessel.inputs}[name]
     shown = _SHOWN.get(unit, unit)
     values = convert(run[name], unit, shown, where=name)
-    axes.step(run.time, values, where="post", color=BLUE, linewidth=1.1)
-    for limit in loop.controller.limits[name]:
+    held = name in loop.vessel.inputs
+    axes.plot(run.time, values, color=BLUE, linewidth=1.1,
+              drawstyle="steps-post" if held else "default")  # fmt: skip
+    for limit in filter(math.isfinite, loop.controller.limits[name]):
         axes.axhline(float(convert(np.asarray(float(limit)), unit, shown, where=name)), color="0.3",
                      linewidth=0.9, linestyle="--")  # fmt: skip
     styled(axes, "", "", f"{name.replace('_', ' ')}\n[{shown}], limits dashed")

@@ -12,8 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.names import listing, nearest
 from diffthrust._support.validation import finite
+from diffthrust.control._mpc_check import check_names, count_of, limit_pair, measured_number
 from diffthrust.control._mpc_step import Frame, Plan, Setting, compiled_replan
 from diffthrust.control._one_sample import AT_SEA, begin, check_vessel
 from diffthrust.control._path import Wanted
@@ -33,7 +33,9 @@ class MPC:
     The sum of squares of the errors of position over ``position``, and of the inputs' rates of
     change over ``rates``, is minimized by Gauss-Newton steps between the limits, beginning with the
     last plan one sample on or with inputs held throughout, whichever is better. The first inputs of
-    the plan are applied.
+    the plan are applied. Limits of inputs and of their rates always hold; those of states hold in
+    the plan to a thousandth or so, and in the vessel as well as the model knows it: what is beyond
+    them already is brought back.
 
     With ``disturbance`` the accelerations that the model does not explain (wind, current) are
     estimated from its errors of one sample; without it a steady disturbance leaves a steady error,
@@ -45,13 +47,16 @@ class MPC:
     Args:
         model: what the controller believes: a `Vessel` with the fitted effects. Its wind, if it has
             one, is the constant one of its parameters.
-        limits: lowest and highest value of each input, in the model's units (angles in rad).
+        limits: lowest and highest value of each input, and of those states that have limits, in the
+            model's units (angles in rad): ``{..., "surge": (0, 0.6), "north": (-0.5, math.inf)}``.
+        slew: fastest rate of change of an input, in its unit per second, where it has one.
         rates: rate of change of each input that weighs as much as an error of ``position``, in its
             unit per second; its whole range in a second where not given.
         rate: samples in a second [Hz].
         horizon: samples to look ahead; those of 5 s where not given. Much less than the time in
             which the vessel answers, a few seconds, steers badly.
         position: error of position that weighs one [m].
+        point: how far ahead of the centre of gravity the point lies that follows the path [m].
         disturbance: time constant [s] of the estimated accelerations, or ``None``.
         iterations: Gauss-Newton steps at most, for each sample.
 
@@ -60,8 +65,9 @@ class MPC:
             number that cannot be meant.
 
     Source: Siramdasu & Fahimi 2013, section 6 (that a predictive controller was used; the method
-    is not printed there). Diehl et al. 2005, A real-time iteration scheme for nonlinear
-    optimization in optimal feedback control (warm start, Gauss-Newton).
+    is not printed there) and figure 1 (the control point; its place is not printed). Diehl et al.
+    2005, A real-time iteration scheme for nonlinear optimization in optimal feedback control (warm
+    start, Gauss-Newton).
 
     Example:
         >>> mpc = dft.control.MPC(
@@ -76,10 +82,12 @@ class MPC:
 
     model: Model
     limits: Mapping[str, tuple[float, float]]
+    slew: Mapping[str, float] = field(default_factory=dict)
     rates: Mapping[str, float] = field(default_factory=dict)
     rate: float = 5.0
     horizon: int | None = None
     position: float = 0.3
+    point: float = 0.0
     disturbance: float | None = None
     iterations: int = 10
 
@@ -92,14 +100,23 @@ class MPC:
         if self.horizon is None:
             object.__setattr__(self, "horizon", max(1, round(_AHEAD * self.rate)))
         for name in ("horizon", "iterations"):
-            object.__setattr__(self, name, _whole(f"MPC, {name}", getattr(self, name)))
-        units = self.model.inputs
-        _check_names("limits", self.limits, tuple(units), "(LOWEST, HIGHEST)")
-        _check_names("rates", self.rates, tuple(units), "0.5")
-        limits = {name: _limits(name, self.limits.get(name), unit) for name, unit in units.items()}
-        object.__setattr__(self, "limits", limits)
-        for name, value in self.rates.items():
-            finite(f"MPC, rates of '{name}'", value, lambda x: x > 0, "a number above zero")
+            object.__setattr__(self, name, count_of(f"MPC, {name}", getattr(self, name)))
+        finite("MPC, point", self.point, math.isfinite, "metres ahead of the centre of gravity")
+        units, states = self.model.inputs, self.model.all_states
+        check_names("limits", self.limits, (*units, *states), "(LOWEST, HIGHEST)")
+        limits = {n: limit_pair(n, self.limits.get(n), unit) for n, unit in units.items()}
+        more = {name: limit_pair(name, pair, states[name], open_=True)
+                for name, pair in self.limits.items() if name in states}  # fmt: skip
+        object.__setattr__(self, "limits", {**limits, **more})
+        for what in ("slew", "rates"):
+            check_names(what, getattr(self, what), tuple(units), "0.5")
+            for name, value in getattr(self, what).items():
+                finite(f"MPC, {what} of '{name}'", value, lambda x: x > 0, "a number above zero")
+
+    @property
+    def input_limits(self) -> dict[str, tuple[float, float]]:
+        """Those of ``limits`` that are of inputs."""
+        return {name: self.limits[name] for name in self.model.inputs}
 
     @property
     def ahead(self) -> np.ndarray:
@@ -117,10 +134,10 @@ class MPC:
         Raises:
             InputError: a measurement that is missing or not finite.
         """
-        now = {n: 0.5 * (low + high) for n, (low, high) in self.limits.items()}
+        now = {n: 0.5 * (low + high) for n, (low, high) in self.input_limits.items()}
         if inputs is not None:
-            _check_names("inputs", inputs, tuple(now), "0.1")
-            now |= {n: finite(f"MPC, input '{n}'", v, _any, "a number") for n, v in inputs.items()}
+            check_names("inputs", inputs, tuple(now), "0.1")
+            now |= {n: _given(f"input '{n}'", value) for n, value in inputs.items()}
         state = begin(self.model, now, self._seen(measured, whole=True))
         low, high = self._range
         share = jnp.stack([jnp.asarray(now[n], float) for n in self.model.inputs])
@@ -178,20 +195,28 @@ class MPC:
     @cached_property
     def _frame(self) -> Frame:
         substeps = max(1, math.ceil(1.0 / (self.rate * _LONGEST) - 1e-9))
-        return Frame(Key(self.model), substeps, self.disturbance is not None)
+        limited = tuple(name for name in self.limits if name not in self.model.inputs)
+        estimating = self.disturbance is not None
+        return Frame(Key(self.model), substeps, estimating, limited, bool(self.slew))
 
     @cached_property
     def _setting(self) -> Setting:
         low, high = self._range
-        rates = [self.rates.get(n, b - a) for n, (a, b) in self.limits.items()]
+        rates = [self.rates.get(n, b - a) for n, (a, b) in self.input_limits.items()]
         moves = jnp.asarray(rates, float) / self.rate
+        fastest = jnp.asarray([self.slew.get(n, math.inf) for n in self.model.inputs]) / self.rate
+        ends = [self.limits[name] for name in self._frame.limited]
         return Setting(
             {name: jnp.asarray(p.value, float) for name, p in self.model.parameters.items()},
             low,
             high,
             moves / (high - low),
+            fastest / (high - low),
+            jnp.asarray([least for least, _ in ends], float),
+            jnp.asarray([most for _, most in ends], float),
             jnp.asarray(1.0 / self.rate),
             jnp.asarray(self.position, float),
+            jnp.asarray(self.point, float),
             jnp.asarray(self.disturbance or 1.0, float),
             jnp.asarray(self.iterations),
         )
@@ -199,72 +224,18 @@ class MPC:
     def _seen(self, measured: Any, whole: bool = False) -> dict[str, Any]:
         """Measured states; NaN for what is missing unless all six have to be there."""
         names = tuple(self.model.all_states)
-        _check_names("measured", measured, names, "0.0")
+        check_names("measured", measured, names, "0.0")
         seen = {}
         for name in AT_SEA:
             value = measured.get(name, math.nan)
             if whole:
-                finite(f"MPC, measured '{name}'", value, _any, "a number")
-            seen[name] = jnp.asarray(_number(f"MPC, measured '{name}'", value), float)
+                _given(f"measured '{name}'", value)
+            seen[name] = jnp.asarray(measured_number(f"MPC, measured '{name}'", value), float)
         if whole:
             more = {n: v for n, v in measured.items() if n not in AT_SEA}
-            seen |= {n: jnp.asarray(finite(f"MPC, measured '{n}'", v, _any, "a number"), float)
-                      for n, v in more.items()}  # fmt: skip
+            seen |= {n: jnp.asarray(_given(f"measured '{n}'", v), float) for n, v in more.items()}
         return seen
 
 
-def _any(value: float) -> bool:
-    return True
-
-
-def _number(where: str, value: Any) -> float:
-    """A number, which may be missing (NaN)."""
-    try:
-        return float(value)
-    except (TypeError, ValueError):
-        raise InputError(
-            f"{where}: expected a number, found {value!r}.", "Give NaN for what was not measured."
-        ) from None
-
-
-def _whole(where: str, value: Any) -> int:
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-        raise InputError(
-            f"{where}: expected a whole number, 1 or more, found {value!r}.", "Correct it."
-        )
-    return int(value)
-
-
-def _check_names(what: str, given: Any, names: tuple[str, ...], example: str) -> None:
-    if not isinstance(given, Mapping):
-        raise InputError(
-            f"MPC, {what}: expected a dictionary by name, found {given!r}.",
-            f'Write {{"{names[0]}": {example}, ...}}.',
-        )
-    for name in given:
-        if name not in names:
-            near = nearest(str(name), names)
-            raise InputError(
-                f"MPC, {what}: the model has no '{name}'{f' ({near})' if near else ''}; it has "
-                f"{listing(names)}.",
-                "Correct the name.",
-            )
-
-
-def _limits(name: str, pair: Any, unit: str) -> tuple[float, float]:
-    try:
-        low, high = (float(value) for value in pair)
-    except (TypeError, ValueError):
-        low, high = math.nan, math.nan
-    if not (math.isfinite(low) and math.isfinite(high) and low < high):
-        raise InputError(
-            f"MPC, limits: expected a lowest and a highest value of '{name}' [{unit}], found "
-            f"{pair!r}.",
-            f'Write limits={{"{name}": (LOWEST, HIGHEST)}}.',
-        )
-    if unit == "rad" and max(-low, high) > 2.0 * math.pi:
-        raise InputError(
-            f"MPC, limits: expected '{name}' in rad, found {low:g} to {high:g}, more than a turn.",
-            "Convert it: math.radians(24).",
-        )
-    return low, high
+def _given(what: str, value: Any) -> float:
+    return finite(f"MPC, {what}", value, math.isfinite, "a number")

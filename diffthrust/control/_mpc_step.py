@@ -13,7 +13,8 @@ from jaxtyping import Array
 
 from diffthrust._support._running.programs import program
 from diffthrust.control._bounded_lsq import least_squares_within
-from diffthrust.control._one_sample import AT_SEA, PLACE, SPEEDS, State, one_sample
+from diffthrust.control._one_sample import AT_SEA, SPEEDS, State, one_sample
+from diffthrust.control._rows_lsq import least_squares_below
 from diffthrust.simulation._trajectory import Key
 
 _LENGTHS = np.array([1.0, 0.5, 0.25, 0.1])
@@ -25,6 +26,9 @@ the middle of a range, has no slope at all."""
 _MARGIN = 1e-4
 """Of the range between the limits: slopes are taken this far inside, where the force law of a
 propeller that stops at a limit still has one."""
+_BEYOND = 1e-3
+"""So much beyond the limit of a state, in its unit, at one sample weighs as much as an error of
+``position``. A limit that waves or a bad start have broken must leave a plan that comes back."""
 _SETTLED = 1e-3
 """A plan is a minimum where the cosine between the residuals and the slope of each input that is
 free to move is below this, or the next step, as a share of the ranges."""
@@ -40,7 +44,7 @@ class Plan(NamedTuple):
         state: the states that it expects at the next sample.
         push: accelerations that the model does not explain, ``north``, ``east`` [m/s^2] and ``yaw``
             [rad/s^2]; zero unless they are estimated.
-        cost: the sum of squares that was minimized.
+        cost: the sum of squares that was minimized, with what is beyond limits of states.
         iterations: Gauss-Newton steps that were taken.
         settled: whether the plan that the last of them began from was a minimum, if not the lowest
             one: no input that is free to move lowers the cost.
@@ -63,6 +67,13 @@ class Frame(NamedTuple):
     key: Key
     substeps: int
     estimating: bool
+    limited: tuple[str, ...]
+    slewing: bool
+
+    @property
+    def bounded(self) -> bool:
+        """Whether only the inputs have limits, each by itself."""
+        return not (self.limited or self.slewing)
 
 
 class Setting(NamedTuple):
@@ -72,8 +83,12 @@ class Setting(NamedTuple):
     low: Array
     high: Array
     moves: Array
+    reach: Array
+    least: Array
+    most: Array
     period: Array
     position: Array
+    point: Array
     lag: Array
     iterations: Array
 
@@ -92,6 +107,7 @@ def replan(
     state |= {n: jnp.where(jnp.isnan(seen[n]), plan.state[n], seen[n]) for n in AT_SEA}
     before = jnp.stack([plan.inputs[name] for name in names])
     before = (before - given.low) / (given.high - given.low)
+    shape = plan.planned.shape
 
     def inputs_of(shares: Array) -> dict[str, Array]:
         row = jnp.clip(given.low + shares * (given.high - given.low), given.low, given.high)
@@ -102,32 +118,53 @@ def replan(
         inputs = inputs_of(shares)
         return one_sample(model, state, inputs, zero, period, frame.substeps, push)
 
-    def residual(flat: Array) -> Array:
-        shares = flat.reshape(plan.planned.shape)
+    def foreseen(flat: Array) -> tuple[Array, Array]:
+        """What is squared, and by how much states are beyond their limits; negative within."""
+        shares = flat.reshape(shape)
 
-        def body(state: State, row: Array) -> tuple[State, Array]:
+        def body(state: State, row: Array) -> tuple[State, tuple[Array, Array]]:
             state = after(state, row)
-            return state, jnp.stack([state[name] for name in PLACE])
+            limited = jnp.array([state[name] for name in frame.limited])
+            return state, (control_point(state, given.point), limited)
 
-        _, track = jax.lax.scan(body, state, shares)
+        _, (track, limited) = jax.lax.scan(body, state, shares)
         changes = jnp.diff(shares, axis=0, prepend=before[None]) / given.moves[None]
-        return jnp.concatenate([((track - place) / given.position).ravel(), changes.ravel()])
+        errors = jnp.concatenate([((track - place) / given.position).ravel(), changes.ravel()])
+        beyond = jnp.concatenate([limited - given.most[None], given.least[None] - limited])
+        return errors, beyond.ravel()
 
     def cost(flat: Array) -> Array:
-        total = jnp.sum(residual(flat) ** 2)
+        errors, beyond = foreseen(flat)
+        total = jnp.sum(errors**2) + jnp.sum((jnp.maximum(beyond, 0.0) / _BEYOND) ** 2)
         return jnp.where(jnp.isfinite(total), total, jnp.inf)
+
+    def step_from(flat: Array, jacobian: Array, rest: Array, slopes: Array, beyond: Array) -> Array:
+        if frame.bounded:
+            return least_squares_within(jacobian, rest, -flat, 1.0 - flat, jnp.zeros_like(flat))
+        eye, reach = jnp.eye(flat.size), given.reach[None]
+        changing = jnp.diff(eye.reshape(*shape, -1), axis=0, prepend=0.0).reshape(flat.size, -1)
+        changes = jnp.diff(flat.reshape(shape), axis=0, prepend=jnp.clip(before, 0.0, 1.0)[None])
+        up, down = (reach - changes).ravel(), (reach + changes).ravel()
+        hard = [1.0 - flat, flat, up, down]
+        return least_squares_below(
+            jacobian,
+            rest,
+            jnp.concatenate([eye, -eye, changing, -changing, slopes]),
+            jnp.concatenate([*hard, -beyond]),
+            jnp.concatenate([jnp.zeros(4 * flat.size), jnp.full(beyond.shape, _BEYOND)]),
+        )
 
     def improve(carry: tuple[Array, ...]) -> tuple[Array, ...]:
         flat, count, damping, _ = carry
-        jacobian = jax.jacfwd(residual)(jnp.clip(flat, _MARGIN, 1.0 - _MARGIN))
-        now, rest = cost(flat), residual(flat)
+        jacobian, slopes = jax.jacfwd(foreseen)(jnp.clip(flat, _MARGIN, 1.0 - _MARGIN))
+        now, (rest, beyond) = cost(flat), foreseen(flat)
         sizes = jnp.linalg.norm(jacobian, axis=0)
-        step = least_squares_within(
+        step = step_from(
+            flat,
             jnp.concatenate([jacobian, jnp.sqrt(damping) * jnp.diag(sizes)]),
             jnp.concatenate([rest, jnp.zeros_like(flat)]),
-            -flat,
-            1.0 - flat,
-            jnp.zeros_like(flat),
+            slopes,
+            beyond,
         )
         tried = jax.vmap(lambda length: flat + length * step)(_LENGTHS)
         costs = jax.vmap(cost)(tried)
@@ -136,7 +173,7 @@ def replan(
         slope = rest @ jacobian
         held = ((flat <= 0) & (slope >= 0)) | ((flat >= 1) & (slope <= 0))
         steep = jnp.abs(slope) / (sizes * jnp.linalg.norm(rest) + jnp.finfo(float).tiny)
-        level = jnp.max(jnp.where(held, 0.0, steep)) < _SETTLED
+        level = frame.bounded & (jnp.max(jnp.where(held, 0.0, steep)) < _SETTLED)
         short = (jnp.max(jnp.abs(step)) < _SETTLED) & (damping < 1.0)
         # at a kink of the force law no slope is level, and yet no step helps, however small
         corner = (now - costs[best] <= _SETTLED**2 * now) & (damping >= 1.0)
@@ -147,18 +184,28 @@ def replan(
     def unfinished(carry: tuple[Array, ...]) -> Array:
         return ~carry[3] & (carry[1] < given.iterations)
 
-    warm = jnp.concatenate([plan.planned[1:], plan.planned[-1:]]).ravel()
-    even = [jnp.tile(jnp.asarray(row), plan.planned.shape[0]) for row in
-            product(_EVEN, repeat=len(names))]  # fmt: skip
-    guesses = jnp.stack([warm, *even])
+    warm = jnp.concatenate([plan.planned[1:], plan.planned[-1:]])
+    furthest = given.reach[None] * jnp.arange(1.0, shape[0] + 1)[:, None]
+    nearest = jnp.clip(before, 0.0, 1.0)
+    even = [jnp.clip(jnp.asarray(row)[None], nearest[None] - furthest, nearest[None] + furthest)
+            for row in product(_EVEN, repeat=len(names))]  # fmt: skip
+    guesses = jnp.stack([warm.ravel(), *(guess.ravel() for guess in even)])
     best = guesses[jnp.argmin(jax.vmap(cost)(guesses))]
     flat, count, _, settled = jax.lax.while_loop(
         unfinished, improve, (best, jnp.asarray(0), jnp.zeros(()), jnp.asarray(False))
     )
-    planned = jnp.clip(flat, 0.0, 1.0).reshape(plan.planned.shape)
+    planned = jnp.clip(flat, 0.0, 1.0).reshape(shape)
+    first = jnp.clip(planned[0], nearest - given.reach, nearest + given.reach)
+    planned = planned.at[0].set(first)
     expected = after(state, planned[0])
     unseen = jnp.where(blind, plan.unseen + 1.0, 0.0)
     return Plan(inputs_of(planned[0]), planned, expected, push, cost(flat), count, settled, unseen)
+
+
+def control_point(state: Mapping[str, Array], ahead: Array) -> Array:
+    """North and east of the point that is to follow the path, ``(2,)``."""
+    cos, sin = jnp.cos(state["heading"]), jnp.sin(state["heading"])
+    return jnp.stack([state["north"] + ahead * cos, state["east"] + ahead * sin])
 
 
 def _estimate(

@@ -13,7 +13,7 @@ from diffthrust.control._base import Controller, Kept, rate_of
 from diffthrust.models._base.parameter import Parameter, parameter
 from diffthrust.models._base.signals import Signals
 
-_CHOICES = {"of": ("speed", "position", "velocity"), "gives": ("command", "thrust")}
+_GIVES = ("command", "thrust")
 
 
 class PID(Controller):
@@ -31,7 +31,7 @@ class PID(Controller):
     Åström & Hägglund 2006, sections 3.4 and 3.5 (derivative of the measurement, back-calculation).
 
     Args:
-        of: the channel that follows the reference: "speed", "position" or "velocity".
+        of: the channel that follows the reference: "speed", "position", or another of the loop.
         gives: "command" [V], straight to the thruster, or "thrust" [N], through a compensator.
         **gains: kp, ki, kd, limit, unwinding, smoothing.
 
@@ -51,16 +51,14 @@ class PID(Controller):
 
     def __init__(
         self,
-        of: Literal["speed", "position", "velocity"] = "speed",
+        of: str = "speed",
         gives: Literal["command", "thrust"] = "command",
         **gains: float | Parameter,
     ) -> None:
-        for what, given in (("of", of), ("gives", gives)):
-            if given not in _CHOICES[what]:
-                raise InputError(
-                    f"PID, {what}: expected {' or '.join(_CHOICES[what])}, found {given!r}.",
-                    "Correct it.",
-                )
+        if gives not in _GIVES:
+            raise InputError(
+                f"PID, gives: expected {' or '.join(_GIVES)}, found {gives!r}.", "Correct it."
+            )
         self._set(of=of, gives=gives, reads=(of,))
         super().__init__(**gains)
 

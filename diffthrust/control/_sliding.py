@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import ClassVar
 
@@ -25,9 +26,9 @@ class Sliding(Compensator):
     behaves as a first-order lag of the frequency gain / (inertia width). The wanted speed is
     thrust / sqrt(thrust_coefficient (|thrust| + floor)): a square root whose slope stays finite
     where the thrust changes its sign. Its rate is a backward difference through a low-pass of the
-    time constant ``smoothing`` [s].
+    time constant ``smoothing`` [s]. The command is held within -limit and limit.
 
-    Source: Yoerger, Cooke & Slotine 1990, section V D.
+    Source: Yoerger, Cooke & Slotine 1990, section V D; the thruster takes 10 V (section II A).
 
     Example:
         >>> sliding = dft.control.Sliding.of(dft.Thruster(), gain=3.0, width=4.0)
@@ -50,6 +51,7 @@ class Sliding(Compensator):
     smoothing: float = parameter(
         0.0, "s", bounds=(0, None), transform="linear", size=0.1, fixed=True
     )
+    limit: float = parameter(math.inf, "V", bounds=(0, None), null=math.inf, fixed=True)
 
     @classmethod
     def _nominal(cls, alpha: float, beta: float, ct: float) -> dict[str, float]:
@@ -57,9 +59,10 @@ class Sliding(Compensator):
 
     def __call__(self, thrust: Array, s: Signals, kept: Kept, period: Array) -> tuple[Array, Kept]:
         """Yoerger et al. 1990, section V D."""
-        return self._command(thrust, s, kept, period, self.load, self.inertia)[:2]
+        free, memory, *_ = self._free(thrust, s, kept, period, self.load, self.inertia)
+        return jnp.clip(free, -self.limit, self.limit), memory
 
-    def _command(
+    def _free(
         self,
         thrust: Array,
         s: Signals,
@@ -68,20 +71,20 @@ class Sliding(Compensator):
         load: Array | float,
         inertia: Array | float,
     ) -> tuple[Array, Kept, Array, Array]:
-        """Command, memory, and what ``load`` and ``inertia`` are multiplied with."""
+        """The command but for its limit, memory, and what the estimates are multiplied with."""
         speed = thrust / jnp.sqrt(self.thrust_coefficient * (jnp.abs(thrust) + self.floor))
         rate, smoothed = rate_of(speed, kept["smoothed"], kept["begun"], self.smoothing, period)
         error = s.speed - speed
         swept = s.speed * jnp.abs(s.speed)
         inside = jnp.clip(error / self.width, -1.0, 1.0)
-        command = load * swept + inertia * rate - self.gain * inside
+        free = load * swept + inertia * rate - self.gain * inside
         memory = {
             "wanted_speed": speed,
             "sliding_error": error,
             "smoothed": smoothed,
             "begun": jnp.ones(()),
         }
-        return command, memory, swept, rate
+        return free, memory, swept, rate
 
 
 class AdaptiveSliding(Sliding):
@@ -91,9 +94,10 @@ class AdaptiveSliding(Sliding):
         d(load)/dt    = -load_rate    speed |speed|          s_delta
         d(inertia)/dt = -inertia_rate d(wanted speed)/dt     s_delta
 
-    Inside the layer nothing is adapted, so the estimates do not drift. They begin at ``load`` and
-    ``inertia``, zero unless given (`of` gives those of the thruster), and are recorded as
-    ``load_estimate`` and ``inertia_estimate``.
+    Inside the layer nothing is adapted, so the estimates do not drift. Nor do they wind up where
+    the command is at its ``limit``: there only what draws it back is learned. They begin at
+    ``load`` and ``inertia``, zero unless given (`of` gives those of the thruster), and are recorded
+    as ``load_estimate`` and ``inertia_estimate``.
 
     Source: Yoerger, Cooke & Slotine 1990, section V E; Slotine & Coetsee 1986.
 
@@ -119,9 +123,12 @@ class AdaptiveSliding(Sliding):
     def __call__(self, thrust: Array, s: Signals, kept: Kept, period: Array) -> tuple[Array, Kept]:
         """Yoerger et al. 1990, section V E."""
         load, inertia = kept["load_estimate"], kept["inertia_estimate"]
-        command, memory, swept, rate = self._command(thrust, s, kept, period, load, inertia)
+        free, memory, swept, rate = self._free(thrust, s, kept, period, load, inertia)
+        command = jnp.clip(free, -self.limit, self.limit)
         error = memory["sliding_error"]
         outside = error - jnp.clip(error, -self.width, self.width)
+        # both estimates move the command against the error
+        outside = jnp.where((free - command) * outside < 0, 0.0, outside)
         learned = {
             "load_estimate": load - period * self.load_rate * swept * outside,
             "inertia_estimate": inertia - period * self.inertia_rate * rate * outside,

@@ -34,22 +34,25 @@ class PathError(NamedTuple):
 
 
 class SolveTime(NamedTuple):
-    """Seconds that the controller took for a sample; the first call compiles and does not count.
+    """Seconds that the controller took for a sample.
 
     Args:
         median: over the samples.
         largest: over the samples.
         period: between two samples: what a solution may take.
+        compiling: of the call before the first sample, which compiles where nothing like it has
+            run; it is in neither of the others.
     """
 
     median: float
     largest: float
     period: float
+    compiling: float
 
     def __str__(self) -> str:
         return (
             f"{1e3 * self.median:.2f} ms a step (median; largest {1e3 * self.largest:.2f} ms) of a "
-            f"period of {1e3 * self.period:g} ms"
+            f"period of {1e3 * self.period:g} ms; {self.compiling:.2g} s to compile before them"
         )
 
 
@@ -62,12 +65,14 @@ class TrackRun(RunSignals):
         path: what was to be followed.
         time: samples of the controller [s], ``(n,)``.
         signals: at these samples, ``(n,)`` each: states, outputs, inputs, ``measured.CHANNEL``,
-            ``reference.north`` and ``reference.east`` [m], ``along`` and ``across`` (errors of what
-            is, not of what was measured, ahead of the wanted place and to starboard of it [m]),
+            ``reference.north`` and ``reference.east`` [m], ``point.north`` and ``point.east`` (of
+            the point that follows the path [m]), ``along`` and ``across`` (its errors, of what is,
+            not of what was measured, ahead of the wanted place and to starboard of it [m]),
             ``push.north``, ``push.east`` and ``push.yaw`` (accelerations estimated by the
             controller), ``cost``, ``iterations``, ``settled`` and ``solve_time`` [s].
         diverged: the time [s] of the first sample at which a signal was no longer finite, or
             larger than any that can be meant; ``None`` where the run stayed bounded.
+        compiling: seconds of the controller's call before the first sample.
 
     Example:
         >>> run.across(start=20.0).mean, run.solve_time.median
@@ -78,6 +83,7 @@ class TrackRun(RunSignals):
     time: np.ndarray
     signals: Mapping[str, np.ndarray]
     diverged: float | None
+    compiling: float
 
     def along(self, start: float | None = None, stop: float | None = None) -> PathError:
         """Errors along the path, positive ahead of the wanted place.
@@ -103,9 +109,8 @@ class TrackRun(RunSignals):
     @property
     def solve_time(self) -> SolveTime:
         """How long the controller took for each sample, by the clock of this machine."""
-        took = self["solve_time"][1:] if self.time.size > 1 else self["solve_time"]
-        period = 1.0 / self.loop.controller.rate
-        return SolveTime(float(np.median(took)), float(np.max(took)), period)
+        took, period = self["solve_time"], 1.0 / self.loop.controller.rate
+        return SolveTime(float(np.median(took)), float(np.max(took)), period, self.compiling)
 
     @cached_property
     def log(self) -> Log:
@@ -136,7 +141,11 @@ class TrackRun(RunSignals):
 
 
 def track_run_of(
-    loop: VesselAssembly, path: Path, time: np.ndarray, signals: Mapping[str, np.ndarray]
+    loop: VesselAssembly,
+    path: Path,
+    time: np.ndarray,
+    signals: Mapping[str, np.ndarray],
+    compiling: float,
 ) -> TrackRun:
     """The run with its errors, cut where it ran away.
 
@@ -144,12 +153,16 @@ def track_run_of(
         InputError: it ran away before a second sample.
     """
     wanted = path.at(time)
-    north, east = signals["north"] - wanted.north, signals["east"] - wanted.east
+    ahead, heading = loop.controller.point, signals["heading"]
+    place = signals["north"] + ahead * np.cos(heading), signals["east"] + ahead * np.sin(heading)
+    north, east = place[0] - wanted.north, place[1] - wanted.east
     cos, sin = np.cos(wanted.course), np.sin(wanted.course)
     whole = {
         **signals,
         "reference.north": wanted.north,
         "reference.east": wanted.east,
+        "point.north": place[0],
+        "point.east": place[1],
         "along": north * cos + east * sin,
         "across": east * cos - north * sin,
     }
@@ -158,4 +171,4 @@ def track_run_of(
         time, whole, "Look at the units of the initial states and inputs, and at the path."
     )
     whole["cost"] = cost[: time.size]
-    return TrackRun(loop, path, time, whole, diverged)
+    return TrackRun(loop, path, time, whole, diverged, compiling)

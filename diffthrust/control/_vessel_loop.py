@@ -63,15 +63,16 @@ class VesselLoop(VesselAssembly):
     ) -> TrackRun:
         """Run the loop.
 
-        The controller is called sample by sample, as on board, and each call is timed. Effects with
-        states of their own (lags) begin settled at the first inputs, as in `simulate`.
+        The controller is called sample by sample, as on board, and each call is timed; one more
+        before the first, whose plan is not used, compiles. Effects with states of their own (lags)
+        begin settled at the first inputs, as in `simulate`.
 
         Args:
             path: where to be, and when.
             duration: how long [s]; whole samples of the controller are run.
             seed: of the measurement noise.
-            initial: initial states by name; by default at rest at the path's beginning, heading
-                along it.
+            initial: initial states by name; by default at rest with the controller's point at the
+                path's beginning, heading along it.
 
         Returns:
             Signals, errors along and across the path, the time of each solution, and a log.
@@ -96,8 +97,8 @@ class VesselLoop(VesselAssembly):
         }
         values = {name: jnp.asarray(p.value, float) for name, p in self.vessel.parameters.items()}
         ship = Key(self.vessel), max(1, math.ceil(1.0 / (rate * _STEP) - 1e-9))
-        inputs = {name: 0.5 * (low + high) for name, (low, high) in mpc.limits.items()}
-        plan, records = None, []
+        inputs = {name: 0.5 * (low + high) for name, (low, high) in mpc.input_limits.items()}
+        plan, records, compiling = None, [], 0.0
         for k, now in enumerate(time):
             given = {name: row[k] for name, row in rows.items()}
             outputs = _readings(ship[0], values, state, {**inputs, **given}, now)
@@ -106,7 +107,10 @@ class VesselLoop(VesselAssembly):
                 records.append(dict.fromkeys(records[0], math.nan))
                 break
             ahead = wanted_at(path, now + mpc.ahead)
-            plan = mpc.start(measured, inputs) if plan is None else plan
+            if plan is None:  # once for nothing: what it takes longer than again is compilation
+                plan, begun = mpc.start(measured, inputs), perf_counter()
+                jax.block_until_ready(mpc.step(plan, measured, ahead))
+                compiling = perf_counter() - begun
             begun = perf_counter()
             plan = jax.block_until_ready(mpc.step(plan, measured, ahead))
             solving = perf_counter() - begun
@@ -126,7 +130,7 @@ class VesselLoop(VesselAssembly):
             })  # fmt: skip
             state = _moved(*ship, values, state, {**inputs, **given}, now, 1.0 / rate)
         signals = {name: np.array([row[name] for row in records]) for name in records[0]}
-        return track_run_of(self, path, time[: len(records)], signals)
+        return track_run_of(self, path, time[: len(records)], signals, compiling)
 
     def _given(self, time: np.ndarray) -> dict[str, np.ndarray]:
         return {
@@ -140,8 +144,10 @@ class VesselLoop(VesselAssembly):
     ) -> tuple[State, dict[str, Array]]:
         """All states at the start, and those of them that were given."""
         start = wanted_at(path, np.zeros(1))
-        own = {"north": start.north[0], "east": start.east[0], "heading": start.course[0]}
-        limits = self.controller.limits
+        course, back = start.course[0], self.controller.point
+        north = start.north[0] - back * math.cos(course)
+        own = {"north": north, "east": start.east[0] - back * math.sin(course), "heading": course}
+        limits = self.controller.input_limits
         middle = {name: 0.5 * (low + high) for name, (low, high) in limits.items()}
         first = {name: row[0] for name, row in rows.items()}
         given = {**own, **checked_initial(self.vessel, initial)}

@@ -38,7 +38,7 @@ class ThrusterLoop(Result):
         natural_frequency: that the position controller was designed for [rad/s].
         damping: the same, of critical.
         found: the limit cycles, with the command in the model's unit.
-        newton: steady thrust for a unit of command [N/V].
+        newton: steady thrust for a unit of the command [N/V, where this is a voltage].
     """
 
     model: Model
@@ -90,10 +90,16 @@ class ThrusterLoop(Result):
 
     @property
     def as_in_paper(self) -> bool:
-        """Whether vehicle and design are those of the paper's figure 14."""
-        ours = (self.mass, self.drag, self.natural_frequency, self.damping)
-        theirs = (340.0, 67.0, 1.0, 0.707)
-        return all(math.isclose(a, b, rel_tol=2e-3) for a, b in zip(ours, theirs, strict=True))
+        """Whether thruster, vehicle and design are those of the paper's figure 14.
+
+        The thruster has no effects, and its ct is that of the paper's static or dynamic test.
+        """
+        alpha, beta, ct = (self.model.parameters[name].value for name in ("alpha", "beta", "ct"))
+        ours = (self.mass, self.drag, self.natural_frequency, self.damping, alpha, beta)
+        pairs = zip(ours, (340.0, 67.0, 1.0, 0.707, 0.037, 42.0), strict=True)
+        near = all(math.isclose(a, b, rel_tol=2e-3) for a, b in pairs)
+        tested = any(math.isclose(ct, known, rel_tol=2e-3) for known in (0.022, 0.019))
+        return near and tested and not self.model.effects
 
     def _line(self) -> str:
         return self.found.sentence
@@ -103,7 +109,8 @@ class ThrusterLoop(Result):
         lines = [
             f"Vehicle of {self.mass:.4g} kg, drag {self.drag:.4g} N s^2/m^2; controller designed "
             f"for {self.natural_frequency:.4g} rad/s, damping {self.damping:.4g}",
-            f"Thruster: {self.model}, {self.newton:.4g} N of thrust for a volt of command",
+            f"Thruster: {self.model}, {self.newton:.4g} N of thrust for a command of 1 "
+            f"{self.model.inputs['command']}",
             "",
             f"{'command on the limit cycle':44}{'fundamental N':>14}{'peak N':>9}{'rad/s':>9}",
             _row("printed formula, pure inertia", self.printed, None, self.natural_frequency),

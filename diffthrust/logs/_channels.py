@@ -25,6 +25,7 @@ _ALL = (
     Channel("speed", "rad/s", "speed of rotation of the propeller shaft"),
     Channel("thrust", "N", "force of the propeller along its axis"),
     Channel("inflow", "m/s", "speed of the water that reaches the propeller"),
+    Channel("flow", "m/s", "speed of the water that leaves the duct"),
     Channel("supply_voltage", "V", "voltage of the supply or the battery"),
     Channel("torque", "N m", "torque on the propeller shaft"),
     Channel("current", "A", "current through the motor"),

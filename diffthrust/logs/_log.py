@@ -184,9 +184,13 @@ class Log:
         return log
 
     def replaced(self, **fields: Any) -> "Log":
-        """A copy with other fields, which are not checked; `dataclasses.replace` checks them."""
+        """A copy with other fields, which are not checked; `dataclasses.replace` checks them.
+
+        ``units`` are those of some channels; the others keep theirs.
+        """
         kept = {key: getattr(self, key) for key in self.__dataclass_fields__}
-        return Log.of_checked({**kept, **fields})
+        units = {**self.units, **fields.get("units", {})}
+        return Log.of_checked({**kept, **fields, "units": units})
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Read-only mappings cannot be pickled; worker processes need the log.

@@ -18,6 +18,7 @@ from diffthrust.models._base.signals import Signals as Signals
 # isort: off
 from diffthrust.models._thruster import Thruster as Thruster
 from diffthrust.models._speed_loop import SpeedLoopThruster as SpeedLoopThruster
+from diffthrust.models._ducted_thruster import DuctedThruster as DuctedThruster
 from diffthrust.models._vessel import Vessel as Vessel
 from diffthrust.models._dc_motor import DCMotorThruster as DCMotorThruster
 from diffthrust.models._axis_vehicle import AxisVehicle as AxisVehicle

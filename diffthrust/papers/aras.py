@@ -18,6 +18,10 @@ from diffthrust._support.results import Brief
 from diffthrust._support.transfer import Transfer, transfer_of
 from diffthrust.control import PID, Loop
 from diffthrust.models import DCMotorThruster
+from diffthrust.papers._depth_loop import SUPPLY as SUPPLY
+from diffthrust.papers._depth_loop import DepthPlant as DepthPlant
+from diffthrust.papers._depth_loop import SensorRange as SensorRange
+from diffthrust.papers._depth_loop import depth_loop as depth_loop
 from diffthrust.papers._depth_sensor import Calibration as Calibration
 from diffthrust.papers._depth_sensor import Datasheet as Datasheet
 from diffthrust.papers._depth_sensor import calibrate as calibrate
@@ -25,9 +29,6 @@ from diffthrust.papers._line import numbers
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-SUPPLY = 13.0
-"""Voltage of the open-loop record [V]."""
 
 
 def plant() -> Transfer:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.files import oddity
 from diffthrust._support.lossless import Decoder
 from diffthrust._support.names import listing
 from diffthrust._support.saved_file import read_saved, version_of
@@ -50,6 +51,10 @@ def load(path: str | PathLike[str], *, classes: Classes = ()) -> Any:
         >>> dft.compare(fit, unseen).errors.nrmse
     """
     file = Path(path)
+    if what := oddity(file):
+        raise InputError(
+            f"{file}: expected a saved result, found {what}.", "Name the file of a result."
+        )
     if file.suffix.lower() == ".nc":
         from diffthrust.uncertainty._sampling.arviz import read_posterior
 

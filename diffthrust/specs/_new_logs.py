@@ -29,6 +29,7 @@ class _Run(NamedTuple):
 _RUNS = {
     "thruster": _Run(0.05, 25, 300, {"command": (-3.0, 3.0)}),
     "speed_loop_thruster": _Run(0.05, 25, 300, {"command": (-1.0, 1.0)}),
+    "ducted_thruster": _Run(0.05, 25, 300, {"command": (-1.0, 1.0)}),
     "dc_motor_thruster": _Run(0.02, 40, 400, {"command": (-12.0, 12.0)}),
     "axis_vehicle": _Run(0.2, 25, 300, {"thrust": (-100.0, 100.0)}),
     "linear_sensor": _Run(1.0, 1, 20, {"depth": (0.0, 4.0)}),

@@ -7,18 +7,12 @@ from dataclasses import replace
 from printed import aras, siramdasu, yoerger
 from printed.printed import Printed
 
-from diffthrust.papers.aras import Calibration
 
-
-def printed_figures(calibration: Calibration | None = None) -> list[Printed]:
+def printed_figures() -> list[Printed]:
     """Every printed figure of the three papers that can be checked, with the paper's name.
 
     Ours is worked out when this is called, in some seconds: by the papers' methods on simulated
     records, by closed forms, and by simulation.
-
-    Args:
-        calibration: of table 4 of Aras et al. (`dft.papers.aras.calibrate`); without it the rows
-            that need it are left out.
 
     Example:
         >>> print(printed_table(printed_figures()))
@@ -26,6 +20,6 @@ def printed_figures(calibration: Calibration | None = None) -> list[Printed]:
     papers = {
         "Yoerger 1990": yoerger.printed_figures(),
         "Siramdasu 2013": siramdasu.printed_figures(),
-        "Aras 2013": aras.printed_figures(calibration),
+        "Aras 2013": aras.printed_figures(),
     }
     return [replace(row, source=name) for name, rows in papers.items() for row in rows]

@@ -6,27 +6,24 @@ import math
 
 import numpy as np
 from printed.printed import Printed
-from printed.transfer import depth_loop, step_response
+from printed.table_4 import table_4
+from printed.transfer import linear_loop, step_response
 
 from diffthrust import Log, blackbox
-from diffthrust.papers.aras import Calibration, Datasheet, plant
+from diffthrust.papers.aras import Calibration, Datasheet, calibrate, plant
 
 _SURFACE = 1.848
 """Reading in air that section 4.2 prints [V]."""
 _GRAVITY = 9.81
 
 
-def printed_figures(calibration: Calibration | None = None) -> list[Printed]:
+def printed_figures() -> list[Printed]:
     """Every printed figure of the paper that can be checked.
-
-    Args:
-        calibration: of table 4 (`dft.papers.aras.calibrate`); without it the rows that need it are
-            left out.
 
     Example:
         >>> print(printed_table(printed_figures()))
     """
-    rows = [*(_table_4(calibration) if calibration else []), *_sensor(), *_encoder(), *_transfer()]
+    rows = [*_table_4(calibrate(*table_4())), *_sensor(), *_encoder(), *_transfer()]
     order = list(dict.fromkeys(row.what for row in rows))
     return sorted(rows, key=lambda row: order.index(row.what))
 
@@ -92,7 +89,7 @@ def _transfer() -> list[Printed]:
                 "output error (2, 2, 1) of its simulated answer to steps of 13 V, noise of 5 mV")
         for name, paper, ours in zip(names, printed, _refound(), strict=True)
     ]  # fmt: skip
-    loop = depth_loop(1.0)
+    loop = linear_loop(1.0)
     poles = ", ".join(f"{pole:.3g}" for pole in np.sort(np.real(loop.poles)))
     return [
         *rows,

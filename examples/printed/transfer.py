@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def depth_loop(gain: float = 1.0) -> Transfer:
+def linear_loop(gain: float = 1.0) -> Transfer:
     """The depth loop of section 6: from the set point to the depth, under proportional control.
 
     Without an integral the depth rests at gain G(0) / (1 + gain G(0)) of the set point: at half of
@@ -26,7 +26,7 @@ def depth_loop(gain: float = 1.0) -> Transfer:
     """
     if not (np.isfinite(gain) and gain):
         raise InputError(
-            f"depth_loop, gain: expected a number other than zero, found {gain!r}.", "Correct it."
+            f"linear_loop, gain: expected a number other than zero, found {gain!r}.", "Correct it."
         )
     g = plant()
     num = gain * np.array([0.0, *g.num])
@@ -85,7 +85,7 @@ def plot_responses(gain: float = 1.0, size: float = 1.0) -> Figure:
     left, right = figure.subplots(1, 2)
     shown = (
         (left, plant(), 15.0, "Open loop: G(s)", BLUE),
-        (right, depth_loop(gain), 3.0, f"Depth loop, proportional gain {gain:g}", VERMILLION),
+        (right, linear_loop(gain), 3.0, f"Depth loop, proportional gain {gain:g}", VERMILLION),
     )
     for axes, system, until, title, colour in shown:
         time = np.linspace(0.0, until, 3001)

@@ -25,8 +25,9 @@ _UNITS = {"command": "V", "speed": "rad/s", "thrust": "N"}
 def printed_figures() -> list[Printed]:
     """Every printed figure of the paper that can be checked.
 
-    Figures 15 to 21 have no numbers that the scan lets one read; ``examples/compensators.py`` runs
-    what they show. The vehicles of figures 1 and 2 are not described.
+    Figures 15 to 21 have no numbers that the scan lets one read; ``examples/compensators.py`` and
+    ``examples/papers_yoerger_adaptive.py`` run what they show. The vehicles of figures 1 and 2 are
+    not described.
 
     Example:
         >>> print(printed_table(printed_figures()))

@@ -1,15 +1,24 @@
 """Programs: traced once for their code and shapes, and let go when others were used since."""
 
 import sys
+from functools import lru_cache
 from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from diffthrust._support._running import programs  # private: the programs alone
 from diffthrust._support._running.programs import KEPT, program  # private: the programs alone
 
 MAPS = Path("/proc/self/maps")
+
+
+@pytest.fixture(autouse=True)
+def _as_users_have_it(monkeypatch):
+    """As many are kept as in a user's process; the other tests keep more."""
+    usual = lru_cache(maxsize=KEPT)(programs._kept.__wrapped__)
+    monkeypatch.setattr(programs, "_kept", usual)
 
 
 @program(1)

@@ -137,8 +137,10 @@ def test_the_derivative_is_that_of_the_measurement():
     late = run.time > 2.0
     damped = 300.0 * run["error"] - 400.0 * run["velocity"]
     np.testing.assert_allclose(run["wanted_thrust"][late], damped[late], atol=4.0)
-    with pytest.raises(InputError, match="PID, of: expected speed or position or velocity"):
-        control.PID(of="depth")
+    with pytest.raises(InputError, match="reference of PID is for 'depth', which nothing in the"):
+        Loop(thruster=MOTOR, controller=control.PID(of="depth"))
+    with pytest.raises(InputError, match="PID, gives: expected command or thrust"):
+        control.PID(gives="torque")  # pyright: ignore[reportArgumentType]
 
 
 # References.

@@ -407,6 +407,23 @@ def test_both_formulas_stand_beside_the_papers_figures():
 
 
 @pytest.mark.parametrize(
+    ("model", "theirs"),
+    [
+        (dft.Thruster(**JASON), True),
+        (dft.Thruster(**{**JASON, "ct": 0.019}), True),  # their dynamic test
+        (dft.Thruster(**{**JASON, "alpha": 0.08}), False),
+        (dft.Thruster(**{**JASON, "beta": 50.0}), False),
+        (dft.Thruster(**{**JASON, "ct": 0.005}), False),
+        (dft.Thruster(**JASON) + ActuatorLag(time_constant=0.2), False),
+    ],
+)
+def test_only_the_papers_thruster_is_held_against_the_papers_figures(model, theirs):
+    loop = thruster_loop_cycle(model, verify=False)
+    assert loop.as_in_paper == theirs
+    assert ("paper, simulated" in loop.report()) == theirs
+
+
+@pytest.mark.parametrize(
     ("design", "factor"), [({"natural_frequency": 0.5}, 0.5), ({"natural_frequency": 2.0}, 2.0)]
 )
 def test_amplitude_of_a_pure_inertia_grows_with_the_square_of_the_frequency(design, factor):

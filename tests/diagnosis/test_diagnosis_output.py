@@ -17,6 +17,7 @@ import pytest
 import written_fits
 
 import diffthrust as dft
+from diffthrust._support.figures import unseen  # private: as a page makes them
 from diffthrust._support.words import an, apart, joined, spelt  # private: words alone
 from diffthrust.diagnosis._figures import (  # private: each figure alone
     missing_figure,
@@ -51,6 +52,12 @@ CHROMIUM = next(
 @pytest.fixture(scope="module")
 def full() -> dft.Diagnosis:
     return made.diagnosis()
+
+
+@pytest.fixture
+def sketched(monkeypatch):
+    """Pages whose figures are made but not painted, which takes nine tenths of a page's time."""
+    monkeypatch.setattr("diffthrust.diagnosis._page.image", lambda draw: str(id(unseen(draw))))
 
 
 # -- words -----------------------------------------------------------------------------------------
@@ -125,7 +132,7 @@ def _worse(fit: dft.Fit) -> dict[str, ChannelError]:
     }
 
 
-def test_a_fit_that_may_not_claim_its_numbers_is_noted(full):
+def test_a_fit_that_may_not_claim_its_numbers_is_noted(full, sketched):
     bad = replace(full.fit, status=dft.Status.NOT_CONVERGED, message="The error still falls.")
     diag = replace(full, stages=(*full.stages[:2], replace(full.stages[2], fit=bad)))
     (words, *_) = caution_words(diag)
@@ -267,7 +274,7 @@ def test_the_summary_tells_what_is_left_to_random_forces():
     assert "random forces" not in replace(made.found(), one_step={"speed": 1.0}).summary
 
 
-def test_refused_effects_are_told_with_the_reason(full):
+def test_refused_effects_are_told_with_the_reason(full, sketched):
     why = Refusal.UNSEEN_LOGS
     diag = replace(full, refused={"actuator_lag": why})
     sentence = f"An actuator lag was not added: it {why}."
@@ -407,7 +414,7 @@ def test_the_page_is_whole_and_needs_nothing_else(full, tmp_path):
     assert places == sorted(places)
 
 
-def test_the_headroom_is_told_before_and_after(full):
+def test_the_headroom_is_told_before_and_after(full, sketched):
     train, _ = made.logs()
     assert full.headroom is None  # put together by hand, without the training logs
     assert "How much there is to find" not in page(full)
@@ -423,14 +430,14 @@ def test_the_headroom_is_told_before_and_after(full):
     assert whole.to_json()["headroom"]["before"]["worth"] is True
 
 
-def test_the_page_escapes_what_comes_from_outside(full):
+def test_the_page_escapes_what_comes_from_outside(full, sketched):
     text = page(full, title=made.NASTY, spec=f"# {made.NASTY}")
     assert "<script" not in text
     assert text.count("&lt;script&gt;alert(1)&lt;/script&gt;") >= 4  # title, heading, log, spec
 
 
 @pytest.mark.parametrize("kind", ["found", "adequate", "unexplained"])
-def test_every_verdict_has_its_page(kind):
+def test_every_verdict_has_its_page(kind, sketched):
     diag = getattr(made, kind)()
     found = _Page(page(diag))
     assert found.open == []
@@ -439,7 +446,7 @@ def test_every_verdict_has_its_page(kind):
     assert ("class MyEffect" in found.text) == (kind == "unexplained")
 
 
-def test_the_page_of_a_diagnosis_in_which_no_signal_is_missing(full):
+def test_the_page_of_a_diagnosis_in_which_no_signal_is_missing(full, sketched):
     text = _Page(page(replace(full, missing=full.missing[1:]))).text
     assert "nothing is missing that shows" in text
     assert "a band of two standard errors" not in text  # the caption of the figure
@@ -499,7 +506,7 @@ def test_parameters_in_json_are_in_their_unit_and_as_the_log_was_written(full):
     }
 
 
-def test_missing_signals_are_told_and_drawn_in_the_units_of_the_logs(full):
+def test_missing_signals_are_told_and_drawn_in_the_units_of_the_logs(full, sketched):
     fit = written_fits.fit()
     known, time = full.missing[0], np.arange(4.0)
     push = (time, np.array([3.0, -3.0, 3.0, -3.0]), np.full(4, 0.1))

@@ -17,7 +17,7 @@ from diffthrust.diagnosis._words import stage_words, verdict_words  # private: e
 ARM = 0.40
 
 
-def boats(seed, logs=3, size=500):
+def boats(seed, logs=3, size=250):
     """Runs of a boat with two thrusters, whose sway and yaw depend on each other."""
     rng = np.random.default_rng(seed)
     parameters = {**vessel.SIRAMDASU, "m11": 4.4, "m22": 6.0, "lever_arm": ARM}

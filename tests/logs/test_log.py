@@ -114,6 +114,12 @@ def test_pickle_copy_and_replace():
         assert not other.time.flags.writeable
 
 
+def test_units_of_some_channels_leave_the_others_theirs():
+    log = Log([0.0, 0.1], {"command": [0.0, 1.0]}, {"speed": [0.0, 9.0]})
+    other = log.replaced(units={"command": "effort"})
+    assert (other.units["command"], other.units["speed"]) == ("effort", log.units["speed"])
+
+
 def test_interpolation_on_request():
     given = dict(time=[0, 1, 3, 4, 5], inputs={"command": [NAN, 1.0, NAN, 4.0, NAN]})
     with pytest.raises(InputError, match="sample 0") as caught:

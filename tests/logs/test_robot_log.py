@@ -55,6 +55,12 @@ def read(path, **more):
     return read_robot_log(path, **{**given, **more})
 
 
+def test_without_a_time_base_the_choice_is_told():
+    with pytest.raises(InputError, match="expected a time base, found none") as caught:
+        read("run.bin", base=None)
+    assert 'base="messages"' in caught.value.mend
+
+
 def test_a_bag_is_read_back(bag):
     log = read(bag)
     np.testing.assert_allclose(log.time, np.arange(11) / 10, atol=1e-9)

@@ -309,3 +309,17 @@ def test_the_command(dives, monkeypatch):
     assert "Mend:" in result.stdout
     assert "another output folder" in run("--task", "diagnose", status=2).stderr
     assert "candidates" in run("--candidates", "x", status=2).stderr
+
+
+def test_workers_that_end_while_they_write_leave_nothing(dives, monkeypatch):
+    """As where a full disk refuses the table: the workers of this machine end with the campaign."""
+    left = dives.parent / "out" / f".a.{32 * '0'}.tmp"
+
+    def ended(*_):
+        left.mkdir()
+        raise dft.InputError("The table cannot be written.", "Make room.")
+
+    monkeypatch.setattr(campaign, "_run", ended)
+    with pytest.raises(dft.InputError, match="table cannot be written"):
+        ran(dives)
+    assert not left.exists()

@@ -5,10 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import matplotlib
 import nbformat
 import pytest
 from nbclient import NotebookClient
 from places import EXAMPLES, ROOT
+
+from diffthrust._support import figures  # private: how many wait
 
 NOTEBOOKS = EXAMPLES / "notebooks"
 PLOT = "dft.compare(dft.Thruster(), log).plot()"
@@ -57,7 +60,11 @@ def test_what_a_notebook_shows(kernel, tmp_path):
         f"import matplotlib.pyplot as plt\n{PLOT}\nplt.show()",
         f"{PLOT}\nprint(len(plt.get_fignums()))",
     )
-    many = f"for k in range(25): {PLOT}.savefig('figure.png')"
+    fewer = (  # than the twenty that wait, and of which pyplot warns
+        "from diffthrust._support import figures\n"
+        "figures._MOST = plt.rcParams['figure.max_open_warning'] = 3"
+    )
+    many = f"{fewer}\nfor k in range(5): {PLOT}.savefig('figure.png')"
     cells = [
         BEGIN,
         *one_image,
@@ -81,7 +88,7 @@ def test_what_a_notebook_shows(kernel, tmp_path):
     assert printed(rest[7]) == "1\n"  # what waited for the end of its cell
     pair, loop, report, comparison, log, model, mistake, fit = rest[len(one_image) :]
     assert len(data(pair, "image/png")) == 2
-    assert len(data(loop, "image/png")) == 25
+    assert len(data(loop, "image/png")) == 5
     assert not printed(loop, "stderr")
 
     assert "Where the error sits" in printed(report)
@@ -100,6 +107,10 @@ def test_what_a_notebook_shows(kernel, tmp_path):
     ]
     assert not data(fit, "text/html")  # the bar is gone when the work is done
     assert not printed(fit, "stderr")
+
+
+def test_no_more_figures_wait_than_pyplot_takes_without_a_warning():
+    assert matplotlib.rcParamsDefault["figure.max_open_warning"] >= figures._MOST
 
 
 @pytest.mark.parametrize(("name", "images", "tables"), [("thruster", 3, 6), ("vessel", 1, 5)])

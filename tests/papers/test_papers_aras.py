@@ -7,18 +7,20 @@ import control
 import numpy as np
 import pytest
 from places import EXAMPLES
-from scipy import stats
-from shared_data import data_folder
+from reference.make_fits import DEPTH_SENSOR
+from scipy import signal, stats
 from test_examples import figure, run
 
 import diffthrust as dft
-from diffthrust import Column, InputError
+from diffthrust import InputError
+from diffthrust.control import Step
 from diffthrust.papers import aras
 
 sys.path.insert(0, str(EXAMPLES))  # what is printed is part of an example, which is no package
 from printed.aras import printed_figures
 from printed.printed import printed_table
-from printed.transfer import depth_loop, gain_limit, plot_responses, step_response
+from printed.table_4 import table_4
+from printed.transfer import gain_limit, linear_loop, plot_responses, step_response
 
 DEPTH = np.linspace(0.0, 3.6, 13)
 
@@ -29,16 +31,6 @@ def readings(seed=0, noise=0.01, lines=((0.1901, -0.0973), (0.1901, -0.0973))):
         f"reading {i + 1}": slope * DEPTH + offset + noise * rng.standard_normal(DEPTH.size)
         for i, (slope, offset) in enumerate(lines)
     }
-
-
-def table_4():
-    path = data_folder(".") / "aras_2013_table4_depth_sensor.csv"
-    if not path.is_file():
-        pytest.skip(f"{path.name} is absent from the folder of measured logs")
-    columns = {f"reading{i}": Column(f"reading{i}_V", unit="V") for i in (1, 2, 3)}
-    inputs = {"depth": Column("depth_m", unit="m")}
-    log = dft.read_log(path, time=None, inputs=inputs, measured=columns)
-    return log.values("depth", "m"), {name: log.values(name, "V") for name in columns}
 
 
 # -- the thruster ----------------------------------------------------------------------------------
@@ -134,19 +126,33 @@ def test_a_wrong_line_is_told_in_words():
     assert [axes.get_ylabel() for axes in found.plot().axes] == ["reading [V]"]
 
 
+def test_table_4_is_that_of_the_paper():
+    depth, read = table_4()
+    np.testing.assert_array_equal(np.column_stack([depth, *read.values()]), DEPTH_SENSOR)
+
+
 def test_table_4_against_the_datasheet():
+    """The lines by SciPy from the printed readings, and the paper's own 3 V = 6.082 m by none."""
+    printed = np.array(DEPTH_SENSOR)
+    lines = [stats.linregress(printed[:, 0], y) for y in printed[:, 1:].T]
     found = aras.calibrate(*table_4())
-    slopes = [line.slope for line in found.lines.values()]
-    np.testing.assert_allclose(slopes, [0.1608, 0.1579, 0.1481], atol=5e-5)
-    assert all(line.slope_error < 0.005 for line in found.lines.values())
+    np.testing.assert_allclose([line.slope for line in lines], [0.1608, 0.1579, 0.1481], atol=5e-5)
+    for ours, line in zip(found.lines.values(), lines, strict=True):
+        assert ours.slope == pytest.approx(line.slope)
+        assert ours.intercept == pytest.approx(line.intercept)
+        assert ours.slope_error == pytest.approx(line.stderr)
+        assert ours.slope_error < 0.005
     assert all(test.rejected for test in found.tests.values())
-    assert found.offset.value == pytest.approx(1.61, abs=0.01)
-    assert 8.4 < found.depth(3.0) < 9.5  # neither 6.082 m nor 16.3 m
-    rows = printed_figures(found)
+    assert found.offset.value == pytest.approx(np.mean([line.intercept for line in lines]))
+    together = stats.linregress(np.tile(printed[:, 0], 3), printed[:, 1:].T.ravel())
+    depth = (3.0 - together.intercept) / together.slope
+    assert found.depth(3.0) == pytest.approx(depth)
+    assert min(abs(depth - 6.082), abs(depth - 16.29)) > 2.0
+    rows = printed_figures()
     text = printed_table(rows)
     assert "not held by them: F(6, 33)" in " ".join(text.split())
     depths = [row.ours for row in rows if row.what == "3 V as a depth"]
-    np.testing.assert_allclose(depths, [8.92, 16.29, 6.06], atol=0.01)
+    np.testing.assert_allclose(depths, [depth, 16.29, 6.06], atol=0.01)
 
 
 def test_the_papers_depths_count_from_the_surface():
@@ -171,23 +177,22 @@ def test_the_printed_transfer_function():
     assert found[1] < 0  # in the wrong direction first
 
 
-def test_the_depth_loop_rests_at_half_of_the_set_point():
+def test_the_linear_loop_rests_at_half_of_the_set_point():
     g = control.TransferFunction([-28.77, 16.28], [1.0, 45.09, 16.33])
-    closed, loop = control.feedback(g, 1.0), depth_loop(1.0)
+    closed, loop = control.feedback(g, 1.0), linear_loop(1.0)
     s = 1j * np.array([0.0, 0.3, 4.0, 50.0])
     np.testing.assert_allclose(loop(s), closed(s), rtol=1e-9)
     assert np.real(loop(0.0)) == pytest.approx(0.4992, abs=1e-4)
     assert np.all(np.real(loop.poles) < 0)
     limit = gain_limit()
-    assert np.all(np.real(depth_loop(0.999 * limit).poles) < 0)
-    assert np.any(np.real(depth_loop(1.001 * limit).poles) > 0)
+    assert np.all(np.real(linear_loop(0.999 * limit).poles) < 0)
+    assert np.any(np.real(linear_loop(1.001 * limit).poles) > 0)
     titles = [axes.get_title(loc="left") for axes in plot_responses().axes]
     assert titles == ["Open loop: G(s)", "Depth loop, proportional gain 1"]
 
 
-def test_the_printed_figures_need_no_data():
+def test_the_printed_figures_that_follow_and_the_half_that_does_not():
     rows = {row.what: row for row in printed_figures()}
-    assert "eq. 9, offset" not in rows  # it needs table 4
     for row in rows.values():
         if row.what.startswith("G(s)"):
             assert row.ratio == pytest.approx(1.0, abs=2e-3)
@@ -195,6 +200,89 @@ def test_the_printed_figures_need_no_data():
     assert rows["set point reached, gain 1"].ratio == pytest.approx(0.5, abs=2e-3)
     text = printed_table(rows.values())
     assert text.splitlines()[0].split() == ["Figure", "Paper", "Ours", "Unit", "Ratio", "Remark"]
+
+
+# -- the depth loop in time ------------------------------------------------------------------------
+
+
+def loop_by_hand(gain, wanted, duration):
+    """At 1 kHz with the exact answer of G(s) to a held voltage, as SciPy gives it."""
+    a, b, c, _ = signal.tf2ss([-28.77, 16.28], [1.0, 45.09, 16.33])
+    a, b, *_ = signal.cont2discrete((a, b, c, 0.0), 1e-3)
+    state, told = np.zeros(2), []
+    for _ in range(round(1000 * duration) + 1):
+        reading = 1.848 + (c @ state).item()
+        seen = min(max(reading, 0.2), 4.9)
+        volts = min(max(gain * (wanted - seen), -13.0), 13.0)
+        told.append((reading, seen, volts))
+        state = a @ state + b[:, 0] * volts
+    return np.array(told).T
+
+
+@pytest.mark.parametrize(("gain", "wanted"), [(1.0, 3.0), (1.0, 13.0), (5.0, 3.0)])
+def test_the_depth_loop_is_that_of_scipy(gain, wanted):
+    """At rest, blind beyond the sensor's range, and swinging between the ends of both."""
+    run = aras.depth_loop(gain).simulate(Step(wanted), 5.0, substeps=4)
+    reading, seen, volts = loop_by_hand(gain, wanted, 5.0)
+    np.testing.assert_allclose(run["reading"], reading, atol=1e-6)
+    np.testing.assert_allclose(run["measured.reading"], seen, atol=1e-6)
+    np.testing.assert_allclose(run["command"], volts, atol=1e-5)
+
+
+def test_the_depth_loop_rests_halfway_is_blind_beyond_the_sensor_and_swings():
+    halfway = aras.depth_loop().simulate(Step(3.0), 12.0)["measured.reading"][-1]
+    rest = np.real(linear_loop(1.0)(0.0))
+    assert halfway == pytest.approx(1.848 + rest * (3.0 - 1.848), abs=1e-3)
+    blind = aras.depth_loop().simulate(Step(13.0), 5.0)
+    late = blind.time > 2.0
+    assert np.ptp(blind["measured.reading"][late]) == np.ptp(blind["command"][late]) == 0.0
+    assert np.ptp(blind["reading"][late]) > 2.0  # while the vehicle goes on
+    for gain, swings in ((0.9 * gain_limit(), False), (5.0, True)):
+        run = aras.depth_loop(gain).simulate(Step(3.0), 12.0)
+        assert (np.ptp(run["command"][run.time > 10.0]) > 1.0) == swings
+        assert np.max(np.abs(run["command"])) <= 13.0
+
+
+def open_loop(rails=None):
+    time = np.arange(0.0, 12.0, 0.01)
+    _, answer = signal.step(([-28.77, 16.28], [1.0, 45.09, 16.33]), T=time[:-100])
+    reading = 1.848 + np.concatenate([np.zeros(100), 13.0 * answer])
+    reading = reading + 0.005 * np.random.default_rng(0).standard_normal(time.size)
+    if rails:
+        reading = np.clip(reading, *rails)
+    command, units = {"command": 13.0 * (time >= 1.0)}, {"command": "V", "reading": "V"}
+    more = {"rails": {"reading": rails}} if rails else {}
+    return dft.Log(time, command, {"reading": reading}, units, **more)
+
+
+def test_the_open_loop_record_gives_the_printed_transfer_function():
+    """Four standard errors: a right fit fails once in 3000 for one of the five."""
+    guess = aras.DepthPlant(s1=-20.0, s0=10.0, p1=30.0, p0=10.0, surface=2.0)
+    fit = dft.fit(guess, open_loop())
+    assert fit.status.ok, fit.message
+    printed = {"s1": -28.77, "s0": 16.28, "p1": 45.09, "p0": 16.33, "surface": 1.848}
+    for name, truth in printed.items():
+        found = fit.parameters[name]
+        assert abs(found.value - truth) < 4.0 * found.std_error < 0.02 * abs(truth), name
+
+
+def test_a_sensor_that_ends_leaves_only_ratios_of_the_open_loop_record():
+    fit = dft.fit(aras.DepthPlant(), open_loop((0.2, 4.9)))
+    for name in ("s1", "s0", "p1", "p0"):
+        found = fit.parameters[name]
+        assert found.std_error > abs(found.value), name
+    rest = dft.uncertainty.derived(fit, lambda p: {"rest": p["s0"] / p["p0"]}, {})["rest"]
+    assert abs(rest.value - 16.28 / 16.33) < 4.0 * rest.std_error < 0.1
+
+
+@pytest.mark.slow
+def test_the_example_of_the_depth_loop(tmp_path):
+    text = run("papers_aras_depth", tmp_path)
+    assert "Of the record the sensor to 4.9 V sees 14 %." in text
+    assert "Gain 1, set point 3 V: reads 2.42 to 2.42 V" in text
+    assert "Gain 5, set point 3 V: reads 0.20 to 4.90 V, voltage -9.50 to 13.00 V" in text
+    for name in ("open_loop", "depth_loop"):
+        figure(tmp_path, f"aras_{name}.png")
 
 
 @pytest.mark.parametrize(
@@ -212,7 +300,7 @@ def test_the_printed_figures_need_no_data():
             "'load': expected a positive value",
         ),
         (lambda: aras.steady_map(aras.thruster(), [np.nan]), "finite numbers"),
-        (lambda: depth_loop(0.0), "other than zero"),
+        (lambda: linear_loop(0.0), "other than zero"),
         (lambda: step_response(aras.plant(), [1.0, 2.0]), "from 0 on"),
         (lambda: step_response(([1.0], [1.0, 1.0], 2.0), [0.0, 1.0]), "dead time of 2 s"),
     ],
@@ -225,15 +313,8 @@ def test_what_cannot_be_meant_is_refused(call, words):
 # -- the example -----------------------------------------------------------------------------------
 
 
-def test_the_example_says_where_table_4_is_missing(tmp_path):
-    text = run("papers_aras", tmp_path, DIFFTHRUST_DATA=str(tmp_path / "nowhere"))
-    assert text.count("\n") == 1
-    assert "DIFFTHRUST_DATA" in text
-
-
 @pytest.mark.slow
 def test_the_example_prints_its_table_and_figures(tmp_path):
-    table_4()
     text = run("papers_aras", tmp_path)
     assert "does not fit the readings" in text
     assert "\n*  " in text  # a model was chosen

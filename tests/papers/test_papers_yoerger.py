@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from reference import thruster as reference
 
 import diffthrust as dft
 from diffthrust import InputError, papers
@@ -149,3 +150,70 @@ def test_the_noise_has_the_band_and_the_size_that_are_asked_for():
 def test_what_cannot_be_meant_is_refused(call, words):
     with pytest.raises(InputError, match=words):
         call()
+
+
+# -- the duct: a torque, and the flow that leaves it -----------------------------------------------
+
+
+def test_the_steps_of_figure_6_are_those_of_the_closed_form():
+    """From rest under a torque the speed is a tanh; the smaller the step, the slower."""
+    model, time = dft.models.DuctedThruster(), np.arange(0.0, 5.5, 0.01)
+    advance, volume = 0.2 * 0.101, 0.016
+    alpha, beta = 0.0527 * advance / (2.0 * volume), 1.0 / (1000.0 * volume * advance**2)
+    half = []
+    for torque in (2.0, 1.0 / 3.0, 0.25):
+        log = dft.Log(time, {"command": np.full(time.size, torque)}, units={"command": "N m"})
+        found = dft.simulate(model, log, substeps=8)
+        speed = math.sqrt(beta / alpha * torque) * np.tanh(math.sqrt(alpha * beta * torque) * time)
+        np.testing.assert_allclose(found["speed"], speed, atol=1e-6)
+        np.testing.assert_allclose(found["flow"], advance * speed, atol=1e-7)
+        # the power of the shaft at rest is that of the jet: torque speed = area density flow^3 / 2
+        jet = 0.5 * 1000.0 * 0.0527 * found["flow"][-1] ** 3
+        if torque == 2.0:
+            assert torque * found["speed"][-1] == pytest.approx(jet, rel=1e-4)
+        half.append(np.interp(0.5, found["thrust"] / (2.0 * torque / advance), time))
+    assert half == sorted(half)
+
+
+def rig(seed):
+    """A thruster driven by a torque, by the reference simulator, with speed and outflow."""
+    time, torque = papers.lowpass_noise(40.0, STEP, peak=2.0, seed=3)
+    advance, volume = 0.19 * 0.101, 0.014
+    record = reference.simulate(
+        time, torque, alpha=0.0527 * advance / (2.0 * volume),
+        beta=1.0 / (1000.0 * volume * advance**2), ct=1000.0 * 0.0527 * advance**2,
+    )  # fmt: skip
+    rng = np.random.default_rng(seed)
+    speed = record.truth["speed"]
+    return record.truth["thrust"], dft.Log(
+        time=time,
+        inputs={"command": torque},
+        measured={
+            "speed": speed + 0.5 * rng.standard_normal(time.size),
+            "flow": advance * speed + 0.02 * rng.standard_normal(time.size),
+        },
+        units={"command": "N m", "speed": "rad/s", "flow": "m/s"},
+    )
+
+
+def test_speed_and_outflow_tell_efficiency_volume_and_thrust():
+    """Four standard errors: a right fit fails once in 8000 for each of the two."""
+    thrust, log = rig(0)
+    fit = dft.fit(dft.models.DuctedThruster(), log)
+    assert fit.status.ok, fit.message
+    for name, truth in (("efficiency", 0.19), ("volume", 0.014)):
+        found = fit.parameters[name]
+        assert abs(found.value - truth) < 4.0 * found.std_error < 0.02 * truth, name
+    np.testing.assert_allclose(dft.simulate(fit.model, log)["thrust"], thrust, atol=0.3)
+
+
+def test_a_thruster_commanded_by_a_torque_has_a_torque_constant_of_one():
+    thrust, log = rig(1)
+    measured = {"speed": log.measured["speed"], "thrust": thrust}
+    units = {"command": "N m", "speed": "rad/s", "thrust": "N"}
+    fit = dft.fit(dft.Thruster(), dft.Log(log.time, log.inputs, measured, units))
+    assert fit.model.inputs["command"] == "N m"
+    found = dft.uncertainty.physical(fit, pitch=0.101, area=0.0527)
+    assert found["torque_constant"].unit == ""
+    assert found["torque_constant"].value == pytest.approx(1.0, rel=0.01)
+    assert found["efficiency"].value == pytest.approx(0.19, rel=0.01)

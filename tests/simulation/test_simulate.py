@@ -34,6 +34,18 @@ def thruster_case(hold):
     return dft.Thruster(**JASON), record, {"speed": 0.0}
 
 
+def ducted_thruster_case(hold):
+    """The sizes of the duct against the three coefficients that they stand for, and a torque."""
+    time, command = random_command(26)
+    advance, volume = 0.2 * 0.101, 0.016
+    beta = 1.0 / (1000.0 * volume * advance**2)
+    given = {"alpha": 0.0527 * advance / (2.0 * volume), "ct": 1000.0 * 0.0527 * advance**2}
+    record = thruster.simulate(time, command / 4.0, beta=beta, hold=hold, **given)
+    truth = {**record.truth, "flow": advance * record.truth["speed"]}
+    record = SimpleNamespace(time=time, inputs={"command": command / 4.0}, truth=truth)
+    return dft.models.DuctedThruster(), record, {"speed": 0.0}
+
+
 def thruster_with_effects_case(hold):
     # The package applies the deadband to the samples and then holds them, the reference to the
     # held command: the same for a zero-order hold, so only there is it part of the case.
@@ -122,6 +134,7 @@ def speed_loop_case(hold):
 CASES = {
     "thruster": thruster_case,
     "speed_loop_thruster": speed_loop_case,
+    "ducted_thruster": ducted_thruster_case,
     "thruster_with_effects": thruster_with_effects_case,
     "dc_motor_thruster": dc_motor_case,
     "axis_vehicle": axis_case,

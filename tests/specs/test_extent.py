@@ -110,6 +110,10 @@ def test_what_is_no_file_is_told_and_not_waited_for(tmp_path, monkeypatch, make,
         read_log(log, inputs={"depth": "depth_m"})
     with pytest.raises(InputError, match=f"train.csv: expected a file, found a {found}"):
         dft.look(log)
+    for ending in (".json", ".nc"):
+        with pytest.raises(InputError, match=f"{ending}: expected a saved result, found a {found}"):
+            dft.load(log.rename(log.with_suffix(ending)))
+        log.with_suffix(ending).rename(log)
     with pytest.raises(InputError, match="none among its 2 files"):
         dft.look(path.parent)
     make(path.with_name("own.py"))

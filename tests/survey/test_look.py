@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+from marks import slow_but
 from shared_data import data_folder
 from survey.strange_logs import ALPHA, BETA, CT, boat, thruster, write_table
 
@@ -245,16 +246,30 @@ SETS = {
 }
 
 
-@pytest.mark.filterwarnings("ignore::diffthrust.CoarseStepWarning")  # what is fitted is rough
-@pytest.mark.parametrize("file", SETS)
-def test_measured_logs_are_fitted_from_the_draft_as_it_is(file, tmp_path):
+def measured(file, tmp_path):
+    """The spec drafted of a measured log, which is what it is known to be."""
     folder, name = file.split("/")
     model, channels = SETS[file]
     seen = dft.look(data_folder(folder) / name)
     assert seen.model == model
     spec = drafted(seen, tmp_path / "fit.toml")
     assert set(spec.file.channels) == channels
-    fit = spec.fit()
+    return spec
+
+
+@pytest.mark.parametrize("file", SETS)
+def test_measured_logs_are_known_and_read_from_the_draft_as_it_is(file, tmp_path):
+    (log,) = measured(file, tmp_path).train_logs()
+    assert {*log.inputs, *log.measured} == SETS[file][1]
+
+
+FITTED = ("ngs_thruster/CL1stateStep.csv", "emps/DATA_EMPS_SC.csv")
+
+
+@pytest.mark.filterwarnings("ignore::diffthrust.CoarseStepWarning")  # what is fitted is rough
+@pytest.mark.parametrize("file", slow_but(FITTED, SETS))
+def test_measured_logs_are_fitted_from_the_draft_as_it_is(file, tmp_path):
+    fit = measured(file, tmp_path).fit()
     assert all(np.isfinite(p.value) for p in fit.parameters.values())
     assert fit.train.nrmse < 1.5
 
@@ -404,6 +419,17 @@ def test_what_is_not_sound_is_told_before_anything_is_fitted(tmp_path):
     assert "opposes the square of the speed" in doubt
     assert "scale = -1" in doubt
     assert "# thrust: run2.csv: thrust opposes" in seen.spec
+
+
+def test_a_file_of_several_that_cannot_be_read_is_told(tmp_path):
+    for i in (1, 2, 3):
+        path = write_table(tmp_path / f"run{i}.csv", bench())
+        if i == 2:
+            path.write_text(path.read_text() + "off\n")
+    told = [doubt for doubt in dft.look(tmp_path).doubts if "run2.csv" in doubt]
+    (doubt,) = (doubt for doubt in told if "expected" in doubt)
+    assert f"run2.csv, line {len(bench()['t']) + 2}" in doubt
+    assert "Mend: " in doubt
 
 
 def test_every_file_of_several_is_looked_at(tmp_path):

@@ -26,7 +26,7 @@ _TURNS = {"rad": 2 * np.pi, "deg": 360.0}
 def read_robot_log(
     path: str | PathLike[str],
     *,
-    base: str | float,
+    base: str | float | None = None,
     inputs: Mapping[str, str | Column] | None = None,
     measured: Mapping[str, str | Column] | None = None,
     gap: float | None = None,
@@ -57,7 +57,7 @@ def read_robot_log(
         path: ArduPilot's .bin; the folder of a ROS 2 bag or a file ending in .mcap, .db3 or, of ROS
             1, .bag (all need ``pip install 'diffthrust[ros]'``); a .tlog
             (``'diffthrust[ardupilot]'``); PX4's .ulg (``'diffthrust[px4]'``).
-        base: ``"messages"``, the channel whose stamps are taken, or a step [s].
+        base: ``"messages"``, the channel whose stamps are taken, or a step [s]; one must be given.
         inputs: message and field of each input, by channel name: ``"/cmd.data"``,
             ``"/rpm.data[0]"``, ``"RCOU.C1"``, ``"ESC[0].RPM"``, ``"1/ATTITUDE.yaw"`` (of system 1),
             ``"actuator_outputs.output[0]"``, ``"esc_status[1].esc[0].esc_rpm"``,
@@ -91,6 +91,12 @@ def read_robot_log(
         ... )  # doctest: +SKIP
     """
     file = Path(path)
+    if base is None:
+        raise InputError(
+            f"{file.name}: expected a time base, found none; its messages come at different rates.",
+            'give base="messages" for all stamps, base="speed" for those of that channel, or '
+            "base=0.05 for a step.",
+        )
     columns = channel_columns(file, inputs, measured)
     _check(file, gap, faster, stamps, start, stop)
     missing = _numbers(file, missing_values)

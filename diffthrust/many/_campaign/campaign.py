@@ -180,15 +180,16 @@ def campaign(
     if todo:
         say(_how_far(rows, kept, len(work), 0.0), kept / len(work))
         try:
-            _run(executor, min(jobs or processors(), len(todo)), todo, rows, out, say)
+            try:
+                _run(executor, min(jobs or processors(), len(todo)), todo, rows, out, say)
+            finally:  # a table that cannot be written ends workers while they write, too
+                sweep(out, work)
         except KeyboardInterrupt:
-            sweep(out, work)
             _save(out, rows)
             raise KeyboardInterrupt(
                 f"{len(rows)} of {len(work)} specs are done and kept in {out}; the same campaign "
                 "again goes on from there."
             ) from None
-        sweep(out, work)
         _save(out, rows)
     ordered = tuple(rows[name] for name in sorted(rows))
     return Campaign(out, task, ordered, kept, time.monotonic() - begun)

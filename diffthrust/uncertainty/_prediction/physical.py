@@ -52,7 +52,8 @@ def physical(
         density: of the water [kg/m^3].
 
     Returns:
-        "efficiency" [-], "volume" [m^3] and "torque_constant" [N m/V, or N m per full effort].
+        "efficiency" [-], "volume" [m^3] and "torque_constant" [N m/V, or N m by another unit of
+        the command; of a torque a number, near 1 where all sizes are right].
 
     Raises:
         InputError: not a thruster, a failed fit, or a size that is not positive.
@@ -76,9 +77,12 @@ def physical(
 
 
 def physical_units(model: Model) -> dict[str, str]:
-    """Units of what `torque_driven` gives; the torque is that by one volt, or by full effort."""
-    by_effort = model.inputs.get("command") == "effort"
-    torque = "N m per full effort" if by_effort else "N m/V"
+    """Units of what `torque_driven` gives; the torque is that by the unit of the command.
+
+    Of a command that is a torque itself the constant is a number, near 1 where all sizes are right.
+    """
+    unit = model.inputs.get("command", "V")
+    torque = {"effort": "N m per full effort", "N m": ""}.get(unit, f"N m/{unit}")
     return {"efficiency": "", "volume": "m^3", "torque_constant": torque}
 
 

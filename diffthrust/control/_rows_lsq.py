@@ -1,0 +1,83 @@
+"""Linear least squares with limits on any linear combinations: an interior point method."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+_ROUNDS = 60  # most steps; some fifteen to thirty are taken
+_CLOSE = 1e-11  # where the steps end, as a share of what the problem is about
+_RIDGE = 1e-12  # share of the largest square that keeps the matrix regular
+
+
+def least_squares_below(
+    jacobian: Float[Array, "residuals n"],
+    residual: Float[Array, " residuals"],
+    rows: Float[Array, "m n"],
+    limits: Float[Array, " m"],
+    give: Float[Array, " m"],
+) -> Float[Array, " n"]:
+    """Minimize ``|jacobian @ x + residual|^2`` where ``rows @ x <= limits``; traceable.
+
+    A row with a ``give`` above zero may be exceeded, at a price: ``(excess / give)^2`` is added to
+    the sum of squares. Then there is always a solution, whatever the limits.
+
+    Args:
+        jacobian: of two columns that cannot be told apart, neither has a value of its own.
+        residual: at zero.
+        rows: what is limited; those without a give must leave a point that fulfils them all.
+        limits: infinite where there is none.
+        give: by how much a limit is exceeded at a price of one; zero for a hard limit.
+
+    Source: Mehrotra's predictor and corrector, Nocedal & Wright 2006, algorithm 16.4; a give is
+    a slack of its own, eliminated.
+    """
+    kept = jnp.isfinite(limits)
+    rows = jnp.where(kept[:, None], rows, 0.0)
+    limits = jnp.where(kept, limits, 1.0)
+    hessian, slope = jacobian.T @ jacobian, jacobian.T @ residual
+    size = jnp.max(jnp.diag(hessian)) + jnp.finfo(float).tiny
+    hessian, slope = hessian / size + _RIDGE * jnp.eye(slope.size), slope / size
+    soft = give**2 * size
+    scale = 1.0 + jnp.max(jnp.abs(slope))
+
+    def missing(x: Array, price: Array, room: Array) -> tuple[Array, Array]:
+        return hessian @ x + slope + rows.T @ price, rows @ x + room - soft * price - limits
+
+    def reach(value: Array, step: Array) -> Array:
+        share = jnp.where(step < 0, -value / jnp.where(step < 0, step, -1.0), jnp.inf)
+        return jnp.minimum(1.0, jnp.min(share, initial=jnp.inf))
+
+    def again(state: Any) -> Any:
+        x, price, room, count, _ = state
+        uphill, open_ = missing(x, price, room)
+        weight = 1.0 / (room / price + soft)
+        factor = jax.scipy.linalg.cho_factor(hessian + (rows.T * weight[None]) @ rows)
+
+        def newton(product: Array) -> tuple[Array, Array, Array]:
+            """The step towards ``price * room`` smaller by ``product``."""
+            gap = weight * (open_ - product / price)
+            dx = jax.scipy.linalg.cho_solve(factor, -uphill - rows.T @ gap)
+            dprice = weight * (rows @ dx) + gap
+            return dx, dprice, -(product + room * dprice) / price
+
+        _, dprice, droom = newton(price * room)
+        mean = jnp.mean(price * room)
+        length = jnp.minimum(reach(price, dprice), reach(room, droom))
+        ahead = jnp.mean((price + length * dprice) * (room + length * droom))
+        centre = (ahead / mean) ** 3 * mean
+        dx, dprice, droom = newton(price * room + dprice * droom - centre)
+        length = 0.995 * jnp.minimum(reach(price, dprice), reach(room, droom))
+        x, price, room = x + length * dx, price + length * dprice, room + length * droom
+        uphill, open_ = missing(x, price, room)
+        far = jnp.maximum(jnp.max(jnp.abs(uphill)) / scale, jnp.max(jnp.abs(open_)))
+        done = (far < _CLOSE) & (jnp.max(price * room) < _CLOSE * scale)
+        return x, price, room, count + 1, done
+
+    ones = jnp.ones_like(limits)
+    begun = (jnp.zeros_like(slope), ones, jnp.maximum(limits, 0.0) + 1.0, 0, jnp.array(False))
+    x, *_ = jax.lax.while_loop(lambda s: ~s[4] & (s[3] < _ROUNDS), again, begun)
+    return x
