@@ -11,10 +11,9 @@ from diffthrust.papers.aras import Calibration
 
 
 def printed_figures(calibration: Calibration | None = None) -> list[Printed]:
-    """Every printed figure of the three papers that can be checked, with the paper's name.
+    """Every printed figure of the three papers, with the paper's name.
 
-    Ours is worked out when this is called, in some seconds: by the papers' methods on simulated
-    records, by closed forms, and by simulation.
+    Ours is worked out when this is called, in some seconds: by closed forms, and by simulation.
 
     Args:
         calibration: of table 4 of Aras et al. (`dft.papers.aras.calibrate`); without it the rows
