@@ -142,8 +142,9 @@ CLAIMS = (
     Claim(
         "docs/uncertainty.md",
         "On {} logs with known truth the {} % interval with the star covers {} % under white "
-        "noise, {} % under AR(1) noise of {} (the covariance of a fit that takes it as white: {} %), {} % "
-        "where a channel is read at every second sample besides, and {} % under Student-t noise",
+        "noise, {} % under AR(1) noise of {} (the covariance of a fit that takes it as white: {} "
+        "%), {} % where a channel is read at every second sample besides, and {} % under Student-t "
+        "noise",
         COVERAGE,
         coverage,
         long=True,
