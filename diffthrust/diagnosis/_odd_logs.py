@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -109,7 +110,8 @@ def _refitted(passed: Callable[[np.ndarray], Pass], one: Deviation, sigma: np.nd
         errors = passed(one.others + share * (one.own - one.others)).errors / sigma[:, None]
         return float(np.sum(np.log1p(errors[~np.isnan(errors)] ** 2 / TAIL)))
 
-    share = minimize_scalar(cost, bounds=_SHARES, method="bounded", options={"xatol": 0.01}).x
+    found: Any = minimize_scalar(cost, bounds=_SHARES, method="bounded", options={"xatol": 0.01})
+    share = float(found.x)
     return replace(one, size=share * one.size, error=share * one.error)
 
 

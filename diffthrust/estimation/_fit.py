@@ -31,6 +31,7 @@ from diffthrust.estimation._residuals import Likelihood
 from diffthrust.estimation._result import Fit
 from diffthrust.estimation._solver import Solved
 from diffthrust.estimation._status import GRADIENT_LIMIT, Checks, Local, examine, failed_over, judge
+from diffthrust.estimation._unstable import unstable_advice
 from diffthrust.estimation._vanished import alive, vanished_notes
 from diffthrust.logs._log import Log
 from diffthrust.logs._written import ShownUnits
@@ -315,6 +316,8 @@ def _judged(optimum: _Optimum, again: tuple[str, ...], doubts: tuple[Doubt, ...]
         status, message = failed_over(failed, message, np.isfinite(cost))
     else:
         little, doubts = explained(train, doubts)
+        corrects = problem.layout.likelihood.corrects
+        little += unstable_advice(status, optimum.model, optimum.runs, corrects)
     gone = vanished_notes(problem, best.z)
     of_logs = [f"{run.name}: {note}" for run in optimum.runs for note in run.log.notes]
     return {

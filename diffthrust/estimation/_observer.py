@@ -250,8 +250,8 @@ class Correction:
 def limited(error: Any, limit: Any) -> Any:
     """What an error corrects: itself where it is small, no more than ``limit``.
 
-    The bend is smooth (half a per cent at 0.7 of the limit, 8 % at the limit). A corner would hold
-    fits: with some thousand samples there is always one that sits on it.
+    The bend is smooth (0.7 % at 0.7 of the limit, 8 % at the limit). A corner would hold fits: with
+    some thousand samples there is always one that sits on it.
     """
     square = jnp.minimum((error / limit) ** 2, 1e30)
     return error / jnp.sqrt(jnp.sqrt(jnp.sqrt(1.0 + square**4)))

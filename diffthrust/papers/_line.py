@@ -19,8 +19,9 @@ class FittedLine:
     Args:
         slope: unit of y over that of x.
         intercept: unit of y; zero where the line goes through the origin.
-        slope_error: standard error, from the scatter of the points about the line; NaN where as
-            many points as coefficients leave none.
+        slope_error: standard error, from the scatter of the points about the line, and no less than
+            the points' own errors make it where these are known; NaN where as many points as
+            coefficients leave no scatter, and no errors are known.
         intercept_error: likewise; zero where the line goes through the origin.
         x: the points, ``(n,)``.
         y: ``(n,)``.
@@ -55,7 +56,14 @@ def numbers(what: str, values: ArrayLike) -> np.ndarray:
         raise InputError(f"{what}: expected numbers ({error}).", "Correct them.") from None
 
 
-def fit_line(x: ArrayLike, y: ArrayLike, what: str, *, through_origin: bool = False) -> FittedLine:
+def fit_line(
+    x: ArrayLike,
+    y: ArrayLike,
+    what: str,
+    *,
+    through_origin: bool = False,
+    errors: ArrayLike | None = None,
+) -> FittedLine:
     """The line of least squares through points.
 
     Args:
@@ -63,6 +71,9 @@ def fit_line(x: ArrayLike, y: ArrayLike, what: str, *, through_origin: bool = Fa
         y: ``(n,)``.
         what: names the line in errors.
         through_origin: leave the intercept at zero.
+        errors: standard error of each point's distance from the line, ``(n,)``, where it is known.
+            They weigh no point; few points that scatter little by chance no longer promise more
+            than they can tell, and points of unequal errors not more than the worst allow.
 
     Raises:
         InputError: fewer points than coefficients, or points that lie above each other.
@@ -78,10 +89,13 @@ def fit_line(x: ArrayLike, y: ArrayLike, what: str, *, through_origin: bool = Fa
         )
     coefficients, *_ = np.linalg.lstsq(matrix, y, rcond=None)
     left = x.size - matrix.shape[1]
-    variance = float(np.sum((y - matrix @ coefficients) ** 2)) / left if left else np.nan
-    errors = np.sqrt(variance * np.diag(np.linalg.inv(matrix.T @ matrix)))
+    inverse = np.linalg.pinv(matrix)
+    scatter = float(np.sum((y - matrix @ coefficients) ** 2)) / left if left else np.nan
+    told = np.sqrt(scatter * np.sum(inverse**2, axis=1))
+    if errors is not None:
+        told = np.fmax(told, np.sqrt(np.sum((inverse * np.asarray(errors, float)) ** 2, axis=1)))
     if through_origin:
-        return FittedLine(float(coefficients[0]), 0.0, float(errors[0]), 0.0, x, y)
+        return FittedLine(float(coefficients[0]), 0.0, float(told[0]), 0.0, x, y)
     return FittedLine(
-        float(coefficients[0]), float(coefficients[1]), float(errors[0]), float(errors[1]), x, y
+        float(coefficients[0]), float(coefficients[1]), float(told[0]), float(told[1]), x, y
     )

@@ -46,6 +46,12 @@ class Steady(Brief):
         values = self.log.values(channel, unit)[self.first : self.end]
         return float(np.nanmean(values)) if np.isfinite(values).any() else float("nan")
 
+    def std_error(self, channel: str, unit: str) -> float:
+        """Standard error of the mean under white noise; NaN where fewer than two were measured."""
+        values = self.log.values(channel, unit)[self.first : self.end]
+        seen = values[np.isfinite(values)]
+        return float(np.std(seen, ddof=1) / np.sqrt(seen.size)) if seen.size > 1 else float("nan")
+
     def drift(self, channel: str, unit: str) -> float:
         """What a channel changed by over the portion, by the line through its samples.
 

@@ -71,19 +71,25 @@ def yaw_transient(
     values: dict[str, float],
     exponent: float,
     lever_arm: float,
+    first: float,
 ) -> Transient:
-    """The time constant of turning in, equation (16), with exponentials for surge and sway."""
+    """The time constant of turning in, equation (16), with exponentials for surge and sway.
+
+    Only the ``first`` seconds from the step of the angle on are looked at.
+    """
     from scipy.optimize import least_squares
 
     def turning(log: Log, end: Steady) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         angle, n, r = log.values(*ANGLE), log.values(*SCREW), log.values(*YAW)
         held = np.abs(angle - end.mean(*ANGLE)) < AMIDSHIPS
         begin = int(np.argmax(held))
-        time = log.time[begin:] - log.time[begin]
-        u, v = (_exponential(time, log.values(*c)[begin:]) for c in (SURGE, SWAY))
+        stop = int(np.searchsorted(log.time, log.time[begin] + first + 1e-9))
+        part = slice(begin, stop)
+        time = log.time[part] - log.time[begin]
+        u, v = (_exponential(time, log.values(*c)[part]) for c in (SURGE, SWAY))
         moment = (values["m11"] - values["m22"]) * u * v
-        moment -= lever_arm * n[begin:] ** exponent * np.sin(angle[begin:])
-        return time, r[begin:], moment / values["d33"]
+        moment -= lever_arm * n[part] ** exponent * np.sin(angle[part])
+        return time, r[part], moment / values["d33"]
 
     def course(time: np.ndarray, r: np.ndarray, target: np.ndarray, lag: float) -> np.ndarray:
         """A first-order lag behind a target that is straight between the samples."""

@@ -19,6 +19,7 @@ from diffthrust.logs._log import Log
 from diffthrust.models import Thruster
 from diffthrust.papers._line import FittedLine, fit_line
 from diffthrust.papers._steady import Steady, steady_portions
+from diffthrust.papers._thrust_line import thrust_line
 from diffthrust.simulation._simulate import simulate
 from diffthrust.uncertainty._prediction.physical import Quantity
 
@@ -106,6 +107,9 @@ def static_test(
 ) -> StaticTest:
     """Find ct and beta/alpha from steady thrust, speed and command.
 
+    The standard errors are the larger of two: what the scatter of the points about their line
+    gives, and what the noise of the samples in each portion, taken as white, makes of them.
+
     Args:
         logs: records of ``command``, ``speed`` and ``thrust``, in which levels are held.
         settle: how long the thruster takes to come to rest after a step [s]; it is the longer, the
@@ -138,9 +142,13 @@ def static_test(
     thrust = np.array([part.mean(*_THRUST) for part in used])
     speed = np.array([_signed_mean(part) for part in used])
     squared = speed * np.abs(speed)
+    of_squared = 2.0 * np.abs(speed) * np.array([part.std_error(*_SPEED) for part in used])
+    of_thrust = np.array([part.std_error(*_THRUST) for part in used])
+    ct = fit_line(squared, thrust, "static_test, thrust", through_origin=True).slope
+    apart = np.hypot(of_thrust, ct * of_squared)
     return StaticTest(
-        fit_line(squared, thrust, "static_test, thrust", through_origin=True),
-        fit_line(command, squared, "static_test, speed", through_origin=True),
+        fit_line(squared, thrust, "static_test, thrust", through_origin=True, errors=apart),
+        fit_line(command, squared, "static_test, speed", through_origin=True, errors=of_squared),
         tuple(used),
         direction,
     )
@@ -154,9 +162,10 @@ def dynamic_test(
     The change of the speed from sample to sample is explained by the means of speed |speed| and of
     the command between them; all three pass the same zero-phase low-pass first, which leaves their
     relation as it is. Noise in the speed stands on both sides of the equation and biases alpha and
-    beta where it is not small against what moves. `fit` has no such bias. The standard errors take
-    residuals for white, which the low-pass makes them not: over repeated records alpha and beta
-    spread by about a third more.
+    beta where it is not small against what moves. `fit` has no such bias. The standard errors of
+    alpha and beta take residuals for white, which the low-pass makes them not: over repeats of the
+    tests' record alpha spreads by 17 % more, beta by 70 %. ct is freed of the noise in the
+    speed, of whatever size and colour, with the simulated speed as instrument.
 
     Args:
         log: ``command`` and ``speed``, and ``thrust`` if it is there; evenly sampled.
@@ -165,7 +174,8 @@ def dynamic_test(
 
     Raises:
         InputError: a channel that is missing or has gaps, a speed without a sign, a record that is
-            not evenly sampled or too short, a cut-off beyond half the sample rate.
+            not evenly sampled or too short, a cut-off beyond half the sample rate, an alpha or beta
+            that is not positive.
 
     Source: Yoerger, Cooke & Slotine 1990, section III, figure 10. How the derivative was formed is
     not printed there.
@@ -210,14 +220,25 @@ def dynamic_test(
     ct = None
     if thrust is not None:
         seen = used & np.isfinite(thrust[:-1])
-        (value,), (error,) = _least_squares(squared[:-1][seen, None], thrust[:-1][seen])
-        ct = Quantity(value, error, "N s^2/rad^2")
+        simulated = _simulated(log, *values)[:-1][seen]
+        ct = Quantity(*thrust_line(speed[:-1][seen], thrust[:-1][seen], simulated), "N s^2/rad^2")
     return DynamicTest(
         Quantity(values[0], errors[0], "1/rad"),
         Quantity(values[1], errors[1], "rad/(V s^2)"),
         ct,
         log,
     )
+
+
+def _simulated(log: Log, alpha: float, beta: float) -> np.ndarray:
+    """The speed under these values; or an `InputError`, where they are none of a thruster."""
+    for name, value in (("alpha", alpha), ("beta", beta)):
+        if not value > 0:
+            raise InputError(
+                f"dynamic_test: {name} came out as {value:.3g}, which has no meaning.",
+                "Look at the signs of speed and command, and whether the record moves.",
+            )
+    return simulate(Thruster(alpha=alpha, beta=beta), log)["speed"]
 
 
 def _signed_mean(part: Steady) -> float:

@@ -117,7 +117,7 @@ def profiles_of(
 ) -> Profiles:
     """Profiles of a problem whose optimum is known."""
     threshold = threshold_of(problem, z, level)
-    first = best = _point(problem, z)
+    first = best = optimum_at(problem, z)
     for _ in range(_ROUNDS):
         try:
             profiles = []
@@ -128,7 +128,7 @@ def profiles_of(
             profiles += _quantities(fit, problem, best, quantities, units, threshold, level)
             break
         except DeeperError as deeper:
-            best = _point(problem, deeper.point.z)
+            best = optimum_at(problem, deeper.point.z)
     else:
         raise InputError(
             f"profile: {_ROUNDS} times a lower cost than the best so far was found: the fit is at "
@@ -140,7 +140,8 @@ def profiles_of(
     return Profiles({p.name: p for p in profiles}, level, better)
 
 
-def _point(problem: Problem, z: np.ndarray) -> ProfilePoint:
+def optimum_at(problem: Problem, z: np.ndarray) -> ProfilePoint:
+    """The optimum next to some coordinates, where lines begin."""
     solved = solve(problem, z)
     return ProfilePoint(
         math.nan, float(solved.quadratic.cost), solved.z, solved.quadratic, math.nan

@@ -69,8 +69,8 @@ class ParameterLine:
         """Standard error in the coordinate; at a bound, the way to a cost of about one half."""
         i, q = self.place, self.best.quadratic
         variance = spread(self.problem, self.best)[i, i]
-        if variance > 0:
-            return float(np.clip(np.sqrt(variance), 1e-12, 1.0))
+        if variance > 1e-24:  # less is rounding, of a coordinate at its bound
+            return float(min(np.sqrt(variance), 1.0))
         steep = np.sqrt(max(float(q.information[i, i]), 0.0)) + abs(float(q.gradient[i]))
         return float(np.clip(1.0 / max(steep, 1.0), 1e-12, 1.0))
 

@@ -9,10 +9,9 @@ from printed.printed import Printed
 
 
 def printed_figures() -> list[Printed]:
-    """Every printed figure of the three papers that can be checked, with the paper's name.
+    """Every printed figure of the three papers, with the paper's name.
 
-    Ours is worked out when this is called, in some seconds: by the papers' methods on simulated
-    records, by closed forms, and by simulation.
+    Ours is worked out when this is called, in some seconds: by closed forms, and by simulation.
 
     Example:
         >>> print(printed_table(printed_figures()))

@@ -8,6 +8,9 @@ from dataclasses import dataclass
 
 from diffthrust._support.tables import number, plain_table, rendered  # the library's own look
 
+NEAR = 0.05
+"""A figure is reproduced where ours is so near: most are printed with two digits."""
+
 
 @dataclass(frozen=True)
 class Printed:
@@ -16,15 +19,16 @@ class Printed:
     Args:
         what: it is.
         paper: as printed.
-        ours: what follows from the paper's own data or equations here.
+        ours: what follows from the paper's other data or equations here; ``None`` where nothing
+            that is printed leads to it (what was measured, and whose record is not printed).
         unit: of both.
-        remark: how they hang together.
+        remark: how they hang together, or why not.
         source: the paper, where a table is of several.
     """
 
     what: str
     paper: float
-    ours: float
+    ours: float | None
     unit: str
     remark: str = ""
     source: str = ""
@@ -32,15 +36,23 @@ class Printed:
     @property
     def ratio(self) -> float:
         """Ours over the paper's."""
-        return self.ours / self.paper if self.paper else math.nan
+        return math.nan if self.ours is None else self.ours / self.paper
+
+    @property
+    def outcome(self) -> str:
+        """Reproduced; not, and by how much; or not to be checked."""
+        if self.ours is None:
+            return "cannot be checked"
+        away = 100.0 * (self.ratio - 1.0)
+        return f"{'reproduced' if abs(away) <= 100.0 * NEAR else 'not'}, {away:+.3g} %"
 
 
 def printed_table(rows: Iterable[Printed]) -> str:
-    """Figure, paper, ours, ratio and remark as text; where rows name it, their source first."""
+    """Figure, paper, ours, outcome and why as text; where rows name it, their source first."""
     rows = list(rows)
-    headings = ("Figure", "Paper", "Ours", "Unit", "Ratio", "Remark")
+    headings = ("Figure", "Paper", "Ours", "Unit", "Outcome", "Why")
     first = ("Source",) if any(row.source for row in rows) else ()
-    numbers = tuple(i + len(first) for i in (1, 2, 4))
+    numbers = tuple(i + len(first) for i in (1, 2))
     table = plain_table(*first, *headings, numbers=numbers)
     source = rows[0].source if rows else ""
     for row in rows:
@@ -48,5 +60,18 @@ def printed_table(rows: Iterable[Printed]) -> str:
             table.add_section()
             source = row.source
         table.add_row(*(row.source for _ in first), row.what, f"{row.paper:g}", number(row.ours),
-                      row.unit, number(row.ratio, 3), row.remark)  # fmt: skip
+                      row.unit, row.outcome, row.remark)  # fmt: skip
     return rendered(table)
+
+
+def counts(rows: Iterable[Printed]) -> dict[str, list[str]]:
+    """Figures by how they come out; one that several ways lead to by the best of them."""
+    best: dict[str, float] = {}
+    for row in rows:
+        away = math.inf if row.ours is None else abs(row.ratio - 1.0)
+        best[row.what] = min(away, best.get(row.what, math.inf))
+    return {
+        "reproduced": [what for what, away in best.items() if away <= NEAR],
+        "not reproduced": [what for what, away in best.items() if NEAR < away < math.inf],
+        "cannot be checked": [what for what, away in best.items() if away == math.inf],
+    }

@@ -9,7 +9,7 @@ import numpy as np
 from printed.printed import Printed
 
 from diffthrust import Log, Vessel, simulate
-from diffthrust.papers.siramdasu import sensitivity, sequential
+from diffthrust.papers.siramdasu import sensitivity
 
 _SPEEDS, _CIRCLING = (69.2, 98.0, 120.0), 98.0
 _ANGLES = (-24.0, -16.0, 8.0, 16.0, 24.0)
@@ -21,7 +21,7 @@ _WRONG = 0.05
 
 
 def printed_figures() -> list[Printed]:
-    """Every printed figure of the paper that can be checked.
+    """Every printed figure of the paper.
 
     The numbers of tables 2 and 3 are lost in the scan, and the distance L of the propeller is not
     printed. What the wind did to the boat of figures 16 to 18 is not either;
@@ -33,31 +33,25 @@ def printed_figures() -> list[Printed]:
     boat = Vessel()
     straight = [_record(boat, n, 0.0, 15.0) for n in _SPEEDS]
     circles = [_record(boat, _CIRCLING, angle, 20.0) for angle in _ANGLES]
-    return [*_ratios(boat, straight, circles), *_speeds(boat, straight),
+    return [*_ratios(boat), *_speeds(boat, straight),
             *_signs(boat), *_sensitivity(straight, circles)]  # fmt: skip
 
 
-def _ratios(boat: Vessel, straight: list[Log], circles: list[Log]) -> list[Printed]:
-    found = sequential(straight, circles, settle=_SETTLE)
+def _ratios(boat: Vessel) -> list[Printed]:
     names = {"exponent": "C", "d11": "d11/A", "m11": "m11/A", "m22": "m22/A", "d22": "d22/A",
              "d33": "d33/A", "i33": "I33/A"}  # fmt: skip
     units = {"m": "s^(2-C)/m", "d": "s^(1-C)/m"}
     yaw = {"d33": "m s^(1-C)", "i33": "m s^(2-C)"}
-    again = "found by the sequence of section 3 from simulated records with the printed values"
     rows = [
-        Printed(printed, boat.parameters[name].value, found.vessel.parameters[name].value,
-                yaw.get(name, units.get(name[0], "")),
-                again if name != "i33" else f"{again}; exponentials stand in for surge and sway")
+        Printed(printed, boat.parameters[name].value, None, yaw.get(name, units.get(name[0], "")),
+                "measured; of its runs only figures that cannot be read are printed")
         for name, printed in names.items()
     ]  # fmt: skip
-    yawing = boat.i33 / boat.d33
     return [
         *rows,
         Printed("lambda of surge", 1.30, boat.m11 / boat.d11, "s", "m11 / d11"),
-        Printed("lambda of yaw", 1.56, yawing, "s",
+        Printed("lambda of yaw", 1.56, boat.i33 / boat.d33, "s",
                 f"I33 / d33 as printed; lambda = 1.56 s would take I33/A = {1.56 * boat.d33:.2f}"),
-        Printed("lambda of yaw", 1.56, found.yaw.time_constant, "s",
-                "found by the sequence from simulated records"),
     ]  # fmt: skip
 
 

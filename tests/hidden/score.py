@@ -78,7 +78,8 @@ def score(hidden: HiddenSet, diag: Any) -> Outcome:
     ``adequate`` is right too at the limit of detection and for poor logs, and there groups of poor
     logs may be of any size. Nothing hidden, or nothing that differs from the basic model:
     ``adequate``, or ``undecided``. An effect outside the catalogue: ``unexplained``, with one of
-    the right ports. An effect that is certain and changes little (``detectable``) counts as named.
+    the right ports, and no effect named, for none of the catalogue's is there. An effect that is
+    certain and changes little (``detectable``) counts as named.
     """
     if isinstance(hidden, FurtherSet) and hidden.asks != "effect":
         return _further(hidden, diag)
@@ -126,6 +127,8 @@ def _outside(hidden: HiddenSet, diag: Any, said: str) -> Outcome:
         return Outcome(
             False, "wrong port", f"{place}, expected {' or '.join(sorted(hidden.ports))}"
         )
+    if diag.groups or diag.detectable_groups:
+        return Outcome(False, "false alarm", place)
     return Outcome(True, "right", place)
 
 

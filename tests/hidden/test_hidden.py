@@ -192,6 +192,9 @@ def test_the_score_of_nothing_of_two_and_of_the_unknown():
     assert score.score(beyond, Said("unexplained", [], at["propeller"])).label == "wrong port"
     assert score.score(beyond, Said("adequate")).label == "missed"
     assert score.score(beyond, Said("effects_found", [["a"]])).label == "wrong name"
+    for named in ({"groups": [["a"]]}, {"detectable_groups": [["a"]]}):
+        said = Said("unexplained", remaining=at["load"], **named)
+        assert score.score(beyond, said)[:2] == (False, "false alarm")
 
 
 def test_the_intervals_are_those_of_wilson():

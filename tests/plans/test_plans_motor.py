@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from reference import dc_motor
 from scipy import signal
 from scipy.optimize import root_scalar
 from test_examples import run as run_example
@@ -15,10 +16,23 @@ MOTOR = aras.thruster(load=aras.load_from(280.4))
 SENSOR = dft.LinearSensor(slope=0.16, offset=1.6)
 
 
-def answered(run, model, **series):
-    """A run as it would come back from the rig."""
-    found = {**dft.simulate(model, run), **series}
-    return dft.Log(run.time, run.inputs, found, {**run.units, **model.outputs})
+def answered(run, noise=0.0):
+    """A run of the sensor as it would come back from the rig: its line, by hand."""
+    reading = 0.16 * run.inputs["depth"] + 1.6 + noise
+    return dft.Log(run.time, run.inputs, {"reading": reading}, {**run.units, "reading": "V"})
+
+
+def turned(run):
+    """A run of the motor by the reference simulator, whose friction is not smoothed."""
+    names = {"resistance": "resistance", "inductance": "inductance", "ke": "back_emf",
+             "km": "torque_constant", "inertia": "inertia", "viscous": "viscous",
+             "friction": "coulomb", "kq": "load", "kt0": "thrust_linear",
+             "kt": "thrust_quadratic"}  # fmt: skip
+    values = {name: float(MOTOR.parameters[ours].value) for name, ours in names.items()}
+    voltage = run.inputs["command"]
+    made = dc_motor.simulate(run.time, voltage, parameters=values, method="rk4")
+    kept = {name: made.truth[name] for name in ("speed", "thrust")}
+    return dft.Log(run.time, run.inputs, kept, {**run.units, "speed": "rad/s", "thrust": "N"})
 
 
 # -- the steady map --------------------------------------------------------------------------------
@@ -42,7 +56,7 @@ def test_the_steady_plan_steps_evenly_in_thrust():
 
 def test_a_record_of_the_steady_plan_gives_the_map():
     plan = plans.steady_map(MOTOR, limits=(0.0, 13.0), levels=3, hold=1.0, step=0.01)
-    log = answered(plan.runs["steady_map"], MOTOR)
+    log = turned(plan.runs["steady_map"])
     assert plan.check(log).good
     parts = papers.steady_portions(log, settle=plan.settle, inputs=["command"])
     thrust = [part.mean("thrust", "N") for part in parts[:3]]
@@ -160,11 +174,7 @@ def test_the_calibration_plan_serves_the_calibration():
     assert plan.settle == pytest.approx(np.log(100.0))
     assert len(plan.levels) == 39
     rng, readings = np.random.default_rng(0), {}
-    logs = [
-        answered(run, SENSOR,
-                 reading=0.16 * run.inputs["depth"] + 1.6 + 0.01 * rng.standard_normal(len(run)))
-        for run in plan.runs.values()
-    ]  # fmt: skip
+    logs = [answered(run, 0.01 * rng.standard_normal(len(run))) for run in plan.runs.values()]
     for name, log in zip(plan.runs, logs, strict=True):
         parts = papers.steady_portions(log, settle=plan.settle, inputs=["depth"])
         parts.sort(key=lambda part: part.mean("depth", "m"))
@@ -177,13 +187,13 @@ def test_the_calibration_plan_serves_the_calibration():
 
 def test_a_reading_that_was_left_out_is_missing():
     plan = plans.depth_calibration((0.0, 3.0), sensor=SENSOR, levels=3)
-    logs = [answered(run, SENSOR) for run in plan.runs.values()]
+    logs = [answered(run) for run in plan.runs.values()]
     check = plan.check(logs[:2])
     assert [(f.run, f.found) for f in check.missing] == 3 * [("reading_3_down", "not run")]
     joined = answered(  # down and up in one log: the greatest depth is held for twice as long
         dft.Log(np.concatenate([logs[0].time, logs[0].time[-1] + 0.1 + logs[1].time]),
                 {"depth": np.concatenate([g.inputs["depth"] for g in logs[:2]])},
-                units={"depth": "m"}), SENSOR)  # fmt: skip
+                units={"depth": "m"}))  # fmt: skip
     assert plan.check([joined, logs[2]]).good
 
 

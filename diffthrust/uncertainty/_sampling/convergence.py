@@ -28,6 +28,7 @@ class Mixing(Enum):
     TOO_SHORT = "too_short"
     NOT_MIXED = "not_mixed"
     DIVERGENT = "divergent"
+    IMPROPER = "improper"
 
     def __str__(self) -> str:
         return self.value
@@ -68,6 +69,8 @@ def convergence(post: Any) -> Convergence:
 
     Rank-normalised split R-hat and the effective samples of bulk and tails (Vehtari et al. 2021),
     the integrated autocorrelation time (Goodman & Weare 2010, as emcee has it), and divergences.
+    Chains of a posterior that does not exist agree as well as others: where `sample` found that a
+    flat prior has no end, the status is "improper" whatever the chains say.
 
     Args:
         post: what `sample` returns, or other ArviZ data with a posterior.
@@ -104,6 +107,8 @@ def convergence(post: Any) -> Convergence:
     total = posterior.sizes["chain"] * posterior.sizes["draw"]
     other = " or sample with method='nuts'" if post.attrs.get("method") == "emcee" else ""
     status, message = _judged(r_hat, bulk, tail, lost, total, other)
+    if improper := str(posterior.attrs.get("improper", "")):
+        status, message = Mixing.IMPROPER, improper
     return Convergence(status, message, r_hat, bulk, tail, memory, lost, total)
 
 

@@ -21,6 +21,7 @@ from diffthrust.estimation._result import Fit
 from diffthrust.logs._log import Log
 from diffthrust.uncertainty._sampling.convergence import convergence
 from diffthrust.uncertainty._sampling.posterior import Posterior, posterior_of
+from diffthrust.uncertainty._sampling.propriety import told_improper
 
 _MOST_DRAWS = 1_000_000
 _MOST_CHAINS = 10_000
@@ -70,7 +71,9 @@ def sample(
         `arviz.InferenceData` with the groups ``posterior`` (variables by full parameter name,
         dimensions ``chain`` and ``draw``, ``attrs["unit"]`` each), ``sample_stats`` and
         ``observed_data``. ``attrs["status"]`` and ``attrs["message"]`` say whether the chains
-        converged; see `convergence`.
+        converged; see `convergence`. "improper" says that there is nothing to converge to: a
+        parameter has a flat prior without a bound, and the logs exclude no value however large (or
+        small); the message has the line that gives it a prior.
 
     Raises:
         InputError: a fit that did not converge, logs that are not its own, a prior that excludes
@@ -124,6 +127,7 @@ def sample(
         "fit": mark_of(fit),
         "origin": json.dumps(encoded(origin_of(logs, spec=fit.origin and fit.origin.spec), {})),
         "doubts": "\n".join(fit.correlation),
+        "improper": told_improper(posterior, drawn.points),
         **drawn.attrs,
     }
     post = inference_data(posterior, drawn, attrs)

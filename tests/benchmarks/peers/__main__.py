@@ -86,7 +86,8 @@ def main(given: Sequence[str] | None = None, console: Console | None = None) -> 
     for note in notes:
         console.print(note, markup=False)
     versions = ", ".join(f"{name} {number}" for name, number in told["versions"].items() if number)
-    console.print(f"{told['cores']} cores, Python {told['python']}, {versions}", markup=False)
+    where = f"{told['date']}, {told['cores']} cores ({told['processor']}, {told['system']})"
+    console.print(f"{where}, Python {told['python']}, {versions}", markup=False)
     return cells
 
 

@@ -7,6 +7,7 @@ import os
 import platform
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
+from datetime import date
 from importlib import metadata
 from typing import Any
 
@@ -44,6 +45,7 @@ def machine(gpu: str | None) -> dict[str, Any]:
         except metadata.PackageNotFoundError:
             versions[name] = None
     return {
+        "date": date.today().isoformat(),
         "cores": len(os.sched_getaffinity(0))
         if hasattr(os, "sched_getaffinity")
         else os.cpu_count(),
