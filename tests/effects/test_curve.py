@@ -104,7 +104,7 @@ def test_a_fit_finds_a_hump_that_the_reference_simulator_has_hidden():
     log = dft.Log(time=time, inputs={"command": command},
                   measured={"speed": record.measured["speed"]},
                   units={"command": "V", "speed": "rad/s"}, noise={"speed": 0.1})  # fmt: skip
-    curve = Curve("shaft", "speed", -105.0, 105.0, pieces=26, size=80.0, bend=5.0)
+    curve = Curve("shaft", "speed", -105.0, 105.0, pieces=16, size=80.0, bend=5.0)
     # steps tell alpha and beta from a curve only while they settle: here these are known
     known = dft.Thruster(alpha=0.037, beta=42.0).fix("alpha", "beta")
     learned = dft.fit(known + curve, log, starts=1)
