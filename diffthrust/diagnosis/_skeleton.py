@@ -17,8 +17,10 @@ HOW = "Write the law that you suspect as an effect of your own, say in my_effect
 _NAME = "my_effect"
 _USED = """
 
-# In Python:      fit = dft.fit(model + {cls}(), logs, holdout=unseen)
-# In a spec file: {line}
+# In Python:
+#     fit = dft.fit(model + {cls}(), logs, holdout=unseen)
+# In a spec file:
+#     {line}
 """
 
 

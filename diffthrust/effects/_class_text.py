@@ -13,7 +13,7 @@ from diffthrust.effects._grammar import SHORT, expression_of, keeps_sign
 from diffthrust.models._base.described import plain_description
 from diffthrust.models._base.parameter import Parameter
 
-_WIDTH = 100
+_WIDTH = 80  # what a terminal shows unbroken
 _FINITE = {"sqrt": "square_root", "log": "logarithm", "exp": "exponential"}
 
 _CLASS = '''"""{title}"""
@@ -34,8 +34,8 @@ class {cls}(dft.Effect):
 {needs}{parameters}
 
     def __call__(self, value, s):
-        """What leaves the port where `value` arrives and `s` are the signals."""
-        return {law}{hint}
+        """What leaves the port where `value` arrives, with the signals `s`."""
+{hint}        return {law}
 '''
 
 _TEST = '''"""Tests of {name}.py."""
@@ -98,7 +98,7 @@ def effect_class_text(
         formula: the effect; one that was added to a model knows which channels a log must have.
         name: by which the effect is to be known, and its file.
         doc: what happens, in a sentence.
-        hint: a comment at the end of the law.
+        hint: a comment above the law.
 
     Example:
         >>> formula = dft.effects.Formula("shaft", "-rate * speed", rate="1/s")
@@ -120,7 +120,7 @@ def effect_class_text(
         needs=f"    needs = {as_python(formula.needs)}\n" if formula.needs else "",
         parameters="\n".join(f"    {n}: float = {_declaration(p)}" for n, p in described),
         law=_law(formula),
-        hint=f"  # {hint}" if hint else "",
+        hint=f"        # {hint}\n" if hint else "",
     )
 
 
@@ -153,7 +153,7 @@ def _declaration(p: Parameter) -> str:
     told = [f"{_rounded(value)!r}", f"unit={as_python(unit)}"]
     told += [f"{n}={_field(n, v)}" for n, v in fields.items()]
     line = f"dft.parameter({', '.join(told)})"
-    if len(line) <= _WIDTH - 30:
+    if len(line) <= _WIDTH - 25:
         return line
     return "\n".join(["dft.parameter(", *(f"        {part}," for part in told), "    )"])
 
