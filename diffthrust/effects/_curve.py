@@ -74,6 +74,19 @@ class Curve(MadeEffect):
     main = "signal"
     options = ("name", "port", "signal", "times", "low", "high", "pieces", "lags")
     signal: str
+    times: str
+    low: float
+    high: float
+    past: float
+    pieces: int
+    size: float
+    bend: float
+    unit: str
+    held: tuple[str, ...]
+    coefficients: tuple[str, ...]
+    time_constant: float
+    lags: bool
+    _weights: list[Any]
 
     def __init__(
         self,

@@ -9,7 +9,7 @@ that the estimated parameters could be themselves there is none.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -54,7 +54,7 @@ def likely_curves(trials: Trials, trial: TrialFit, laws: Iterable[Law]) -> list[
 
 
 def _judged(
-    trials: Trials, trial: TrialFit, law: Law, passing: list[np.ndarray]
+    trials: Trials, trial: TrialFit, law: Law, passing: Sequence[np.ndarray]
 ) -> LikelyCurve | None:
     pooled = np.concatenate(law.over)
     ends = float(pooled.min()), float(pooled.max())
@@ -79,7 +79,7 @@ def _judged(
     return LikelyCurve(law, curve, best.evidence)
 
 
-def _level(series: list[np.ndarray]) -> float:
+def _level(series: Sequence[np.ndarray]) -> float:
     return float(np.sqrt(np.mean(np.concatenate(series) ** 2)))
 
 
