@@ -240,6 +240,6 @@ def _does_nothing(law: Expression, at: Mapping[str, Any]) -> bool:
 def _is_linear(law: Expression, at: Mapping[str, Any], name: str) -> bool:
     one, two, three = (_change(law, {**at, name: k * at[name]}) for k in (1.0, 2.0, 3.0))
     with np.errstate(all="ignore"):
-        bend = np.abs(one - 2 * two + three)
+        bend, rise = np.abs(one - 2 * two + three), np.abs(three - one)
     seen = np.isfinite(bend)
-    return bool(seen.any() and np.all(bend[seen] <= 1e-9 * np.abs(three - one)[seen] + 1e-300))
+    return bool(seen.any() and np.all(bend[seen] <= 1e-9 * rise[seen] + 1e-300))
