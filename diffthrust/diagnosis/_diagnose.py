@@ -13,7 +13,7 @@ from diffthrust.diagnosis._candidates import Candidates
 from diffthrust.diagnosis._findings import Missing
 from diffthrust.diagnosis._groups import groups_of, proposal
 from diffthrust.diagnosis._held_values import held_values
-from diffthrust.diagnosis._learning.learn import learned
+from diffthrust.diagnosis._learning.learn import learned_laws
 from diffthrust.diagnosis._missing import missing_signals
 from diffthrust.diagnosis._odd_logs import odd_logs
 from diffthrust.diagnosis._result import Diagnosis
@@ -174,7 +174,7 @@ def _reported(
     if found.verdict == "unexplained":
         tools.say("learning what no known effect explains", LEARNING)
         with tools.clock("learned"):
-            found = replace(found, laws=learned(tools, known, first))
+            found = replace(found, laws=learned_laws(tools, known, first))
     if found.verdict in ("undecided", "unexplained"):
         possible = {n: w for n, w in known.possible.items() if n not in present.effects}
         found = replace(found, possible=possible)

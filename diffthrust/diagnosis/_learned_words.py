@@ -8,6 +8,7 @@ from diffthrust._support.tables import number
 from diffthrust._support.words import capitalised, joined, spelt
 from diffthrust.diagnosis._learning.forms import FORMS
 from diffthrust.diagnosis._matter_words import share_words
+from diffthrust.diagnosis._ports import place_words
 from diffthrust.models._base.made_effect import ARRIVING
 
 if TYPE_CHECKING:
@@ -18,8 +19,6 @@ if TYPE_CHECKING:
 
 def learned_words(diag: Findings) -> list[str]:
     """Of each learned law: where it acts, what it is worth, its form, and what it replaces."""
-    from diffthrust.diagnosis._words import place_words
-
     words = []
     for law in diag.laws:
         before, after = diag.stages[0].fit, (law.form or law).fit

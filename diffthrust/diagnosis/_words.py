@@ -26,7 +26,7 @@ from diffthrust.diagnosis._matter_words import (
     undecided_words,
     worth_words,
 )
-from diffthrust.diagnosis._ports import words_and_unit
+from diffthrust.diagnosis._ports import place_words
 from diffthrust.estimation._origin import effects_line, form_lines, python_line
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
@@ -252,15 +252,6 @@ def remaining_words(diag: Findings) -> str:
         f"and depends on {left.depends_on}, which explains {percent(left.share)} of the "
         "squared one-step errors there."
     )
-
-
-def place_words(model: Model, port: str) -> str:
-    """A port in words: its name, and what the signal there is."""
-    if port in model.ports:
-        return f"the port '{port}' ({words_and_unit(model, port)[0]})"
-    if port in model.outputs:
-        return f"the measured {port} (its sensor)"
-    return f"the recorded {port}"
 
 
 def dropped_words(diag: Findings) -> str:

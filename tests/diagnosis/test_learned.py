@@ -7,7 +7,11 @@ from scipy.stats import multivariate_normal
 
 import diffthrust as dft
 from diffthrust.diagnosis._learning import evidence  # private: figures that no result shows
-from diffthrust.diagnosis._learning.forms import FORMS, formula_of, matches
+from diffthrust.diagnosis._learning.forms import (  # private: forms without a diagnosis
+    FORMS,
+    formula_of,
+    matches,
+)
 from diffthrust.effects import Curve
 
 

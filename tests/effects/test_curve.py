@@ -9,6 +9,7 @@ from scipy.signal import lfilter
 
 import diffthrust as dft
 from diffthrust.effects import Curve
+from diffthrust.estimation._origin import effects_line  # private: what reports print to copy
 
 
 def as_spline(curve: Curve) -> BSpline:
@@ -139,8 +140,6 @@ def test_a_signal_that_the_model_does_not_have_is_told_with_the_nearest():
 
 def test_a_learned_curve_goes_into_a_spec_file_and_comes_back(tmp_path):
     curve = Curve("load", "speed", -40.0, 40.0, times="value", shape=(0.1, 0.2, 0.05), name="stall")
-    from diffthrust.estimation._origin import effects_line  # what reports print to copy
-
     text = f'model = "thruster"\n{effects_line(dft.Thruster(), [curve])}\n[logs]\n'
     (tmp_path / "run.csv").write_text(
         "t,u,w\n" + "".join(f"{k / 10},{k % 7},{k}\n" for k in range(50))

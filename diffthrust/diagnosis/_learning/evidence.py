@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diffthrust.diagnosis._learning.laws import Law
+from diffthrust.diagnosis._learning.hypotheses import Hypothesis
 from diffthrust.diagnosis._trials import TrialFit, Trials, side_by_side
 from diffthrust.effects._curve import Curve
 from diffthrust.models._base.made_effect import ARRIVING
@@ -37,16 +37,16 @@ class LikelyCurve(NamedTuple):
         evidence: logarithm of the likelihood ratio, with the coefficients integrated out.
     """
 
-    law: Law
+    law: Hypothesis
     curve: Curve
     evidence: float
 
 
-def likely_curves(trials: Trials, trial: TrialFit, laws: Iterable[Law]) -> list[LikelyCurve]:
+def likely_curves(trials: Trials, trial: TrialFit, laws: Iterable[Hypothesis]) -> list[LikelyCurve]:
     """The laws for which there is evidence, with their curves, the likeliest first."""
     ports = trials.readings(trial)
 
-    def judged(law: Law) -> LikelyCurve | None:
+    def judged(law: Hypothesis) -> LikelyCurve | None:
         return _judged(trials, trial, law, [one[law.port] for one in ports])
 
     found = [one for one in side_by_side(judged, list(laws)) if one is not None]
@@ -54,7 +54,7 @@ def likely_curves(trials: Trials, trial: TrialFit, laws: Iterable[Law]) -> list[
 
 
 def _judged(
-    trials: Trials, trial: TrialFit, law: Law, passing: Sequence[np.ndarray]
+    trials: Trials, trial: TrialFit, law: Hypothesis, passing: Sequence[np.ndarray]
 ) -> LikelyCurve | None:
     pooled = np.concatenate(law.over)
     ends = float(pooled.min()), float(pooled.max())

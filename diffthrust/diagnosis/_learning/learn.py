@@ -12,7 +12,7 @@ from diffthrust.diagnosis._findings import Remaining, Stage
 from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
 from diffthrust.diagnosis._learning.evidence import LikelyCurve, likely_curves
 from diffthrust.diagnosis._learning.forms import formula_of, matches
-from diffthrust.diagnosis._learning.laws import Law, products, simple_laws
+from diffthrust.diagnosis._learning.hypotheses import Hypothesis, products, simple_laws
 from diffthrust.diagnosis._ports import DrivingPort, words_and_unit
 from diffthrust.diagnosis._search import SearchState, Tools
 from diffthrust.diagnosis._structure import behind, observed
@@ -42,7 +42,7 @@ _BETTER = 0.95
 more than so many times as much with the law in their place."""
 
 
-def learned(tools: Tools, known: SearchState, first: TrialFit) -> tuple[LearnedLaw, ...]:
+def learned_laws(tools: Tools, known: SearchState, first: TrialFit) -> tuple[LearnedLaw, ...]:
     """The law that no known effect expresses, where structure is proven; empty if none is sure.
 
     It must make whole unseen runs surely better (training runs, where no log is unseen). Effects
@@ -98,7 +98,7 @@ def _likeliest(tools: Tools, trial: TrialFit, place: DrivingPort) -> list[Likely
     return [one for one in (*first, *rest) if one.evidence > _CLEAR]
 
 
-def _plainness(law: Law) -> tuple[int, int]:
+def _plainness(law: Hypothesis) -> tuple[int, int]:
     return ("", ARRIVING, law.times).index(law.times), len(law.signal)
 
 

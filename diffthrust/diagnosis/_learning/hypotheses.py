@@ -20,7 +20,7 @@ _SLOW = (100, 500)
 """The same of its square, which heats."""
 
 
-class Law(NamedTuple):
+class Hypothesis(NamedTuple):
     """A law that may be missing: ``value + times * curve(signal)`` at a port.
 
     Args:
@@ -40,14 +40,16 @@ class Law(NamedTuple):
     factor: Sequence[np.ndarray] | None
 
 
-def simple_laws(trials: Trials, place: DrivingPort, seen: Observed) -> Iterator[Law]:
+def simple_laws(trials: Trials, place: DrivingPort, seen: Observed) -> Iterator[Hypothesis]:
     """Functions of one signal at a place: added there, or scaling what passes a port behind it."""
     for port in dict.fromkeys((place.port, *behind(trials, place))):
         for times in ("", ARRIVING) if port == place.port else (ARRIVING,):
             yield from _of_each_signal(trials, place, seen, port, times)
 
 
-def products(trials: Trials, place: DrivingPort, seen: Observed, best: Law) -> Iterator[Law]:
+def products(
+    trials: Trials, place: DrivingPort, seen: Observed, best: Hypothesis
+) -> Iterator[Hypothesis]:
     """The law that is likeliest so far, and others at its place, times another signal."""
     names = _readable(trials, seen)
     for times in (expression for name in names for expression in (name, f"abs({name})")):
@@ -56,7 +58,7 @@ def products(trials: Trials, place: DrivingPort, seen: Observed, best: Law) -> I
                 yield law
 
 
-def read(expression: str, seen: Observed, port: str, log: int) -> np.ndarray:
+def along_log(expression: str, seen: Observed, port: str, log: int) -> np.ndarray:
     """An expression of signals over a log, as an effect at a port reads it, ``(T,)``."""
     path, passing = seen.paths[log], seen.ports[log]
 
@@ -70,22 +72,22 @@ def read(expression: str, seen: Observed, port: str, log: int) -> np.ndarray:
 
 def _of_each_signal(
     trials: Trials, place: DrivingPort, seen: Observed, port: str, times: str
-) -> Iterator[Law]:
+) -> Iterator[Hypothesis]:
     logs = range(len(seen.paths))
     step = float(np.median(np.diff(seen.paths[0]["time"])))
-    factor = [read(times, seen, port, log) for log in logs] if times else None
+    factor = [along_log(times, seen, port, log) for log in logs] if times else None
     own = [ARRIVING] if port == place.port and place.state and not times else []
     names = _readable(trials, seen)
     wanted = [(name, samples) for name in names for samples in (0, *_PASTS)]
     wanted += [(f"{name}**2", samples) for name in names for samples in _SLOW]
     wanted += [(name, 0) for name in (*own, CLOCK)]
     for signal, samples in wanted:
-        over = [read(signal, seen, port, log) for log in logs]
+        over = [along_log(signal, seen, port, log) for log in logs]
         if np.ptp(np.concatenate(over)) <= 1e-9 * (1.0 + np.abs(np.concatenate(over)).max()):
             continue  # a constant
         if samples:
             over = [recent(one, samples) for one in over]
-        yield Law(port, signal, times, samples * step, over, factor)
+        yield Hypothesis(port, signal, times, samples * step, over, factor)
 
 
 def _readable(trials: Trials, seen: Observed) -> list[str]:
