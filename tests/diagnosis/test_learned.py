@@ -1,5 +1,7 @@
 """Learning what no known effect explains: evidence, closed forms, and a whole diagnosis."""
 
+import tomllib
+
 import numpy as np
 import pytest
 from hidden import sets
@@ -110,6 +112,9 @@ def test_a_hump_that_is_in_no_catalogue_is_learned_and_named(hump):
     assert law.form.name in ("odd humps", "hump of both signs")  # of load, or of what it is a part
     assert law.worth.low > 0.7
     assert law.form.fit.holdout.nrmse < 0.4 * diag.stages[0].holdout.nrmse
+    assert law.form.formula.c == pytest.approx(
+        law.form.fit.parameters["curve_form.c"].value, rel=1e-4
+    )
     told = next(iter(hidden.plant.hidden.values()))  # middle and width of the truth
     assert law.form.fit.parameters["curve_form.c"].value == pytest.approx(told["width"], rel=0.3)
 
@@ -127,6 +132,20 @@ def test_what_was_learned_is_told_in_words_json_and_a_figure(hump, tmp_path):
     assert "What was learned" in page
     figure = diag.plot_learned()
     assert {axes.get_ylabel() for axes in figure.axes} >= {"samples"}
+
+
+def test_what_was_learned_is_copied_into_a_spec_file(hump):
+    _, diag = hump
+    line = next(one for one in diag.report().splitlines() if one.startswith("effects = "))
+    (table,) = tomllib.loads(line)["effects"]
+    text = table.pop("formula")
+    again = dft.effects.Formula(expression=text, **table)
+    model, law = diag.model + again, diag.laws[0].form
+    (name, ours), *_ = again.declared.items()
+    assert model.parameters[f"curve_form.{name}"].unit == ours.unit
+    assert [getattr(again, n) for n in again.declared] == pytest.approx(
+        [getattr(law.formula, n) for n in again.declared]
+    )
 
 
 def test_a_model_with_what_was_learned_simulates_fits_and_is_saved(hump, tmp_path):

@@ -158,12 +158,27 @@ def formula_of(match: Match, curve: Curve, unit: str, signal_unit: str, name: st
     told = {
         "a": {"unit": amplitude, "value": match.values["a"], "null": 0.0,
               "size": abs(match.values["a"]) or 1.0},
-        "b": {"unit": signal_unit, "bounds": (curve.low - span, curve.high + span)},
-        "c": {"unit": signal_unit, "bounds": (_LEAST_WIDTH * span, 10.0 * span)},
+        "b": {"unit": signal_unit, "bounds": _short(curve.low - span, curve.high + span)},
+        "c": {"unit": signal_unit, "bounds": _short(_LEAST_WIDTH * span, 10.0 * span)},
         "p": {"unit": "", "bounds": (0.1, 6.0)},
     }  # fmt: skip
     own = {n: {**told[n], "value": match.values[n]} for n in ("a", *form.parameters)}
     return Formula(curve.port, law, name=name, **own)
+
+
+def settled(formula: Formula) -> Formula:
+    """The same formula, which begins where its parameters are now; in numbers that are read."""
+    own = {}
+    for name, told in formula.given.items():
+        (value,) = _short(getattr(formula, name))
+        own[name] = {**told, "value": value}
+        if "size" in told:
+            own[name]["size"] = abs(value) or told["size"]
+    return Formula(formula.port, formula.expression, name=formula.name, **own)
+
+
+def _short(*numbers: float) -> tuple[float, ...]:
+    return tuple(float(f"{number:.5g}") for number in numbers)
 
 
 def _spelt(text: str, signal: str, reference: float) -> str:
