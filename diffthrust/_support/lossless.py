@@ -125,8 +125,9 @@ class Decoder(NamedTuple):
             return _expect(data in inner, data, f"one of {inner}")
         if not isinstance(base, type):
             raise ValueError(f"the kind {kind!r} cannot be read")
-        if base in self.makers:
-            return self.makers[base](self, data)
+        makers = [make for made, make in self.makers.items() if issubclass(base, made)]
+        if makers:
+            return makers[0](self, data)
         if base in (float, int, bool, str, NoneType):
             return _scalar(base, data)
         if issubclass(base, np.ndarray):

@@ -121,8 +121,8 @@ def counted(tools: Tools, known: SearchState, fitted: Stage, name: str) -> Searc
     """The search with an effect that was just fitted: a stage more, or one more detectable."""
     last = known.stages[-1]
     without = [one for one in known.stages if {*one.effects} <= {*fitted.effects} - {name}]
-    trained = _pairs(without[-1], fitted, tools.trials.logs, trained=True)
-    unseen = _pairs(without[-1], fitted, tools.unseen)
+    trained = errors_between(without[-1], fitted, tools.trials.logs, trained=True)
+    unseen = errors_between(without[-1], fitted, tools.unseen)
     worth, everywhere = worth_of(unseen or trained), worth_of([*trained, *unseen])
     told = worth.of(left_of(known, without[-1]))
     known = replace(known, worth={**known.worth, name: told})
@@ -133,7 +133,7 @@ def counted(tools: Tools, known: SearchState, fitted: Stage, name: str) -> Searc
     return replace(known, detectable=(*known.detectable, name))
 
 
-def _pairs(
+def errors_between(
     before: Stage, after: Stage, logs: Sequence[Log], trained: bool = False
 ) -> list[dict[str, BeforeAfter]]:
     """The errors of two stages over whole runs, log by log."""

@@ -13,10 +13,11 @@ from diffthrust.diagnosis._candidates import Candidates
 from diffthrust.diagnosis._findings import Missing
 from diffthrust.diagnosis._groups import groups_of, proposal
 from diffthrust.diagnosis._held_values import held_values
+from diffthrust.diagnosis._learning.learn import learned_laws
 from diffthrust.diagnosis._missing import missing_signals
 from diffthrust.diagnosis._odd_logs import odd_logs
 from diffthrust.diagnosis._result import Diagnosis
-from diffthrust.diagnosis._search import SOUGHT, SearchState, Tools, begun
+from diffthrust.diagnosis._search import LEARNING, SOUGHT, SearchState, Tools, begun
 from diffthrust.diagnosis._set_aside import set_aside
 from diffthrust.diagnosis._stages import next_stage
 from diffthrust.diagnosis._trials import TrialFit
@@ -170,6 +171,10 @@ def _reported(
     found = set_aside(tools, found)
     with tools.clock("headroom"):
         found = replace(found, verdict=verdict_of(found))
+    if found.verdict == "unexplained":
+        tools.say("learning what no known effect explains", LEARNING)
+        with tools.clock("learned"):
+            found = replace(found, laws=learned_laws(tools, known, first))
     if found.verdict in ("undecided", "unexplained"):
         possible = {n: w for n, w in known.possible.items() if n not in present.effects}
         found = replace(found, possible=possible)

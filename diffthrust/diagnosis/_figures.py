@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from diffthrust.diagnosis._findings import Findings, Missing, Stage, TriedEffect
     from diffthrust.simulation._runs import Run
 
-_COLOURS = (BLUE, VERMILLION, "#009E73", "#CC79A7", "#E69F00", "#56B4E9")  # Okabe & Ito 2008
+COLOURS = (BLUE, VERMILLION, "#009E73", "#CC79A7", "#E69F00", "#56B4E9")  # Okabe & Ito 2008
 _PALE = "#B3D5E8"
-_BAND = 2.0
+BAND = 2.0
 """Half width of bands, in standard errors."""
 _SHOWN = 8
 
@@ -111,7 +111,7 @@ def _falling(panel: Axes, diag: Findings) -> None:
     channels = dict.fromkeys(name for stage in diag.stages for name in stage.train.channels)
     top = 0.0
     for i, name in enumerate(channels):
-        colour = _COLOURS[i % len(_COLOURS)]
+        colour = COLOURS[i % len(COLOURS)]
         for unseen in (False, True):
             values = np.array([_nrmse(stage, name, unseen) for stage in diag.stages])
             if np.isnan(values).all():
@@ -137,7 +137,7 @@ def _falling(panel: Axes, diag: Findings) -> None:
     panel.set_title("error by stage", loc="left", fontsize=10)
     panel.set_ylabel("NRMSE [-]", fontsize=9)
     panel.legend(fontsize=8, frameon=True, framealpha=0.9)
-    _plainly(panel)
+    plainly(panel)
 
 
 def _nrmse(stage: Stage, name: str, unseen: bool) -> float:
@@ -165,7 +165,7 @@ def _traces(panel: Axes, before: Run, after: Run | None, name: str) -> None:
         )
     panel.set_ylabel(spelt(name) + (f" [{first.unit}]" if first.unit else ""), fontsize=9)
     panel.margins(x=0.01)
-    _plainly(panel)
+    plainly(panel)
 
 
 def _over_time(panel: Axes, missing: Missing) -> None:
@@ -174,12 +174,12 @@ def _over_time(panel: Axes, missing: Missing) -> None:
     name = literal(missing.logs[index]) if missing.logs else f"training log {index + 1}"
     panel.fill_between(
         time,
-        signal - _BAND * error,
-        signal + _BAND * error,
+        signal - BAND * error,
+        signal + BAND * error,
         color=BLUE,
         alpha=0.25,
         linewidth=0,
-        label=f"±{_BAND:g} standard errors",
+        label=f"±{BAND:g} standard errors",
     )
     panel.plot(*thinned(time, signal), color=BLUE, linewidth=1.1, label="missing signal")
     panel.axhline(0.0, color="0.4", linewidth=0.8)
@@ -188,7 +188,7 @@ def _over_time(panel: Axes, missing: Missing) -> None:
     panel.set_title(f"missing at '{missing.port}', {name}", loc="left", fontsize=10)
     panel.legend(loc="upper right", fontsize=8, ncols=2, framealpha=0.9)
     panel.margins(x=0.01, y=0.2)
-    _plainly(panel)
+    plainly(panel)
 
 
 def _here(missing: Missing) -> str:
@@ -205,12 +205,12 @@ def _over_signal(panel: Axes, missing: Missing) -> None:
     panel.axhline(0.0, color="0.4", linewidth=0.8)
     panel.fill_between(
         x,
-        mean - _BAND * error,
-        mean + _BAND * error,
+        mean - BAND * error,
+        mean + BAND * error,
         color=VERMILLION,
         alpha=0.25,
         linewidth=0,
-        label=f"±{_BAND:g} standard errors",
+        label=f"±{BAND:g} standard errors",
     )
     panel.plot(x, mean, color=VERMILLION, linewidth=1.6, label="its mean")
     panel.legend(loc="upper right", fontsize=8, framealpha=0.9)
@@ -221,7 +221,7 @@ def _over_signal(panel: Axes, missing: Missing) -> None:
     panel.set_title(
         f"{missing.depends_on} explains {percent(missing.share)} of it", loc="left", fontsize=10
     )
-    _plainly(panel)
+    plainly(panel)
 
 
 def _bars(panel: Axes, tried: list[TriedEffect], diag: Findings) -> None:
@@ -244,10 +244,10 @@ def _bars(panel: Axes, tried: list[TriedEffect], diag: Findings) -> None:
     panel.invert_yaxis()
     panel.set_xlim(0.0, 1.2 * max(ratios) or 1.0)
     panel.set_xlabel("likelihood ratio [-]", fontsize=9)
-    _plainly(panel)
+    plainly(panel)
 
 
-def _plainly(panel: Axes) -> None:
+def plainly(panel: Axes) -> None:
     panel.grid(True, color="0.9", linewidth=0.6)
     panel.set_axisbelow(True)
     panel.tick_params(labelsize=8)

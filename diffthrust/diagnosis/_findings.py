@@ -16,7 +16,9 @@ from diffthrust._support.results import Brief
 from diffthrust.comparison._compare import Comparison
 from diffthrust.diagnosis._given import HeldValue, OddLog
 from diffthrust.diagnosis._headroom import Headroom, headroom_of
+from diffthrust.diagnosis._learned import LearnedLaw
 from diffthrust.diagnosis._worth import Worth, far_above
+from diffthrust.effects._curve import Curve
 from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._origin import Origin
 from diffthrust.estimation._result import Fit
@@ -256,6 +258,7 @@ class Findings(Brief):
             runs, with their worth.
         odd_logs: logs that disagree with the others.
         held: fixed parameters that these logs want elsewhere.
+        laws: what no known effect expresses, learned as curves.
         apart: where something is open and odd logs carry much of the error, the last stage without
             these logs, on which the verdict, ``remaining`` and ``one_step`` then rest: held against
             the other training logs, and against the other logs that count.
@@ -289,6 +292,12 @@ class Findings(Brief):
     odd_logs: tuple[OddLog, ...] = ()
     held: Mapping[str, HeldValue] = field(default_factory=dict)
     apart: tuple[Comparison, Comparison] | None = field(default=None, repr=False)
+    laws: tuple[LearnedLaw, ...] = ()
+
+    @property
+    def learned(self) -> tuple[Curve, ...]:
+        """The learned laws as effects: ``model + diag.best + diag.learned`` has them all."""
+        return tuple(law.curve for law in self.laws)
 
     @property
     def added(self) -> tuple[str, ...]:

@@ -23,7 +23,7 @@ _SURE = 0.05
 _TOLD = 0.01
 """A dependence that explains less of the missing signal's variance is not told."""
 
-Curve = tuple[np.ndarray, np.ndarray, np.ndarray]
+ErrorCurve = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def missing_signals(trials: Trials, trial: TrialFit) -> tuple[Missing, ...]:
@@ -73,7 +73,7 @@ class Dependence(NamedTuple):
     """The mean of a signal over another: share of its variance, and knots, means and errors."""
 
     share: float
-    curve: Curve
+    curve: ErrorCurve
 
 
 NONE = Dependence(0.0, (np.empty(0), np.empty(0), np.empty(0)))

@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING
 
 from diffthrust._support.page import STYLE, image
 from diffthrust._support.words import capitalised
+from diffthrust.diagnosis._learned_words import learned_words
 from diffthrust.diagnosis._skeleton import HOW, skeleton
 from diffthrust.diagnosis._tables import (
     check_rows,
     closing_tables,
+    form_rows,
     headroom_rows,
     headroom_words,
     log_rows,
@@ -85,7 +87,9 @@ def page(diag: Findings, *, title: str = "", spec: str = "") -> str:
         groups=group_words(diag),
         remaining=remaining_words(diag),
         how=HOW,
-        skeleton=skeleton(diag.fit.model, left, diag.missing) if left else "",
+        skeleton=skeleton(diag.fit.model, left, diag.missing) if left and not diag.laws else "",
+        learned=learned_words(diag),
+        forms=form_rows(diag),
         closing=list(closing_tables(diag)),
         checks=check_rows(diag),
         notes=caution_words(diag),
@@ -98,12 +102,15 @@ def page(diag: Findings, *, title: str = "", spec: str = "") -> str:
 def _figures(diag: Findings) -> dict[str, str]:
     """The figures that this diagnosis has, as PNG in base64."""
     from diffthrust.diagnosis._figures import missing_figure, ranking_figure, stages_figure
+    from diffthrust.diagnosis._figures_learned import learned_figure
 
     drawn = {"stages": lambda: stages_figure(diag), "residuals": diag.before.plot_residuals}
     if any(missing.shows for missing in diag.missing):
         drawn["missing"] = lambda: missing_figure(diag)
     if diag.ranking:
         drawn["ranking"] = lambda: ranking_figure(diag)
+    if diag.laws:
+        drawn["learned"] = lambda: learned_figure(diag)
     if diag.experiment:
         drawn["experiment"] = partial(_untitled, diag.experiment)
     return {name: image(draw) for name, draw in drawn.items()}

@@ -120,3 +120,12 @@ def knots_of(values: np.ndarray) -> np.ndarray:
 def hats(values: np.ndarray, knots: np.ndarray) -> np.ndarray:
     """Piecewise-linear basis over a signal, ``(KNOTS, T)``; its rows sum to one."""
     return np.stack([np.interp(values, knots, row) for row in np.eye(KNOTS)])
+
+
+def place_words(model: Model, port: str) -> str:
+    """A port in words: its name, and what the signal there is."""
+    if port in model.ports:
+        return f"the port '{port}' ({words_and_unit(model, port)[0]})"
+    if port in model.outputs:
+        return f"the measured {port} (its sensor)"
+    return f"the recorded {port}"

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
 from diffthrust._support.results import Result
 from diffthrust._support.saved_file import write_saved
@@ -45,6 +46,22 @@ class Diagnosis(Result, Findings):
         from diffthrust.diagnosis._figures import stages_figure
 
         return stages_figure(self)
+
+    @showing
+    def plot_learned(self) -> Figure:
+        """The learned curves with their bands, the forms tried, and the samples below.
+
+        Raises:
+            InputError: nothing was learned.
+        """
+        from diffthrust.diagnosis._figures_learned import learned_figure
+
+        if not self.laws:
+            raise InputError(
+                "This diagnosis learned no law: known effects, or noise, explain these logs.",
+                "Draw what it found: diag.plot().",
+            )
+        return learned_figure(self)
 
     def save(self, path: Path | str, *, title: str = "", spec: str = "") -> None:
         """Write the report as a page to read, or the diagnosis itself, to `load` it again.
@@ -112,6 +129,7 @@ class Diagnosis(Result, Findings):
             }
             if left
             else None,
+            "learned": [law.to_json() for law in self.laws],
             "odd_logs": [asdict(odd) for odd in self.odd_logs],
             "held": {name: asdict(held) for name, held in self.held.items()},
             "untestable": dict(self.untestable),

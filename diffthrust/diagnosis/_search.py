@@ -37,7 +37,9 @@ FITTED = 0.1
 _COMPILED = 0.15
 """the trials can begin;"""
 SOUGHT = 0.85
-"""and no further effect is looked for."""
+"""and no further effect is looked for;"""
+LEARNING = 0.9
+"""what they do not explain is learned."""
 _LEFT = 0.6
 """A stage leaves this part of what was left."""
 _STARTS = 4, 2
@@ -186,9 +188,10 @@ def begun(
         model: Model,
         guesses: Sequence[Mapping[str, float]] = (),
         tell: Progress | None = None,
+        starts: int = 0,
         logs: tuple[Sequence[Log], Sequence[Log]] = (train, unseen),
     ) -> Fit:
-        starts = _STARTS[bool(guesses)]
+        starts = starts or _STARTS[bool(guesses)]
         told = {"starts": starts, "seed": seed, "guesses": guesses, "progress": tell, **options}
         with clock("refit"), warnings.catch_warnings(record=True) as seen:  # its notes say the same
             warnings.simplefilter("always", CoarseStepWarning)

@@ -195,14 +195,14 @@ def _past(
 ) -> dict[SignalForm, list[np.ndarray]]:
     """The running means of inputs and states over some recent samples, log by log."""
     return {
-        SignalForm(form.name, past=samples * step): [_recent(one, samples) for one in series]
+        SignalForm(form.name, past=samples * step): [recent(one, samples) for one in series]
         for form, series in signals.items()
         if form.name != "time" and not form.rate
         for samples in _PAST
     }
 
 
-def _recent(series: np.ndarray, samples: int) -> np.ndarray:
+def recent(series: np.ndarray, samples: int) -> np.ndarray:
     """Mean of the past of a series that forgets over so many samples."""
     from scipy.signal import lfilter  # slow to import
 

@@ -13,6 +13,7 @@ from rich.text import Text
 
 from diffthrust._support.tables import line_text, number, plain_table, with_error
 from diffthrust._support.words import percent, spelt
+from diffthrust.diagnosis._learned_words import learned_words
 from diffthrust.diagnosis._matter_words import leading, share_cells
 from diffthrust.diagnosis._skeleton import HOW, skeleton
 from diffthrust.diagnosis._words import (
@@ -97,9 +98,10 @@ def diagnosis_table(diag: Findings) -> RenderableType:
             "What remains",
             remaining_words(diag),
             *(missing_words(m, diag.model) for m in diag.shown(diag.left[:1])),
-            HOW,
-            skeleton(diag.fit.model, diag.remaining, diag.missing),
+            *([] if diag.laws else [HOW, skeleton(diag.fit.model, diag.remaining, diag.missing)]),
         )
+    if diag.laws:
+        parts += _section("What was learned", *learned_words(diag), *map(_rich, form_rows(diag)))
     for heading, rows in closing_tables(diag):
         parts += _section(heading, _rich(rows))
     notes = (Text(f"Note: {note}") for note in caution_words(diag))
@@ -260,6 +262,24 @@ def meaning_rows(diag: Findings) -> Rows:
     named += [c.effect for c in diag.ranking]
     lines = [(spelt(name), first_line(name, known)) for name in dict.fromkeys(named)]
     return Rows(("Effect", "What it does"), (tuple(row for row in lines if row[1]),))
+
+
+def form_rows(diag: Findings) -> list[Rows]:
+    """The closed forms that were tried in the place of each learned curve, beside it."""
+    tables = []
+    for law in diag.laws:
+        each = [("the curve", law.fit, None), *((f.name, f.fit, f.bic) for f in law.forms)]
+        rows = tuple(
+            (
+                name,
+                "" if bic is None else number(bic, 3),
+                number(fit.train.nrmse, 2),
+                number(fit.holdout.nrmse, 2) if fit.holdout else "",
+            )
+            for name, fit, bic in each
+        )
+        tables.append(Rows(("Form", "ΔBIC", "NRMSE", "unseen"), (rows,), numbers=(1, 2, 3)))
+    return tables
 
 
 def untestable_rows(diag: Findings) -> Rows:

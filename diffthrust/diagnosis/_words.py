@@ -15,6 +15,7 @@ from diffthrust.diagnosis._given_words import (
     odd_words,
     stopped_words,
 )
+from diffthrust.diagnosis._learned_words import effects_of, learned_words
 from diffthrust.diagnosis._matter_words import (
     errors_of,
     forced_words,
@@ -25,7 +26,7 @@ from diffthrust.diagnosis._matter_words import (
     undecided_words,
     worth_words,
 )
-from diffthrust.diagnosis._ports import words_and_unit
+from diffthrust.diagnosis._ports import place_words
 from diffthrust.estimation._origin import effects_line, form_lines, python_line
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
@@ -79,7 +80,7 @@ def summary(diag: Findings) -> str:
     sentences = [*stopped_words(diag), *sentences, *added_bound_words(diag)]
     sentences += worth_words(diag)
     if diag.verdict == "unexplained":
-        sentences += [remaining_words(diag), *possible_words(diag)]
+        sentences += [remaining_words(diag), *learned_words(diag), *possible_words(diag)]
     if not diag.best and diag.verdict != "undecided":
         told = gain_words if diag.held else level_words
         sentences.append(f"{capitalised(told(diag))}.")
@@ -253,15 +254,6 @@ def remaining_words(diag: Findings) -> str:
     )
 
 
-def place_words(model: Model, port: str) -> str:
-    """A port in words: its name, and what the signal there is."""
-    if port in model.ports:
-        return f"the port '{port}' ({words_and_unit(model, port)[0]})"
-    if port in model.outputs:
-        return f"the measured {port} (its sensor)"
-    return f"the recorded {port}"
-
-
 def dropped_words(diag: Findings) -> str:
     """The effects that were taken out again."""
     names = joined(an(spelt(name)) for name in diag.dropped)
@@ -293,14 +285,14 @@ def caution_words(diag: Findings) -> list[str]:
 def closing_words(diag: Findings) -> list[str]:
     """The last lines: date, versions, hashes, and the model with what was found, to copy."""
     origin = diag.origin.sentences if diag.origin else ()
-    freed = ", ".join(f'"{name}"' for name in diag.held)
+    freed, found = ", ".join(f'"{name}"' for name in diag.held), effects_of(diag)
     return [
         *origin,
         "To copy into a spec file, and into Python:",
-        effects_line(diag.model, diag.best),
-        *form_lines((*diag.model.effects, *diag.best)),
+        effects_line(diag.model, found),
+        *form_lines((*diag.model.effects, *found)),
         *(f"[parameters] {_key(name)} = {{ fixed = false }}" for name in diag.held),
-        python_line(diag.model, diag.best),
+        python_line(diag.model, found),
         *[f"model = model.free({freed})"] * bool(freed),
     ]
 

@@ -9,6 +9,7 @@ from diffthrust.effects._command import CommandDelay as CommandDelay
 from diffthrust.effects._command import CommandOffset as CommandOffset
 from diffthrust.effects._command import CommandRateLimit as CommandRateLimit
 from diffthrust.effects._command import CommandSaturation as CommandSaturation
+from diffthrust.effects._curve import Curve as Curve
 from diffthrust.effects._curves import LoadExponent as LoadExponent
 from diffthrust.effects._curves import ThrustExponent as ThrustExponent
 from diffthrust.effects._drive import DifferentialGain as DifferentialGain

@@ -16,12 +16,10 @@ from diffthrust.effects._grammar import Expression, expression_of
 from diffthrust.logs._units import si_unit
 from diffthrust.models._base.component import registered
 from diffthrust.models._base.described import described_fields, plain_description
-from diffthrust.models._base.made_effect import MadeEffect
+from diffthrust.models._base.made_effect import ARRIVING, MadeEffect
 from diffthrust.models._base.parameter import Parameter, parameter
 from diffthrust.models._base.signals import Signal, Signals
 
-ARRIVING = "value"
-"""The name of what arrives at the port."""
 _POINTS = 256
 _EXPONENT = {"value": 1.0, "bounds": (0.1, 4.0), "probes": (0.5, 1.0, 2.0), "transform": "linear"}
 """What an exponent is where only its unit is given."""

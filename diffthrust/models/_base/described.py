@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
+import numpy as np
+
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest, shortly
 from diffthrust.models._base.parameter import Normal, Parameter, Relative, parameter
@@ -86,9 +88,11 @@ def described_fields(where: str, described: str | Mapping[str, Any]) -> dict[str
 
 
 def _flat(value: Any) -> Any:
-    """Tuples for lists, tables for what has parts."""
+    """Tuples for lists, tables for what has parts, and Python's own numbers."""
     if isinstance(value, Normal | Relative):
         return {f.name: _flat(getattr(value, f.name)) for f in fields(value)}
     if isinstance(value, Mapping):
         return {name: _flat(each) for name, each in value.items() if each is not None}
+    if isinstance(value, np.generic):
+        return value.item()
     return tuple(map(_flat, value)) if isinstance(value, list | tuple) else value

@@ -9,7 +9,9 @@ from diffthrust._support.errors import InputError
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.parameter import Parameter
 
-_MEANT = ("value", "time")
+ARRIVING = "value"
+"""The name of what arrives at the port, in expressions."""
+_MEANT = (ARRIVING, "time")
 """What arrives at a port, and a signal that every model has."""
 
 

@@ -1,0 +1,99 @@
+"""What was learned of a law that no known effect expresses, as data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from diffthrust._support.results import Brief
+from diffthrust.diagnosis._worth import Worth
+from diffthrust.effects._curve import Curve
+from diffthrust.effects._formula import Formula
+from diffthrust.estimation._result import Fit
+
+_POINTS = 121
+
+
+@dataclass(frozen=True, repr=False)
+class TriedForm(Brief):
+    """A closed form that was tried in the place of a learned curve.
+
+    Args:
+        name: of the form: "linear", "dead zone", "hump", ...
+        formula: the effect at its estimated parameters.
+        fit: the model with it, fitted to the logs.
+        bic: Bayesian information criterion less that of the model without it; negative is better.
+    """
+
+    name: str
+    formula: Formula
+    fit: Fit
+    bic: float
+
+
+@dataclass(frozen=True, repr=False)
+class LearnedLaw(Brief):
+    """A law that no known effect expresses, learned from the logs.
+
+    Args:
+        curve: the effect, at its estimated coefficients.
+        fit: the last stage's model with it, fitted to the logs.
+        worth: what it removes of the squared whole-run error of unseen logs, of all that the model
+            as given leaves.
+        evidence: logarithm of the likelihood ratio by which one-step errors ask for it, with its
+            coefficients integrated out.
+        forms: closed forms that were tried in its place, the likeliest first.
+        named: whether the first of them is as good as the curve.
+        superfluous: effects that were added before, and that the model does without beside it.
+        samples: values of the signal in the training logs, ``(N,)``.
+        factors: what the curve was multiplied by there; ``None`` for nothing.
+        signal_unit: the unit of the signal; "" where it is not that of a channel.
+        port_unit: that of what passes the port.
+    """
+
+    curve: Curve
+    fit: Fit
+    worth: Worth
+    evidence: float
+    forms: tuple[TriedForm, ...] = ()
+    named: bool = False
+    superfluous: tuple[str, ...] = ()
+    samples: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
+    factors: np.ndarray | None = field(default=None, repr=False)
+    signal_unit: str = ""
+    port_unit: str = ""
+
+    @property
+    def form(self) -> TriedForm | None:
+        """The closed form that may take the curve's place; ``None`` where there is none."""
+        return self.forms[0] if self.named else None
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """What the curve is a function of, and what it is multiplied by."""
+        return tuple(filter(None, (self.curve.signal, self.curve.times)))
+
+    def drawn(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The curve over the range of the logs, and its standard error; ``(K,)`` each."""
+        curve = self.curve
+        x = np.linspace(curve.low, curve.high, _POINTS)
+        rows = curve.basis(x)
+        names = [f"{curve.name}.{n}" for n in curve.coefficients]
+        free = [(i, self.fit.free.index(n)) for i, n in enumerate(names) if n in self.fit.free]
+        own = rows[[i for i, _ in free]]
+        at = [j for _, j in free]
+        spread = np.einsum("kx,kl,lx->x", own, self.fit.covariance[np.ix_(at, at)], own)
+        return x, np.asarray(curve.at_signal(x)), np.sqrt(np.maximum(spread, 0.0))
+
+    def to_json(self) -> dict[str, Any]:
+        """The law as plain data."""
+        told = self.form.fit if self.form else self.fit
+        return {
+            "port": self.curve.port,
+            "signals": list(self.signals),
+            "form": self.form.name if self.form else None,
+            "worth": self.worth.to_json(),
+            "holdout": told.holdout.to_json() if told.holdout else None,
+        }

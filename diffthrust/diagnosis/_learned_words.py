@@ -1,0 +1,84 @@
+"""What was learned, in plain sentences, and the lines that bring it into a model."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from diffthrust._support.tables import number
+from diffthrust._support.words import capitalised, joined, spelt
+from diffthrust.diagnosis._learning.forms import FORMS
+from diffthrust.diagnosis._matter_words import share_words
+from diffthrust.diagnosis._ports import place_words
+from diffthrust.models._base.made_effect import ARRIVING
+
+if TYPE_CHECKING:
+    from diffthrust.diagnosis._findings import Findings
+    from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
+    from diffthrust.models._base.effect import Effect
+
+
+def learned_words(diag: Findings) -> list[str]:
+    """Of each learned law: where it acts, what it is worth, its form, and what it replaces."""
+    words = []
+    for law in diag.laws:
+        before, after = diag.stages[0].fit, (law.form or law).fit
+        unseen = before.holdout is not None and after.holdout is not None
+        logs = "unseen logs" if unseen else "the training logs"
+        old, new = (f.holdout if unseen and f.holdout else f.train for f in (before, after))
+        words.append(
+            f"Learned: at {place_words(diag.model, law.curve.port)} {manner_words(law)}"
+            f"{'' if law.form else ', as yet without a name'}. Of the squared error over whole "
+            f"runs of {logs} it removes {share_words(law.worth)}; with it the NRMSE there is "
+            f"{number(new.nrmse, 2)}, as given {number(old.nrmse, 2)}."
+        )
+        if law.form:
+            words.append(f"{capitalised(form_words(law, law.form))}.")
+        if law.superfluous:
+            names = joined(spelt(name) for name in law.superfluous)
+            one = len(law.superfluous) == 1
+            words.append(
+                f"{capitalised(names)} only imitated it: the model as given with this law alone is "
+                f"better than with {'it' if one else 'them'}."
+            )
+    return words
+
+
+def manner_words(law: LearnedLaw) -> str:
+    """What a curve does: "what passes is scaled by a curve of speed"."""
+    curve = law.curve
+    of = f"the last {number(_time(law), 2)} s of {curve.signal}" if curve.past else curve.signal
+    of = {ARRIVING: "what arrives"}.get(of, of)
+    if curve.times == ARRIVING:
+        return f"what passes is scaled by a curve of {of}"
+    times = f" times {curve.times}" if curve.times else ""
+    return f"a curve of {of}{times} is added"
+
+
+def form_words(law: LearnedLaw, tried: TriedForm) -> str:
+    """A closed form as a person would say it, with its sizes.
+
+    Example:
+        >>> form_words(law, law.form)
+        'it goes in a hump about 21 rad/s, 4.6 rad/s wide: ...'
+    """
+    form = next(one for one in FORMS if one.name == tried.name)
+    sizes = {
+        name.rpartition(".")[2]: f"{number(e.shown[0], 2)} {e.shown[2]}".rstrip()
+        for name, e in tried.fit.parameters.items()
+        if name.startswith(f"{tried.formula.name}.")
+    }
+    told = form.words.format(x=law.curve.signal, **sizes)
+    return f"it goes {told}: {tried.formula.expression}, with " + joined(
+        f"{name} = {size}" for name, size in sizes.items()
+    )
+
+
+def effects_of(diag: Findings) -> tuple[Effect, ...]:
+    """What a model would have of all that was found: named effects, and what was learned."""
+    gone = {name for law in diag.laws for name in law.superfluous}
+    kept = tuple(effect for effect in diag.best if effect.name not in gone)
+    return (*kept, *(law.form.formula if law.form else law.curve for law in diag.laws))
+
+
+def _time(law: LearnedLaw) -> float:
+    return law.curve.time_constant if law.curve.past else 0.0

@@ -1,0 +1,1 @@
+"""What no known effect explains, learned as a curve: laws that are possible, their evidence."""

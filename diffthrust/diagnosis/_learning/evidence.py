@@ -1,0 +1,113 @@
+"""Curves of unknown form, held against one-step errors: how stiff, and how likely each is.
+
+Along the path of a trial the errors answer linearly to the coefficients of a curve at a port. These
+have normal priors, whose widths say how large and how stiff the curve is: those are taken that make
+the errors likeliest with the coefficients integrated out (of smoothing splines: Wahba 1985; Wood
+2011). The logarithm of that likelihood over the one without a curve is its evidence; of a curve
+that the estimated parameters could be themselves there is none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from diffthrust.diagnosis._learning.hypotheses import Hypothesis
+from diffthrust.diagnosis._trials import TrialFit, Trials, side_by_side
+from diffthrust.effects._curve import Curve
+from diffthrust.models._base.made_effect import ARRIVING
+
+_BENDS = np.geomspace(0.01, 30.0, 15)
+"""Stiffnesses that are tried: standard deviations of the bends, over the curve's size."""
+_SIZES = np.geomspace(0.003, 1.0, 6)
+"""Sizes of the curve that are tried, over what passes the port (one, where it scales that)."""
+_SHARED = 0.01
+"""A coefficient of which the estimated parameters leave less than this does what they do already,
+and is held at nothing."""
+
+
+class LikelyCurve(NamedTuple):
+    """A curve that one-step errors ask for.
+
+    Args:
+        law: where it acts and on what.
+        curve: with its coefficients at their linear estimates.
+        evidence: logarithm of the likelihood ratio, with the coefficients integrated out.
+    """
+
+    law: Hypothesis
+    curve: Curve
+    evidence: float
+
+
+def likely_curves(trials: Trials, trial: TrialFit, laws: Iterable[Hypothesis]) -> list[LikelyCurve]:
+    """The laws for which there is evidence, with their curves, the likeliest first."""
+    ports = trials.readings(trial)
+
+    def judged(law: Hypothesis) -> LikelyCurve | None:
+        return _judged(trials, trial, law, [one[law.port] for one in ports])
+
+    found = [one for one in side_by_side(judged, list(laws)) if one is not None]
+    return sorted((one for one in found if one.evidence > 0), key=lambda one: -one.evidence)
+
+
+def _judged(
+    trials: Trials, trial: TrialFit, law: Hypothesis, passing: Sequence[np.ndarray]
+) -> LikelyCurve | None:
+    pooled = np.concatenate(law.over)
+    ends = float(pooled.min()), float(pooled.max())
+    level = _level(passing) if law.times != ARRIVING else 1.0
+    if law.factor is not None and law.times != ARRIVING:
+        level /= max(_level(law.factor), 1e-300)
+    if not 0 < level < np.inf:
+        return None
+    plain = Curve(law.port, law.signal, *ends, times=law.times, past=law.past)
+    rows = [plain.basis(over) for over in law.over]
+    if law.factor is not None:
+        rows = [row * factor for row, factor in zip(rows, law.factor, strict=True)]
+    response = trial.response
+    answers = response.to(law.port, response.batched(rows))
+    known = [i for i, name in enumerate(trial.names) if name not in trials.nuisance]
+    best = _stiffness(*response.scores(known, answers), len(known), level)
+    own = zip(plain.coefficients, best.shared, strict=True)
+    curve = Curve(
+        law.port, law.signal, *ends, times=law.times, past=law.past, size=best.size,
+        bend=best.bend, shape=tuple(map(float, best.shape)), held=[n for n, out in own if out],
+    )  # fmt: skip
+    return LikelyCurve(law, curve, best.evidence)
+
+
+def _level(series: Sequence[np.ndarray]) -> float:
+    return float(np.sqrt(np.mean(np.concatenate(series) ** 2)))
+
+
+class _Stiffness(NamedTuple):
+    """The likeliest widths of the priors, the coefficients, and which others do their work."""
+
+    evidence: float
+    size: float
+    bend: float
+    shape: np.ndarray
+    shared: np.ndarray
+
+
+def _stiffness(information: np.ndarray, scores: np.ndarray, base: int, level: float) -> _Stiffness:
+    nuisance, cross = information[:base, :base], information[base:, :base]
+    through = cross @ np.linalg.pinv(nuisance, rcond=1e-11, hermitian=True)
+    left = information[base:, base:] - through @ cross.T
+    clear = (scores[base:] - through @ scores[:base]).sum(axis=1)
+    shared = np.diagonal(left) < _SHARED * np.diagonal(information)[base:]
+    left, clear = np.where(shared | shared[:, None], 0.0, left), np.where(shared, 0.0, clear)
+    best = _Stiffness(-np.inf, 1.0, 1.0, np.zeros(len(left)), shared)
+    for size in _SIZES * level:
+        for bend in _BENDS:
+            widths = size * np.array([1.0, 2.0, *[bend] * (len(left) - 2)])
+            inner = np.eye(len(left)) + widths[:, None] * left * widths
+            slope = widths * clear
+            steps = -np.linalg.solve(inner, slope)
+            evidence = -0.5 * float(slope @ steps) - 0.5 * float(np.linalg.slogdet(inner)[1])
+            if evidence > best.evidence:
+                best = _Stiffness(evidence, float(size), float(bend), widths * steps, shared)
+    return best

@@ -1,0 +1,183 @@
+"""Learn what no known effect explains: the likeliest law as a curve, and its closed form."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from diffthrust.diagnosis._admit import errors_between, left_of
+from diffthrust.diagnosis._findings import Remaining, Stage
+from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
+from diffthrust.diagnosis._learning.evidence import LikelyCurve, likely_curves
+from diffthrust.diagnosis._learning.forms import formula_of, matches, settled
+from diffthrust.diagnosis._learning.hypotheses import Hypothesis, products, simple_laws
+from diffthrust.diagnosis._ports import DrivingPort, words_and_unit
+from diffthrust.diagnosis._search import SearchState, Tools
+from diffthrust.diagnosis._structure import behind, observed
+from diffthrust.diagnosis._trials import TrialFit
+from diffthrust.diagnosis._worth import Worth, worth_of
+from diffthrust.effects._curve import Curve
+from diffthrust.estimation._result import Fit
+from diffthrust.models._base.made_effect import ARRIVING
+from diffthrust.models._base.model import Model
+from diffthrust.simulation._inputs import inputs_of
+
+_TRIED = 2
+"""So many laws are fitted to whole runs, if the likeliest does not make them better."""
+_ALIKE = 1.0
+"""Of laws whose evidence is no further apart than this the plainer one is taken."""
+_CLEAR = 10.0
+"""Less evidence than this is not worth a fit."""
+_NEAR = 0.3
+"""A closed form that leaves no more than this of a curve's square may be its law (effects beside it
+that only imitated the law have bent the curve),"""
+_FORMS = 3
+"""and so many are fitted in its place."""
+_AS_GOOD = 1.1
+"""It is, where whole runs err by no more than so many times as much with it."""
+_BETTER = 0.95
+"""Effects that were added before a law was learned only imitated it, where whole runs err by no
+more than so many times as much with the law in their place."""
+
+
+def learned_laws(tools: Tools, known: SearchState, first: TrialFit) -> tuple[LearnedLaw, ...]:
+    """The law that no known effect expresses, where structure is proven; empty if none is sure.
+
+    It must make whole unseen runs surely better (training runs, where no log is unseen). Effects
+    that were added may only have imitated it: where the model as given with the law is better than
+    the last stage, they are superfluous.
+
+    Args:
+        tools: what the search worked with.
+        known: what it knows at its end.
+        first: the trial of the model as given.
+    """
+    left = known.present.remaining
+    if left is None:
+        return ()
+    place, last = _place(tools, left), known.stages[-1]
+    if last.effects:
+        begun = known.stages[0]
+        law = _learned_beside(tools, begun.fit, first, place)
+        if law and _as_good(law.fit, last.fit, _BETTER):
+            return (_named(tools, begun.fit, replace(law, superfluous=last.effects)),)
+    law = _learned_beside(tools, last.fit, known.present.trial, place)
+    if law is None:
+        return ()
+    law = _named(tools, last.fit, law)
+    return (replace(law, worth=law.worth.of(left_of(known, last))),)
+
+
+def _learned_beside(
+    tools: Tools, before: Fit, trial: TrialFit, place: DrivingPort
+) -> LearnedLaw | None:
+    """The likeliest law beside a model that makes whole runs better."""
+    likely = _likeliest(tools, trial, place)[:_TRIED]
+    return next(filter(None, (_fitted(tools, before, one) for one in likely)), None)
+
+
+def _place(tools: Tools, left: Remaining) -> DrivingPort:
+    """The place whose errors the structure explains."""
+    places = tools.trials.places
+    return next(p for p in places if left.port in (p.port, *behind(tools.trials, p)))
+
+
+def _likeliest(tools: Tools, trial: TrialFit, place: DrivingPort) -> list[LikelyCurve]:
+    trials = tools.trials
+    seen = observed(trials, trial)
+    found = likely_curves(trials, trial, simple_laws(trials, place, seen))
+    if not found:
+        return []
+    found += likely_curves(trials, trial, products(trials, place, seen, found[0].law))
+    best = max(one.evidence for one in found)
+    found.sort(key=lambda one: (one.evidence < best - _ALIKE, _plainness(one.law), -one.evidence))
+    first = [one for one in found if one.evidence >= best - _ALIKE]
+    rest = sorted(found[len(first) :], key=lambda one: -one.evidence)
+    return [one for one in (*first, *rest) if one.evidence > _CLEAR]
+
+
+def _plainness(law: Hypothesis) -> tuple[int, int]:
+    return ("", ARRIVING, law.times).index(law.times), len(law.signal)
+
+
+def _fitted(tools: Tools, before: Fit, likely: LikelyCurve) -> LearnedLaw | None:
+    """A law fitted to whole runs beside a model; ``None`` where these are no better."""
+    model, law, curve = before.model, likely.law, likely.curve
+    port_unit, signal_unit = _units(tools, model, curve)
+    unit = "" if curve.times else port_unit
+    fit = tools.refit(
+        model + Curve(**{**curve.arguments, "unit": unit, "name": _free_name(model)}), starts=1
+    )
+    worth = _worth(tools, before, fit)
+    if not worth.sure or not fit.train.nrmse < before.train.nrmse:
+        return None
+    return LearnedLaw(
+        curve=fit.model.effects[-1],  # pyright: ignore[reportArgumentType]
+        fit=fit,
+        worth=worth,
+        evidence=likely.evidence,
+        samples=np.concatenate(law.over),
+        factors=None if law.factor is None else np.concatenate(law.factor),
+        signal_unit=signal_unit,
+        port_unit=port_unit,
+    )
+
+
+def _worth(tools: Tools, before: Fit, after: Fit) -> Worth:
+    logs, trained = (tools.unseen, False) if tools.unseen else (tools.trials.logs, True)
+    return worth_of(errors_between(Stage((), before), Stage((), after), logs, trained=trained))
+
+
+def _units(tools: Tools, model: Model, curve: Curve) -> tuple[str, str]:
+    """The units of the port and of the signal; "" where it is not that of a channel."""
+    port = words_and_unit(model, curve.port)[1]
+    log = tools.trials.logs[0]
+    units = {**inputs_of(model, log), **model.all_states, **model.channel_units, "clock": "s"}
+    return port, units.get(curve.signal, port if curve.signal == ARRIVING else "")
+
+
+def _free_name(model: Model) -> str:
+    taken = {effect.name for effect in model.effects}
+    names = ("curve", *(f"curve{k}" for k in range(2, len(taken) + 3)))
+    return next(name for name in names if name not in taken)
+
+
+def _named(tools: Tools, before: Fit, law: LearnedLaw) -> LearnedLaw:
+    """A learned law with the closed forms that were tried in its place.
+
+    Args:
+        tools: what the search worked with.
+        before: the fit without the law.
+        law: the law.
+    """
+    if law.curve.lags or not law.curve.signal.isidentifier():
+        return law
+    curve = law.curve
+    close = [one for one in matches(curve, law.samples, law.factors) if one.lost < _NEAR][:_FORMS]
+    tried: list[TriedForm] = []
+    samples = math.log(tools.trials.samples)
+    for match in close:
+        unit = law.port_unit if not match.times else ""
+        formula = formula_of(match, curve, unit, law.signal_unit, f"{curve.name}_form")
+        fit = tools.refit(law.fit.model - curve.name + formula, starts=1)
+        if not math.isfinite(fit.train.nrmse):
+            continue
+        gain = 2.0 * (fit.log_likelihood - before.log_likelihood)
+        price = samples * (1 + len(match.form.parameters))
+        effect = settled(fit.model.effects[-1])  # pyright: ignore[reportArgumentType]
+        tried.append(TriedForm(match.form.name, effect, fit, price - gain))
+    tried.sort(key=lambda one: one.bic)
+    law = replace(law, forms=tuple(tried))
+    if not tried or not _as_good(tried[0].fit, law.fit):
+        return law
+    return replace(law, named=True, worth=_worth(tools, before, tried[0].fit))
+
+
+def _as_good(fit: Fit, other: Fit, times: float = _AS_GOOD) -> bool:
+    """Whether whole runs err by no more than so many times as much, on unseen logs as well."""
+    pairs = [(fit.train, other.train)]
+    if fit.holdout and other.holdout:
+        pairs.append((fit.holdout, other.holdout))
+    return all(one.nrmse <= times * than.nrmse for one, than in pairs)

@@ -1,0 +1,173 @@
+"""Learning what no known effect explains: evidence, closed forms, and a whole diagnosis."""
+
+import tomllib
+
+import numpy as np
+import pytest
+from hidden import sets
+from scipy.stats import multivariate_normal
+
+import diffthrust as dft
+from diffthrust.diagnosis._learning import evidence  # private: figures that no result shows
+from diffthrust.diagnosis._learning.forms import (  # private: forms without a diagnosis
+    FORMS,
+    formula_of,
+    matches,
+)
+from diffthrust.effects import Curve
+
+
+def test_evidence_is_the_likelihood_ratio_with_the_coefficients_integrated_out():
+    # a linear model with known unit noise: the marginal likelihood is a normal one, by SciPy
+    rng = np.random.default_rng(2)
+    known, own = rng.standard_normal((60, 2)), rng.standard_normal((60, 5))
+    errors = own @ np.array([0.4, 0.0, 0.3, -0.2, 0.1]) + rng.standard_normal(60)
+    rows = np.concatenate([known, own], axis=1)
+    scores = rows.T[:, :, None] * errors[None, :, None]
+    best = evidence._stiffness(rows.T @ rows, scores[:, :, 0], 2, 1.0)
+    widths = best.size * np.array([1.0, 2.0, *[best.bend] * 3])
+    flat = 1e6 * known @ known.T  # of the known coordinates nothing is known before
+    with_it = flat + own @ np.diag(widths**2) @ own.T + np.eye(60)
+    expected = multivariate_normal.logpdf(errors, cov=with_it)
+    expected -= multivariate_normal.logpdf(errors, cov=flat + np.eye(60))
+    assert np.isclose(best.evidence, expected, atol=1e-3)
+
+
+def test_what_the_estimated_parameters_do_is_no_evidence():
+    rng = np.random.default_rng(4)
+    known = rng.standard_normal((80, 1))
+    own = np.concatenate([known, rng.standard_normal((80, 4))], axis=1)
+    rows = np.concatenate([known, own], axis=1)
+    errors = 5.0 * known[:, 0] + rng.standard_normal(80)
+    best = evidence._stiffness(rows.T @ rows, rows.T * errors, 1, 1.0)
+    assert best.shared.tolist() == [True, False, False, False, False]
+    assert best.evidence < 1.0
+
+
+LAWS = {
+    "constant": lambda x: 3.0 + 0 * x,
+    "linear": lambda x: 0.2 * x,
+    "even square": lambda x: -0.01 * x**2,
+    "square with sign": lambda x: 0.02 * x * np.abs(x),
+    "cubic": lambda x: 1e-3 * x**3,
+    "power": lambda x: np.sign(x) * np.abs(x / 20.0) ** 1.5,
+    "saturating": lambda x: np.tanh(x / 12.0),
+    "dead zone": lambda x: 0.3 * np.sign(x) * np.maximum(np.abs(x) - 15.0, 0.0),
+    "ramp above": lambda x: 0.3 * np.maximum(x - 10.0, 0.0),
+    "square beyond": lambda x: -0.01 * np.maximum(np.abs(x) - 18.0, 0.0) ** 2,
+    "hump": lambda x: 2.0 * np.exp(-(((x - 12.0) / 9.0) ** 2)),
+    "step": lambda x: 0.5 * (1.0 + np.tanh((x + 14.0) / 6.0)),
+    "exponential": lambda x: np.exp(x / 15.0) - 1.0,
+}
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_a_curve_that_has_a_closed_form_is_given_its_name(name):
+    rng = np.random.default_rng(11)
+    samples = rng.uniform(-40.0, 40.0, 4000)
+    best = matches(_curve_like(LAWS[name]), samples)[0]
+    assert best.form.name == name, [(one.form.name, one.lost) for one in best[:3]]
+    assert best.lost < 5e-3
+
+
+def _curve_like(law) -> Curve:
+    plain = Curve("load", "speed", -40.0, 40.0, pieces=16)
+    x = np.linspace(-40.0, 40.0, 400)
+    shape = np.linalg.lstsq(plain.basis(x).T, law(x), rcond=None)[0]
+    return Curve("load", "speed", -40.0, 40.0, pieces=16, shape=shape)
+
+
+def test_a_form_is_a_formula_that_begins_where_it_agrees_with_the_curve():
+    curve = _curve_like(LAWS["dead zone"])
+    best = matches(curve, np.linspace(-40.0, 40.0, 900))[0]
+    formula = formula_of(best, curve, "rad/s^2", "rad/s", "slack")
+    model = dft.Thruster() + formula
+    assert model.parameters["slack.a"].unit == "(rad/s^2)/(rad/s)"
+    assert model.parameters["slack.b"].value == pytest.approx(15.0, abs=0.6)
+    assert {p.null for n, p in model.parameters.items() if n == "slack.a"} == {0.0}
+
+
+def test_every_form_is_one_that_a_spec_file_may_hold():
+    curve = Curve("load", "speed", -40.0, 40.0, shape=(1.0, 2.0, 0.5))
+    for match in matches(curve, np.linspace(-40.0, 40.0, 300)):
+        assert formula_of(match, curve, "rad/s^2", "rad/s", "law").as_table()["formula"]
+    assert len({form.name for form in FORMS}) == len(FORMS)
+
+
+@pytest.fixture(scope="module")
+def hump():
+    """A thruster with a hump in its load, beside a few known effects that are none of it."""
+    hidden = sets.draw("outside/load_hump", 5000)
+    names = ["linear_damping", "command_offset"]
+    return hidden, dft.diagnose(hidden.model, hidden.train, holdout=hidden.unseen, candidates=names)
+
+
+def test_a_hump_that_is_in_no_catalogue_is_learned_and_named(hump):
+    hidden, diag = hump
+    assert diag.verdict == "unexplained"
+    (law,) = diag.laws
+    assert law.curve.port in hidden.ports
+    assert law.signals[0] == "speed"
+    assert law.form is not None
+    assert law.form.name in ("odd humps", "hump of both signs")  # of load, or of what it is a part
+    assert law.worth.low > 0.7
+    assert law.form.fit.holdout.nrmse < 0.4 * diag.stages[0].holdout.nrmse
+    assert law.form.formula.c == pytest.approx(
+        law.form.fit.parameters["curve_form.c"].value, rel=1e-4
+    )
+    told = next(iter(hidden.plant.hidden.values()))  # middle and width of the truth
+    assert law.form.fit.parameters["curve_form.c"].value == pytest.approx(told["width"], rel=0.3)
+
+
+def test_what_was_learned_is_told_in_words_json_and_a_figure(hump, tmp_path):
+    _, diag = hump
+    data = diag.to_json()["learned"]
+    assert [one["port"] for one in data] == [diag.laws[0].curve.port]
+    assert data[0]["form"] == diag.laws[0].form.name
+    assert 0.7 < data[0]["worth"]["share"] <= 1.0
+    assert "Learned: at the port" in diag.summary
+    assert "hump" in diag.summary
+    diag.save(tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "What was learned" in page
+    figure = diag.plot_learned()
+    assert {axes.get_ylabel() for axes in figure.axes} >= {"samples"}
+
+
+def test_what_was_learned_is_copied_into_a_spec_file(hump):
+    _, diag = hump
+    line = next(one for one in diag.report().splitlines() if one.startswith("effects = "))
+    (table,) = tomllib.loads(line)["effects"]
+    text = table.pop("formula")
+    again = dft.effects.Formula(expression=text, **table)
+    model, law = diag.model + again, diag.laws[0].form
+    (name, ours), *_ = again.declared.items()
+    assert model.parameters[f"curve_form.{name}"].unit == ours.unit
+    assert [getattr(again, n) for n in again.declared] == pytest.approx(
+        [getattr(law.formula, n) for n in again.declared]
+    )
+
+
+def test_a_model_with_what_was_learned_simulates_fits_and_is_saved(hump, tmp_path):
+    hidden, diag = hump
+    model = diag.model + diag.learned
+    assert "curve" in {effect.name for effect in model.effects}
+    diag.laws[0].fit.save(tmp_path / "fit.json")
+    back = dft.load(tmp_path / "fit.json").model
+    seen = dft.simulate(back, hidden.unseen)["speed"]
+    assert np.array_equal(seen, dft.simulate(diag.laws[0].fit.model, hidden.unseen)["speed"])
+    diag.save(tmp_path / "diag.json")
+    loaded = dft.load(tmp_path / "diag.json")
+    assert loaded.laws[0].curve.shape == diag.laws[0].curve.shape
+    assert loaded.summary == diag.summary
+
+
+def test_a_diagnosis_that_learned_nothing_has_no_figure_of_it():
+    hidden = sets.draw("none", 3)
+    diag = dft.diagnose(
+        hidden.model, hidden.train, holdout=hidden.unseen, candidates=["actuator_lag"]
+    )
+    assert diag.learned == ()
+    assert diag.to_json()["learned"] == []
+    with pytest.raises(dft.InputError, match="learned no law"):
+        diag.plot_learned()
