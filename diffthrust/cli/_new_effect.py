@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from diffthrust._support.errors import InputError
 from diffthrust.cli._session import session, show, written
+
+if TYPE_CHECKING:
+    from diffthrust.effects import Formula
 
 
 def new_effect_command(
@@ -15,10 +19,18 @@ def new_effect_command(
     formula: Annotated[
         str,
         typer.Option("--formula", metavar="TEXT", help='The law: "-a * speed * abs(speed)**p".'),
-    ],
+    ] = "",
     port: Annotated[
         str, typer.Option("--port", metavar="PORT", help="Where it acts: diffthrust effects.")
-    ],
+    ] = "",
+    learned: Annotated[
+        Path | None,
+        typer.Option(
+            "--learned",
+            metavar="DIAG.json",
+            help="Instead: the law that a diagnosis learned, diagnose --save DIAG.json.",
+        ),
+    ] = None,
     parameter: Annotated[
         list[str] | None,
         typer.Option(
@@ -40,7 +52,22 @@ def new_effect_command(
         from diffthrust.effects._class_text import class_name
         from diffthrust.specs._new_effect import at_home, new_effect, parameter_asked
 
-        asked = dict(map(parameter_asked, parameter or []))
+        if learned:
+            if formula or port or parameter:
+                raise InputError(
+                    f"--learned {learned}: expected it alone, found another law beside it.",
+                    "Leave out --formula, --port and --parameter.",
+                )
+            law = _learned(learned)
+            formula, port, asked = law.expression, law.port, law.given
+        else:
+            asked = dict(map(parameter_asked, parameter or []))
+        if not (formula and port):
+            raise InputError(
+                "new-effect: expected a law and where it acts, found neither or one of them.",
+                'Give --formula "-a * speed" --port shaft --parameter a=1/s, '
+                "or --learned DIAG.json.",
+            )
         effect = at_home(Formula(port, formula, name=name, **asked))
         files = new_effect(effect, doc=doc, directory=directory)
     written(*files)
@@ -48,3 +75,24 @@ def new_effect_command(
         f'Next: name it beside a spec, effects = ["{name}.py:{class_name(name)}"], and run '
         f"diffthrust fit; its tests: pytest {files[1]}"
     )
+
+
+def _learned(path: Path) -> Formula:
+    """The closed form of the law that a diagnosis learned, from the file that it is saved in."""
+    from diffthrust.diagnosis import Diagnosis
+    from diffthrust.saved import load
+
+    diag = load(path)
+    if not isinstance(diag, Diagnosis):
+        raise InputError(
+            f"{path}: expected a diagnosis, found {type(diag).__name__!r}.",
+            "Write one: diffthrust diagnose SPEC --save DIAG.json.",
+        )
+    forms = [law.form.formula for law in diag.laws if law.form]
+    if not forms:
+        raise InputError(
+            f"{path}: expected a law that has a name, found "
+            f"{'one as yet without' if diag.laws else 'none that was learned'}.",
+            "Write the law that you suspect: --formula TEXT --port PORT.",
+        )
+    return forms[0]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 from typer.testing import CliRunner
 
+import diffthrust as dft
 from diffthrust.cli import _app  # private: the app that the command runs
 from diffthrust.specs import load_spec
 from diffthrust.specs._new import new_fit  # private: a folder to try it in
@@ -31,6 +33,17 @@ def test_a_class_is_written_and_taken_by_a_spec(tmp_path, monkeypatch):
     assert "nothing is overwritten" in run(
         "tip_loss", *law, *more, "--directory", folder, status=2
     ).replace("\n", " ")
+
+
+def test_a_law_is_asked_for_or_was_learned(tmp_path):
+    told = run("drag", "--port", "shaft", "--directory", tmp_path, status=2)
+    assert "expected a law and where it acts" in told.replace("\n", " ")
+    depth = np.linspace(0.0, 4.0, 40)
+    log = dft.Log(np.arange(40), {"depth": depth}, {"reading": 0.16 * depth + 1.6})
+    saved = tmp_path / "fit.json"
+    dft.fit(dft.LinearSensor(), log, starts=1).save(saved)
+    told = run("drag", "--learned", saved, "--directory", tmp_path, status=2)
+    assert "expected a diagnosis, found" in told.replace("\n", " ")
 
 
 def test_a_wrong_formula_writes_nothing(tmp_path):

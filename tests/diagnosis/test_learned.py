@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from hidden import sets
 from scipy.stats import multivariate_normal
+from typer.testing import CliRunner
 
 import diffthrust as dft
+from diffthrust.cli import _app  # private: the app that the command runs
 from diffthrust.diagnosis._learning import evidence  # private: figures that no result shows
 from diffthrust.diagnosis._learning.forms import (  # private: forms without a diagnosis
     FORMS,
@@ -146,6 +148,22 @@ def test_what_was_learned_is_copied_into_a_spec_file(hump):
     assert [getattr(again, n) for n in again.declared] == pytest.approx(
         [getattr(law.formula, n) for n in again.declared]
     )
+
+
+def test_what_was_learned_becomes_a_class_of_ones_own(hump, tmp_path):
+    hidden, diag = hump
+    diag.save(tmp_path / "diag.json")
+    asked = ["tip_stall", "--learned", str(tmp_path / "diag.json"), "--directory", str(tmp_path)]
+    told = CliRunner().invoke(_app.app, ["new-effect", *asked])
+    assert told.exit_code == 0, told.output
+    scope: dict = {}
+    exec((tmp_path / "tip_stall.py").read_text(), scope)
+    model = hidden.model + scope["TipStall"]()
+    ours = dft.simulate(model, hidden.unseen)["speed"]
+    theirs = dft.simulate(hidden.model + diag.laws[0].form.formula, hidden.unseen)["speed"]
+    np.testing.assert_allclose(ours, theirs, atol=0.02 * np.std(theirs))  # four digits of a class
+    more = CliRunner().invoke(_app.app, ["new-effect", *asked, "--port", "load"])
+    assert (more.exit_code, "Leave out --formula" in more.output) == (2, True)
 
 
 def test_a_model_with_what_was_learned_simulates_fits_and_is_saved(hump, tmp_path):
