@@ -182,7 +182,7 @@ def test_all_stands_for_the_catalogue_beside_effects_of_ones_own():
     assert [e.width for e in both if e.name == "command_deadband"] == [1.0]
 
 
-def test_an_effect_that_is_called_like_a_parameter_is_refused():
+def test_an_effect_that_is_called_like_a_parameter_is_refused_or_passed_over(monkeypatch):
     class Arm(dft.Effect):
         name = "lever_arm"
         port = "force"
@@ -199,5 +199,10 @@ def test_an_effect_that_is_called_like_a_parameter_is_refused():
     with pytest.raises(dft.InputError, match=r"'lever_arm' is called like a parameter"):
         candidates_of(dft.Vessel(), [log], [Arm()])
     assert candidates_of(dft.Vessel(), [log], ["lever_arm"]) == ([], {})  # the constant itself
+    monkeypatch.setattr(  # one of an installed package stops nothing
+        "diffthrust.diagnosis._candidates.catalogue", lambda: {"lever_arm": Arm}
+    )
+    told = {"lever_arm": "it is called like a parameter of the model"}
+    assert candidates_of(dft.Vessel(), [log]) == ([], told)
     with pytest.raises(dft.InputError, match="the nearest is 'lever_arm'"):
         candidates_of(dft.Vessel(), [log], ["lever_arn"])
