@@ -285,6 +285,15 @@ def at_rest(effect, command):
     return dft.simulate(dft.Thruster() + effect, log, initial={"speed": 0.0}, substeps=1)["speed"]
 
 
+def test_what_a_dead_band_leaves_is_restored_past_its_edge():
+    at = jnp.asarray([0.3, 0.4, 0.41, 0.5, -0.5])
+    s = dft.models.Signals({})
+    plain = dft.effects.CommandDeadband(width=0.4)(at, s)
+    np.testing.assert_allclose(plain, [0.0, 0.0, 0.01, 0.1, -0.1], atol=1e-12)
+    restored = dft.effects.CommandDeadband(width=0.4, restored=1.0)(at, s)
+    np.testing.assert_allclose(restored, [0.0, 0.2, 0.31, 0.5, -0.5], atol=1e-9)
+
+
 def test_stiction_bears_a_push_below_its_level_and_lets_a_larger_one_pass():
     stuck = at_rest(dft.effects.StaticFriction(level=10.0), np.full(TIME.size, 0.8 * 10.0 / 42.0))
     assert np.all(stuck == 0.0)

@@ -161,6 +161,21 @@ def test_unsigned_speed_and_missing_samples():
     assert fit.train.channels["speed"].samples == speed.size - 40
 
 
+def test_a_shaft_that_turned_backwards_before_an_unsigned_log_began():
+    made = record(seed=4)
+    begin = np.argmin(made.truth["speed"])  # and is turned round by what is commanded from then on
+    assert made.truth["speed"][begin] < -5.0
+    log = dft.Log(
+        time=made.time[begin:],
+        inputs={"command": made.inputs["command"][begin:]},
+        measured={"speed": np.abs(made.measured["speed"][begin:])},
+        unsigned=("speed",),
+    )
+    fit = dft.fit(dft.Thruster().fix("ct"), log, starts=1)
+    true = made.truth["speed"][begin]
+    assert fit.initial[0]["speed"] == pytest.approx(true, abs=1.0)
+
+
 def test_several_logs_with_their_own_initial_states():
     made = [record(seed=s, duration=d) for s, d in ((5, 10.0), (6, 14.0), (7, 33.0))]
     late = [log_of(m).slice(start=3.0) for m in made]

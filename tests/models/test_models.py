@@ -69,6 +69,34 @@ def test_every_parameter_of_every_model_describes_itself_soundly(model):
         assert float(p.from_coordinate(z)) == pytest.approx(p.value, rel=1e-14)
 
 
+def test_only_what_has_two_directions_may_be_negative():
+    signed = {
+        f"{name}.{key}"
+        for name, cls in {**MODELS, **dft.effects.EFFECTS}.items()
+        for key, p in cls.declared.items()
+        if p.limits[0] < 0
+    }
+    assert signed == set(
+        """
+        dc_motor_thruster.thrust_linear linear_sensor.offset linear_sensor.slope
+        command_offset.offset differential_gain.gain propeller_walk.fraction
+        reverse_drive_asymmetry.change reverse_load_asymmetry.change
+        reverse_propeller_asymmetry.change reverse_thrust_asymmetry.change
+        rudder_inflow.gain rudder_offset.offset speed_sensor_offset.offset
+        speed_sensor_scale.change sway_yaw_coupling.damping sway_yaw_coupling.mass
+        thrust_degradation.instant thrust_sensor_offset.offset thrust_sensor_scale.change
+        water_current.to_east water_current.to_north wind.direction wind.turning
+        """.split()
+    )
+
+
+@pytest.mark.parametrize("effect", dft.effects.EFFECTS.values(), ids=dft.effects.EFFECTS)
+def test_probes_lie_on_the_side_that_the_bounds_leave(effect):
+    for p in effect.declared.values():
+        factors = getattr(p.probes, "factors", p.probes)
+        assert not factors or p.limits[0] <= min(0.0, *factors) or min(factors) >= 0
+
+
 @pytest.mark.parametrize("effect", dft.effects.EFFECTS.values(), ids=dft.effects.EFFECTS)
 def test_every_effect_is_documented_and_its_null_is_inside_its_bounds(effect):
     assert "Null:" in effect.__doc__
