@@ -18,6 +18,32 @@ from diffthrust.models import MODELS
 from diffthrust.simulation._inputs import hold_of, inputs_of  # private: as for Grid
 from diffthrust.simulation._trajectory import Grid, trajectory  # private: another grid
 
+SIGNED = {
+    "dc_motor_thruster.thrust_linear",
+    "linear_sensor.offset",
+    "linear_sensor.slope",
+    "command_offset.offset",
+    "differential_gain.gain",
+    "propeller_walk.fraction",
+    "reverse_drive_asymmetry.change",
+    "reverse_load_asymmetry.change",
+    "reverse_propeller_asymmetry.change",
+    "reverse_thrust_asymmetry.change",
+    "rudder_inflow.gain",
+    "rudder_offset.offset",
+    "speed_sensor_offset.offset",
+    "speed_sensor_scale.change",
+    "sway_yaw_coupling.damping",
+    "sway_yaw_coupling.mass",
+    "thrust_degradation.instant",
+    "thrust_sensor_offset.offset",
+    "thrust_sensor_scale.change",
+    "water_current.to_east",
+    "water_current.to_north",
+    "wind.direction",
+    "wind.turning",
+}
+
 
 class ViscousFriction(dft.Effect):
     """Friction of the seals, proportional to speed."""
@@ -76,18 +102,7 @@ def test_only_what_has_two_directions_may_be_negative():
         for key, p in cls.declared.items()
         if p.limits[0] < 0
     }
-    assert signed == set(
-        """
-        dc_motor_thruster.thrust_linear linear_sensor.offset linear_sensor.slope
-        command_offset.offset differential_gain.gain propeller_walk.fraction
-        reverse_drive_asymmetry.change reverse_load_asymmetry.change
-        reverse_propeller_asymmetry.change reverse_thrust_asymmetry.change
-        rudder_inflow.gain rudder_offset.offset speed_sensor_offset.offset
-        speed_sensor_scale.change sway_yaw_coupling.damping sway_yaw_coupling.mass
-        thrust_degradation.instant thrust_sensor_offset.offset thrust_sensor_scale.change
-        water_current.to_east water_current.to_north wind.direction wind.turning
-        """.split()
-    )
+    assert signed == SIGNED
 
 
 @pytest.mark.parametrize("effect", dft.effects.EFFECTS.values(), ids=dft.effects.EFFECTS)
