@@ -10,7 +10,10 @@ from short_logs import MODEL, TRUE, fitted, made_log
 import diffthrust as dft
 from diffthrust.estimation._rebuild import problem_of  # private: the problem of a fit
 from diffthrust.estimation._solver import solve  # private: the gradient
-from diffthrust.uncertainty import sandwich
+from diffthrust.uncertainty import (
+    _scores,  # private: the parts alone
+    sandwich,
+)
 from diffthrust.uncertainty._scores import sample_scores, summed  # private: the parts alone
 
 
@@ -135,6 +138,15 @@ def test_the_scatter_of_a_first_order_series_is_its_long_run_variance():
     assert abs(scatter[0, 1]) < 0.1 * expected
     np.testing.assert_allclose((memory - 1) / (memory + 1), 0.8, atol=0.02)
     assert np.all(degrees > 500)
+
+
+@pytest.mark.parametrize("a", [-0.4, 0.1, 0.3, 0.7])
+def test_blocks_are_as_long_as_a_first_order_series_asks(a):
+    """Andrews 1991: 1.1447 (alpha(1) n)^(1/3), with alpha(1) = 4 a^2 / ((1 - a)^2 (1 + a)^2)."""
+    asked = 1.1447 * (4 * a**2 / (1 - a**2) ** 2 * 5000) ** (1 / 3)
+    assert _scores._block(np.array([a]), 5000) == pytest.approx(asked)
+    assert _scores._block(np.array([a, np.nan, a]), 5000) == pytest.approx(asked)
+    assert _scores._block(np.array([0.0, a]), 5000) < asked
 
 
 def test_few_samples_that_last_have_a_wide_interval_and_not_an_endless_one():
