@@ -113,6 +113,24 @@ def test_probes_lie_on_the_side_that_the_bounds_leave(effect):
 
 
 @pytest.mark.parametrize("effect", dft.effects.EFFECTS.values(), ids=dft.effects.EFFECTS)
+def test_start_values_sizes_and_probes_fit_each_other(effect):
+    for p in effect.declared.values():
+        factors = getattr(p.probes, "factors", p.probes)
+        assert list(factors) == sorted(factors)
+        if not p.fixed and p.size and p.null is not None and math.isfinite(p.null):
+            assert abs(p.value - p.null) <= 2 * p.size
+            far = [abs(x - p.null) / p.size for x in factors if factors is p.probes]
+            assert all(0.15 <= one <= 5.0 for one in far)
+
+
+def test_the_curve_of_a_motor_controller_is_fitted_for_an_effort_alone():
+    model = dft.SpeedLoopThruster()
+    fixed = {unit: model.commanded_in(unit).parameters["exponent"].fixed for unit in ("V", "rad/s")}
+    assert fixed == {"V": True, "rad/s": True}
+    assert not model.commanded_in("V").commanded_in("effort").parameters["exponent"].fixed
+
+
+@pytest.mark.parametrize("effect", dft.effects.EFFECTS.values(), ids=dft.effects.EFFECTS)
 def test_every_effect_is_documented_and_its_null_is_inside_its_bounds(effect):
     assert "Null:" in effect.__doc__
     assert "Source:" in effect.__doc__
