@@ -21,6 +21,7 @@ from diffthrust.estimation._likelihood import errors_at, evaluate  # private: th
 from diffthrust.estimation._observer import (  # private: its parts
     Limits,
     direction,
+    guesses,
     innovations,
     limited,
 )
@@ -530,3 +531,10 @@ def test_the_direction_of_an_unsigned_sensor_passes_zero_smoothly():
     assert direction(speeds, 1.0) == pytest.approx([-1.0, 0.0, 1.0])
     assert direction(speeds, jnp.inf) == pytest.approx([-1.0, 1.0, 1.0])
     assert jax.grad(direction)(0.0, 2.0) == pytest.approx(0.5)
+
+
+def test_gains_are_begun_as_given_small_and_as_the_sensors_own():
+    names = ["noise.speed.gain.speed", "noise.speed.memory", "noise.thrust.colour"]
+    small = {"noise.speed.gain.speed": 0.02, "noise.thrust.colour": 0.02}
+    assert guesses(names) == ({}, small, {**small, "noise.thrust.colour": 0.9})
+    assert guesses(["noise.speed.memory"]) == ({},)
