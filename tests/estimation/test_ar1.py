@@ -5,6 +5,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 import diffthrust as dft
+from diffthrust.estimation._ar1 import linked  # private: told by no result
 from diffthrust.estimation._arrange import build, restarts  # private: a problem without its fit
 from diffthrust.estimation._rebuild import problem_of  # private: the problem of a fit
 from diffthrust.estimation._registry import NOISE_MODELS  # private: words become objects
@@ -111,6 +112,14 @@ def problem_rest(problem, noise):
     rest = np.full(log.time.size, np.nan)
     rest[np.isfinite(log.measured["speed"])] = noise
     return rest
+
+
+def test_the_first_measured_sample_has_none_before_it():
+    measured = np.array([[[np.nan, np.nan, 3.0, np.nan, 5.0]]])
+    links = linked(np.arange(5.0)[None], measured, np.zeros((1, 5), bool), 0.5)
+    assert np.isfinite(links.gap[0, 0]).all()
+    assert links.gap[0, 0, 2] > 1e6  # so far that nothing of it is left
+    assert (links.past[0, 0, 4], links.gap[0, 0, 4]) == (2, 4.0)
 
 
 def test_noise_begins_anew_where_the_simulation_does():
