@@ -163,7 +163,11 @@ CLAIMS = (
         "from one start they take {} to {} times as long",
         "pytest -m benchmark -s tests/benchmarks/test_many_speed.py",
     ),
-    Claim("CONTRIBUTING.md", "| one effect, faint | {} of {} | {} of {} | {} of {} | {} % |", BENCH),
+    Claim(
+        "CONTRIBUTING.md",
+        "| one effect, faint | {} of {} | {} of {} | {} of {} | {} % |",
+        BENCH,
+    ),
     Claim(
         "CONTRIBUTING.md",
         "| simulation of 1000, 4000, 16 000 samples | diffthrust | {}, {}, {} ms |",
