@@ -108,7 +108,7 @@ def test_a_fit_finds_a_hump_that_the_reference_simulator_has_hidden():
     curve = Curve("shaft", "speed", -105.0, 105.0, pieces=16, size=80.0, bend=5.0)
     # steps tell alpha and beta from a curve only while they settle: here these are known
     known = dft.Thruster(alpha=0.037, beta=42.0).fix("alpha", "beta")
-    learned = dft.fit(known + curve, log, starts=1)
+    learned = dft.fit(known + curve, log, starts=1, horizon=None, substeps=2)
     assert dft.compare(known, log).errors.nrmse > 10 * learned.train.nrmse
     at = np.quantile(record.measured["speed"], np.linspace(0.02, 0.98, 97))
     found = np.array(learned.model.effects[0].at_signal(at))

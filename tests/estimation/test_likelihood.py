@@ -13,14 +13,10 @@ from scipy.optimize import minimize_scalar
 import diffthrust as dft
 from diffthrust import Log, simulate
 from diffthrust.effects import ActuatorLag, ReverseThrustAsymmetry
+from diffthrust.estimation import _likelihood  # private: its sums over blocks
 from diffthrust.estimation._arrange import build, restarts  # private: a problem without its fit
 from diffthrust.estimation._laws import TAIL  # private: laws of errors alone
-from diffthrust.estimation._likelihood import (  # private: the likelihood alone
-    _BLOCKS,
-    _by_blocks,
-    evaluate,
-    gram,
-)
+from diffthrust.estimation._likelihood import evaluate, gram  # private: the likelihood alone
 from diffthrust.estimation._registry import LOSSES  # private: words become objects
 from diffthrust.estimation._residuals import SimulationError  # private: a likelihood of one's own
 
@@ -420,7 +416,8 @@ def test_inner_products_tell_that_series_are_parallel():
 @pytest.mark.parametrize("count", [30, 48, 50, 1000])
 def test_products_are_summed_over_equal_blocks_of_time(count):
     products = np.random.default_rng(0).normal(size=(2, 3, 2, count))
-    found = np.asarray(_by_blocks(jnp.asarray(products)))
-    size = int(np.ceil(count / _BLOCKS))
-    parts = [products[..., k * size : (k + 1) * size].sum(axis=(2, 3)) for k in range(_BLOCKS)]
+    found = np.asarray(_likelihood._by_blocks(jnp.asarray(products)))
+    blocks = _likelihood._BLOCKS
+    size = int(np.ceil(count / blocks))
+    parts = [products[..., k * size : (k + 1) * size].sum(axis=(2, 3)) for k in range(blocks)]
     np.testing.assert_allclose(found, np.stack(parts, axis=-1), atol=1e-12)

@@ -166,7 +166,7 @@ def formula_of(match: Match, curve: Curve, unit: str, signal_unit: str, name: st
     return Formula(curve.port, law, name=name, **own)
 
 
-def settled(formula: Formula) -> Formula:
+def as_estimated(formula: Formula) -> Formula:
     """The same formula, which begins where its parameters are now; in numbers that are read."""
     own = {}
     for name, told in formula.given.items():

@@ -11,7 +11,7 @@ from diffthrust.diagnosis._admit import errors_between, left_of
 from diffthrust.diagnosis._findings import Remaining, Stage
 from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
 from diffthrust.diagnosis._learning.evidence import LikelyCurve, likely_curves
-from diffthrust.diagnosis._learning.forms import formula_of, matches, settled
+from diffthrust.diagnosis._learning.forms import as_estimated, formula_of, matches
 from diffthrust.diagnosis._learning.hypotheses import Hypothesis, products, simple_laws
 from diffthrust.diagnosis._ports import DrivingPort, words_and_unit
 from diffthrust.diagnosis._search import SearchState, Tools
@@ -166,7 +166,7 @@ def _named(tools: Tools, before: Fit, law: LearnedLaw) -> LearnedLaw:
             continue
         gain = 2.0 * (fit.log_likelihood - before.log_likelihood)
         price = samples * (1 + len(match.form.parameters))
-        effect = settled(fit.model.effects[-1])  # pyright: ignore[reportArgumentType]
+        effect = as_estimated(fit.model.effects[-1])  # pyright: ignore[reportArgumentType]
         tried.append(TriedForm(match.form.name, effect, fit, price - gain))
     tried.sort(key=lambda one: one.bic)
     law = replace(law, forms=tuple(tried))
