@@ -8,9 +8,8 @@ import numpy as np
 
 from diffthrust._support.figures import BLUE, GREY
 from diffthrust.diagnosis._figures import BAND, COLOURS, plainly
-from diffthrust.diagnosis._learned_words import manner_words
-from diffthrust.effects._grammar import expression_of
-from diffthrust.models._base.made_effect import ARRIVING
+from diffthrust.diagnosis._learned_words import manner_words, signal_words
+from diffthrust.diagnosis._learning.forms import FORMS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,7 +18,11 @@ if TYPE_CHECKING:
     from diffthrust.diagnosis._findings import Findings
     from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
 
-_BINS = 40
+_BINS = 60
+_FOLLOWS = 0.01
+"""A factor follows from the signal where this share of its variance is left over the signal."""
+_LEAST = 0.05
+"""A form of the whole law is drawn over its factor where this is no less than so much of it."""
 
 
 def learned_figure(diag: Findings) -> Figure:
@@ -55,27 +58,33 @@ def _curve(panel: Axes, law: LearnedLaw) -> None:
 
 
 def _formed(law: LearnedLaw, tried: TriedForm, x: np.ndarray) -> np.ndarray | None:
-    """A form over the signal, as what the curve is; ``None`` where it is of the product."""
-    formula, curve = tried.formula, law.curve
-    scales = ARRIVING in expression_of(formula.expression).places
-    if scales != (curve.times == ARRIVING) or curve.times not in ("", ARRIVING):
+    """A form over the signal, as what the curve is; ``None`` where it is that of no one curve."""
+    form = next(one for one in FORMS if one.name == tried.name)
+    values = {n: getattr(tried.formula, n) for n in ("a", *form.parameters)}
+    found = form.over(x, {**values, "r": tried.reference})
+    if tried.times == law.curve.times:
+        return found
+    factor = None if law.factors is None else _following(x, law.samples, law.factors)
+    if factor is None:
         return None
+    return np.where(np.abs(factor) > _LEAST * np.abs(factor).max(), found / factor, np.nan)
 
-    def named(name: str) -> object:
-        if name == curve.signal:
-            return x
-        return np.ones_like(x) if name == ARRIVING else getattr(formula, name)
 
-    found = np.broadcast_to(
-        np.asarray(expression_of(formula.expression)(named, np), float), x.shape
-    )
-    return found - 1.0 if scales else found
+def _following(x: np.ndarray, samples: np.ndarray, factors: np.ndarray) -> np.ndarray | None:
+    """What a factor is as a function of the signal; ``None`` where it is none."""
+    order = np.argsort(samples)
+    over, along = samples[order], factors[order]
+    width = max(1, over.size // _BINS)
+    starts = np.arange(0, over.size, width)
+    sizes = np.diff(np.append(starts, over.size))
+    centres, means = (np.add.reduceat(series, starts) / sizes for series in (over, along))
+    rest = along - np.interp(over, centres, means)
+    return np.interp(x, centres, means) if np.var(rest) < _FOLLOWS * np.var(along) else None
 
 
 def _density(panel: Axes, law: LearnedLaw) -> None:
     panel.hist(law.samples, bins=_BINS, color=GREY)
     panel.set_ylabel("samples", fontsize=9)
     unit = f" [{law.signal_unit}]" if law.signal_unit else ""
-    past = f", over the last {law.curve.time_constant:.2g} s" if law.curve.past else ""
-    panel.set_xlabel(f"{law.curve.signal}{past}{unit}", fontsize=9)
+    panel.set_xlabel(f"{signal_words(law)}{unit}", fontsize=9)
     plainly(panel)

@@ -25,12 +25,16 @@ class TriedForm(Brief):
         formula: the effect at its estimated parameters.
         fit: the model with it, fitted to the logs.
         bic: Bayesian information criterion less that of the model without it; negative is better.
+        times: what it is multiplied by; other than the curve's where it stands for the whole law.
+        reference: the size of the signal to which its powers are related.
     """
 
     name: str
     formula: Formula
     fit: Fit
     bic: float
+    times: str = ""
+    reference: float = 1.0
 
 
 @dataclass(frozen=True, repr=False)

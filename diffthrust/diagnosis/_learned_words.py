@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 from typing import TYPE_CHECKING
 
 from diffthrust._support.tables import number
@@ -9,6 +10,7 @@ from diffthrust._support.words import capitalised, joined, spelt
 from diffthrust.diagnosis._learning.forms import FORMS
 from diffthrust.diagnosis._matter_words import share_words
 from diffthrust.diagnosis._ports import place_words
+from diffthrust.effects._grammar import expression_of
 from diffthrust.models._base.made_effect import ARRIVING
 
 if TYPE_CHECKING:
@@ -45,13 +47,28 @@ def learned_words(diag: Findings) -> list[str]:
 
 def manner_words(law: LearnedLaw) -> str:
     """What a curve does: "what passes is scaled by a curve of speed"."""
-    curve = law.curve
-    of = f"the last {number(_time(law), 2)} s of {curve.signal}" if curve.past else curve.signal
-    of = {ARRIVING: "what arrives"}.get(of, of)
+    curve, of = law.curve, signal_words(law)
     if curve.times == ARRIVING:
         return f"what passes is scaled by a curve of {of}"
     times = f" times {curve.times}" if curve.times else ""
     return f"a curve of {of}{times} is added"
+
+
+def signal_words(law: LearnedLaw) -> str:
+    """What a curve is a function of: "the last 2 s of command**2"."""
+    curve = law.curve
+    expression = expression_of(curve.signal)
+    if not expression.memories:
+        return "what arrives" if curve.signal == ARRIVING else curve.signal
+    (memory,) = expression.memories
+    of = ast.unparse(memory.of).replace(ARRIVING, "what arrives")
+    if memory.kind == "integral":
+        return "the time since the log began" if of == "1" else f"the integral of {of}"
+    assert memory.size is not None
+    size = number(getattr(curve, ast.unparse(memory.size)), 2)
+    if memory.kind == "lag":
+        return f"the last {size} s of {of}"
+    return f"how far {of} has gone since it turned, up to {size} {law.signal_unit}".rstrip()
 
 
 def form_words(law: LearnedLaw, tried: TriedForm) -> str:
@@ -67,7 +84,7 @@ def form_words(law: LearnedLaw, tried: TriedForm) -> str:
         for name, e in tried.fit.parameters.items()
         if name.startswith(f"{tried.formula.name}.")
     }
-    told = form.words.format(x=law.curve.signal, **sizes)
+    told = form.words.format(x=signal_words(law), **sizes)
     return f"it goes {told}: {tried.formula.expression}, with " + joined(
         f"{name} = {size}" for name, size in sizes.items()
     )
@@ -78,7 +95,3 @@ def effects_of(diag: Findings) -> tuple[Effect, ...]:
     gone = {name for law in diag.laws for name in law.superfluous}
     kept = tuple(effect for effect in diag.best if effect.name not in gone)
     return (*kept, *(law.form.formula if law.form else law.curve for law in diag.laws))
-
-
-def _time(law: LearnedLaw) -> float:
-    return law.curve.time_constant if law.curve.past else 0.0

@@ -1,15 +1,18 @@
-"""The text of a class of an effect, and of its tests, from a formula."""
+"""The text of a class of an effect from a formula."""
 
 from __future__ import annotations
 
 import ast
 import textwrap
+from collections.abc import Mapping
 from copy import deepcopy
 from typing import Any
 
 from diffthrust._support.literals import as_python
+from diffthrust.effects._expression import SHORT, keeps_sign
 from diffthrust.effects._formula import ARRIVING, Formula
-from diffthrust.effects._grammar import SHORT, expression_of, keeps_sign
+from diffthrust.effects._grammar import expression_of
+from diffthrust.effects._memory import rate_parts
 from diffthrust.models._base.described import plain_description
 from diffthrust.models._base.parameter import Parameter
 
@@ -31,56 +34,26 @@ class {cls}(dft.Effect):
 
     name = "{name}"
     port = "{port}"
-{needs}{parameters}
+{needs}{states}{parameters}
 
     def __call__(self, value, s):
         """What leaves the port where `value` arrives, with the signals `s`."""
 {hint}        return {law}
-'''
+{memory}'''
 
-_TEST = '''"""Tests of {name}.py."""
+_MEMORY = '''
+    def rates(self, value, s):
+        """The rate of each state: `Relaxing` to a goal, at a rate [1/s]."""
+{lines}
+        return {{
+{rates}
+        }}
 
-import jax
-import jax.numpy as jnp
-import numpy as np
-import pytest
-from {name} import {cls}
-
-import diffthrust as dft
-
-POINTS = np.random.default_rng(0)
-VALUE = jnp.asarray(POINTS.normal(size=100))
-SIGNALS = dft.models.Signals(
-    {{name: jnp.asarray(3.0 * POINTS.normal(size=100)) for name in {reads}}}
-)
-MOVED = {moved}
-
-
-def test_at_its_null_it_changes_nothing():
-    left = {cls}().at_null()(VALUE, SIGNALS)
-    np.testing.assert_allclose(left, VALUE, rtol=1e-12, atol=1e-12)
-
-
-def test_elsewhere_it_is_the_law():
-    formula = {formula}
-    described = {{
-        name: {{"unit": p.unit, "null": p.null, "value": MOVED.get(name, p.value)}}
-        for name, p in {cls}.declared.items()
-    }}
-    law = dft.effects.Formula(**formula, **described)
-    left = {cls}(**MOVED)(VALUE, SIGNALS)
-    np.testing.assert_allclose(left, law(VALUE, SIGNALS), rtol=1e-12, atol=1e-12)
-
-
-@pytest.mark.parametrize("size", [0.0, 1.0])
-@pytest.mark.parametrize("effect", [{cls}().at_null(), {cls}(**MOVED)], ids=["null", "moved"])
-def test_its_slopes_are_finite(effect, size):
-    def left(effect, scale):
-        signals = dft.models.Signals({{name: scale * SIGNALS[name] for name in SIGNALS}})
-        return jnp.sum(effect(scale * VALUE, signals))
-
-    slopes = jax.grad(left, argnums=(0, 1))(effect, size)
-    assert np.all(np.isfinite(jax.tree_util.tree_leaves(slopes)))
+    def initial(self, value, s):
+        """The states at the start of a log."""
+        return {{
+{starts}
+        }}
 '''
 
 
@@ -118,29 +91,12 @@ def effect_class_text(
         name=name,
         port=formula.port,
         needs=f"    needs = {as_python(formula.needs)}\n" if formula.needs else "",
+        states=f"    states = {as_python(dict(formula.states))}\n" if formula.states else "",
+        memory=_memory(formula),
         parameters="\n".join(f"    {n}: float = {_declaration(p)}" for n, p in described),
         law=_law(formula),
         hint=f"        # {hint}\n" if hint else "",
     )
-
-
-def effect_test_text(formula: Formula, name: str) -> str:
-    """The tests of `effect_class_text`, which pass: its null, its law, its slopes."""
-    told = {"port": formula.port, "expression": formula.expression}
-    return _TEST.format(
-        cls=class_name(name),
-        name=name,
-        reads=as_python(formula.reads),
-        formula=as_python(told),
-        moved=as_python({n: _moved(p) for n, p in formula._parameters.items() if not p.fixed}),
-    )
-
-
-def _moved(p: Parameter) -> float:
-    """Another value within the bounds."""
-    low, high = p.limits
-    tried = (p.value + 0.5, p.value - 0.5, 0.5 * (p.value + high), 0.5 * (p.value + low))
-    return next(value for value in tried if low <= value <= high)
 
 
 def _declaration(p: Parameter) -> str:
@@ -174,6 +130,66 @@ def _rounded(value: Any) -> Any:
     return float(f"{value:.4g}") if isinstance(value, float) else value
 
 
+def _memory(formula: Formula) -> str:
+    """The methods of an effect that remembers; none where it does not."""
+    lines, rates, starts = [], [], []
+    settled: dict[str, ast.expr] = {}
+    for one in expression_of(formula.expression).memories:
+        name = one.state
+        goal, pull = rate_parts(one)
+        if pull is None:
+            rate = _spelt(goal, formula)
+            settled[name] = ast.Constant(0.0)
+        else:
+            lines += [_assigned(f"{name}_goal", _spelt(goal, formula)),
+                      _assigned(f"{name}_pull", _spelt(pull, formula))]  # fmt: skip
+            rate = f"dft.models.Relaxing({name}_pull * ({name}_goal - s.{name}), {name}_pull)"
+            settled[name] = _Started(settled).of(one.of)
+        rates.append(_entry(name, rate))
+        starts.append(_entry(name, _spelt(settled[name], formula)))
+    if not rates:
+        return ""
+    told = {"lines": lines, "rates": rates, "starts": starts}
+    return _MEMORY.format(**{n: "\n".join(each) for n, each in told.items()})
+
+
+def _assigned(name: str, text: str) -> str:
+    line = f"        {name} = {text}"
+    return line if len(line) <= _WIDTH else f"        {name} = (\n{_wrapped(text, 12)}\n        )"
+
+
+def _entry(name: str, text: str) -> str:
+    """A line of a table, or as many as it needs."""
+    line = f'            "{name}": {text},'
+    if len(line) <= _WIDTH:
+        return line
+    return f'            "{name}": (\n{_wrapped(text, 16)}\n            ),'
+
+
+def _wrapped(text: str, indent: int) -> str:
+    rows = textwrap.wrap(text, _WIDTH - indent, break_long_words=False, break_on_hyphens=False)
+    return textwrap.indent("\n".join(rows), " " * indent)
+
+
+class _Started(ast.NodeTransformer):
+    """Where one memory is of another: what that begins at, in place of its state."""
+
+    def __init__(self, known: Mapping[str, ast.expr]) -> None:
+        self._known = known
+
+    def of(self, node: ast.expr) -> ast.expr:
+        return self.visit(deepcopy(node))
+
+    def visit_Name(self, node: ast.Name) -> ast.expr:
+        return deepcopy(self._known.get(node.id, node))
+
+
+def _spelt(node: ast.expr, formula: Formula) -> str:
+    """A part of an expression as an effect writes it."""
+    body = _Written(frozenset(formula.declared)).visit(deepcopy(node))
+    return ast.unparse(ast.fix_missing_locations(body))
+
+
 def _law(formula: Formula) -> str:
     """The expression as an effect writes it."""
     tree = deepcopy(expression_of(formula.expression).tree)
@@ -183,8 +199,7 @@ def _law(formula: Formula) -> str:
     text = ast.unparse(ast.fix_missing_locations(body))
     if len(text) <= _WIDTH - 15:
         return text
-    rows = textwrap.wrap(text, _WIDTH - 12, break_long_words=False, break_on_hyphens=False)
-    return "\n".join(["(", *(f"            {row}" for row in rows), "        )"])
+    return f"(\n{_wrapped(text, 12)}\n        )"
 
 
 def _sum(left: ast.expr, right: ast.expr) -> ast.expr:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
@@ -13,13 +14,13 @@ from jaxtyping import Float
 
 from diffthrust._support.errors import InputError
 from diffthrust.effects._grammar import expression_of
+from diffthrust.effects._memory import memory_rates, memory_starts
 from diffthrust.models._base.component import registered
+from diffthrust.models._base.described import described_fields, plain_description
 from diffthrust.models._base.made_effect import ARRIVING, MadeEffect
-from diffthrust.models._base.parameter import Normal, parameter
-from diffthrust.models._base.signals import Rate, Relaxing, Signal, Signals
+from diffthrust.models._base.parameter import Normal, Parameter, parameter
+from diffthrust.models._base.signals import Rate, Signal, Signals
 
-CLOCK = "clock"
-"""The signal that is the time since the log began."""
 _FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 6.0
 """A cubic B-spline on a grid of unit step in truncated third powers, from where it begins."""
 _BEYOND = 3.0
@@ -38,20 +39,18 @@ class Curve(MadeEffect):
     ``bend`` says, which is the penalty on second differences of P-splines. Null: all coefficients
     zero. Source: Eilers & Marx 1996, section 2; Currie & Durban 2002, section 2 (the priors).
 
-    With ``past`` the curve is one of what the signal was: of its first-order lag, whose
-    ``time_constant`` [s] is estimated. So a square of the command with a past is what heats a
-    motor. ``clock`` is the time since the log began.
+    Of signals that remember (see `Formula`) the time constant or the width is a parameter of the
+    curve's own: ``"lag(command**2, T)"`` is what heats a motor, ``"value - play(value, b)"`` what a
+    backlash swallows, ``"integral(1)"`` the time since the log began.
 
     Args:
         port: where it acts.
         signal: an expression of signals that may be read there, such as ``"speed"`` or
-            ``"command**2"``; ``"value"`` is what arrives at the port, ``"clock"`` the time since
-            the log began.
+            ``"lag(command**2, T)"``; ``"value"`` is what arrives at the port.
         low: lower end of the grid, in the signal's unit.
         high: upper end.
         times: an expression by which the curve is multiplied: ``"value"`` makes it scale what
-            arrives, ``"abs(speed)"`` gives a law of two signals.
-        past: first guess of the time constant of the signal's lag [s]; 0 for the signal itself.
+            arrives, ``"abs(speed)"`` gives a law of two signals. It cannot remember.
         pieces: intervals of the grid.
         size: a typical size of the curve, the scale of its priors.
         bend: standard deviation of the bends, over ``size``; small for stiff curves.
@@ -59,10 +58,13 @@ class Curve(MadeEffect):
         shape: values of level, slope and bends to begin with; zeros where empty.
         held: coefficients that stay where they are, as other parameters do what they would.
         name: by which the model knows it.
+        **parameters: those of the expressions, each a `dft.parameter` or a mapping of its fields
+            with "unit" and "value".
 
     Raises:
         InputError: ends in the wrong order, too few pieces, sizes that are not positive, a shape of
-            another length, an expression that is not allowed.
+            another length, an expression that is not allowed, a parameter that it does not have or
+            that has no value.
 
     Example:
         >>> curve = dft.effects.Curve("load", "speed", -40.0, 40.0, size=5.0, shape=(1, 2))
@@ -72,20 +74,17 @@ class Curve(MadeEffect):
 
     name = "curve"
     main = "signal"
-    options = ("name", "port", "signal", "times", "low", "high", "pieces", "lags")
+    options = ("name", "port", "signal", "times", "low", "high", "pieces")
     signal: str
     times: str
     low: float
     high: float
-    past: float
     pieces: int
     size: float
     bend: float
     unit: str
     held: tuple[str, ...]
     coefficients: tuple[str, ...]
-    time_constant: float
-    lags: bool
     _weights: list[Any]
 
     def __init__(
@@ -96,7 +95,6 @@ class Curve(MadeEffect):
         high: float,
         *,
         times: str = "",
-        past: float = 0.0,
         pieces: int = 8,
         size: float = 1.0,
         bend: float = 1.0,
@@ -104,13 +102,14 @@ class Curve(MadeEffect):
         shape: Sequence[float] = (),
         held: Sequence[str] = (),
         name: str = "curve",
+        **parameters: Any,
     ) -> None:
-        number = pieces + 3
+        number, law, factor = pieces + 3, expression_of(signal), expression_of(times or "1")
         for right, expected, found in (
             (low < high, "low < high", f"{low!r} and {high!r}"),
             (pieces >= _LEAST_PIECES, f"{_LEAST_PIECES} pieces or more", repr(pieces)),
             (size > 0 and bend > 0, "a positive size and bend", f"{size!r} and {bend!r}"),
-            (past >= 0, "a past of no less than 0 s", repr(past)),
+            (not factor.memories, "times of what does not remember", repr(times)),
             (len(shape) <= number, f"a shape of at most {number} numbers", str(len(shape))),
         ):
             if not right:
@@ -128,14 +127,15 @@ class Curve(MadeEffect):
             )
             for n, value, width in zip(names, begin, widths, strict=True)
         }  # fmt: skip
-        if past:
-            declared["time_constant"] = parameter(past, "s", bounds=(0.01 * past, 100.0 * past))
+        places = {**law.places, **factor.places}
+        self._check_parameters(parameters, places, signal)
+        given = {n: plain_description(f"curve, {n}", each) for n, each in parameters.items()}
+        declared |= {n: _own(n, each, n in law.sizes) for n, each in given.items()}
         self._set(signal=signal, times=times, low=float(low), high=float(high), pieces=pieces)
-        self._set(past=past, size=size, bend=bend, unit=unit, held=tuple(held), coefficients=names)
-        self._set(lags=bool(past) or signal == CLOCK)
-        self._set(states={"past": ""} if self.lags else {})
-        read = {*expression_of(signal).places, *expression_of(times or "0").places}
-        self._make(name, port, declared, tuple(sorted(read - {ARRIVING, CLOCK})))
+        self._set(size=size, bend=bend, unit=unit, held=tuple(held), coefficients=names)
+        self._set(given=given, states={one.state: "" for one in law.memories})
+        reads = tuple(sorted({*places} - {*given, ARRIVING}))
+        self._make(name, port, declared, reads)
         self._set(_weights=self._weighed())
 
     @property
@@ -154,29 +154,19 @@ class Curve(MadeEffect):
         powers = np.maximum(at - starts.reshape(-1, *[1] * at.ndim), 0.0) ** 3
         return np.tensordot(_weights(self.pieces).T, powers, 1)
 
-    def read(self, expression: str, value: Signal, s: Mapping[str, Signal]) -> Signal:
-        """An expression at the port, from what arrives there and the signals."""
-
-        def named(name: str) -> Any:
-            return value if name == ARRIVING else s[name]
-
-        return expression_of(expression)(named, jnp)
-
     def __call__(self, value: Signal, s: Signals) -> Signal:
         """The signal of the port with the curve in it."""
-        curve = self._curve(s.past if self.lags else self.read(self.signal, value, s))
-        return value + (self.read(self.times, value, s) * curve if self.times else curve)
+        named = self._named(value, s)
+        curve = self._curve(expression_of(self.signal)(named, jnp))
+        return value + (expression_of(self.times)(named, jnp) * curve if self.times else curve)
 
     def rates(self, value: Signal, s: Signals) -> Mapping[str, Rate]:
-        """First-order lag of the signal; the clock runs on."""
-        if self.signal == CLOCK:
-            return {"past": jnp.ones_like(s.past)}
-        decay = 1.0 / self.time_constant
-        return {"past": Relaxing(decay * (self.read(self.signal, value, s) - s.past), decay)}
+        """Of the states of what remembers."""
+        return memory_rates(expression_of(self.signal), self._named(value, s))
 
     def initial(self, value: Signal, s: Signals) -> Mapping[str, Signal | float]:
-        """Settled at what the signal is when the log begins; the clock at zero."""
-        return {} if self.signal == CLOCK else {"past": self.read(self.signal, value, s)}
+        """Settled at what the signal is when the log begins; integrals at zero."""
+        return memory_starts(expression_of(self.signal), self._named(value, s))
 
     def _copy(self, **attributes: Any) -> Curve:
         other = super()._copy(**attributes)
@@ -196,10 +186,30 @@ class Curve(MadeEffect):
 
     def _curve(self, x: Signal) -> Signal:
         at = jnp.clip(self._on_grid(x), -_BEYOND, self.pieces + _BEYOND)
-        total = jnp.zeros_like(at)
-        for k, weight in enumerate(self._weights):
-            total = total + weight * jnp.maximum(at - (k - _BEYOND), 0.0) ** 3
-        return total
+        return truncated_powers(at + _BEYOND, *self._weights)
+
+
+@jax.jit
+def truncated_powers(x: Signal, *weights: Signal) -> Signal:
+    """The sum of weights times third powers of what ``x`` is above 0, 1, 2, ...; 0 below.
+
+    Side by side it takes half the time to compile that a sum of its terms does. Exported programs
+    spell it out (`export._operations`).
+    """
+    starts = jnp.arange(float(len(weights))).reshape(-1, *[1] * x.ndim)
+    along = jnp.stack([jnp.broadcast_to(jnp.asarray(weight, float), x.shape) for weight in weights])
+    return jnp.sum(along * jnp.maximum(x[None] - starts, 0.0) ** 3, axis=0)
+
+
+def _own(name: str, given: str | Mapping[str, Any], size: bool) -> Parameter:
+    """A parameter of an expression; a time constant or width is no less than zero."""
+    its = described_fields(f"curve, {name}", given)
+    if "value" not in its:
+        raise InputError(
+            f"curve, parameter {name!r}: nothing says where it begins.",
+            f'Give it a value: {name}={{"unit": "{its["unit"]}", "value": ...}}.',
+        )
+    return parameter(**{**({"bounds": (0.0, None)} if size else {}), **its})
 
 
 @lru_cache

@@ -12,13 +12,15 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
-from diffthrust.effects._grammar import Expression, expression_of
+from diffthrust.effects._expression import Expression, valued
+from diffthrust.effects._grammar import expression_of
+from diffthrust.effects._memory import memory_rates, memory_starts
 from diffthrust.logs._units import si_unit
 from diffthrust.models._base.component import registered
 from diffthrust.models._base.described import described_fields, plain_description
 from diffthrust.models._base.made_effect import ARRIVING, MadeEffect
 from diffthrust.models._base.parameter import Parameter, parameter
-from diffthrust.models._base.signals import Signal, Signals
+from diffthrust.models._base.signals import Rate, Signal, Signals
 
 _POINTS = 256
 _EXPONENT = {"value": 1.0, "bounds": (0.1, 4.0), "probes": (0.5, 1.0, 2.0), "transform": "linear"}
@@ -39,7 +41,10 @@ class Formula(MadeEffect):
     is added. Allowed are numbers, ``+ - * / **``, comparisons (1 where they hold, 0 elsewhere), pi,
     and abs, sign, sqrt, exp, log, tanh, sin, cos, minimum, maximum (min, max) and
     ``where(condition, x, y)``. A power that is not whole is that of the size of its base; powers,
-    roots, logarithms and quotients are finite everywhere, with their derivatives.
+    roots, logarithms and quotients are finite everywhere, with their derivatives. At ports inside
+    the model there is also what remembers: ``lag(x, T)`` follows x with the time constant T [s],
+    ``play(x, b)`` with a backlash of half the width b, and ``integral(x)`` is that since the log
+    began.
 
     Args:
         port: a port of the model, or one of its channels.
@@ -79,33 +84,28 @@ class Formula(MadeEffect):
                 'Write one in quotes: "-a * speed".',
             )
         law = expression_of(expression)
-        for unknown in (n for n in parameters if n not in law.places):
-            near = nearest(unknown, law.places)
-            raise InputError(
-                f"formula: the parameter {unknown!r} does not occur in {expression!r}"
-                f"{'; ' + near if near else ''}.",
-                "Correct the name, or remove it.",
-            )
-        self._check_parameters(parameters)
+        self._check_parameters(parameters, law.places, expression)
         given = {
             n: plain_description(f"formula, parameter '{n}'", each)
             for n, each in parameters.items()
         }
         self._set(expression=expression, given=given, __doc__=f"{expression} at the port '{port}'.")
+        self._set(states={one.state: "" for one in law.memories})
         reads = tuple(n for n in law.places if n not in given and n != ARRIVING)
         self._make(name, port, _declared(law, given), reads)
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
         """What leaves the port."""
-        law = expression_of(self.expression)
-
-        def named(name: str) -> Any:
-            if name == ARRIVING:
-                return value
-            return getattr(self if name in self.declared else s, name)
-
-        found = law(named, jnp)
+        found = expression_of(self.expression)(self._named(value, s), jnp)
         return value + found if self.adds else found
+
+    def rates(self, value: Signal, s: Signals) -> Mapping[str, Rate]:
+        """Of the states of what remembers."""
+        return memory_rates(expression_of(self.expression), self._named(value, s))
+
+    def initial(self, value: Signal, s: Signals) -> Mapping[str, Signal | float]:
+        """Settled; integrals at zero."""
+        return memory_starts(expression_of(self.expression), self._named(value, s))
 
     @property
     def adds(self) -> bool:
@@ -146,9 +146,16 @@ def _level(formula: Formula, numbers: Mapping[str, float], levels: Mapping[str, 
     ranges = {ARRIVING: levels.get(formula.port, 0.0), **levels}
     if any(name not in ranges for name in formula.reads):
         return 0.0
-    at = {n: ranges[n] * rng.uniform(-1, 1, _POINTS) for n in (ARRIVING, *formula.reads)}
+    at: dict[str, Any] = {
+        n: ranges[n] * rng.uniform(-1, 1, _POINTS) for n in (ARRIVING, *formula.reads)
+    }
     at |= {"time": np.abs(at["time"])} if "time" in at else {}
-    change = np.abs(_change(law, {**at, **numbers}))
+    at = {**at, **numbers}
+    for one in law.memories:  # as large as what they follow; an integral, as that in a second
+        with np.errstate(all="ignore"):
+            followed = valued(one.of, at.__getitem__, np)
+        at[one.state] = rng.permutation(np.broadcast_to(followed, _POINTS))
+    change = np.abs(_change(law, at))
     change = change[np.isfinite(change)]
     return float(np.quantile(change, 0.9)) if change.size else 0.0
 
@@ -170,6 +177,8 @@ def _declared(
             its |= {"transform": "linear"} if nulls[name] == 0 else {}
         elif name in law.exponents:
             its = {**_EXPONENT, **its}
+        if name in law.sizes:
+            its = {"bounds": (0.0, None), **its}
         if "value" not in its:
             raise law.refused(
                 law.places[name],
@@ -193,7 +202,7 @@ def _nulls(
     rng = np.random.default_rng(0)
     signals = {
         name: rng.normal(size=_POINTS) * 10 ** rng.uniform(-1, 2, _POINTS)
-        for name in (*law.places, ARRIVING)
+        for name in (*law.places, *(one.state for one in law.memories), ARRIVING)
     }
     drawn = {n: rng.uniform(0.5, 2.0) for n in told}
     drawn |= {n: its["value"] for n, its in told.items() if "value" in its and n not in free}

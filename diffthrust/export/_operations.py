@@ -13,6 +13,8 @@ from diffthrust._support.errors import InputError
 
 MEMORY = ("delayed", "rate_limited", "lagged")
 """What effects do to recorded series, by the functions of `effects._recorded` that do it."""
+_POWERS = "truncated_powers"
+"""The function of `effects._curve` by which splines are worked out."""
 
 
 class Constant(NamedTuple):
@@ -136,6 +138,8 @@ def _walk(
         inner = eqn.params.get("jaxpr", eqn.params.get("call_jaxpr"))
         if name in _CALLS and eqn.params.get("name") in MEMORY:
             results = [operations.add(Operation(eqn.params["name"], tuple(operands)))]
+        elif name in _CALLS and eqn.params.get("name") == _POWERS:
+            results = [_powers(operations, *operands)]
         elif name in _CALLS and inner is not None:
             closed = hasattr(inner, "consts")
             held = [_constant(c, where) for c in inner.consts] if closed else []
@@ -161,6 +165,18 @@ def _walk(
             )
         known.update(zip(eqn.outvars, results, strict=True))
     return [read(atom) for atom in jaxpr.outvars]
+
+
+def _powers(operations: Operations, x: Any, *weights: Any) -> Any:
+    """Third powers of what ``x`` is above 0, 1, 2, ..., each times its weight, and their sum."""
+    total: Any = Constant(0.0)
+    for k, weight in enumerate(weights):
+        above = operations.add(Operation("sub", (x, Constant(float(k)))))
+        above = operations.add(Operation("max", (above, Constant(0.0))))
+        power = operations.add(Operation("integer_pow", (above,), 3))
+        term = operations.add(Operation("mul", (weight, power)))
+        total = term if k == 0 else operations.add(Operation("add", (total, term)))
+    return total
 
 
 def _converted(operations: Operations, eqn: Any, operand: Any, where: str) -> Any:

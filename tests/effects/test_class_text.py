@@ -142,3 +142,44 @@ def test_parameters_on_a_command_line(text, found):
 def test_parameters_that_are_none(text):
     with pytest.raises(InputError, match=r"--parameter a.*\nMend: Write --parameter"):
         parameter_asked(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "parameters"),
+    [
+        (
+            "value * (1 - loss * lag(lag(command**2, fast), slow))",
+            {"loss": "1/V^2", "fast": {"unit": "s", "value": 2.0}, "slow": {"value": 20.0}},
+        ),
+        (
+            "a * (speed - play(speed, b)) + k * integral(speed)",
+            {"a": "1/s", "k": "1/s^2", "b": {"unit": "rad/s", "value": 3.0}},
+        ),
+    ],
+)
+def test_a_class_remembers_what_its_formula_remembers(text, parameters):
+    formula = Formula("drive", text, name="slack", **parameters)
+    code = effect_class_text(formula, "slack")
+    assert max(map(len, code.splitlines())) <= 80
+    scope: dict = {}
+    exec(code, scope)
+    moved = {name: 1.5 + p.value for name, p in formula.declared.items()}
+    ours = scope["Slack"](**moved)
+    told = {n: {"unit": p.unit, "value": moved[n]} for n, p in formula.declared.items()}
+    law = Formula("drive", text, name="slack", **told)
+    rng = np.random.default_rng(1)
+    names = (*law.reads, *law.states)
+    s = dft.models.Signals({name: jnp.asarray(rng.normal(size=50)) for name in names})
+    value = jnp.asarray(rng.normal(size=50))
+    np.testing.assert_allclose(ours(value, s), law(value, s), rtol=1e-12)
+    for name in law.states:
+        for one, other in zip(
+            *(as_parts(e.rates(value, s)[name]) for e in (ours, law)), strict=True
+        ):
+            np.testing.assert_allclose(one, other, rtol=1e-12)
+        starts = (np.broadcast_to(e.initial(value, s)[name], 50) for e in (ours, law))
+        np.testing.assert_allclose(*starts, rtol=1e-12)
+
+
+def as_parts(rate):
+    return rate if isinstance(rate, tuple) else (rate,)

@@ -5,7 +5,6 @@ import pytest
 from hidden.outside import THRUSTER_TABLE
 from reference import inputs, noise, thruster
 from scipy.interpolate import BSpline
-from scipy.signal import lfilter
 
 import diffthrust as dft
 from diffthrust.effects import Curve
@@ -80,20 +79,6 @@ def _by_hand(time: np.ndarray, command: np.ndarray, times: str) -> np.ndarray:
     return np.array(speeds)
 
 
-def test_a_curve_of_the_past_follows_the_lag_of_its_signal():
-    time = np.arange(400) * 0.05
-    command = 6.0 * np.sign(np.sin(0.7 * time))
-    log = dft.Log(time=time, inputs={"command": command}, units={"command": "V"})
-    # a level alone would not tell; a straight line of the lagged square is the lag itself
-    curve = Curve("drive", "command**2", 0.0, 100.0, past=2.0, shape=(50.0, 100.0))
-    states = dft.simulate(dft.Thruster(alpha=1e-12, beta=1e-12) + curve, log)["speed"]
-    kept = np.exp(-0.05 / 2.0)
-    lag = lfilter([1 - kept], [1.0, -kept], np.concatenate([command[:1] ** 2, command[:-1] ** 2]),
-                  zi=[kept * command[0] ** 2])[0]  # fmt: skip
-    expected = np.concatenate([[0.0], np.cumsum(0.5 * 0.05 * (lag[1:] + lag[:-1]))])
-    assert np.allclose(states, expected, rtol=2e-3, atol=0.5)
-
-
 def test_a_fit_finds_a_hump_that_the_reference_simulator_has_hidden():
     rng = np.random.default_rng(5)
     time = inputs.grid(60.0, 0.05)
@@ -125,6 +110,9 @@ def test_a_fit_finds_a_hump_that_the_reference_simulator_has_hidden():
         ({"shape": (0.0,) * 12}, "a shape of at most 11 numbers"),
         ({"signal": "speed.__class__"}, "not allowed"),
         ({"signal": "speed +"}, "cannot be read"),
+        ({"times": "lag(speed, 1.0)"}, "times of what does not remember"),
+        ({"signal": "lag(speed, T)", "T": "s"}, "nothing says where it begins"),
+        ({"T": {"unit": "s", "value": 1.0}}, "'T' does not occur in 'speed'"),
     ],
 )
 def test_what_makes_no_curve_is_told(wrong, told):

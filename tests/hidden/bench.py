@@ -62,6 +62,7 @@ def examine(kind: str, seed: int, diagnose: Callable[..., Any], ratio: bool = Tr
         "why": outcome.why,
         "ratio": close,
         "seconds": round(seconds, 2),
+        "unseen": [] if diag is None else [stage.holdout.nrmse for stage in diag.stages],
         "diagnosis": None if diag is None else _brief(diag),
     }
 

@@ -54,6 +54,11 @@ def load_memory(load, s, own, *, relief=0.0, time_constant=2.0):
     return load - relief * abs(s.speed) * own, (s.speed - own) / time_constant
 
 
+def brush_loss(load, s, *, loss=0.0, rest=1.0):
+    """The brushes rub by ``loss`` [rad/(V s^2)] of the command, in full past the speed ``rest``."""
+    return load + loss * abs(s.command) * math.tanh(s.speed / rest)
+
+
 def thrust_hollow(thrust, s, *, depth=0.0, middle=30.0, width=6.0):
     """The fraction ``depth`` of the thrust is missing about a ``middle`` speed (stall)."""
     return thrust * (1.0 - depth * math.exp(-(((abs(s.speed) - middle) / width) ** 2)))
@@ -76,6 +81,12 @@ def bow_wave_turning(forces, s, *, moment=0.0, middle=0.5, width=0.12):
     return x, y, n + moment * math.exp(-(((s.surge - middle) / width) ** 2))
 
 
+def tether_pull(forces, s, *, moment=0.0, heading=0.0):
+    """A stiff tether turns the hull with ``moment`` to the ``heading`` [rad] it was laid in."""
+    x, y, n = forces
+    return x, y, n - moment * math.sin(s.heading - heading)
+
+
 def _ports(*names: str) -> frozenset[str]:
     return frozenset(names)
 
@@ -95,6 +106,9 @@ OUTSIDE: dict[str, Outside] = {
         _ports("load", "shaft"),
         _ports("speed", "acceleration"),
     ),
+    "brush_loss": Outside(
+        Effect("load", brush_loss), _ports("load", "shaft"), _ports("speed", "command")
+    ),
     "thrust_hollow": Outside(
         Effect("thrust", thrust_hollow), _ports("propeller", "thrust"), _ports("speed")
     ),
@@ -110,6 +124,9 @@ VESSEL_OUTSIDE: dict[str, Outside] = {
     ),
     "bow_wave_turning": Outside(
         Effect("hull", bow_wave_turning), _ports("yaw_moment", "yaw_acceleration"), _ports("surge")
+    ),
+    "tether_pull": Outside(
+        Effect("hull", tether_pull), _ports("yaw_moment", "yaw_acceleration"), _ports("heading")
     ),
 }
 

@@ -95,6 +95,9 @@ OUTSIDE: dict[str, Size] = {
         0.15, None, 0.15, lambda x, k: {"height": x * k["drive"], **_bump(0.55, 0.12, k["speed"])}
     ),
     "load_memory": Size(0.4, None, 0.4, lambda x, k: {"relief": x * k["alpha"]}),
+    "brush_loss": Size(
+        0.15, None, 0.15, lambda x, k: {"loss": x * k["beta"], "rest": 0.1 * k["speed"]}
+    ),
     "thrust_hollow": Size(
         0.3, None, 0.3, lambda x, k: {"depth": x, **_bump(0.55, 0.12, k["speed"])}
     ),
@@ -163,6 +166,7 @@ VESSEL_OUTSIDE: dict[str, Size] = {
         0.3,
         lambda x, k: {"moment": x * k["moment"], **_bump(0.75, 0.12, k["surge"])},
     ),
+    "tether_pull": Size(0.2, None, 0.2, lambda x, k: {"moment": x * k["moment"], "heading": 0.5}),
 }
 
 

@@ -10,10 +10,11 @@ that the estimated parameters could be themselves there is none.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from diffthrust.diagnosis._learning.ground import left_over
 from diffthrust.diagnosis._learning.hypotheses import Hypothesis
 from diffthrust.diagnosis._trials import TrialFit, Trials, side_by_side
 from diffthrust.effects._curve import Curve
@@ -63,18 +64,16 @@ def _judged(
         level /= max(_level(law.factor), 1e-300)
     if not 0 < level < np.inf:
         return None
-    plain = Curve(law.port, law.signal, *ends, times=law.times, past=law.past)
+    parameters: dict[str, Any] = dict(law.parameters)
+    plain = Curve(law.port, law.signal, *ends, times=law.times, **parameters)
     rows = [plain.basis(over) for over in law.over]
     if law.factor is not None:
         rows = [row * factor for row, factor in zip(rows, law.factor, strict=True)]
-    response = trial.response
-    answers = response.to(law.port, response.batched(rows))
-    known = [i for i, name in enumerate(trial.names) if name not in trials.nuisance]
-    best = _stiffness(*response.scores(known, answers), len(known), level)
+    best = _stiffness(*left_over(trials, trial, law.port, rows), level)
     own = zip(plain.coefficients, best.shared, strict=True)
     curve = Curve(
-        law.port, law.signal, *ends, times=law.times, past=law.past, size=best.size,
-        bend=best.bend, shape=tuple(map(float, best.shape)), held=[n for n, out in own if out],
+        law.port, law.signal, *ends, times=law.times, size=best.size, bend=best.bend,
+        shape=tuple(map(float, best.shape)), held=[n for n, out in own if out], **parameters,
     )  # fmt: skip
     return LikelyCurve(law, curve, best.evidence)
 
@@ -93,12 +92,8 @@ class _Stiffness(NamedTuple):
     shared: np.ndarray
 
 
-def _stiffness(information: np.ndarray, scores: np.ndarray, base: int, level: float) -> _Stiffness:
-    nuisance, cross = information[:base, :base], information[base:, :base]
-    through = cross @ np.linalg.pinv(nuisance, rcond=1e-11, hermitian=True)
-    left = information[base:, base:] - through @ cross.T
-    clear = (scores[base:] - through @ scores[:base]).sum(axis=1)
-    shared = np.diagonal(left) < _SHARED * np.diagonal(information)[base:]
+def _stiffness(left: np.ndarray, clear: np.ndarray, alone: np.ndarray, level: float) -> _Stiffness:
+    shared = np.diagonal(left) < _SHARED * alone
     left, clear = np.where(shared | shared[:, None], 0.0, left), np.where(shared, 0.0, clear)
     best = _Stiffness(-np.inf, 1.0, 1.0, np.zeros(len(left)), shared)
     for size in _SIZES * level:

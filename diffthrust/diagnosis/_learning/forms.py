@@ -1,7 +1,7 @@
-"""Closed forms that a learned curve may have: a table, and how well each agrees with a curve.
+"""Closed forms that a learned curve may have: a table, and how likely each is.
 
-Each is a `Formula` of one signal with an amplitude ``a``, and as far as it has them a place ``b``
-and a width ``c`` in the signal's unit, and an exponent ``p``.
+Each is a `Formula` of one signal with an amplitude ``a``, and as far as it has them a place ``b``,
+a width ``c`` in the signal's unit, an exponent ``p``, and a wave number ``k``.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
+from diffthrust.diagnosis._learning.ground import Ground
 from diffthrust.effects._curve import Curve
 from diffthrust.effects._formula import Formula
 from diffthrust.effects._grammar import expression_of
@@ -20,14 +20,8 @@ from diffthrust.models._base.made_effect import ARRIVING
 
 _PLACES, _WIDTHS, _EXPONENTS = 17, (0.05, 0.1, 0.2, 0.4), (0.5, 1.5, 2.5, 3.5)
 _LEAST_WIDTH = 0.01
-_POINTS = 241
-_BINS = 60
-_FOLLOWS = 0.01
-"""A factor follows from the signal where this share of its variance is left over the signal."""
-_COMPLEX = 0.05
-"""By so much more a form must agree for each further parameter."""
-_FLOOR = 0.02
-"""Where logs hold next to nothing, a curve still counts as much as so many times their mean."""
+_WAVES = 9
+"""A ripple is looked for with fewer waves than this over the range of the signal."""
 
 
 class Form(NamedTuple):
@@ -48,7 +42,14 @@ class Form(NamedTuple):
     @property
     def parameters(self) -> tuple[str, ...]:
         """Its parameters besides the amplitude."""
-        return tuple(n for n in expression_of(self.text).places if n in ("b", "c", "p"))
+        return tuple(n for n in expression_of(self.text).places if n in ("b", "c", "p", "k"))
+
+    def over(self, x: np.ndarray, values: Mapping[str, float]) -> np.ndarray:
+        """The form over a signal, at values of its parameters and of ``r``; its shape is that."""
+        law = expression_of(self.text)
+        with np.errstate(all="ignore"):
+            found = law({"x": x, **values}.__getitem__, np)
+        return np.broadcast_to(np.asarray(found, float), x.shape)
 
 
 FORMS = (
@@ -76,77 +77,47 @@ FORMS = (
         "odd humps", "a * (exp(-((x - b) / c)**2) - exp(-((x + b) / c)**2))", 0,
         "in a hump about {b} and one of the other sign about its opposite, {c} wide",
     ),
+    Form("ripple", "a * sin(k * (x - b))", 0, "in waves along {x}, {k} in angle"),
     Form("step", "a * (1 + tanh((x - b) / c)) / 2", 0, "in a step at {b}, {c} wide"),
 )  # fmt: skip
 
 
 class Match(NamedTuple):
-    """A form laid on a curve.
+    """A form that one-step errors ask for.
 
     Args:
         form: the form.
         values: its parameters, ``a`` among them.
-        lost: share of the curve's square that it leaves.
-        times: what the form is multiplied by; "" where it stands for the curve times that.
+        gain: the likelihood ratio that it promises.
         reference: the typical size of the signal, ``r``.
+        times: what it is multiplied by, as a curve; "" for nothing.
     """
 
     form: Form
     values: Mapping[str, float]
-    lost: float
+    gain: float
     reference: float
     times: str = ""
 
 
-def matches(
-    curve: Curve, samples: Float[np.ndarray, " N"], factors: Float[np.ndarray, " N"] | None = None
-) -> list[Match]:
-    """The forms by how well they agree with a curve, the best first.
+def matches(grounds: Mapping[str, Ground]) -> list[Match]:
+    """The forms by how likely each makes one-step errors, where it is best; the likeliest first.
 
-    Where the factor of a curve follows from its signal, so does their product: a form may be that
-    of the product.
-
-    Where logs have more samples a curve counts for more. What the model's own parameters do in the
-    place of coefficients that were held, they may do beside a form as well.
+    Args:
+        grounds: what one-step errors say of the law's shapes, by what these are multiplied by.
     """
-    x = np.linspace(curve.low, curve.high, _POINTS)
-    edges = np.linspace(curve.low, curve.high, 25)
-    counts = np.histogram(samples, edges)[0].astype(float)
-    weights = np.interp(x, 0.5 * (edges[1:] + edges[:-1]), counts + _FLOOR * counts.mean())
-    root = np.sqrt(weights / weights.sum())
-    held = [i for i, name in enumerate(curve.coefficients) if name in curve.held]
-    reference = float(np.sqrt(np.mean(np.asarray(samples) ** 2)))
-    factor = None if factors is None else _following(x, samples, factors)
-    found: list[Match] = []
-    for times, scale in ((curve.times, None), ("", factor)):
-        if times != curve.times and scale is None:
-            continue
-        each = np.ones_like(x) if scale is None else scale
-        beside, wanted = each * curve.basis(x)[held], each * np.asarray(curve.at_signal(x))
-        total = max(_left(root * wanted, root * beside)[0], 1e-300)
-        laid = (_laid(form, x, wanted, beside, root, reference) for form in FORMS)
-        found += [
-            one._replace(lost=one.lost / total, times=times) for one in laid if one is not None
-        ]
-    return sorted(found, key=lambda one: one.lost * (1.0 + _COMPLEX * len(one.form.parameters)))
+    return sorted(
+        (
+            _best(form, ground)._replace(times=times)
+            for times, ground in grounds.items()
+            for form in FORMS
+        ),
+        key=lambda one: -one.gain,
+    )
 
 
-def _following(
-    x: np.ndarray, samples: np.ndarray, factors: np.ndarray
-) -> Float[np.ndarray, " K"] | None:
-    """What a factor is as a function of the signal; ``None`` where it is none."""
-    order = np.argsort(samples)
-    over, along = samples[order], factors[order]
-    width = max(1, over.size // _BINS)
-    starts = np.arange(0, over.size, width)
-    sizes = np.diff(np.append(starts, over.size))
-    centres, means = (np.add.reduceat(series, starts) / sizes for series in (over, along))
-    rest = along - np.interp(over, centres, means)
-    return np.interp(x, centres, means) if np.var(rest) < _FOLLOWS * np.var(along) else None
-
-
-def formula_of(match: Match, curve: Curve, unit: str, signal_unit: str, name: str) -> Formula:
-    """A form as an effect at the place of a curve, beginning where the two agree best."""
+def formula_of(match: Match, curve: Curve, unit: str, signal_unit: str) -> Formula:
+    """A form as an effect at the place of a curve, beginning where it is likeliest."""
     form = match.form
     text = _spelt(form.text, curve.signal, match.reference)
     law = f"{match.times} * ({text})" if match.times else text
@@ -161,9 +132,13 @@ def formula_of(match: Match, curve: Curve, unit: str, signal_unit: str, name: st
         "b": {"unit": signal_unit, "bounds": _short(curve.low - span, curve.high + span)},
         "c": {"unit": signal_unit, "bounds": _short(_LEAST_WIDTH * span, 10.0 * span)},
         "p": {"unit": "", "bounds": (0.1, 6.0)},
+        "k": {"unit": f"rad/({signal_unit})" if signal_unit else "rad",
+              "bounds": _short(1.0 / span, 10.0 * _WAVES / span)},
     }  # fmt: skip
     own = {n: {**told[n], "value": match.values[n]} for n in ("a", *form.parameters)}
-    return Formula(curve.port, law, name=name, **own)
+    kept = [n for n in curve.given if n in expression_of(law).places]
+    own |= {n: {**curve.given[n], "value": getattr(curve, n)} for n in kept}
+    return Formula(curve.port, law, name=f"{curve.name}_form", **own)
 
 
 def as_estimated(formula: Formula) -> Formula:
@@ -189,59 +164,38 @@ def _spelt(text: str, signal: str, reference: float) -> str:
     return re.sub(r"\b[xr]\b", lambda word: words[word[0]], text)
 
 
-def _laid(
-    form: Form,
-    x: np.ndarray,
-    wanted: np.ndarray,
-    beside: np.ndarray,
-    root: np.ndarray,
-    reference: float,
-) -> Match | None:
+def _best(form: Form, ground: Ground) -> Match:
+    """A form at the place, width, exponent that make one-step errors likeliest."""
     from scipy.optimize import minimize  # slow to import
 
-    span, names = x[-1] - x[0], form.parameters
-    grids = {"b": np.linspace(x[0], x[-1], _PLACES + 2)[1:-1], "c": span * np.array(_WIDTHS),
-             "p": np.array(_EXPONENTS)}  # fmt: skip
-    ends = {"b": (x[0], x[-1]), "c": (_LEAST_WIDTH * span, 3.0 * span), "p": (0.2, 5.0)}
-    unit = {"b": span, "c": span, "p": 1.0}
+    x, names = ground.x, form.parameters
+    span = x[-1] - x[0]
+    waves = 2.0 * np.pi / span
+    grids = {
+        "b": np.linspace(x[0], x[-1], _PLACES + 2)[1:-1], "c": span * np.array(_WIDTHS),
+        "p": np.array(_EXPONENTS), "k": waves * np.arange(1.0, _WAVES),
+    }  # fmt: skip
+    ends = {
+        "b": (x[0], x[-1]), "c": (_LEAST_WIDTH * span, 3.0 * span), "p": (0.2, 5.0),
+        "k": (0.5 * waves, _WAVES * waves),
+    }  # fmt: skip
+    unit = {"b": span, "c": span, "p": 1.0, "k": 1.0 / span}
 
-    def lost(values: Sequence[float]) -> tuple[float, float]:
+    def gained(values: Sequence[float]) -> tuple[float, float]:
         known = dict(zip(names, values, strict=True))
-        shape = _shape(form, x, {**known, "r": reference})
-        if not np.all(np.isfinite(shape)) or not np.any(root * shape):
-            return np.inf, 0.0
-        left, weights = _left(root * wanted, root * np.stack([shape, *beside]))
-        return left, float(weights[0])
+        shape = form.over(x, {"a": 1.0, **known, "r": ground.reference})
+        return ground.gain(shape) if np.all(np.isfinite(shape)) else (0.0, 0.0)
 
     def of_units(values: np.ndarray) -> float:
-        return lost([v * unit[n] for n, v in zip(names, values, strict=True)])[0]
+        return -gained([v * unit[n] for n, v in zip(names, values, strict=True)])[0]
 
-    best = min(product(*(grids[n] for n in names)), key=lambda values: lost(values)[0])
+    best = max(product(*(grids[n] for n in names)), key=lambda values: gained(values)[0])
     if names:
         begin = [v / unit[n] for n, v in zip(names, best, strict=True)]
         bounds = [(ends[n][0] / unit[n], ends[n][1] / unit[n]) for n in names]
         ended = minimize(of_units, begin, method="Nelder-Mead", bounds=bounds,
                          options={"maxiter": 200})  # fmt: skip
         best = tuple(float(v) * unit[n] for n, v in zip(names, ended.x, strict=True))
-    left, amplitude = lost(best)
-    if not np.isfinite(left):
-        return None
-    return Match(form, {"a": amplitude, **dict(zip(names, best, strict=True))}, left, reference)
-
-
-def _shape(form: Form, x: np.ndarray, values: Mapping[str, float]) -> np.ndarray:
-    """A form of unit amplitude over a signal."""
-    named = {"x": x, "a": 1.0, **values}
-    with np.errstate(all="ignore"):
-        return np.broadcast_to(
-            np.asarray(expression_of(form.text)(named.__getitem__, np), float), x.shape
-        )
-
-
-def _left(wanted: np.ndarray, rows: np.ndarray) -> tuple[float, np.ndarray]:
-    """What a combination of rows leaves of a series, squared, and its weights."""
-    if not len(rows):
-        return float(wanted @ wanted), np.empty(0)
-    weights = np.linalg.lstsq(rows.T, wanted, rcond=1e-10)[0]
-    rest = wanted - rows.T @ weights
-    return float(rest @ rest), weights
+    gain, amplitude = gained(best)
+    values = {"a": amplitude, **dict(zip(names, best, strict=True))}
+    return Match(form, values, gain, ground.reference)

@@ -2,22 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+import ast
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from diffthrust.diagnosis._ports import DrivingPort
-from diffthrust.diagnosis._structure import Observed, behind, recent
+from diffthrust.diagnosis._ports import DrivingPort, words_and_unit
+from diffthrust.diagnosis._structure import Observed, behind
 from diffthrust.diagnosis._trials import Trials
-from diffthrust.effects._curve import CLOCK
 from diffthrust.effects._grammar import expression_of
+from diffthrust.effects._memory import value_along
 from diffthrust.models._base.made_effect import ARRIVING
+from diffthrust.simulation._inputs import inputs_of
 
+CLOCK = "integral(1)"
+"""The time since the log began."""
+TIME, WIDTH = "time_constant", "half_width"
+"""Parameters of what remembers."""
 _PASTS = (20, 100, 500)
 """Samples over which the past of a signal is remembered."""
 _SLOW = (100, 500)
 """The same of its square, which heats."""
+_PLAYS = (0.02, 0.06, 0.18)
+"""Half the width of a play, over the range of its signal."""
+_RANGE = 100.0
+"""A time constant or a width is estimated within so many times its first guess."""
 
 
 class Hypothesis(NamedTuple):
@@ -27,7 +37,7 @@ class Hypothesis(NamedTuple):
         port: where it acts.
         signal: an expression of signals, as a `Curve` reads it.
         times: the same of what the curve is multiplied by; empty for nothing.
-        past: time constant of the signal's lag [s]; 0 for the signal itself.
+        parameters: those of the signal, as a `Curve` takes them.
         over: the signal log by log, ``(T,)``.
         factor: what the curve is multiplied by, log by log; ``None`` for nothing.
     """
@@ -35,7 +45,7 @@ class Hypothesis(NamedTuple):
     port: str
     signal: str
     times: str
-    past: float
+    parameters: Mapping[str, Mapping[str, Any]]
     over: Sequence[np.ndarray]
     factor: Sequence[np.ndarray] | None
 
@@ -48,46 +58,124 @@ def simple_laws(trials: Trials, place: DrivingPort, seen: Observed) -> Iterator[
 
 
 def products(
-    trials: Trials, place: DrivingPort, seen: Observed, best: Hypothesis
+    trials: Trials, place: DrivingPort, seen: Observed, best: Sequence[Hypothesis]
 ) -> Iterator[Hypothesis]:
-    """The law that is likeliest so far, and others at its place, times another signal."""
-    names = _readable(trials, seen)
+    """Functions of a signal as it is, and of those of the likeliest laws, times another signal.
+
+    They act where the likeliest does.
+    """
+    names, port = _readable(trials, seen), best[0].port
+    likely = {law.signal for law in best}
     for times in (expression for name in names for expression in (name, f"abs({name})")):
-        for law in _of_each_signal(trials, place, seen, best.port, times):
-            if law.past or law.signal not in times:  # a function of one signal alone is had already
+        for law in _of_each_signal(trials, place, seen, port, times, {*names, *likely}):
+            if law.parameters or law.signal not in times:  # one of one signal is had already
                 yield law
 
 
-def along_log(expression: str, seen: Observed, port: str, log: int) -> np.ndarray:
-    """An expression of signals over a log, as an effect at a port reads it, ``(T,)``."""
-    path, passing = seen.paths[log], seen.ports[log]
+def units_at(trials: Trials, port: str) -> dict[str, str]:
+    """The units of what an effect may read at a port, as far as they are known."""
+    model, log = trials.model, trials.logs[0]
+    known = {**inputs_of(model, log), **model.all_states, **model.channel_units}
+    return {**known, ARRIVING: words_and_unit(model, port)[1]}
 
-    def named(name: str) -> np.ndarray:
-        if name == CLOCK:
-            return path["time"] - path["time"][0]
-        return passing[port] if name == ARRIVING else path[name]
 
-    return np.asarray(expression_of(expression)(named, np), float)
+def unit_of(signal: str, units: Mapping[str, str]) -> str:
+    """The unit of a signal of these hypotheses; "" where it is not known."""
+    law, known = expression_of(signal), dict(units)
+    for one in law.memories:
+        inner = _unit(one.of, known)
+        longer = f"{inner} s".strip() if inner or isinstance(one.of, ast.Constant) else ""
+        known[one.state] = longer if one.kind == "integral" else inner
+    return _unit(law.tree, known)
+
+
+def _unit(node: ast.AST, units: Mapping[str, str]) -> str:
+    if isinstance(node, ast.Name):
+        return units.get(node.id, "")
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow):
+        inner = _unit(node.left, units)
+        return f"({inner})^{ast.unparse(node.right)}" if inner else ""
+    if isinstance(node, ast.Call):
+        return _unit(node.args[0], units)
+    return _unit(node.left, units) if isinstance(node, ast.BinOp) else ""
 
 
 def _of_each_signal(
-    trials: Trials, place: DrivingPort, seen: Observed, port: str, times: str
+    trials: Trials,
+    place: DrivingPort,
+    seen: Observed,
+    port: str,
+    times: str,
+    only: Collection[str] = (),
 ) -> Iterator[Hypothesis]:
+    for signal, parameters in _expressions(trials, place, seen, port, times):
+        if only and signal not in only:
+            continue
+        law = hypothesis(seen, port, signal, times, parameters)
+        pooled = np.concatenate(law.over)
+        if np.ptp(pooled) > 1e-9 * (1.0 + np.abs(pooled).max()):  # no constant
+            yield law
+
+
+def hypothesis(
+    seen: Observed, port: str, signal: str, times: str, parameters: Mapping[str, Mapping[str, Any]]
+) -> Hypothesis:
+    """A law with its signal and factor along the logs, at the values of its parameters."""
     logs = range(len(seen.paths))
+    over = [_along(signal, parameters, seen, port, log) for log in logs]
+    factor = [_along(times, {}, seen, port, log) for log in logs] if times else None
+    return Hypothesis(port, signal, times, parameters, over, factor)
+
+
+def _expressions(
+    trials: Trials, place: DrivingPort, seen: Observed, port: str, times: str
+) -> Iterator[tuple[str, Mapping[str, Mapping[str, Any]]]]:
+    """Signals, and what they were, with first guesses of the time or the width that it takes."""
     step = float(np.median(np.diff(seen.paths[0]["time"])))
-    factor = [along_log(times, seen, port, log) for log in logs] if times else None
-    own = [ARRIVING] if port == place.port and place.state and not times else []
-    names = _readable(trials, seen)
-    wanted = [(name, samples) for name in names for samples in (0, *_PASTS)]
-    wanted += [(f"{name}**2", samples) for name in names for samples in _SLOW]
-    wanted += [(name, 0) for name in (*own, CLOCK)]
-    for signal, samples in wanted:
-        over = [along_log(signal, seen, port, log) for log in logs]
-        if np.ptp(np.concatenate(over)) <= 1e-9 * (1.0 + np.abs(np.concatenate(over)).max()):
-            continue  # a constant
-        if samples:
-            over = [recent(one, samples) for one in over]
-        yield Hypothesis(port, signal, times, samples * step, over, factor)
+    names, units = _readable(trials, seen), units_at(trials, port)
+    for name in names:
+        yield name, {}
+        for text, pasts in ((f"lag({name}, {TIME})", _PASTS), (f"lag({name}**2, {TIME})", _SLOW)):
+            for samples in pasts:
+                yield text, {TIME: _guessed(samples * step, "s")}
+    arriving = [ARRIVING] if place.state and not times else []
+    for name in (*names, *arriving):
+        pooled = np.concatenate(
+            [_along(name, {}, seen, port, log) for log in range(len(seen.paths))]
+        )
+        for share in _PLAYS:
+            width = share * float(np.ptp(pooled))
+            if width > 0:
+                unit = units.get(name, "")
+                yield f"{name} - play({name}, {WIDTH})", {WIDTH: _guessed(width, unit)}
+    for name in (n for n in names if n in trials.model.states):
+        yield f"integral({name})", {}
+    if port == place.port and arriving:
+        yield ARRIVING, {}
+    yield CLOCK, {}
+
+
+def _guessed(value: float, unit: str) -> dict[str, Any]:
+    bounds = (value / _RANGE, value * _RANGE)
+    return {"unit": unit, "value": value, "bounds": bounds, "transform": "log"}
+
+
+def _along(
+    expression: str,
+    parameters: Mapping[str, Mapping[str, Any]],
+    seen: Observed,
+    port: str,
+    log: int,
+) -> np.ndarray:
+    """An expression of signals over a log, as an effect at a port reads it, ``(T,)``."""
+    path, passing = seen.paths[log], seen.ports[log]
+
+    def named(name: str) -> Any:
+        if name in parameters:
+            return parameters[name]["value"]
+        return passing[port] if name == ARRIVING else path[name]
+
+    return value_along(expression_of(expression), named, path["time"])
 
 
 def _readable(trials: Trials, seen: Observed) -> list[str]:

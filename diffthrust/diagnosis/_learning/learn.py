@@ -11,9 +11,17 @@ from diffthrust.diagnosis._admit import errors_between, left_of
 from diffthrust.diagnosis._findings import Remaining, Stage
 from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
 from diffthrust.diagnosis._learning.evidence import LikelyCurve, likely_curves
-from diffthrust.diagnosis._learning.forms import as_estimated, formula_of, matches
-from diffthrust.diagnosis._learning.hypotheses import Hypothesis, products, simple_laws
-from diffthrust.diagnosis._ports import DrivingPort, words_and_unit
+from diffthrust.diagnosis._learning.forms import Match, as_estimated, formula_of, matches
+from diffthrust.diagnosis._learning.ground import ground_of
+from diffthrust.diagnosis._learning.hypotheses import (
+    Hypothesis,
+    hypothesis,
+    products,
+    simple_laws,
+    unit_of,
+    units_at,
+)
+from diffthrust.diagnosis._ports import DrivingPort
 from diffthrust.diagnosis._search import SearchState, Tools
 from diffthrust.diagnosis._structure import behind, observed
 from diffthrust.diagnosis._trials import TrialFit
@@ -22,19 +30,23 @@ from diffthrust.effects._curve import Curve
 from diffthrust.estimation._result import Fit
 from diffthrust.models._base.made_effect import ARRIVING
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._inputs import inputs_of
 
+_LIKELY = 8
+"""The signals of so many of the likeliest laws are tried times another."""
 _TRIED = 2
 """So many laws are fitted to whole runs, if the likeliest does not make them better."""
 _ALIKE = 1.0
 """Of laws whose evidence is no further apart than this the plainer one is taken."""
 _CLEAR = 10.0
 """Less evidence than this is not worth a fit."""
-_NEAR = 0.3
-"""A closed form that leaves no more than this of a curve's square may be its law (effects beside it
-that only imitated the law have bent the curve),"""
+_NEAR = 0.7
+"""A closed form that promises no less than this of what the curve does may be its law (effects
+beside it that only imitated the law have bent the curve),"""
 _FORMS = 3
-"""and so many are fitted in its place."""
+"""and so many are fitted in its place, and of the others the plainest."""
+_ALIKE_RUNS = 1.02
+"""Of forms whose whole runs err by no more than so many times as much as the best the plainest is
+named."""
 _AS_GOOD = 1.1
 """It is, where whole runs err by no more than so many times as much with it."""
 _BETTER = 0.95
@@ -62,11 +74,11 @@ def learned_laws(tools: Tools, known: SearchState, first: TrialFit) -> tuple[Lea
         begun = known.stages[0]
         law = _learned_beside(tools, begun.fit, first, place)
         if law and _as_good(law.fit, last.fit, _BETTER):
-            return (_named(tools, begun.fit, replace(law, superfluous=last.effects)),)
+            return (_named(tools, begun.fit, first, replace(law, superfluous=last.effects)),)
     law = _learned_beside(tools, last.fit, known.present.trial, place)
     if law is None:
         return ()
-    law = _named(tools, last.fit, law)
+    law = _named(tools, last.fit, known.present.trial, law)
     return (replace(law, worth=law.worth.of(left_of(known, last))),)
 
 
@@ -90,7 +102,9 @@ def _likeliest(tools: Tools, trial: TrialFit, place: DrivingPort) -> list[Likely
     found = likely_curves(trials, trial, simple_laws(trials, place, seen))
     if not found:
         return []
-    found += likely_curves(trials, trial, products(trials, place, seen, found[0].law))
+    found += likely_curves(
+        trials, trial, products(trials, place, seen, [one.law for one in found[:_LIKELY]])
+    )
     best = max(one.evidence for one in found)
     found.sort(key=lambda one: (one.evidence < best - _ALIKE, _plainness(one.law), -one.evidence))
     first = [one for one in found if one.evidence >= best - _ALIKE]
@@ -105,7 +119,8 @@ def _plainness(law: Hypothesis) -> tuple[int, int]:
 def _fitted(tools: Tools, before: Fit, likely: LikelyCurve) -> LearnedLaw | None:
     """A law fitted to whole runs beside a model; ``None`` where these are no better."""
     model, law, curve = before.model, likely.law, likely.curve
-    port_unit, signal_unit = _units(tools, model, curve)
+    units = units_at(tools.trials, curve.port)
+    port_unit, signal_unit = units[ARRIVING], unit_of(curve.signal, units)
     unit = "" if curve.times else port_unit
     fit = tools.refit(
         model + Curve(**{**curve.arguments, "unit": unit, "name": _free_name(model)}), starts=1
@@ -130,49 +145,66 @@ def _worth(tools: Tools, before: Fit, after: Fit) -> Worth:
     return worth_of(errors_between(Stage((), before), Stage((), after), logs, trained=trained))
 
 
-def _units(tools: Tools, model: Model, curve: Curve) -> tuple[str, str]:
-    """The units of the port and of the signal; "" where it is not that of a channel."""
-    port = words_and_unit(model, curve.port)[1]
-    log = tools.trials.logs[0]
-    units = {**inputs_of(model, log), **model.all_states, **model.channel_units, "clock": "s"}
-    return port, units.get(curve.signal, port if curve.signal == ARRIVING else "")
-
-
 def _free_name(model: Model) -> str:
     taken = {effect.name for effect in model.effects}
     names = ("curve", *(f"curve{k}" for k in range(2, len(taken) + 3)))
     return next(name for name in names if name not in taken)
 
 
-def _named(tools: Tools, before: Fit, law: LearnedLaw) -> LearnedLaw:
+def _named(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> LearnedLaw:
     """A learned law with the closed forms that were tried in its place.
 
     Args:
         tools: what the search worked with.
         before: the fit without the law.
+        trial: the trial beside which it was learned.
         law: the law.
     """
-    if law.curve.lags or not law.curve.signal.isidentifier():
-        return law
-    curve = law.curve
-    close = [one for one in matches(curve, law.samples, law.factors) if one.lost < _NEAR][:_FORMS]
+    curve, price = law.curve, math.log(tools.trials.samples)
     tried: list[TriedForm] = []
-    samples = math.log(tools.trials.samples)
-    for match in close:
-        unit = law.port_unit if not match.times else ""
-        formula = formula_of(match, curve, unit, law.signal_unit, f"{curve.name}_form")
+    for match in _close(tools, trial, curve):
+        formula = formula_of(match, curve, _unit(tools, law, match.times), law.signal_unit)
         fit = tools.refit(law.fit.model - curve.name + formula, starts=1)
         if not math.isfinite(fit.train.nrmse):
             continue
         gain = 2.0 * (fit.log_likelihood - before.log_likelihood)
-        price = samples * (1 + len(match.form.parameters))
         effect = as_estimated(fit.model.effects[-1])  # pyright: ignore[reportArgumentType]
-        tried.append(TriedForm(match.form.name, effect, fit, price - gain))
+        bic = price * (1 + len(match.form.parameters)) - gain
+        told = TriedForm(match.form.name, effect, fit, bic, match.times, match.reference)
+        tried.append(told)
     tried.sort(key=lambda one: one.bic)
+    alike = [one for one in tried if _as_good(one.fit, tried[0].fit, _ALIKE_RUNS)]
+    tried.sort(key=lambda one: one is not min(alike, key=lambda one: len(one.formula.declared)))
     law = replace(law, forms=tuple(tried))
     if not tried or not _as_good(tried[0].fit, law.fit):
         return law
     return replace(law, named=True, worth=_worth(tools, before, tried[0].fit))
+
+
+def _close(tools: Tools, trial: TrialFit, curve: Curve) -> list[Match]:
+    """The closed forms that one-step errors ask for as they ask for a curve."""
+    trials = tools.trials
+    own = {n: {"value": getattr(curve, n)} for n in curve.given}
+    seen = observed(trials, trial)
+    grounds = {
+        times: ground_of(trials, trial, hypothesis(seen, curve.port, curve.signal, times, own))
+        for times in dict.fromkeys((curve.times, "", ARRIVING))
+        if times != ARRIVING or curve.signal != ARRIVING
+    }
+    ground, price = grounds[curve.times], math.log(trials.samples)
+    least = _NEAR * ground.gain(np.asarray(curve.at_signal(ground.x)))[0]
+    near = [one for one in matches(grounds) if one.gain > max(least, 0.0)]
+    near.sort(key=lambda one: price * len(one.form.parameters) - one.gain)
+    plain = min(near[_FORMS:], key=lambda one: len(one.form.parameters), default=None)
+    return [*near[:_FORMS], *([plain] if plain else [])]
+
+
+def _unit(tools: Tools, law: LearnedLaw, times: str) -> str:
+    """The unit of a form that is multiplied by something."""
+    if times == ARRIVING:
+        return ""
+    per = unit_of(times, units_at(tools.trials, law.curve.port)) if times else ""
+    return f"({law.port_unit})/({per})" if per else law.port_unit
 
 
 def _as_good(fit: Fit, other: Fit, times: float = _AS_GOOD) -> bool:

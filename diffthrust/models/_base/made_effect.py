@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ClassVar
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.names import nearest
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.parameter import Parameter
+from diffthrust.models._base.signals import Signal, Signals
 
 ARRIVING = "value"
 """The name of what arrives at the port, in expressions."""
@@ -44,16 +46,33 @@ class MadeEffect(Effect):
         self._set(name=name, port=port, ports=(port,), reads=reads, declared=dict(declared))
         super().__init__()
 
-    def _check_parameters(self, names: Iterable[str]) -> None:
-        """Raise `InputError` for a parameter that is called like something else of an effect."""
-        word = type(self).name
+    def _check_parameters(self, names: Iterable[str], known: Iterable[str], text: str) -> None:
+        """Raise `InputError` for a parameter that an expression does not have, or cannot have."""
+        word, known = type(self).name, tuple(known)
         for name in names:
+            if name not in known:
+                near = nearest(name, known)
+                raise InputError(
+                    f"{word}: the parameter {name!r} does not occur in {text!r}"
+                    f"{'; ' + near if near else ''}.",
+                    "Correct the name, or remove it.",
+                )
             self._check_word("parameter", name)
             if hasattr(type(self), name) or name in _MEANT or name.startswith("_"):
                 raise InputError(
                     f"{word}: a parameter cannot be called {name!r}, which means something else.",
                     "Give it another name.",
                 )
+
+    def _named(self, value: Signal, s: Signals) -> Callable[[str], Any]:
+        """What a name in an expression stands for, where a value arrives beside these signals."""
+
+        def named(name: str) -> Any:
+            if name == ARRIVING:
+                return value
+            return getattr(self if name in self.declared else s, name)
+
+        return named
 
     def _check_word(self, what: str, given: object) -> None:
         if not (isinstance(given, str) and given.isascii() and given.isidentifier()):

@@ -1,0 +1,92 @@
+"""What one-step errors say of any shape of a law over its signal.
+
+The errors answer linearly to a law at a port, so those to a fine spline basis tell how much
+likelier any shape makes them, with nothing to be carried through the logs again.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from diffthrust.diagnosis._learning.hypotheses import Hypothesis
+from diffthrust.diagnosis._trials import TrialFit, Trials
+from diffthrust.effects._curve import Curve
+
+_PIECES = 29
+_POINTS = 241
+
+
+class Ground(NamedTuple):
+    """What one-step errors say of the shapes of a law.
+
+    Args:
+        x: values of its signal, all over the range of the logs.
+        onto: gives the coefficients of the fine basis by which a shape over ``x`` is met.
+        left: information on these, less what the model's own parameters do.
+        clear: gradient of the negative logarithm of the likelihood by them, likewise.
+        reference: root mean square of the signal.
+    """
+
+    x: Float[np.ndarray, " N"]
+    onto: Float[np.ndarray, "K N"]
+    left: Float[np.ndarray, "K K"]
+    clear: Float[np.ndarray, " K"]
+    reference: float
+
+    def gain(self, shape: Float[np.ndarray, " N"]) -> tuple[float, float]:
+        """The likelihood ratio for a shape at its best amplitude, and that amplitude."""
+        weights = self.onto @ shape
+        known = float(weights @ self.left @ weights)
+        alone = float(np.sum((weights @ self.left) ** 2)) ** 0.5
+        slope = float(weights @ self.clear)
+        if not known > 1e-12 * alone > 0.0:
+            return 0.0, 0.0
+        return slope**2 / known, -slope / known
+
+
+def ground_of(trials: Trials, trial: TrialFit, law: Hypothesis) -> Ground:
+    """What the one-step errors of a trial say of the shapes of a law."""
+    pooled = np.concatenate(law.over)
+    low, high = float(pooled.min()), float(pooled.max())
+    fine = Curve(law.port, "speed", low, high, pieces=_PIECES)
+    rows = [fine.basis(over) for over in law.over]
+    if law.factor is not None:
+        rows = [row * factor for row, factor in zip(rows, law.factor, strict=True)]
+    left, clear, _ = left_over(trials, trial, law.port, rows)
+    x = np.linspace(low, high, _POINTS)
+    onto = np.linalg.pinv(fine.basis(x).T)
+    return Ground(x, onto, left, clear, float(np.sqrt(np.mean(pooled**2))))
+
+
+def left_over(
+    trials: Trials, trial: TrialFit, port: str, rows: list[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Information and gradient of series at a port, less what the model's own parameters do.
+
+    Args:
+        trials: the fits.
+        trial: the present model.
+        port: where the series are added.
+        rows: for each log ``(K, T)``.
+
+    Returns:
+        The information left ``(K, K)``; the gradient ``(K,)``; the information of each by itself.
+    """
+    response = trial.response
+    answers = response.to(port, response.batched(rows))
+    known = [i for i, name in enumerate(trial.names) if name not in trials.nuisance]
+    return without(*response.scores(known, answers), len(known))
+
+
+def without(
+    information: np.ndarray, scores: np.ndarray, base: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Information and gradient of what comes after the first ``base`` coordinates, less these."""
+    nuisance, cross = information[:base, :base], information[base:, :base]
+    through = cross @ np.linalg.pinv(nuisance, rcond=1e-11, hermitian=True)
+    left = information[base:, base:] - through @ cross.T
+    clear = (scores[base:] - through @ scores[:base]).sum(axis=1)
+    return left, clear, np.diagonal(information)[base:]

@@ -1,0 +1,145 @@
+"""An expression that has been read: what it is made of, and its value."""
+
+from __future__ import annotations
+
+import ast
+import math
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import reduce
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+from diffthrust._support.errors import InputError
+from diffthrust.effects._finite import exponential, logarithm, quotient, raised, square_root
+
+STRANGE = re.compile(r"[^A-Za-z0-9_ .+\-*/(),<>=!]")
+"""What no expression holds."""
+COMPARED: Mapping[type, Callable[[Any, Any], Any]] = {
+    ast.Lt: lambda a, b: a < b,
+    ast.LtE: lambda a, b: a <= b,
+    ast.Gt: lambda a, b: a > b,
+    ast.GtE: lambda a, b: a >= b,
+    ast.Eq: lambda a, b: a == b,
+    ast.NotEq: lambda a, b: a != b,
+}
+"""Comparisons."""
+SHORT = {"min": "minimum", "max": "maximum"}
+"""Short names of functions of NumPy."""
+FINITE: Mapping[str, Callable[..., Any]] = {
+    "sqrt": square_root,
+    "exp": exponential,
+    "log": logarithm,
+}
+"""Functions that are not those of NumPy of the same name."""
+_WHOLE = 12
+"""Whole exponents up to this keep the sign of what they raise."""
+
+
+class Memory(NamedTuple):
+    """A function of an expression that remembers: it is worked out from a state.
+
+    Args:
+        state: the name of the state.
+        kind: "lag", "play" or "integral".
+        of: what it is the lag, the play, the integral of.
+        size: the time constant [s], or half the width of the play; ``None`` for an integral.
+    """
+
+    state: str
+    kind: str
+    of: ast.expr
+    size: ast.expr | None
+
+
+@dataclass(frozen=True)
+class Expression:
+    """An expression that has been read.
+
+    Args:
+        text: as it was written.
+        tree: what it is made of, allowed parts only; in place of what remembers, its states.
+        places: where each name stands first, functions, constants and states left out.
+        exponents: names that stand in an exponent.
+        sizes: names that are a time constant or a width of what remembers.
+        memories: what remembers, in the order of the text.
+    """
+
+    text: str
+    tree: ast.expr = field(repr=False, compare=False)
+    places: Mapping[str, int] = field(repr=False, compare=False)
+    exponents: frozenset[str]
+    sizes: frozenset[str] = frozenset()
+    memories: tuple[Memory, ...] = field(default=(), compare=False)
+
+    def __call__(self, names: Callable[[str], Any], xp: Any) -> Any:
+        """Its value.
+
+        Args:
+            names: the number, or the series, that each name and each state stands for.
+            xp: whose functions are used, `numpy` or `jax.numpy`.
+        """
+        return valued(self.tree, names, xp)
+
+    def refused(self, at: int, problem: str, mend: str) -> InputError:
+        """An error with a mark below the place that is to blame."""
+        return marked(self.text, at, problem, mend)
+
+
+def marked(text: str, at: int, problem: str, mend: str) -> InputError:
+    """An error of an expression with a mark below a place."""
+    shown = STRANGE.sub(lambda found: found[0] if found[0].isprintable() else "?", text)
+    begin = max(0, at - 50)
+    return InputError(
+        f"The expression, character {at + 1}: {problem}.\n"
+        f"    {shown[begin : begin + 100]}\n    {' ' * (at - begin)}^",
+        mend,
+    )
+
+
+def valued(node: ast.AST, names: Callable[[str], Any], xp: Any) -> Any:
+    """The value of a part of an expression."""
+    if isinstance(node, ast.Constant):
+        return float(node.value)  # pyright: ignore[reportArgumentType]
+    if isinstance(node, ast.Name):
+        return math.pi if node.id == "pi" else names(node.id)
+    if isinstance(node, ast.UnaryOp):
+        inner = valued(node.operand, names, xp)
+        return -inner if isinstance(node.op, ast.USub) else inner
+    if isinstance(node, ast.BinOp):
+        return _combined(node, names, xp)
+    if isinstance(node, ast.Compare):
+        parts = [valued(part, names, xp) for part in (node.left, *node.comparators)]
+        held = [
+            COMPARED[type(op)](*pair) for op, pair in zip(node.ops, pairwise(parts), strict=True)
+        ]
+        return xp.where(reduce(xp.logical_and, held), 1.0, 0.0)
+    assert isinstance(node, ast.Call)
+    assert isinstance(node.func, ast.Name)
+    name = SHORT.get(node.func.id, node.func.id)
+    given = [valued(part, names, xp) for part in node.args]
+    if name == "where":
+        return xp.where(xp.asarray(given[0]) != 0, *given[1:])
+    return FINITE[name](*given, xp) if name in FINITE else getattr(xp, name)(*given)
+
+
+def _combined(node: ast.BinOp, names: Callable[[str], Any], xp: Any) -> Any:
+    left, right = valued(node.left, names, xp), valued(node.right, names, xp)
+    if isinstance(node.op, ast.Add):
+        return left + right
+    if isinstance(node.op, ast.Sub):
+        return left - right
+    if isinstance(node.op, ast.Mult):
+        return left * right
+    if isinstance(node.op, ast.Div):
+        return quotient(left, right, xp)
+    return (
+        xp.asarray(left, float) ** int(right) if keeps_sign(node.right) else raised(left, right, xp)
+    )
+
+
+def keeps_sign(exponent: ast.AST) -> bool:
+    """Whether an exponent is a whole number that keeps the sign of what it raises."""
+    value = exponent.value if isinstance(exponent, ast.Constant) else None
+    return isinstance(value, int | float) and value == int(value) and 0 <= value <= _WHOLE

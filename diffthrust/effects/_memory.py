@@ -1,0 +1,162 @@
+"""Expressions that remember: a first-order lag, the play of a backlash, an integral.
+
+``lag(x, T)`` follows x with the time constant T [s]. ``play(x, b)`` stays where it is until x has
+moved b away from it, and is then pushed along: the play, or backlash, of half the width b, of which
+``x - play(x, b)`` is how far x has gone since it turned (the stop; Visintin 1994, chapter III).
+``integral(x)`` is the time integral since the log began: that of a velocity is a position, and
+``integral(1)`` the time. The first two begin settled, the last at zero.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Mapping
+from copy import deepcopy
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from diffthrust.effects._expression import Expression, Memory, valued
+from diffthrust.models._base.signals import Rate, Relaxing, Signal
+
+REMEMBERS: Mapping[str, int] = {"lag": 2, "play": 2, "integral": 1}
+"""Functions that remember, and how many arguments they have."""
+_QUICK = 1e4
+"""The rate [1/s] at which what has been taken up of a play is followed."""
+
+
+def separated(tree: ast.expr) -> tuple[ast.expr, tuple[Memory, ...]]:
+    """An expression with states in place of what remembers, and what that is."""
+    found = _Apart()
+    left = found.visit(deepcopy(tree))
+    return left, tuple(found.memories)
+
+
+class _Apart(ast.NodeTransformer):
+    def __init__(self) -> None:
+        self.memories: list[Memory] = []
+
+    def visit_Call(self, node: ast.Call) -> ast.AST:
+        assert isinstance(node.func, ast.Name)
+        kind = node.func.id
+        if kind not in REMEMBERS:
+            return self.generic_visit(node)
+        of, *sizes = [self.visit(part) for part in node.args]
+        size = sizes[0] if sizes else None
+        alike = [one for one in self.memories if one.kind == kind]
+        for one in alike:
+            if _text(one.of) == _text(of) and _text(one.size) == _text(size):
+                return _now(one)
+        one = Memory(f"{kind}{len(alike) + 1}" if alike else kind, kind, of, size)
+        self.memories.append(one)
+        return _now(one)
+
+
+def _text(node: ast.expr | None) -> str:
+    return "" if node is None else ast.unparse(node)
+
+
+def _now(memory: Memory) -> ast.expr:
+    """What a memory gives, of its state: a play, which is pushed, is never further off than that.
+
+    Without this, what leaves would be a sample behind.
+    """
+    state = ast.Name(memory.state)
+    return _pushed(memory, state) if memory.kind == "play" else state
+
+
+def _pushed(memory: Memory, state: ast.expr) -> ast.expr:
+    assert memory.size is not None
+    low = ast.BinOp(memory.of, ast.Sub(), memory.size)
+    high = ast.BinOp(memory.of, ast.Add(), memory.size)
+    inner = ast.Call(ast.Name("maximum"), [state, low], [])
+    return ast.Call(ast.Name("minimum"), [inner, high], [])
+
+
+def rate_parts(memory: Memory) -> tuple[ast.expr, ast.expr | None]:
+    """Where a memory's state goes, as expressions: the target and the rate of decay to it.
+
+    Of an integral, its rate and ``None``.
+    """
+    if memory.kind == "integral":
+        return memory.of, None
+    if memory.kind == "play":
+        return _pushed(memory, ast.Name(memory.state)), ast.Constant(_QUICK)
+    assert memory.size is not None
+    return memory.of, ast.BinOp(ast.Constant(1.0), ast.Div(), memory.size)
+
+
+def memory_rates(law: Expression, names: Callable[[str], Any]) -> dict[str, Rate]:
+    """The rates of the states of an expression."""
+    out: dict[str, Rate] = {}
+    for memory in law.memories:
+        target, decay = rate_parts(memory)
+        goal, state = valued(target, names, jnp), names(memory.state)
+        if decay is None:
+            out[memory.state] = goal + 0.0 * state
+        else:
+            pull = valued(decay, names, jnp)
+            out[memory.state] = Relaxing(pull * (goal - state), pull)
+    return out
+
+
+def memory_starts(law: Expression, names: Callable[[str], Any]) -> dict[str, Signal | float]:
+    """The states at the start of a log."""
+    out: dict[str, Signal | float] = {}
+    for memory in law.memories:
+        settled = valued(memory.of, _with(out, names), jnp)
+        out[memory.state] = 0.0 if memory.kind == "integral" else settled
+    return out
+
+
+def value_along(
+    law: Expression, names: Callable[[str], Any], time: Float[np.ndarray, " T"]
+) -> Float[np.ndarray, " T"]:
+    """The value of an expression along a log, whatever of it remembers.
+
+    Args:
+        law: the expression.
+        names: the series, or the number, that each name stands for.
+        time: of the samples [s].
+    """
+    states: dict[str, Any] = {}
+    known = _with(states, names)
+    for memory in law.memories:
+        series = np.broadcast_to(np.asarray(valued(memory.of, known, np), float), time.shape)
+        size = None if memory.size is None else float(valued(memory.size, known, np))
+        states[memory.state] = _ALONG[memory.kind](series, size, time)
+    return np.broadcast_to(np.asarray(law(known, np), float), time.shape)
+
+
+def _with(states: Mapping[str, Any], names: Callable[[str], Any]) -> Callable[[str], Any]:
+    return lambda name: states[name] if name in states else names(name)
+
+
+def _lagging(series: np.ndarray, size: float, time: np.ndarray) -> np.ndarray:
+    from scipy.signal import lfilter  # slow to import
+
+    kept = float(np.exp(-np.median(np.diff(time)) / max(size, 1e-12)))
+    before = np.concatenate([series[:1], series[:-1]])
+    return lfilter([1.0 - kept], [1.0, -kept], before, zi=[kept * series[0]])[0]
+
+
+def _played(series: np.ndarray, size: float, time: np.ndarray) -> np.ndarray:
+    out, at = [], float(series[0])
+    for value in series.tolist():
+        at = min(max(at, value - size), value + size)
+        out.append(at)
+    return np.array(out)
+
+
+def _integrated(series: np.ndarray, size: None, time: np.ndarray) -> np.ndarray:
+    steps = 0.5 * (series[1:] + series[:-1]) * np.diff(time)
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+_ALONG: Mapping[str, Callable[..., np.ndarray]] = {
+    "lag": _lagging,
+    "play": _played,
+    "integral": _integrated,
+}
