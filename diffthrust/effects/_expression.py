@@ -84,10 +84,10 @@ class Expression:
 
     def refused(self, at: int, problem: str, mend: str) -> InputError:
         """An error with a mark below the place that is to blame."""
-        return marked(self.text, at, problem, mend)
+        return with_mark(self.text, at, problem, mend)
 
 
-def marked(text: str, at: int, problem: str, mend: str) -> InputError:
+def with_mark(text: str, at: int, problem: str, mend: str) -> InputError:
     """An error of an expression with a mark below a place."""
     shown = STRANGE.sub(lambda found: found[0] if found[0].isprintable() else "?", text)
     begin = max(0, at - 50)

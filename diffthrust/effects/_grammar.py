@@ -10,7 +10,7 @@ from functools import lru_cache
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import nearest
-from diffthrust.effects._expression import COMPARED, STRANGE, Expression, marked
+from diffthrust.effects._expression import COMPARED, STRANGE, Expression, with_mark
 from diffthrust.effects._memory import REMEMBERS, separated
 
 _LONGEST = 500
@@ -50,7 +50,9 @@ def expression_of(text: str) -> Expression:
             "Write a class of an effect for what does not fit into one line.",
         )
     if strange := STRANGE.search(text):
-        raise marked(text, strange.start(), f"the character {strange[0]!r} is not allowed", _mend())
+        raise with_mark(
+            text, strange.start(), f"the character {strange[0]!r} is not allowed", _mend()
+        )
     if not text.strip():
         raise InputError("Expected an expression, found none.", "Write one: -a * speed.")
     try:
@@ -59,7 +61,7 @@ def expression_of(text: str) -> Expression:
             tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         at = (getattr(error, "offset", None) or 1) - 1 + len(text) - len(text.lstrip())
-        raise marked(
+        raise with_mark(
             text, min(at, len(text)), "this cannot be read", _mend("Correct what stands there")
         ) from None
     shift = len(text) - len(text.lstrip())
@@ -68,7 +70,7 @@ def expression_of(text: str) -> Expression:
     _check(tree, text, shift, places, exponents, _DEEPEST, raised=False)
     left, memories = separated(tree)
     for taken in (one.state for one in memories if one.state in places):
-        raise marked(
+        raise with_mark(
             text, places[taken], f"'{taken}' is the state of what remembers here",
             "Give it another name.",
         )  # fmt: skip
@@ -89,14 +91,14 @@ def _check(
     """Raise `InputError` for a part that is not allowed; note the names on the way."""
     at = getattr(node, "col_offset", 0) + shift
     if room == 0:
-        raise marked(text, at, f"this is nested more than {_DEEPEST} deep", "Write it simpler.")
+        raise with_mark(text, at, f"this is nested more than {_DEEPEST} deep", "Write it simpler.")
     inner: list[tuple[ast.AST, bool]] = []
     if isinstance(node, ast.Constant):
         _check_number(node.value, text, at)
     elif isinstance(node, ast.Name):
         if node.id in _ARGUMENTS:
             count = _ARGUMENTS[node.id]
-            raise marked(
+            raise with_mark(
                 text, at, f"'{node.id}' is a function",
                 f"Write {node.id}({', '.join('xyz'[:count])}).",
             )  # fmt: skip
@@ -113,7 +115,7 @@ def _check(
         _check_call(node, text, at)
         inner = [(part, raised) for part in node.args]
     else:
-        raise marked(text, at, "this is not allowed", _mend())
+        raise with_mark(text, at, "this is not allowed", _mend())
     for part, above in inner:
         _check(part, text, shift, places, exponents, room - 1, above)
 
@@ -125,7 +127,7 @@ def _check_number(value: object, text: str, at: int) -> None:
     except OverflowError:
         finite = False
     if not finite:
-        raise marked(text, at, "expected a finite number", "Correct the number.")
+        raise with_mark(text, at, "expected a finite number", "Correct the number.")
 
 
 def _check_call(node: ast.Call, text: str, at: int) -> None:
@@ -133,11 +135,11 @@ def _check_call(node: ast.Call, text: str, at: int) -> None:
     if name not in _ARGUMENTS:
         near = nearest(name, _ARGUMENTS) if name else ""
         what = f"the function {name!r} is not known" if name else "this cannot be called"
-        raise marked(text, at, f"{what}{'; ' + near if near else ''}", _mend())
+        raise with_mark(text, at, f"{what}{'; ' + near if near else ''}", _mend())
     count = _ARGUMENTS[name]
     if node.keywords or len(node.args) != count:
         found = len(node.args) + len(node.keywords)
-        raise marked(
+        raise with_mark(
             text, at, f"expected {count} in the brackets of '{name}', found {found}",
             f"Write {name}({', '.join('xyz'[:count])}).",
         )  # fmt: skip

@@ -29,7 +29,7 @@ def test_evidence_is_the_likelihood_ratio_with_the_coefficients_integrated_out()
     errors = own @ np.array([0.4, 0.0, 0.3, -0.2, 0.1]) + rng.standard_normal(60)
     rows = np.concatenate([known, own], axis=1)
     scores = rows.T[:, :, None] * errors[None, :, None]
-    best = evidence._stiffness(*ground.without(rows.T @ rows, scores[:, :, 0], 2), 1.0)
+    best = evidence._stiffness(*ground.beside_known(rows.T @ rows, scores[:, :, 0], 2), 1.0)
     widths = best.size * np.array([1.0, 2.0, *[best.bend] * 3])
     flat = 1e6 * known @ known.T  # of the known coordinates nothing is known before
     with_it = flat + own @ np.diag(widths**2) @ own.T + np.eye(60)
@@ -44,7 +44,7 @@ def test_what_the_estimated_parameters_do_is_no_evidence():
     own = np.concatenate([known, rng.standard_normal((80, 4))], axis=1)
     rows = np.concatenate([known, own], axis=1)
     errors = 5.0 * known[:, 0] + rng.standard_normal(80)
-    best = evidence._stiffness(*ground.without(rows.T @ rows, rows.T * errors, 1), 1.0)
+    best = evidence._stiffness(*ground.beside_known(rows.T @ rows, rows.T * errors, 1), 1.0)
     assert best.shared.tolist() == [True, False, False, False, False]
     assert best.evidence < 1.0
 
@@ -78,7 +78,7 @@ def judged(law, times=""):
     noise = 0.01 * np.std(values) + 1e-6
     rows = fine.basis(samples) / noise
     errors = -(values / noise + rng.standard_normal(samples.size))
-    left, clear, _ = ground.without(rows @ rows.T, rows * errors, 0)
+    left, clear, _ = ground.beside_known(rows @ rows.T, rows * errors, 0)
     x = np.linspace(-40.0, 40.0, 241)
     return ground.Ground(x, np.linalg.pinv(fine.basis(x).T), left, clear, 23.0)
 

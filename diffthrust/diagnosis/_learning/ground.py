@@ -78,10 +78,10 @@ def left_over(
     response = trial.response
     answers = response.to(port, response.batched(rows))
     known = [i for i, name in enumerate(trial.names) if name not in trials.nuisance]
-    return without(*response.scores(known, answers), len(known))
+    return beside_known(*response.scores(known, answers), len(known))
 
 
-def without(
+def beside_known(
     information: np.ndarray, scores: np.ndarray, base: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Information and gradient of what comes after the first ``base`` coordinates, less these."""
