@@ -58,8 +58,8 @@ def new_effect_command(
                     f"--learned {learned}: expected it alone, found another law beside it.",
                     "Leave out --formula, --port and --parameter.",
                 )
-            law = _learned(learned)
-            formula, port, asked = law.expression, law.port, law.given
+            law, told = _learned(learned)
+            formula, port, asked, doc = law.expression, law.port, law.given, doc or told
         else:
             asked = dict(map(parameter_asked, parameter or []))
         if not (formula and port):
@@ -77,9 +77,11 @@ def new_effect_command(
     )
 
 
-def _learned(path: Path) -> Formula:
-    """The closed form of the law that a diagnosis learned, from the file that it is saved in."""
+def _learned(path: Path) -> tuple[Formula, str]:
+    """The law that a diagnosis learned, from the file that it is saved in, and how it goes."""
+    from diffthrust._support.words import capitalised
     from diffthrust.diagnosis import Diagnosis
+    from diffthrust.diagnosis._learned_words import form_words
     from diffthrust.saved import load
 
     diag = load(path)
@@ -88,11 +90,13 @@ def _learned(path: Path) -> Formula:
             f"{path}: expected a diagnosis, found {type(diag).__name__!r}.",
             "Write one: diffthrust diagnose SPEC --save DIAG.json.",
         )
-    forms = [law.form.formula for law in diag.laws if law.form]
-    if not forms:
+    named = [(law, law.form) for law in diag.laws if law.form]
+    if not named:
         raise InputError(
             f"{path}: expected a law that has a name, found "
             f"{'one as yet without' if diag.laws else 'none that was learned'}.",
             "Write the law that you suspect: --formula TEXT --port PORT.",
         )
-    return forms[0]
+    law, form = named[0]
+    goes, _, _ = form_words(law, form).partition(":")
+    return form.formula, f"{capitalised(goes.removeprefix('it goes '))}, as learned from logs."

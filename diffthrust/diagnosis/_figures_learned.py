@@ -10,6 +10,7 @@ from diffthrust._support.figures import BLUE, GREY
 from diffthrust.diagnosis._figures import BAND, COLOURS, plainly
 from diffthrust.diagnosis._learned_words import manner_words, signal_words
 from diffthrust.diagnosis._learning.forms import FORMS
+from diffthrust.models._base.made_effect import ARRIVING
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,7 +50,11 @@ def _curve(panel: Axes, law: LearnedLaw) -> None:
     for colour, tried in zip(COLOURS[1:], law.forms, strict=False):
         seen = _formed(law, tried, x)
         if seen is not None:
-            panel.plot(x, seen, color=colour, linewidth=1.2, linestyle="--", label=tried.name)
+            chosen = tried is law.form
+            panel.plot(
+                x, seen, color=colour, linewidth=1.8 if chosen else 1.0, linestyle="--",
+                label=f"{tried.name}{' (its name)' if chosen else ''}",
+            )  # fmt: skip
     panel.legend(fontsize=8, framealpha=0.9)
     unit = law.port_unit if not law.curve.times else ""
     panel.set_ylabel(f"curve [{unit}]" if unit else "curve [-]", fontsize=9)
@@ -62,12 +67,31 @@ def _formed(law: LearnedLaw, tried: TriedForm, x: np.ndarray) -> np.ndarray | No
     form = next(one for one in FORMS if one.name == tried.name)
     values = {n: getattr(tried.formula, n) for n in ("a", *form.parameters)}
     found = form.over(x, {**values, "r": tried.reference})
-    if tried.times == law.curve.times:
-        return found
-    factor = None if law.factors is None else _following(x, law.samples, law.factors)
-    if factor is None:
-        return None
-    return np.where(np.abs(factor) > _LEAST * np.abs(factor).max(), found / factor, np.nan)
+    if tried.times != law.curve.times:
+        factor = None if law.factors is None else _following(x, law.samples, law.factors)
+        if factor is None:
+            return None
+        seen = np.abs(factor) > _LEAST * np.abs(factor).max()
+        found = np.where(seen, found / np.where(seen, factor, 1.0), np.nan)
+    return _beside(law, x, found)
+
+
+def _beside(law: LearnedLaw, x: np.ndarray, found: np.ndarray) -> np.ndarray:
+    """A form with as much of what the model's own parameters do as brings it near the curve.
+
+    The two fits have their own values of these: a thrust coefficient makes up for a factor.
+    """
+    curve = np.asarray(law.curve.at_signal(x))
+    counts, edges = np.histogram(law.samples, 40)
+    often = np.interp(x, 0.5 * (edges[1:] + edges[:-1]), counts) * np.isfinite(found)
+    if law.curve.times == ARRIVING:
+        ours, theirs = 1.0 + np.nan_to_num(found), 1.0 + curve
+        return (1.0 + found) * (often @ (ours * theirs) / (often @ ours**2)) - 1.0
+    held = [i for i, name in enumerate(law.curve.coefficients) if name in law.curve.held]
+    rows = law.curve.basis(x)[held]
+    root = np.sqrt(often)
+    weights = np.linalg.lstsq((rows * root).T, root * (curve - np.nan_to_num(found)), rcond=None)[0]
+    return found + weights @ rows
 
 
 def _following(x: np.ndarray, samples: np.ndarray, factors: np.ndarray) -> np.ndarray | None:

@@ -83,10 +83,11 @@ def effect_class_text(
     about = f"Acts at the port '{formula.port}'{', adding' * formula.adds}: {acts}."
     about = textwrap.fill(f"{about} Null: {', '.join(nulls)}.", _WIDTH - 4)
     described = formula._parameters.items()
+    said = doc.strip().replace("\\", "\\\\").replace('"""', "'''")
     return _CLASS.format(
         title=f"The effect {name}, of one's own.",
         cls=class_name(name),
-        doc=doc.strip().replace("\\", "\\\\").replace('"""', "'''"),
+        doc=textwrap.fill(said, _WIDTH - 7).replace("\n", "\n    "),
         about=textwrap.indent(about, "    "),
         name=name,
         port=formula.port,

@@ -194,9 +194,16 @@ def _close(tools: Tools, trial: TrialFit, curve: Curve) -> list[Match]:
     ground, price = grounds[curve.times], math.log(trials.samples)
     least = _NEAR * ground.gain(np.asarray(curve.at_signal(ground.x)))[0]
     near = [one for one in matches(grounds) if one.gain > max(least, 0.0)]
-    near.sort(key=lambda one: price * len(one.form.parameters) - one.gain)
-    plain = min(near[_FORMS:], key=lambda one: len(one.form.parameters), default=None)
-    return [*near[:_FORMS], *([plain] if plain else [])]
+    near.sort(key=lambda one: price * _parameters(one) - one.gain)
+    first, rest = near[:_FORMS], near[_FORMS:]
+    plain = min(rest, key=_parameters, default=None)
+    if plain and _parameters(plain) < min(map(_parameters, first)):
+        first.append(plain)
+    return first
+
+
+def _parameters(match: Match) -> int:
+    return len(match.form.parameters)
 
 
 def _unit(tools: Tools, law: LearnedLaw, times: str) -> str:
