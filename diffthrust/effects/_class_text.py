@@ -12,7 +12,7 @@ from diffthrust._support.literals import as_python
 from diffthrust.effects._expression import SHORT, keeps_sign
 from diffthrust.effects._formula import ARRIVING, Formula
 from diffthrust.effects._grammar import expression_of
-from diffthrust.effects._memory import rate_parts
+from diffthrust.effects._memory import rate_parts, start_of
 from diffthrust.models._base.described import plain_description
 from diffthrust.models._base.parameter import Parameter
 
@@ -140,12 +140,11 @@ def _memory(formula: Formula) -> str:
         goal, pull = rate_parts(one)
         if pull is None:
             rate = _spelt(goal, formula)
-            settled[name] = ast.Constant(0.0)
         else:
             lines += [_assigned(f"{name}_goal", _spelt(goal, formula)),
                       _assigned(f"{name}_pull", _spelt(pull, formula))]  # fmt: skip
             rate = f"dft.models.Relaxing({name}_pull * ({name}_goal - s.{name}), {name}_pull)"
-            settled[name] = _Started(settled).of(one.of)
+        settled[name] = _Started(settled).of(start_of(one))
         rates.append(_entry(name, rate))
         starts.append(_entry(name, _spelt(settled[name], formula)))
     if not rates:

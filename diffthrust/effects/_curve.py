@@ -165,7 +165,7 @@ class Curve(MadeEffect):
         return memory_rates(expression_of(self.signal), self._named(value, s))
 
     def initial(self, value: Signal, s: Signals) -> Mapping[str, Signal | float]:
-        """Settled at what the signal is when the log begins; integrals at zero."""
+        """Of the states of what remembers."""
         return memory_starts(expression_of(self.signal), self._named(value, s))
 
     def _copy(self, **attributes: Any) -> Curve:

@@ -104,7 +104,7 @@ class Formula(MadeEffect):
         return memory_rates(expression_of(self.expression), self._named(value, s))
 
     def initial(self, value: Signal, s: Signals) -> Mapping[str, Signal | float]:
-        """Settled; integrals at zero."""
+        """Of the states of what remembers."""
         return memory_starts(expression_of(self.expression), self._named(value, s))
 
     @property

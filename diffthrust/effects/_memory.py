@@ -4,7 +4,8 @@
 moved b away from it, and is then pushed along: the play, or backlash, of half the width b, of which
 ``x - play(x, b)`` is how far x has gone since it turned (the stop; Visintin 1994, chapter III).
 ``integral(x)`` is the time integral since the log began: that of a velocity is a position, and
-``integral(1)`` the time. The first two begin settled, the last at zero.
+``integral(1)`` the time. A lag begins settled, a play as it is when x has come there from zero, an
+integral at zero.
 """
 
 from __future__ import annotations
@@ -106,9 +107,15 @@ def memory_starts(law: Expression, names: Callable[[str], Any]) -> dict[str, Sig
     """The states at the start of a log."""
     out: dict[str, Signal | float] = {}
     for memory in law.memories:
-        settled = valued(memory.of, _with(out, names), jnp)
-        out[memory.state] = 0.0 if memory.kind == "integral" else settled
+        out[memory.state] = valued(start_of(memory), _with(out, names), jnp)
     return out
+
+
+def start_of(memory: Memory) -> ast.expr:
+    """Where a memory begins."""
+    if memory.kind == "lag":
+        return memory.of
+    return _pushed(memory, ast.Constant(0.0)) if memory.kind == "play" else ast.Constant(0.0)
 
 
 def value_along(
@@ -143,7 +150,7 @@ def _lagging(series: np.ndarray, size: float, time: np.ndarray) -> np.ndarray:
 
 
 def _played(series: np.ndarray, size: float, time: np.ndarray) -> np.ndarray:
-    out, at = [], float(series[0])
+    out, at = [], 0.0
     for value in series.tolist():
         at = min(max(at, value - size), value + size)
         out.append(at)
