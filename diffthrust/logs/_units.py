@@ -295,3 +295,19 @@ def si_unit(unit: str, channel: str = "", where: Place | str = "") -> str:
         if other[0].dimensionality == base.dimensionality and other[1] == angle:
             return name
     return f"{base:~C}" or "dimensionless"
+
+
+def product_unit(*powers: tuple[str, int]) -> str:
+    """The unit of a product of powers; "" for a pure number, and where one of them is no unit.
+
+    Example:
+        >>> product_unit(("rad/s^2", 1), ("rad/s", -2))
+        '1/rad'
+    """
+    try:
+        product = _parse("")
+        for unit, power in powers:
+            product = product * _parse(unit) ** power
+    except InputError:
+        return ""
+    return f"{product:~C}".replace("**", "^").replace("*", " ").replace("dimensionless", "")

@@ -16,6 +16,7 @@ from diffthrust.diagnosis._learning.ground import Ground
 from diffthrust.effects._curve import Curve
 from diffthrust.effects._formula import Formula
 from diffthrust.effects._grammar import expression_of
+from diffthrust.logs._units import product_unit
 from diffthrust.models._base.made_effect import ARRIVING
 
 _PLACES, _WIDTHS, _EXPONENTS = 17, (0.05, 0.1, 0.2, 0.4), (0.5, 1.5, 2.5, 3.5)
@@ -123,8 +124,7 @@ def formula_of(match: Match, curve: Curve, unit: str, signal_unit: str) -> Formu
     law = f"{match.times} * ({text})" if match.times else text
     if match.times == ARRIVING:
         law = f"value * (1 + {text})"
-    per = f"({signal_unit})^{form.per}" if form.per > 1 else f"({signal_unit})"
-    amplitude = f"({unit or '1'})/{per}" if form.per and signal_unit else unit
+    amplitude = product_unit((unit, 1), (signal_unit, -form.per))
     span = curve.high - curve.low
     told = {
         "a": {"unit": amplitude, "value": match.values["a"], "null": 0.0,
@@ -132,7 +132,7 @@ def formula_of(match: Match, curve: Curve, unit: str, signal_unit: str) -> Formu
         "b": {"unit": signal_unit, "bounds": _short(curve.low - span, curve.high + span)},
         "c": {"unit": signal_unit, "bounds": _short(_LEAST_WIDTH * span, 10.0 * span)},
         "p": {"unit": "", "bounds": (0.1, 6.0)},
-        "k": {"unit": f"rad/({signal_unit})" if signal_unit else "rad",
+        "k": {"unit": product_unit(("rad", 1), (signal_unit, -1)),
               "bounds": _short(1.0 / span, 10.0 * _WAVES / span)},
     }  # fmt: skip
     own = {n: {**told[n], "value": match.values[n]} for n in ("a", *form.parameters)}

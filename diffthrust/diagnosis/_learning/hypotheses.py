@@ -13,6 +13,7 @@ from diffthrust.diagnosis._structure import Observed, behind
 from diffthrust.diagnosis._trials import Trials
 from diffthrust.effects._grammar import expression_of
 from diffthrust.effects._memory import value_along
+from diffthrust.logs._units import product_unit
 from diffthrust.models._base.made_effect import ARRIVING
 from diffthrust.simulation._inputs import inputs_of
 
@@ -84,8 +85,7 @@ def unit_of(signal: str, units: Mapping[str, str]) -> str:
     law, known = expression_of(signal), dict(units)
     for one in law.memories:
         inner = _unit(one.of, known)
-        longer = f"{inner} s".strip() if inner or isinstance(one.of, ast.Constant) else ""
-        known[one.state] = longer if one.kind == "integral" else inner
+        known[one.state] = product_unit((inner, 1), ("s", 1)) if one.kind == "integral" else inner
     return _unit(law.tree, known)
 
 
@@ -93,8 +93,7 @@ def _unit(node: ast.AST, units: Mapping[str, str]) -> str:
     if isinstance(node, ast.Name):
         return units.get(node.id, "")
     if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow):
-        inner = _unit(node.left, units)
-        return f"({inner})^{ast.unparse(node.right)}" if inner else ""
+        return product_unit((_unit(node.left, units), int(ast.unparse(node.right))))
     if isinstance(node, ast.Call):
         return _unit(node.args[0], units)
     return _unit(node.left, units) if isinstance(node, ast.BinOp) else ""

@@ -28,6 +28,7 @@ from diffthrust.diagnosis._trials import TrialFit
 from diffthrust.diagnosis._worth import Worth, worth_of
 from diffthrust.effects._curve import Curve
 from diffthrust.estimation._result import Fit
+from diffthrust.logs._units import product_unit
 from diffthrust.models._base.made_effect import ARRIVING
 from diffthrust.models._base.model import Model
 
@@ -211,7 +212,7 @@ def _unit(tools: Tools, law: LearnedLaw, times: str) -> str:
     if times == ARRIVING:
         return ""
     per = unit_of(times, units_at(tools.trials, law.curve.port)) if times else ""
-    return f"({law.port_unit})/({per})" if per else law.port_unit
+    return product_unit((law.port_unit, 1), (per, -1))
 
 
 def _as_good(fit: Fit, other: Fit, times: float = _AS_GOOD) -> bool:
