@@ -178,7 +178,9 @@ def test_a_value_or_a_description_or_some_fields():
     for wrong in (True, "3", None, [1.0]):
         with pytest.raises(InputError, match="Expected a number for a parameter"):
             changed(OLD, wrong)
-    with pytest.raises(InputError, match=r"Expected a parameter in the unit of command, found one in kg"):
+    with pytest.raises(
+        InputError, match=r"Expected a parameter in the unit of command, found one in kg"
+    ):
         changed(OLD, Parameter(1.0, "kg"))
 
 
