@@ -5,13 +5,17 @@ import pytest
 
 import diffthrust as dft
 from diffthrust import InputError, Normal
-from diffthrust.effects import Curve, Formula, finite
+from diffthrust.effects import (
+    Curve,
+    Formula,
+    _formula,  # private: told by no result
+    finite,
+)
 from diffthrust.effects._class_text import (  # private: written by the command
     class_name,
     effect_class_text,
     effect_test_text,
 )
-from diffthrust.effects._formula import _level  # private: told by no result
 from diffthrust.effects._grammar import expression_of  # private: read by formulas
 from diffthrust.models import Relaxing, Signals
 
@@ -146,10 +150,10 @@ def test_how_much_a_formula_adds():
     rng = np.random.default_rng(0)
     speed = 20.0 * {n: rng.uniform(-1, 1, 256) for n in ("value", *formula.reads)}["speed"]
     expected = np.quantile(0.3 * speed**2, 0.9)
-    assert _level(formula, {"a": 0.3}, levels) == pytest.approx(expected, rel=1e-12)
-    assert _level(formula, {"a": 0.3}, {"speed": 20.0}) == 0.0
+    assert _formula._level(formula, {"a": 0.3}, levels) == pytest.approx(expected, rel=1e-12)
+    assert _formula._level(formula, {"a": 0.3}, {"speed": 20.0}) == 0.0
     late = Formula("shaft", "a * time", a="rad/s^3")
-    assert _level(late, {"a": 2.0}, {"time": 30.0}) == pytest.approx(54.0, rel=0.1)
+    assert _formula._level(late, {"a": 2.0}, {"time": 30.0}) == pytest.approx(54.0, rel=0.1)
 
 
 def test_sizes_are_taken_only_where_there_are_none():
