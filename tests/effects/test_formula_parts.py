@@ -56,6 +56,14 @@ def test_what_an_expression_is_worth(text, value):
     assert float(worked_out(text, x=-2.0, p=1.5)) == pytest.approx(value, rel=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("text", "place"), [("a * * speed", 5), ("  a * * speed", 7), ("   a *", 4)]
+)
+def test_where_a_text_cannot_be_read(text, place):
+    with pytest.raises(InputError, match=f"character {place}: this cannot be read"):
+        expression_of(text)
+
+
 def test_how_long_and_how_deep_an_expression_may_be():
     assert expression_of("a" + "+1" * 38).text
     with pytest.raises(InputError, match="nested more than 40 deep"):

@@ -125,6 +125,8 @@ def tobit(rest, side, s):
 
 @pytest.mark.parametrize("known", KNOWN)
 def test_samples_at_a_rail(known):
+    law = Censored()
+    assert (law.word, law.closed, law.censors, law.forgiving) == ("gaussian", False, True, False)
     cost, sigma = Censored().cost(RESTS, NUMBERS, known)
     total = 0.0
     for c in (0, 1):
