@@ -6,11 +6,6 @@ from dataclasses import is_dataclass
 
 import equinox as eqx
 
-import diffthrust.effects
-import diffthrust.estimation
-import diffthrust.models
-import diffthrust.simulation
-import diffthrust.uncertainty
 from diffthrust._support.results import Brief  # private: what prints itself in a line
 
 BY_IDENTITY = {  # they hold series, of which no one truth can be told
