@@ -283,6 +283,8 @@ def test_a_posterior_that_is_apart():
     assert "the draws follow the density of the prior" in posterior(1.3, 2.7, prior=True)
     drawn = {"profile": Interval(1.5, 3.0), "posterior": Interval(1.2, 3.0)}
     assert "a posterior averages over the other parameters" in arms(1.5, 3.0, intervals=drawn)
+    drawn = {"profile": Interval(1.0, 2.5), "posterior": Interval(1.0, 2.8)}
+    assert "a posterior averages over the other parameters" in arms(1.0, 2.5, intervals=drawn)
     open_end = {"profile": Interval(None, 2.5), "posterior": Interval(-9.0, 2.5)}
     assert "posterior" not in arms(None, 2.5, intervals=open_end)
 
