@@ -64,6 +64,12 @@ def test_where_a_text_cannot_be_read(text, place):
         expression_of(text)
 
 
+def test_expressions_of_the_same_text_are_the_same():
+    one, other = expression_of("a * speed"), expression_of("a * speed ")
+    assert one != other
+    assert hash(one) == hash(expression_of("a * speed"))
+
+
 def test_how_long_and_how_deep_an_expression_may_be():
     assert expression_of("a" + "+1" * 38).text
     with pytest.raises(InputError, match="nested more than 40 deep"):
@@ -233,6 +239,15 @@ def test_the_text_of_a_class():
     tests = effect_test_text(formula, "tip_loss")
     assert 'reads = ("speed",)' in tests or '("speed",)' in tests
     assert 'MOVED = {"a": 0.5, "p": 1.5, "b": 0.62' in tests.replace("0.62345678", "0.62")
+
+
+def test_the_text_of_a_class_is_as_wide_as_a_terminal_and_no_wider():
+    widest = set()
+    for count in range(20):
+        formula = Formula("shaft", "a * speed" + "*speed" * count, a="")
+        text = effect_class_text(formula, "one")
+        widest.add(max(map(len, text.partition('name = "one"')[0].splitlines())))
+    assert max(widest) == 80
 
 
 @pytest.mark.parametrize(

@@ -134,6 +134,11 @@ def test_numbers_too_large_to_be_squared():
     small = log.replaced(measured={"speed": np.ones(3)})
     assert too_large(model, small, {"speed": np.ones(3)}) == ""
     assert "simulated up to 1e+170" in too_large(model, small, {"speed": np.full(3, 1e170)})
+    both = Log([0.0, 1.0], {"command": np.ones(2)}, {"speed": np.ones(2), "thrust": np.ones(2)})
+    second = {"speed": np.ones(2), "thrust": np.full(2, 1e170)}
+    assert "numbers of thrust are too large" in too_large(model, both, second)
+    alone = Log([0.0, 1.0], {"command": np.ones(2)}, {"thrust": np.ones(2)})
+    assert "numbers of thrust" in too_large(model, alone, second)
 
 
 def test_what_has_been_simulated_is_remembered_for_a_while():
@@ -184,7 +189,10 @@ def test_the_start_with_which_a_run_errs_least():
     time = np.linspace(0.0, 3.0, 40)
     measured = 5.0 * np.exp(-0.8 * time) + 2.0 * np.exp(-3.0 * time)
 
+    asked = []
+
     def ran(x):
+        asked.append(x)
         return {"fast": x[1] * np.exp(-3.0 * time), "slow": x[0] * np.exp(-0.8 * time)}
 
     def off(path):
@@ -198,6 +206,7 @@ def test_the_start_with_which_a_run_errs_least():
     held = pull @ [1.0, -4.0]
     best = np.linalg.lstsq(np.vstack([rows, pull]), np.append(measured / 0.01, held), rcond=None)
     np.testing.assert_allclose(found, best[0], rtol=1e-6)
+    assert len(asked) < 15  # of three runs a step
     far = _starts._least(lambda x: {"x": x}, lambda path: np.array([path["x"][0] - 90.0]), {"x": 1})
     assert far[0] == pytest.approx((90.0 + 0.01) / 1.01, rel=1e-6)
     bent = _starts._least(
