@@ -104,3 +104,12 @@ def test_a_law_as_an_effect_writes_it(law, written):
 def test_another_value_is_within_the_bounds(fields, moved):
     formula = Formula("shaft", "c * speed * abs(speed)**a", c="", a=fields)
     assert f'"a": {moved!r}' in effect_test_text(formula, "one")
+
+
+def test_a_law_of_more_than_65_characters_is_wrapped():
+    for name, lines in (("ab", 1), ("abc", 2)):
+        law = f"{name} * speed" + " * speed" * 4
+        code = effect_class_text(Formula("shaft", law, **{name: ""}), "one")
+        written = code.partition('`s`."""\n')[2].splitlines()
+        assert (written[0].strip() == "return (") == (lines == 2)
+        assert lines == 2 or len(written[0]) == 8 + len("return ") + 65

@@ -59,6 +59,14 @@ def test_where_a_text_cannot_be_read(text, place):
         expression_of(text)
 
 
+def test_a_long_text_is_shown_from_fifty_before_its_mark():
+    text = "a + " * 40 + "$" + " + b" * 40
+    with pytest.raises(InputError) as refused:
+        expression_of(text)
+    _, shown, mark, _ = str(refused.value).splitlines()
+    assert (shown, mark) == (f"    {text[110:210]}", " " * 54 + "^")
+
+
 def test_expressions_of_the_same_text_are_the_same():
     one, other = expression_of("a * speed"), expression_of("a * speed ")
     assert one != other
