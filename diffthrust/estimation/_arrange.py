@@ -54,7 +54,7 @@ def build(
         measured = sorted({name for log in logs for name in log.measured})
         raise InputError(
             f"No log measures an output of '{model.name}': expected one of "
-            f"{listing(model.outputs)}, found {listing(measured) or 'none'}.",
+            f"{listing(model.outputs)}, found {listing(measured)}.",
             "Map a column to one of these channels.",
         )
     given = logs

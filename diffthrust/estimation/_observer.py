@@ -132,7 +132,7 @@ def observer_for(model: Model, logs: Sequence[Log]) -> Observer:
     if len(prescribed) > 1:
         raise InputError(
             f"The innovations form needs logs that drive the model alike; '{model}' is given "
-            f"{' and '.join(listing(names) or 'no state' for names in prescribed)} as an input.",
+            f"{' and '.join(listing(names) for names in prescribed)} as an input.",
             "Fit these logs apart, or use likelihood='simulation'.",
         )
     channels = measured_outputs(model, logs)
@@ -141,7 +141,7 @@ def observer_for(model: Model, logs: Sequence[Log]) -> Observer:
     if not observer.fed:
         raise InputError(
             f"The innovations form needs a measured state of '{model}': expected one of "
-            f"{listing(model.states) or 'none that it has'}, found {listing(channels) or 'none'}.",
+            f"{listing(model.states)}, found {listing(channels)}.",
             "Map a column to one of these channels, or use likelihood='simulation'.",
         )
     return observer

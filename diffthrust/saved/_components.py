@@ -49,8 +49,8 @@ def component_made(
     differing = sorted(set(saved) ^ set(thing._parameters))
     if differing:
         raise InputError(
-            f"The {what} '{name}' was saved with the parameters {listing(saved) or 'none'}; its "
-            f"class {cls.__name__} has {listing(thing._parameters) or 'none'} now.",
+            f"The {what} '{name}' was saved with the parameters {listing(saved)}; its "
+            f"class {cls.__name__} has {listing(thing._parameters)} now.",
             "Fit again with the class as it is, or load with the one that it was.",
         )
     return thing._copy(_parameters=saved, **{key: p.value for key, p in saved.items()})

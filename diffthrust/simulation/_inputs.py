@@ -39,7 +39,7 @@ def inputs_of(model: Model, log: Log) -> dict[str, np.ndarray]:
         if name not in log.inputs:
             raise InputError(
                 f"{log.name}: the model '{model.name}' needs the input '{name}'; the log has "
-                f"{listing(log.inputs) or 'no inputs'}.",
+                f"{listing(log.inputs)}.",
                 f"Map a column to the channel '{name}'.",
             )
     for name in model.commanded:

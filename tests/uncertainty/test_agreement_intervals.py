@@ -143,9 +143,16 @@ def test_noise_that_grows_with_the_signal_calls_for_the_sandwich():
     assert "where this parameter acts most" in found["slope"].sentences[0]
 
 
+class Marked(dict):
+    """Draws that say of which fit they are."""
+
+    attrs = {"fit": "of another"}
+
+
 @pytest.mark.parametrize(
     ("posterior", "match"),
     [
+        (SimpleNamespace(posterior=Marked()), "drawn from another fit"),
         (SimpleNamespace(posterior={}), "alpha"),
         (object(), "posterior"),
         (

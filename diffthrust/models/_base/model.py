@@ -85,9 +85,9 @@ class Model(Component):
             'rad/s^2 per full effort'
         """
         if unit not in self.commands and (unit or self.commands):
+            known = listing(self.commands) if self.commands else "the unit that it names itself"
             raise InputError(
-                f"{type(self).__name__}: expected a command in "
-                f"{listing(self.commands) or 'the unit that it names itself'}, found {unit!r}.",
+                f"{type(self).__name__}: expected a command in {known}, found {unit!r}.",
                 "Name one of these units.",
             )
         inputs = {**self.inputs, **dict.fromkeys(self.commanded, unit)} if unit else self.inputs
@@ -268,8 +268,7 @@ class Model(Component):
         kept = tuple(effect for effect in self.effects if effect.name != name)
         if len(kept) == len(self.effects):
             raise InputError(
-                f"{self} has no effect '{name}'; "
-                f"it has {listing([e.name for e in self.effects]) or 'none'}.",
+                f"{self} has no effect '{name}'; it has {listing([e.name for e in self.effects])}.",
                 "Correct the name.",
             )
         return self._copy(effects=kept)

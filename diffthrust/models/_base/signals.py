@@ -93,6 +93,6 @@ def expect(where: str, what: str, names: Iterable[str], found: Mapping[str, obje
     missing = [name for name in names if name not in found]
     if missing:
         raise InputError(
-            f"{where}: expected a {what} {listing(missing)}, found {listing(found) or 'none'}.",
+            f"{where}: expected a {what} {listing(missing)}, found {listing(found)}.",
             f"Return a value for {listing(missing)}.",
         )

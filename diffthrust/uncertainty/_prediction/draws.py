@@ -169,7 +169,7 @@ def _of_posterior(
     if absent:
         raise InputError(
             f"The posterior has no draws of {listing(absent)}, which the model '{model}' leaves "
-            f"free; it has {listing(drawn) or 'none of its parameters'}.",
+            f"free; it has {listing(drawn)}.",
             "Give the model that was sampled, or the fit that it was sampled from.",
         )
     if fit is not None:

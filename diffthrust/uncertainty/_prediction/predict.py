@@ -187,7 +187,7 @@ def predict(
     if not channels:
         raise InputError(
             f"{log.name}: no output of '{drawn.model.name}' is measured: expected one of "
-            f"{listing(drawn.model.outputs)}, found {listing(log.measured) or 'none'}.",
+            f"{listing(drawn.model.outputs)}, found {listing(log.measured)}.",
             "Map a column to one of these channels.",
         )
     drawn, notes = _with_noise(drawn, log, channels, noise)

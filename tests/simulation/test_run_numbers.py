@@ -1,0 +1,278 @@
+"""Numbers of a run: its errors, where it fails, how fine its step is, where it began."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import diffthrust as dft
+from diffthrust import InputError, Log
+from diffthrust.simulation import _starts, _step_size  # private: the search, the choice alone
+from diffthrust.simulation._errors import errors, unwrapped, wrapped  # private: each alone
+from diffthrust.simulation._fixed_step import checked_initial, starting_states  # private: as above
+from diffthrust.simulation._linearise import slopes_at  # private: told by no result
+from diffthrust.simulation._overflow import overflow, too_large  # private: the sentences alone
+from diffthrust.simulation._remembered import remembered, simulated_once  # private: as a run does
+from diffthrust.simulation._runs import are_tables, pooled_errors, runs_over  # private: as a fit
+from diffthrust.simulation._step_size import fewest_steps, sensor_noise  # private: each alone
+
+RNG = np.random.default_rng(6)
+
+
+def test_errors_are_pooled_over_runs():
+    measured = [RNG.normal(3.0, 2.0, 40), RNG.normal(-1.0, 1.0, 25)]
+    rests = [RNG.normal(size=40), RNG.normal(0.5, 1.0, 25)]
+    measured[0][3:6] = np.nan
+    pairs = {"a": list(zip(measured, rests, strict=True)), "b": [(np.full(4, 2.0), np.ones(4))]}
+    pairs["c"] = [(np.full(3, np.nan), np.zeros(3))]
+    found = errors(pairs, {"a": "V"})
+    seen = np.isfinite(np.concatenate(measured))
+    y, rest = np.concatenate(measured)[seen], np.concatenate(rests)[seen]
+    a = found.channels["a"]
+    assert a.rmse == pytest.approx(np.sqrt(np.mean(rest**2)), rel=1e-12)
+    assert a.nrmse == pytest.approx(a.rmse / np.std(y), rel=1e-12)
+    away = 1.0 - np.linalg.norm(rest) / np.linalg.norm(y - y.mean())
+    assert a.fit_percent == pytest.approx(100.0 * away, rel=1e-9)
+    assert (a.samples, a.unit, a.shown) == (62, "V", (a.rmse, "V"))
+    b = found.channels["b"]
+    assert (b.rmse, b.samples) == (1.0, 4)
+    assert np.isnan([b.nrmse, b.fit_percent, found.nrmse]).all()
+    assert set(found.channels) == {"a", "b"}
+    two = errors({"a": pairs["a"], "d": [(y, 2.0 * rest)]})
+    assert two.nrmse == pytest.approx(a.nrmse * np.sqrt(2.5), rel=1e-12)
+    assert np.isnan(errors({}).nrmse)
+
+
+def test_an_error_that_is_not_finite_is_infinite():
+    y = np.arange(4.0)
+    lost = errors({"a": [(y, np.array([0.0, np.nan, 0.0, 0.0]))]}).channels["a"]
+    assert (lost.rmse, lost.nrmse, lost.fit_percent, lost.samples) == (np.inf, np.inf, -np.inf, 4)
+    y[1] = np.nan
+    assert np.isfinite(errors({"a": [(y, np.array([0.0, np.nan, 0.0, 1.0]))]}).nrmse)
+
+
+def test_angles():
+    angle = np.array([-9.0, -3.2, -3.1, 0.4, 3.1, 3.2, 6.0, 50.0])
+    np.testing.assert_allclose(wrapped(angle), np.angle(np.exp(1j * angle)), rtol=1e-9)
+    turning = np.linspace(0.0, 20.0, 60)
+    seen = np.angle(np.exp(1j * turning))
+    seen[7] = np.nan
+    np.testing.assert_allclose(np.delete(unwrapped(seen) - turning, 7), 0.0, atol=1e-12)
+    assert np.isnan(unwrapped(seen)[7])
+    assert np.isnan(seen[7])
+
+
+@pytest.mark.parametrize("count", [3, 4, 12, 51])
+def test_the_noise_of_a_sensor_is_the_median_of_its_bends(count):
+    y = RNG.normal(size=count)
+    y = np.insert(y, 2, np.nan)
+    bends = np.abs(np.diff(np.delete(y, 2), 2))
+    assert sensor_noise(y) == pytest.approx(np.median(bends) / 0.6745 / np.sqrt(6.0), rel=1e-12)
+
+
+def test_a_sensor_without_noise_has_a_scale_too():
+    line = np.linspace(2.0, 5.0, 31)
+    assert sensor_noise(line) == pytest.approx(1e-4 * np.std(line), rel=1e-9)
+    assert sensor_noise(np.full(9, -40.0)) == pytest.approx(4e-8)
+    assert sensor_noise(np.zeros(9)) == 1.0
+    assert sensor_noise(np.array([1.0, 4.0])) == 3.0
+    assert sensor_noise(np.array([4.0])) == 1.0
+
+
+def test_steps_are_halved_until_the_error_is_a_hundredth_of_the_noise(monkeypatch):
+    asked = []
+
+    def simulated(model, log, initial, substeps):
+        asked.append(substeps)
+        return {"speed": np.full(5, 16.0 / substeps**4), "thrust": np.zeros(5)}
+
+    monkeypatch.setattr(_step_size, "simulate_fixed", simulated)
+    log = Log(0.1 * np.arange(5), {"command": np.ones(5)}, {"speed": RNG.normal(size=5)},
+              noise={"speed": 0.5})  # fmt: skip
+    # between k and 2 k steps they differ by 15 / k^4: 30, 1.9, 0.12, 0.0073 of the noise
+    assert fewest_steps(dft.Thruster(), log, None) == (8, {"speed": pytest.approx(30.0 / 8**4)})
+    assert asked == [1, 2, 2, 4, 4, 8, 8, 16]
+    assert fewest_steps(dft.Thruster(), log, None, tolerance=0.5)[0] == 4
+    assert fewest_steps(dft.Thruster(), log, None, tolerance=30.0)[0] == 1
+    most = {"speed": pytest.approx(30.0 / 32**4)}
+    assert fewest_steps(dft.Thruster(), log, None, tolerance=1e-9) == (32, most)
+    asked.clear()
+    fewest_steps(dft.Thruster(), log, None, {"speed": np.full(5, 2.0)}, tolerance=3.0)
+    assert asked == [2]  # the first was given
+    assert fewest_steps(dft.LinearSensor(), log, None) == (1, {})
+    assert fewest_steps(dft.Thruster(), log.slice(0.0, 0.05), None) == (1, {})
+    with pytest.warns(dft.CoarseStepWarning, match=r"with 32 .* of 'speed' is still 2\.9e-05"):
+        assert _step_size.choose_substeps(dft.Thruster(), log, tolerance=1e-9) == 32
+    assert _step_size.choose_substeps(dft.Thruster(), log, tolerance=1e-9, warn=False) == 32
+
+
+def test_where_a_simulation_leaves_the_finite_numbers():
+    model = dft.Thruster()
+    log = Log(0.5 * np.arange(6), {"command": np.ones(6)}, name="run")
+    fine = {"speed": np.arange(6.0), "thrust": np.arange(6.0)}
+    assert overflow(model, log, fine) == ""
+    lost = {"speed": np.array([0.0, 1.5, 9e9, np.inf, 0.0, 0.0]), "thrust": np.full(6, np.nan)}
+    assert overflow(model, log, {**fine, "speed": lost["speed"]}) == (
+        "run: the simulation leaves the finite numbers at t = 1.5 s, where the state 'speed' is "
+        "infinite (one sample earlier speed 9e+09 rad/s)."
+    )
+    assert overflow(model, log, {**fine, "thrust": lost["thrust"]}) == (
+        "run: the simulation leaves the finite numbers at t = 0 s, where the output 'thrust' is "
+        "no number (speed 0 rad/s)."
+    )
+    first = {"speed": np.array([np.nan, *np.ones(5)]), "thrust": np.array([np.nan, *np.ones(5)])}
+    assert "at t = 0 s, where the state 'speed' is no number." in overflow(model, log, first)
+
+
+def test_numbers_too_large_to_be_squared():
+    model, y = dft.Thruster(), np.array([1.0, -1e200, np.nan])
+    log = Log([0.0, 1.0, 2.0], {"command": np.ones(3)}, {"speed": y}, name="run")
+    found = too_large(model, log, {"speed": np.array([0.0, -3e5, 0.0])})
+    assert found == (
+        "run: numbers of speed are too large to be squared: measured up to 1e+200 rad/s, simulated "
+        "up to 3e+05 rad/s. Is its unit right?"
+    )
+    small = log.replaced(measured={"speed": np.ones(3)})
+    assert too_large(model, small, {"speed": np.ones(3)}) == ""
+    assert "simulated up to 1e+170" in too_large(model, small, {"speed": np.full(3, 1e170)})
+    both = Log([0.0, 1.0], {"command": np.ones(2)}, {"speed": np.ones(2), "thrust": np.ones(2)})
+    second = {"speed": np.ones(2), "thrust": np.full(2, 1e170)}
+    assert "numbers of thrust are too large" in too_large(model, both, second)
+    alone = Log([0.0, 1.0], {"command": np.ones(2)}, {"thrust": np.ones(2)})
+    assert "numbers of thrust" in too_large(model, alone, second)
+
+
+def test_what_has_been_simulated_is_remembered_for_a_while():
+    log, ran = Log([0.0, 1.0]), []
+
+    def once():
+        ran.append(1)
+        return {"x": np.zeros(2)}
+
+    for _ in range(2):
+        remembered("asked", log, once)
+    assert len(ran) == 2
+    with simulated_once():
+        first = remembered("asked", log, once)
+        first["x"][:] = 7.0  # what is given away is a copy
+        with simulated_once():
+            assert remembered("asked", log, once)["x"].tolist() == [0.0, 0.0]
+        remembered("other", log, once)
+    assert len(ran) == 4
+
+
+# Initial states.
+
+
+def test_initial_states_that_are_given():
+    model = dft.Thruster()
+    assert checked_initial(model, None) == {}
+    assert checked_initial(model, {"speed": np.float32(2.5)}) == {"speed": 2.5}
+    for wrong in (True, "3", np.nan, np.inf, [1.0], None):
+        with pytest.raises(InputError, match="finite number for the state 'speed'"):
+            checked_initial(model, {"speed": wrong})
+    with pytest.raises(InputError, match="no state 'spede'"):
+        checked_initial(model, {"spede": 1.0})
+    with pytest.raises(InputError, match="a mapping from states to values"):
+        checked_initial(model, [("speed", 1.0)])
+
+
+def test_where_states_begin_that_nobody_gives():
+    log = Log([0.0, 0.1, 0.2], {"command": [3.0, 1.0, 1.0]}, {"speed": [7.0, 8.0, 9.0]})
+    model = dft.DCMotorThruster()
+    begin = starting_states(model, log)
+    assert begin == pytest.approx({"current": 3.0 / 2.5604031, "speed": 7.0})
+    bare = Log([0.0, 0.1, 0.2], {"command": [3.0, 1.0, 1.0]})
+    assert starting_states(model, bare)["speed"] == 0.0
+
+
+def test_the_start_with_which_a_run_errs_least():
+    time = np.linspace(0.0, 3.0, 40)
+    measured = 5.0 * np.exp(-0.8 * time) + 2.0 * np.exp(-3.0 * time)
+
+    asked = []
+
+    def ran(x):
+        asked.append(x)
+        return {"fast": x[1] * np.exp(-3.0 * time), "slow": x[0] * np.exp(-0.8 * time)}
+
+    def off(path):
+        return (measured - path["fast"] - path["slow"]) / 0.01
+
+    found = _starts._least(ran, off, {"slow": 1.0, "fast": -4.0})
+    # a start ten sizes away counts like one sample that errs by the spread of its channel
+    sizes = np.array([1.0, 4.0])
+    rows = np.stack([np.exp(-0.8 * time), np.exp(-3.0 * time)], axis=1) / 0.01
+    pull = np.diag(1.0 / (10.0 * sizes))
+    held = pull @ [1.0, -4.0]
+    best = np.linalg.lstsq(np.vstack([rows, pull]), np.append(measured / 0.01, held), rcond=None)
+    np.testing.assert_allclose(found, best[0], rtol=1e-6)
+    assert len(asked) < 15  # of three runs a step
+    far = _starts._least(lambda x: {"x": x}, lambda path: np.array([path["x"][0] - 90.0]), {"x": 1})
+    assert far[0] == pytest.approx((90.0 + 0.01) / 1.01, rel=1e-6)
+    bent = _starts._least(
+        lambda x: {"x": x}, lambda path: 1e3 * (path["x"] ** 3 - 27.0), {"x": 0.5}
+    )
+    assert bent[0] == pytest.approx(3.0, rel=1e-5)
+    still = _starts._least(lambda x: {"x": x}, lambda path: np.full(1, np.nan), {"x": 0.5})
+    assert still[0] == 0.5
+
+
+# Runs.
+
+
+def straight(count, offset=0.0, name="log"):
+    depth = np.linspace(0.0, 2.0, count)
+    return Log(np.arange(float(count)), {"depth": depth}, {"reading": 0.2 * depth + offset},
+               name=name)  # fmt: skip
+
+
+def test_runs_and_their_errors():
+    model = dft.LinearSensor(slope=0.2, offset=0.0)
+    logs = [straight(5, 0.1, "one"), straight(9, 0.3, "two")]
+    runs = runs_over(model, logs)
+    assert [run.name for run in runs] == ["one", "two"]
+    assert runs[0].channels["reading"].residual == pytest.approx(np.full(5, 0.1))
+    assert runs[1].errors.channels["reading"].rmse == pytest.approx(0.3)
+    pooled = pooled_errors(runs).channels["reading"]
+    assert pooled.rmse == pytest.approx(np.sqrt((5 * 0.01 + 9 * 0.09) / 14))
+    assert pooled.samples == 14
+    assert pooled_errors(runs[:1]) is runs[0].errors
+    assert are_tables(model, runs)
+    assert not are_tables(dft.Thruster(), runs)
+    late = Log(1.0 + np.arange(5.0), {"depth": np.ones(5)}, {"reading": np.arange(5.0)})
+    assert not are_tables(model, runs_over(model, [logs[0], late]))
+    for wrong in ([{}], {"speed": 1.0}, [{}] * 3):
+        with pytest.raises(InputError, match="initial states for each of 2 logs"):
+            runs_over(model, logs, initial=wrong)
+
+
+def test_what_no_log_measures_cannot_be_run():
+    log = Log(np.arange(5.0), {"depth": np.ones(5)})
+    with pytest.raises(InputError, match="No log measures an output"):
+        runs_over(dft.LinearSensor(), [log])
+
+
+def test_slopes_of_rates_and_outputs():
+    log = Log(0.1 * np.arange(3), {"command": [1.0, -2.0, 0.5]}, {"speed": np.ones(3)})
+    rates, outputs = slopes_at(dft.Thruster(alpha=0.05, beta=30.0, ct=0.02), log)
+    speed = float(np.random.default_rng(0).uniform(0.3, 0.7))
+    state, port, given = rates["speed"]
+    assert float(state["speed"]) == pytest.approx(-0.1 * speed)
+    expected = {"drive": 1.0, "load": -1.0, "shaft": 1.0, "propeller": 0.0}
+    assert {n: float(v) for n, v in port.items()} == expected
+    assert float(given["command"]) == 30.0
+    by_state, by_port, _ = outputs["thrust"]
+    assert float(by_state["speed"]) == pytest.approx(0.04 * speed)
+    assert float(by_port["propeller"]) == 1.0
+    assert set(rates) == {"speed"}
+    assert set(outputs) == {"speed", "thrust"}
+    assert isinstance(by_state["speed"], jnp.ndarray)
+
+
+def test_a_run_in_the_units_of_its_log():
+    log = Log([0.0, 1.0, 2.0], {"depth": np.ones(3)}, {"reading": np.array([100.0, 120.0, 90.0])},
+              units={"reading": "mV"})  # fmt: skip
+    (run,) = runs_over(dft.LinearSensor(slope=0.1, offset=0.0), [log])
+    ours = run.channels["reading"]
+    np.testing.assert_allclose(ours.residual, [0.0, 0.02, -0.01], atol=1e-15)
+    assert ours.unit == "V"

@@ -1,0 +1,237 @@
+"""What a simulation takes from a log: a time base without gaps, starts, ranges, levels, units."""
+
+from itertools import pairwise
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+import diffthrust as dft
+from diffthrust import InputError, Log
+from diffthrust.simulation._bare import bare  # private: told by no result
+from diffthrust.simulation._commands import adopted, command_kind  # private: as a fit calls them
+from diffthrust.simulation._inputs import (  # private: each alone
+    bridged,
+    check_samples,
+    hold_of,
+    input_ranges,
+    inputs_of,
+    measured_outputs,
+    measured_start,
+)
+from diffthrust.simulation._levels import levels_over, levels_when_asked  # private: each alone
+
+
+def divided(time):
+    """The stamps without gaps, by a loop: wide steps in even parts of at most the median."""
+    usual, out = np.median(np.diff(time)), [time[0]]
+    for a, b in pairwise(time):
+        parts = int(np.ceil((b - a) / usual - 1e-6)) if b - a > 1.5 * usual else 1
+        out += [a + (b - a) * (k + 1) / parts for k in range(parts)]
+    return np.array(out)
+
+
+STEPS = np.array([0.1, 0.1, 0.149, 0.1, 0.151, 0.1, 0.1, 0.3, 0.1, 0.1, 0.75, 0.1, 0.05, 0.2])
+
+
+def gapped():
+    time = 4.0 + np.concatenate([[0.0], np.cumsum(STEPS)])
+    rng = np.random.default_rng(3)
+    inputs = {"command": rng.normal(size=15), "inflow": rng.normal(size=15)}
+    measured = {"speed": rng.normal(size=15)}
+    return Log(time, inputs, measured, hold={"command": "zero", "inflow": "linear"})
+
+
+def test_gaps_are_bridged_by_even_steps():
+    log = gapped()
+    longer, at = bridged(log)
+    np.testing.assert_allclose(longer.time, divided(log.time), rtol=1e-13)
+    np.testing.assert_allclose(longer.time[at], log.time, rtol=1e-15)
+    for name in ("command", "inflow"):
+        np.testing.assert_array_equal(longer.inputs[name][at], log.inputs[name])
+    run_on = np.interp(longer.time, log.time, log.inputs["inflow"])
+    np.testing.assert_allclose(longer.inputs["inflow"], run_on, rtol=1e-10)
+    last = np.searchsorted(log.time, longer.time + 1e-9, side="right") - 1
+    np.testing.assert_array_equal(longer.inputs["command"], log.inputs["command"][last])
+    seen = np.isfinite(longer.measured["speed"])
+    np.testing.assert_array_equal(np.flatnonzero(seen), at)
+    np.testing.assert_array_equal(longer.measured["speed"][seen], log.measured["speed"])
+
+
+def test_a_log_without_gaps_is_left_alone():
+    time = np.cumsum([0.0, 0.1, 0.149, 0.1, 0.051, 0.1, 0.1])
+    for log in (Log(time), Log(0.1 * np.arange(7.0))):
+        same, at = bridged(log)
+        assert same is log
+        np.testing.assert_array_equal(at, np.arange(7))
+
+
+def test_a_log_does_not_grow_more_than_tenfold():
+    time = np.concatenate([0.1 * np.arange(10.0), [500.0], 600.0 + 0.1 * np.arange(9.0)])
+    longer, at = bridged(Log(time, {"command": np.ones(20)}))
+    assert 0.98 * 200 < len(longer) <= 200
+    steps = np.diff(longer.time)
+    np.testing.assert_allclose(steps[9:-8].min(), steps[9:-8].max(), rtol=0.04)
+    np.testing.assert_array_equal(longer.time[at], time)
+
+
+def test_the_start_is_the_first_measurement_if_it_comes_early_enough():
+    def start(first, count=60, every=1):
+        speed = np.full(count, np.nan)
+        speed[first::every] = 3.0 + np.arange(count)[first::every]
+        log = Log(0.1 * np.arange(count), {"command": np.ones(count)}, {"speed": speed})
+        return measured_start(dft.Thruster(), log)
+
+    assert start(0) == {"speed": 3.0}
+    assert start(9) == {"speed": 12.0}
+    assert start(10) == {}
+    # a slow sensor: its first reading comes as soon as the others follow each other
+    assert start(14, every=15) == {"speed": 17.0}
+    assert start(16, every=15) == {}
+
+
+def test_a_state_that_the_log_prescribes_has_no_start():
+    log = Log([0.0, 0.1, 0.2], {"speed": np.ones(3)}, {"thrust": np.ones(3)})
+    assert measured_start(dft.Thruster(), log) == {}
+    assert set(inputs_of(dft.Thruster(), log)) == {"speed"}
+
+
+def test_ranges_and_holds_of_inputs():
+    logs = [gapped(), gapped().replaced(inputs={"command": np.array([9.0, *[np.nan] * 14])})]
+    ranges = input_ranges(dft.Thruster(), logs)
+    command = logs[0].inputs["command"]
+    assert ranges == {"command": (command.min(), 9.0)}
+    assert hold_of(logs[0], {"inflow": 1, "command": 2, "other": 3}) == (
+        ("command", "zero"),
+        ("inflow", "linear"),
+        ("other", "zero"),
+    )
+    assert measured_outputs(dft.Thruster(), logs) == ("speed",)
+
+
+def test_a_log_needs_one_step_more_where_something_is_integrated():
+    two = Log([0.0, 0.1], {"command": [1.0, 1.0]}, {"speed": [0.0, 1.0]})
+    with pytest.raises(InputError, match=r"expected at least 3 samples .* found 2"):
+        check_samples(dft.Thruster(), [two])
+    given = Log([0.0, 0.1], {"speed": [1.0, 1.0]}, {"thrust": [0.0, 1.0]})
+    check_samples(dft.Thruster(), [given])
+    one = given.slice(0.0, 0.05)
+    with pytest.raises(InputError, match=r"expected at least 2 samples .* found 1"):
+        check_samples(dft.Thruster(), [one])
+
+
+@pytest.mark.parametrize(
+    ("step", "count", "told"),
+    [
+        (0.9999, 9, None),  # the slowest time constant, 4 s, is four steps
+        (1.0, 9, "is it 'ms' rather than 's'"),
+        (1.0e-4, 60, None),  # the fastest, 5 ms, is fifty of them
+        (0.99e-4, 60, "a sample every 9.9e-05 s"),
+        (0.99e-4, 40, "a whole log of 0.003861 s"),
+        (0.99e-4, 3, "is it 's' rather than 'ms'"),
+    ],
+)
+def test_a_time_base_that_such_a_system_cannot_have(step, count, told):
+    log = Log(step * np.arange(count), {"command": np.ones(count)})
+    if told is None:
+        assert inputs_of(dft.Thruster(), log)["command"].size == count
+        return
+    with pytest.raises(InputError) as caught:
+        inputs_of(dft.Thruster(), log)
+    assert told in f"{caught.value} {caught.value.mend}"
+
+
+# How large signals are.
+
+
+def test_levels_are_the_90th_percentile_of_the_size_and_the_longest_duration():
+    rng = np.random.default_rng(1)
+    series = [{"a": rng.normal(size=31), "b": np.full(31, np.nan), "c": np.ones(31)}]
+    series += [{"a": rng.normal(size=17), "b": np.full(17, np.nan)}]
+    logs = [Log(0.1 * np.arange(n)) for n in (31, 17)]
+    levels = levels_over(series, logs)
+    both = np.abs(np.concatenate([one["a"] for one in series]))
+    assert levels == pytest.approx({"a": np.quantile(both, 0.9), "duration": 3.0})
+
+
+def test_levels_of_a_model_are_those_of_its_ports_states_and_outputs():
+    time = 0.05 * np.arange(80)
+    speed, command = 30.0 * np.sin(time), 2.0 * np.cos(1.7 * time)
+    log = Log(time, {"command": command}, {"speed": speed})
+    model = dft.Thruster()
+    levels = levels_when_asked(model, [log])()
+
+    def level(x):
+        return np.quantile(np.abs(x), 0.9)
+
+    assert levels["command"] == pytest.approx(level(command))
+    assert levels["speed"] == pytest.approx(level(speed))
+    assert levels["drive"] == pytest.approx(level(42.0 * command))
+    load = 0.037 * speed * np.abs(speed)
+    assert levels["load"] == pytest.approx(level(load))
+    assert levels["shaft"] == pytest.approx(level(42.0 * command - load))
+    assert levels["propeller"] == pytest.approx(level(0.019 * speed**2))
+    assert levels["duration"] == pytest.approx(time[-1])
+    unmeasured = Log(time, {"command": command}, {"thrust": np.ones(80)})
+    levels = levels_when_asked(model, [unmeasured])()
+    path = dft.simulate(model, unmeasured, substeps=1)["speed"]
+    assert levels["speed"] == pytest.approx(level(path))
+    assert levels["thrust"] == 1.0
+
+
+# In which unit a model is commanded.
+
+
+def test_the_unit_of_a_command_is_the_one_that_measures_the_same():
+    model = dft.Thruster()
+    assert command_kind(model, "mV") == "V"
+    assert command_kind(model, "rpm") == "rad/s"
+    assert command_kind(model, "") == "V"
+    assert command_kind(model, "kg") == "V"
+
+
+def commanded(unit, count=4):
+    return Log(
+        0.1 * np.arange(count), {"command": np.ones(count)}, units={"command": unit}, name=unit
+    )
+
+
+def test_a_model_takes_its_command_as_the_logs_have_it():
+    assert adopted(dft.Thruster(), [commanded("A")]).command == "A"
+    assert adopted(dft.Thruster(), [commanded("mV")]).command == "V"
+    assert adopted(dft.Thruster(), [Log([0.0, 0.1], {"speed": [1.0, 2.0]})]).command == "V"
+    with pytest.raises(InputError, match=r"different units: .*A in A.*V in V"):
+        adopted(dft.Thruster(), [commanded("A"), commanded("V")])
+    held = dft.Thruster().fix("beta")
+    with pytest.raises(InputError, match="beta is held or has a prior, in"):
+        adopted(held, [commanded("A")])
+    prior = dft.Thruster().replace(beta={"prior": dft.Normal(40.0, 1.0)})
+    with pytest.raises(InputError, match="beta is held or has a prior, in"):
+        adopted(prior, [commanded("A")])
+    assert adopted(held, [commanded("V")]) is held
+    assert adopted(dft.Thruster().fix("alpha"), [commanded("A")]).command == "A"
+    null = (dft.Thruster() + "command_saturation").replace(
+        {"command_saturation.limit": {"value": np.inf, "fixed": True}}
+    )
+    assert adopted(null, [commanded("A")]).command == "A"
+
+
+class Twice(dft.Effect):
+    """Acts inside and on a sensor."""
+
+    name = "twice"
+    ports: ClassVar = ("thrust", "propeller")
+    size: float = dft.parameter(0.1, null=0.0)
+
+    def at(self, port, value, s):
+        return value + self.size
+
+
+def test_a_bare_model_has_lost_what_only_its_sensors_do():
+    names = ["command_offset", "speed_sensor_scale", "linear_damping"]
+    model = dft.Thruster() + names + Twice()
+    assert [effect.name for effect in bare(model).effects] == [
+        "command_offset",
+        "linear_damping",
+        "twice",
+    ]

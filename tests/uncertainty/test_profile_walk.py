@@ -1,0 +1,228 @@
+"""The walk along a profile on likelihoods that are known in closed form."""
+
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import diffthrust as dft
+from diffthrust.uncertainty import _profile as profile_module  # private: its words for an end
+from diffthrust.uncertainty._profile_lines import (  # private: a line of one's own
+    ParameterLine,
+    ProfilePoint,
+    spread,
+)
+from diffthrust.uncertainty._profile_walk import DeeperError, root, walk  # private: the walk alone
+
+REACH = 1.96
+
+
+@dataclass
+class Known:
+    """A cost of one number, as the walk sees it."""
+
+    cost: object
+    best: float = 0.7
+    scale: float = 0.2
+    limits: tuple = (-np.inf, np.inf)
+    held: object = staticmethod(lambda x: x)
+    asked: list = field(default_factory=list)
+
+    def start(self):
+        return ProfilePoint(self.best, float(self.cost(self.best)), None, None, self.best)
+
+    def ends(self):
+        return self.limits
+
+    def reach(self, x, near):
+        self.asked.append(x)
+        at = self.held(x)
+        return ProfilePoint(at, float(self.cost(at)), None, None, x)
+
+    def value(self, x):
+        return x
+
+
+def quadratic(x):
+    return 3.0 + 0.5 * ((x - 0.7) / 0.2) ** 2
+
+
+def lopsided(x):
+    return 40.0 * (np.exp(-(x - 0.7)) + (x - 0.7))
+
+
+def quartic(x):
+    return -5.0 + ((x - 0.7) / 0.3) ** 4
+
+
+def cliff(x):
+    """Its root bends so much that plain regula falsi would come near from one side only."""
+    return np.exp(40.0 * abs(x - 0.7)) - 1.0
+
+
+@pytest.mark.parametrize("cost", [quadratic, lopsided, quartic, cliff])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_the_end_is_where_the_root_of_twice_the_drop_is_reached(cost, sign):
+    line = Known(cost)
+    side = walk(line, sign, REACH)
+    assert side.why is None
+    drop = cost(side.end) - cost(0.7)
+    assert np.sqrt(2 * drop) == pytest.approx(REACH, rel=2e-4)
+    assert sign * (side.end - 0.7) > 0
+    places = np.array([p.x for p in side.points])
+    assert np.all(np.diff(sign * places) > 0)
+    assert places[0] == 0.7
+    assert side.points[0].cost == cost(0.7)
+    # one point lies a little beyond, so that a figure shows the crossing
+    assert sign * (places[-1] - side.end) > 0
+    assert len(line.asked) < 14
+
+
+def test_a_quadratic_is_walked_in_thirds():
+    line = Known(quadratic, scale=0.21)
+    side = walk(line, 1.0, REACH)
+    third = 0.2 * REACH / 3
+    end = 0.7 + 3 * third
+    asked = [0.7 + 1.05 * third, 0.7 + 2.05 * third, 0.7 + 3.05 * third, end, end + 0.6 * third]
+    np.testing.assert_allclose(line.asked, asked, rtol=1e-12)
+    assert side.end == pytest.approx(end, rel=1e-12)
+    np.testing.assert_allclose([p.x for p in side.points], [0.7, *sorted(asked)], rtol=1e-12)
+
+
+@pytest.mark.parametrize("scale", [0.02, 2.0])
+def test_a_poor_guess_of_the_scale_is_mended_on_the_way(scale):
+    side = walk(Known(quadratic, scale=scale), -1.0, REACH)
+    assert side.end == pytest.approx(0.7 - 0.2 * REACH, rel=2e-4)
+
+
+def test_a_bound_ends_it():
+    line = Known(quadratic, limits=(0.6, 0.9))
+    low, high = walk(line, -1.0, REACH), walk(line, 1.0, REACH)
+    assert (low.end, low.why, high.end, high.why) == (None, "bound", None, "bound")
+    assert low.points[-1].x == 0.6
+    assert high.points[-1].x == 0.9
+    begun = walk(Known(quadratic, limits=(0.7, np.inf)), -1.0, REACH)
+    assert (begun.why, len(begun.points)) == ("bound", 1)
+    # the end lies within, but no room is left for a point beyond
+    near = 0.7 + 0.2 * REACH * 1.1
+    side = walk(Known(quadratic, limits=(-np.inf, near)), 1.0, REACH)
+    assert side.why is None
+    assert side.points[-1].x <= near
+
+
+def test_a_likelihood_that_never_falls_is_flat():
+    line = Known(lambda x: 0.0 * x)
+    side = walk(line, 1.0, REACH)
+    assert (side.end, side.why) == (None, "flat")
+    # each step is at most four times as long as the last, up to ten thousand standard errors
+    moves = np.diff([p.x for p in side.points])
+    np.testing.assert_allclose(moves[1:] / moves[:-1], 4.0)
+    assert side.points[-2].x - 0.7 <= 1e4 * 0.2 < side.points[-1].x - 0.7
+    assert walk(Known(lambda x: np.tanh(x) * 0.1, best=-3.0), 1.0, REACH).why == "flat"
+
+
+def test_a_simulation_that_fails_halves_and_halves_the_step():
+    def cost(x):
+        return quadratic(x) if abs(x - 0.7) < 0.21 else np.inf
+
+    line = Known(cost)
+    side = walk(line, 1.0, REACH)
+    assert (side.end, side.why) == (None, "fails")
+    assert side.points[-1].x < 0.91
+    alone = Known(lambda x: 1.0 if x == 0.7 else np.inf)
+    side = walk(alone, 1.0, REACH)
+    assert (side.why, len(side.points), len(alone.asked)) == ("fails", 1, 9)
+    steps = np.array(alone.asked) - 0.7
+    np.testing.assert_allclose(steps, REACH / 3 * 0.2 * 0.25 ** np.arange(9), rtol=1e-6)
+
+
+def test_a_quantity_that_the_bounds_hold_back():
+    line = Known(quadratic, held=lambda x: min(x, 0.85))
+    side = walk(line, 1.0, REACH)
+    assert (side.end, side.why) == (None, "stuck")
+    assert side.points[-1].x == pytest.approx(0.85)
+    still = Known(quadratic, held=lambda x: 0.7)
+    assert walk(still, 1.0, REACH).why == "stuck"
+    steps = np.array(still.asked) - 0.7
+    np.testing.assert_allclose(steps, REACH / 3 * 0.2 * 4.0 ** np.arange(4), rtol=1e-9)
+
+
+def test_a_lower_cost_on_the_way_ends_it_all():
+    def cost(x, depth):
+        return quadratic(x) - depth * (x > 0.8)
+
+    for depth in (0.5, 2.0):
+        with pytest.raises(DeeperError, match=r"lower cost than the fit's at 0\.8"):
+            walk(Known(lambda x, d=depth: cost(x, d + 0.3)), 1.0, REACH)
+    best = Known(lambda x: -0.999e-3 * (x != 0.7) + 0.0 * x)
+    assert walk(best, 1.0, REACH).why == "flat"  # rounding is no other optimum
+    with pytest.raises(DeeperError):
+        walk(Known(lambda x: -1.01e-3 * (x != 0.7)), 1.0, REACH)
+
+
+def test_the_root_is_that_of_twice_the_drop():
+    here, there = (ProfilePoint(0.0, c, None, None, 0.0) for c in (2.5, 4.5))
+    assert root(there, here) == pytest.approx(2.0)
+    assert root(here, there) == 0.0
+
+
+# A parameter as a line.
+
+
+def held(transform="linear", bounds=(None, None), z=(0.3, 1.2), low=-9.0, high=9.0, info=None):
+    info = np.array([[25.0, 6.0], [6.0, 4.0]]) if info is None else info
+    p = dft.Parameter(2.0, "V", bounds, transform=transform, size=0.5)
+    problem = SimpleNamespace(
+        free=("a", "b"),
+        named={"a": p, "b": p},
+        limits=lambda: (np.full(2, low), np.full(2, high)),
+    )
+    q = SimpleNamespace(information=info, gradient=np.array([0.5, -0.3]), cost=1.0)
+    return ParameterLine(problem, "a", ProfilePoint(0.0, 1.0, np.array(z), q, 0.0))
+
+
+def test_the_scale_of_a_line_is_its_standard_error_and_no_more_than_one():
+    line = held()
+    assert line.place == 0
+    inverse = np.linalg.inv([[25.0, 6.0], [6.0, 4.0]])
+    np.testing.assert_allclose(spread(line.problem, line.best), inverse, rtol=1e-9)
+    assert line.scale == pytest.approx(np.sqrt(inverse[0, 0]), rel=1e-9)
+    assert held(info=np.diag([0.04, 4.0])).scale == 1.0
+    # the other one at its bound says nothing
+    assert held(z=(0.3, 9.0)).scale == pytest.approx(0.2, rel=1e-9)
+    # at its own bound, by how steep the cost is there
+    assert held(z=(-9.0, 1.2)).scale == pytest.approx(1.0 / (5.0 + 0.5), rel=1e-9)
+    assert held(z=(9.0, 1.2), info=np.diag([0.01, 4.0])).scale == 1.0
+
+
+def test_the_ends_of_a_line_are_the_bounds_or_ten_decades_away():
+    assert held().ends() == (-9.0, 9.0)
+    ten = 10 * np.log(10)
+    assert held("log", (0, None)).ends() == pytest.approx((0.3 - ten, 0.3 + ten), abs=0.1)
+    assert held("log", (0.5, 3.0)).ends() == (-9.0, 9.0)
+    assert held("log", (0.5, None)).ends()[0] == -9.0
+    assert held("log", (0.0, 3.0)).ends()[1] == 9.0
+    line = held("linear", (0.1, None))
+    assert line.value(1.4) == pytest.approx(0.7)
+    assert line.value(0.1) == 0.1
+    assert (line.start().x, line.start().aim) == (0.3, 0.3)
+
+
+@pytest.mark.parametrize(
+    ("why", "limit", "words"),
+    [
+        (None, 3.0, None),
+        ("bound", 3.0, "reaches the bound 3"),
+        ("bound", np.inf, "the likelihood never falls far enough"),
+        ("flat", 3.0, "the likelihood never falls far enough"),
+        ("stuck", 3.0, "the bounds of the parameters allow no more: 0.1235"),
+        ("fails", np.inf, "beyond 0.1235 the simulation fails"),
+    ],
+)
+def test_an_open_end_in_words(why, limit, words):
+    point = ProfilePoint(0.12345, 1.0, None, None, 0.12345)
+    side = SimpleNamespace(points=[point], end=None, why=why)
+    assert profile_module._why(Known(quadratic), side, limit, "more") == words
+    met = profile_module._met(Known(quadratic), side, limit)
+    assert met == (0.12345 if words == "reaches the bound 3" else None)
