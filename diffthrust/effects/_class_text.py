@@ -12,7 +12,7 @@ from diffthrust._support.literals import as_python
 from diffthrust.effects._expression import SHORT, keeps_sign
 from diffthrust.effects._formula import ARRIVING, Formula
 from diffthrust.effects._grammar import expression_of
-from diffthrust.effects._memory import rate_parts, start_of
+from diffthrust.effects._memory import rate_parts, begun_at
 from diffthrust.models._base.described import plain_description
 from diffthrust.models._base.parameter import Parameter
 
@@ -144,7 +144,7 @@ def _memory(formula: Formula) -> str:
             lines += [_assigned(f"{name}_goal", _spelt(goal, formula)),
                       _assigned(f"{name}_pull", _spelt(pull, formula))]  # fmt: skip
             rate = f"dft.models.Relaxing({name}_pull * ({name}_goal - s.{name}), {name}_pull)"
-        settled[name] = _Started(settled).of(start_of(one))
+        settled[name] = _Started(settled).of(begun_at(one))
         rates.append(_entry(name, rate))
         starts.append(_entry(name, _spelt(settled[name], formula)))
     if not rates:

@@ -107,11 +107,11 @@ def memory_starts(law: Expression, names: Callable[[str], Any]) -> dict[str, Sig
     """The states at the start of a log."""
     out: dict[str, Signal | float] = {}
     for memory in law.memories:
-        out[memory.state] = valued(start_of(memory), _with(out, names), jnp)
+        out[memory.state] = valued(begun_at(memory), _with(out, names), jnp)
     return out
 
 
-def start_of(memory: Memory) -> ast.expr:
+def begun_at(memory: Memory) -> ast.expr:
     """Where a memory begins."""
     if memory.kind == "lag":
         return memory.of

@@ -5,10 +5,10 @@ import pytest
 from diffthrust.effects import (
     Formula,
 )
+from diffthrust.effects._class_test_text import effect_test_text  # private: as below
 from diffthrust.effects._class_text import (  # private: written by the command
     class_name,
     effect_class_text,
-    effect_test_text,
 )
 
 # The text of a class.

@@ -116,7 +116,6 @@ def test_the_coefficients_of_a_curve_and_their_priors():
         width = {"level": 5.0, "slope": 10.0}.get(name, 2.0)
         assert (p.unit, p.null, p.size, p.prior) == ("N", 0.0, width, Normal(0.0, width))
         assert (p.fixed, p.bounds) == (name in ("slope", "bend2"), (None, None))
-    assert not curve.lags
     assert curve.states == {}
     assert curve.reads == ("speed",)
     assert Curve("load", "value * speed", 0, 1, times="abs(inflow)").reads == ("inflow", "speed")
@@ -125,28 +124,39 @@ def test_the_coefficients_of_a_curve_and_their_priors():
     assert full.shape == (0.0, 1.0, 2.0, 3.0, 4.0, 5.0)
     with pytest.raises(InputError, match="at most 6 numbers, found 7"):
         Curve("load", "speed", -2.0, 3.0, pieces=3, shape=range(7))
-    for wrong in ({"low": 3.0}, {"bend": 0.0}, {"past": -0.1}, {"pieces": 2}):
+    for wrong in ({"low": 3.0}, {"bend": 0.0}, {"size": -0.1}, {"pieces": 2}):
         with pytest.raises(InputError, match="expected"):
             Curve(**{"port": "load", "signal": "speed", "low": 0.0, "high": 3.0, **wrong})
 
 
-def test_a_curve_of_the_past_and_of_the_clock():
-    past = Curve("load", "speed**2", 0.0, 9.0, past=0.4, shape=(3.0,))
-    p = past.declared["time_constant"]
-    assert (p.value, p.unit, p.bounds, p.transform) == (0.4, "s", (0.004, 40.0), "log")
-    s = Signals({"speed": np.array([1.5, -3.0]), "past": np.array([2.0, 4.0])})
-    rate = past.rates(np.zeros(2), s)["past"]
+def test_a_curve_of_a_lag_and_of_the_time():
+    own = {"T": {"unit": "s", "value": 0.4}}
+    late = Curve("load", "lag(speed**2, T)", 0.0, 9.0, shape=(3.0,), **own)
+    assert (late.declared["T"].value, late.declared["T"].bounds) == (0.4, (0.0, None))
+    s = Signals({"speed": np.array([1.5, -3.0]), "lag": np.array([2.0, 4.0])})
+    rate = late.rates(np.zeros(2), s)["lag"]
     assert isinstance(rate, Relaxing)
     np.testing.assert_allclose(rate.rate, [0.25 / 0.4, 5.0 / 0.4])
     assert rate.decay == pytest.approx(2.5)
-    np.testing.assert_allclose(past.initial(np.zeros(2), s)["past"], [2.25, 9.0])
-    np.testing.assert_allclose(past(np.array([10.0, 20.0]), s), [13.0, 23.0])
-    clock = Curve("load", "clock", 0.0, 9.0, shape=(3.0,), times="value")
-    assert clock.lags
+    np.testing.assert_allclose(late.initial(np.zeros(2), s)["lag"], [2.25, 9.0])
+    np.testing.assert_allclose(late(np.array([10.0, 20.0]), s), [13.0, 23.0])
+    clock = Curve("load", "integral(1)", 0.0, 9.0, shape=(3.0,), times="value")
     assert clock.reads == ()
-    np.testing.assert_array_equal(clock.rates(np.zeros(2), s)["past"], [1.0, 1.0])
-    assert clock.initial(np.zeros(2), s) == {}
-    np.testing.assert_allclose(clock(np.array([10.0, 20.0]), s), [40.0, 80.0])
+    since = Signals({"integral": np.array([2.0, 4.0])})
+    np.testing.assert_array_equal(clock.rates(np.zeros(2), since)["integral"], [1.0, 1.0])
+    assert clock.initial(np.zeros(2), since) == {"integral": 0.0}
+    np.testing.assert_allclose(clock(np.array([10.0, 20.0]), since), [40.0, 80.0])
+
+
+def test_a_play_is_pushed_and_begins_as_if_from_zero():
+    slack = Formula("load", "play(value, b)", b={"unit": "rad/s^2", "value": 2.0})
+    s = Signals({"play": np.array([0.0, 5.0, -1.0])})
+    value = np.array([1.0, 1.0, -8.0])
+    np.testing.assert_allclose(slack(value, s), [0.0, 3.0, -6.0])
+    rate = slack.rates(value, s)["play"]
+    np.testing.assert_allclose(rate.rate, rate.decay * np.array([0.0, -2.0, -5.0]))
+    assert rate.decay == 1e4
+    np.testing.assert_allclose(slack.initial(value, s)["play"], [0.0, 0.0, -6.0])
 
 
 def test_a_curve_follows_its_coefficients():
