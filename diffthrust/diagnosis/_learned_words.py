@@ -31,7 +31,9 @@ def learned_words(diag: Findings) -> list[str]:
             f"Learned: at {place_words(diag.model, law.curve.port)} {manner_words(law)}"
             f"{'' if law.form else ', as yet without a name'}. Of the squared error over whole "
             f"runs of {logs} it removes {share_words(law.worth)}; with it the NRMSE there is "
-            f"{number(new.nrmse, 2)}, as given {number(old.nrmse, 2)}."
+            f"{number(new.nrmse, 2)}, as given {number(old.nrmse, 2)}. These logs tell of it from "
+            f"{number(law.curve.low, 2)} to {number(law.curve.high, 2)} {law.signal_unit}".rstrip()
+            + ", and no further."
         )
         if law.form:
             words.append(f"{capitalised(form_words(law, law.form))}.")

@@ -12,7 +12,7 @@ from diffthrust._support.literals import as_python
 from diffthrust.effects._expression import SHORT, keeps_sign
 from diffthrust.effects._formula import ARRIVING, Formula
 from diffthrust.effects._grammar import expression_of
-from diffthrust.effects._memory import rate_parts, begun_at
+from diffthrust.effects._memory import begun_at, rate_parts
 from diffthrust.models._base.described import plain_description
 from diffthrust.models._base.parameter import Parameter
 
