@@ -1,4 +1,7 @@
-"""A campaign: the thrusters of a fleet, fitted in one command; which of them differs?
+"""A campaign over a fleet
+=======================
+
+A campaign: the thrusters of a fleet, fitted in one command; which of them differs?
 
 Eight thrusters were run through the same steps. Their logs are simulated here, with the noise of a
 speed sensor; one propeller is fouled, and one log was cut off while it was written. Each thruster
