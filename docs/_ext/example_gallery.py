@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 from pathlib import Path
+from textwrap import indent
 from typing import Any
 
 DOCS = Path(__file__).resolve().parents[1]
@@ -14,8 +15,11 @@ SAVED = DOCS / "_build" / "examples"
 
 MEASURED = (
     "Not run when this page was made: it takes measured logs, which the repository does not "
-    "hold. ``diffthrust datasets`` tells where they are published."
+    "hold, and whose licences do not let figures of them stand here. ``diffthrust datasets`` tells "
+    "where they are published."
 )
+PRINTED = Path(__file__).parent / "printed"
+"""What examples on measured logs printed where the logs were, by hand: ``NAME.txt``."""
 LONG = "Not run when this page was made: it takes minutes."
 
 ORDER: dict[str, str | None] = {
@@ -96,7 +100,7 @@ def saved_figures(block: Any, block_vars: dict[str, Any], gallery_conf: Any) -> 
 
 
 def note_what_did_not_run(app: Any, docname: str, source: list[str]) -> None:
-    """Say below the title of an example why it was not run."""
+    """Say below the title of an example why it was not run, and below its code what it prints."""
     folder, _, name = docname.rpartition("/")
     if folder != "gallery" or name not in ORDER or runs(name):
         return
@@ -104,6 +108,12 @@ def note_what_did_not_run(app: Any, docname: str, source: list[str]) -> None:
     end = source[0].find("\n\n", title)
     note = f"\n\n.. note::\n\n   {ORDER[name]}\n"
     source[0] = source[0][:end] + note + source[0][end:]
+    printed = PRINTED / f"{name}.txt"
+    if printed.exists():
+        lines = indent(printed.read_text(encoding="utf-8").strip(), "   ")
+        told = f"\n\nWhat it printed where the logs were:\n\n.. code-block:: none\n\n{lines}\n\n"
+        at = source[0].find(".. _sphx_glr_download")
+        source[0] = source[0][:at] + told + source[0][at:]
 
 
 def setup(app: Any) -> dict[str, Any]:
