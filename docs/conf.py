@@ -56,7 +56,7 @@ sphinx_gallery_conf = {
     "examples_dirs": str(ROOT / "examples"),
     "gallery_dirs": "gallery",
     "filename_pattern": rf"/({'|'.join(name for name in ORDER if runs(name))})\.py$",
-    "ignore_pattern": r"/_data\.py$",
+    "ignore_pattern": r"_data\.py",
     "within_subsection_order": "example_gallery.place",
     "image_scrapers": ("example_gallery.saved_figures",),
     "reset_argv": "example_gallery.output_folder",
@@ -66,8 +66,11 @@ sphinx_gallery_conf = {
     "write_computation_times": False,
     "inspect_global_variables": False,
     "min_reported_time": 0,
+    "default_thumb_file": str(DOCS / "_static" / "text_only.png"),
     "log_level": {"backreference_missing": "debug"},
 }
+
+highlight_language = "none"
 
 html_theme = "pydata_sphinx_theme"
 html_title = f"diffthrust {release}"

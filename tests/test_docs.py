@@ -137,9 +137,10 @@ def test_versions_stand_beside_each_other(tmp_path):
     html.mkdir()
     (html / "index.html").write_text("first")
     for version in ("dev", "0.9.0", "0.10.0"):
-        publish(html, site, version)
+        publish(html, site, version, "/diffthrust")
     told = json.loads((site / "switcher.json").read_text())
     assert [entry["version"] for entry in told] == ["0.10.0", "0.9.0", "dev"]
+    assert told[0]["url"] == "/diffthrust/0.10.0/"
     assert [entry["preferred"] for entry in told] == [True, False, False]
     assert "0.10.0/" in (site / "index.html").read_text()
     with pytest.raises(SystemExit, match="expected a version"):

@@ -1,7 +1,8 @@
-"""Put a built site beside its other versions: `python docs/_ext/versions.py HTML SITE VERSION`.
+"""Put a built site beside its other versions: `versions.py HTML SITE VERSION [BASE]`.
 
 SITE gets a folder for the version, `switcher.json` for the menu of versions, and an `index.html`
-that leads to the newest release, or to `dev` where there is none. Nothing is fetched.
+that leads to the newest release, or to `dev` where there is none. BASE is the path below which the site is
+served (`/diffthrust`), since the menu stands on pages of any depth. Nothing is fetched.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ def by_number(name: str) -> tuple[int, ...]:
     return tuple(int(part) for part in name.split("."))
 
 
-def publish(html: Path, site: Path, version: str) -> list[dict[str, object]]:
+def publish(html: Path, site: Path, version: str, base: str = "") -> list[dict[str, object]]:
     """Copy the site, and write what leads to it; gives the entries of the menu."""
     if not (RELEASE.fullmatch(version) or version == "dev"):
         raise SystemExit(f"expected a version like 0.1.0, or dev, found {version!r}")
@@ -30,7 +31,7 @@ def publish(html: Path, site: Path, version: str) -> list[dict[str, object]]:
     releases = sorted(filter(RELEASE.fullmatch, there), key=by_number, reverse=True)
     names = [*releases, *(name for name in there if name == "dev")]
     entries: list[dict[str, object]] = [
-        {"version": name, "url": f"../{name}/", "preferred": name == names[0]} for name in names
+        {"version": name, "url": f"{base}/{name}/", "preferred": name == names[0]} for name in names
     ]
     (site / "switcher.json").write_text(json.dumps(entries, indent=1) + "\n", encoding="utf-8")
     (site / ".nojekyll").write_text("", encoding="utf-8")
@@ -44,4 +45,4 @@ def publish(html: Path, site: Path, version: str) -> list[dict[str, object]]:
 
 
 if __name__ == "__main__":
-    publish(Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3])
+    publish(Path(sys.argv[1]), Path(sys.argv[2]), *sys.argv[3:])
