@@ -1,8 +1,8 @@
 """Put a built site beside its other versions: `versions.py HTML SITE VERSION [BASE]`.
 
 SITE gets a folder for the version, `switcher.json` for the menu of versions, and an `index.html`
-that leads to the newest release, or to `dev` where there is none. BASE is the path below which the site is
-served (`/diffthrust`), since the menu stands on pages of any depth. Nothing is fetched.
+that leads to the newest release, or to `dev` where there is none. BASE is the path below which
+the site is served (`/diffthrust`), since the menu stands on pages of any depth.
 """
 
 from __future__ import annotations
