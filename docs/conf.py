@@ -37,6 +37,7 @@ extensions = [
     "sphinx_design",
     "sphinx_gallery.gen_gallery",
     # of this folder
+    "code_links",
     "example_gallery",
     "mathml",
 ]
