@@ -99,10 +99,13 @@ def saved_figures(block: Any, block_vars: dict[str, Any], gallery_conf: Any) -> 
     return rst
 
 
-def note_what_did_not_run(app: Any, docname: str, source: list[str]) -> None:
-    """Say below the title of an example why it was not run, and below its code what it prints."""
+def finish_page(app: Any, docname: str, source: list[str]) -> None:
+    """Leave out where the checkout lies; say why an example was not run, and what it prints."""
     folder, _, name = docname.rpartition("/")
-    if folder != "gallery" or name not in ORDER or runs(name):
+    if folder != "gallery" or name not in ORDER:
+        return
+    source[0] = source[0].replace(f"{ROOT}/", "")
+    if runs(name):
         return
     title = source[0].find("\n====")
     end = source[0].find("\n\n", title)
@@ -117,6 +120,6 @@ def note_what_did_not_run(app: Any, docname: str, source: list[str]) -> None:
 
 
 def setup(app: Any) -> dict[str, Any]:
-    """Connect the notes."""
-    app.connect("source-read", note_what_did_not_run)
+    """Connect what completes the pages."""
+    app.connect("source-read", finish_page)
     return {"parallel_read_safe": True}
