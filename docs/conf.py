@@ -72,6 +72,7 @@ sphinx_gallery_conf = {
 }
 
 highlight_language = "none"
+smartquotes = False  # options begin with two hyphens
 
 html_theme = "pydata_sphinx_theme"
 html_title = f"diffthrust {release}"

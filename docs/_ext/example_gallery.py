@@ -104,6 +104,8 @@ def finish_page(app: Any, docname: str, source: list[str]) -> None:
     if folder != "gallery" or name not in ORDER:
         return
     source[0] = source[0].replace(f"{ROOT}/", "")
+    call = "\n\n    python examples/"
+    source[0] = source[0].replace(call, f"\n\n.. code-block:: none{call}", 1)
     if runs(name):
         return
     title = source[0].find("\n====")
