@@ -18,7 +18,7 @@ def run(seed: int) -> dft.Log:
 
 def test_the_effect_is_found():
     candidates = ["reverse_thrust_asymmetry", "thrust_sensor_offset"]
-    diag = dft.diagnose(
-        dft.Thruster(), run(0), holdout=run(1), candidates=candidates, experiment=False
-    )
+    train, unseen = [run(0), run(1), run(2)], run(3)  # so many that each is held against the others
+    model = dft.Thruster()
+    diag = dft.diagnose(model, train, holdout=unseen, candidates=candidates, experiment=False)
     assert diag.added == ("reverse_thrust_asymmetry",)
