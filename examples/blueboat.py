@@ -1,4 +1,7 @@
-"""The basic vessel against a real one: a BlueBoat with two thrusters, driven by hand on a lake.
+"""A BlueBoat on a lake
+====================
+
+The basic vessel against a real one: a BlueBoat with two thrusters, driven by hand on a lake.
 
 The vessel is fitted to runs 216 to 226 and tried on runs 228, 230 and 232, which it has not seen.
 The files are read as they are: the forces come from a static map of the thrusters, and the speeds

@@ -1,7 +1,10 @@
-"""A campaign: the thrusters of a fleet, fitted in one command; which of them differs?
+"""A campaign over a fleet
+=======================
+
+A campaign: the thrusters of a fleet, fitted in one command; which of them differs?
 
 Eight thrusters were run through the same steps. Their logs are simulated here, with the noise of a
-speed sensor; one propeller is fouled, and one log was cut off while it was written. Each thruster
+speed sensor; one propeller is fouled, and one log has a line that got damaged. Each thruster
 has a folder with a log and a spec, as recorded data would. The campaign fits them all on two
 processes, puts a row for each into a table, the broken log among them, and goes on where it was if
 it is stopped: run a second time, it has one spec left to try.
@@ -46,7 +49,7 @@ for number in range(1, 9):
     place = fleet / f"thruster{number}"
     place.mkdir(parents=True, exist_ok=True)
     table = pd.DataFrame({"t": time, "u": steps, "n": speed}).to_csv(index=False)
-    (place / "steps.csv").write_text(table[: table.rindex(",")] if number == 3 else table)
+    (place / "steps.csv").write_text(table.replace("\n15.0,", "\n15.0,?") if number == 3 else table)
     (place / "fit.toml").write_text(SPEC)
 
 done = dft.many.campaign(fleet, output=results, jobs=2, time_limit=300)

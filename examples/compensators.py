@@ -1,4 +1,7 @@
-"""Compensators of a thruster's lag in a position loop: figures 15 to 19 of a paper, and a table.
+"""Compensators of a thruster's lag
+================================
+
+Compensators of a thruster's lag in a position loop: figures 15 to 19 of a paper, and a table.
 
 One axis of the vehicle Jason Jr. follows a sinusoid under a position controller that takes its
 thruster for ideal, with five ways to make up for what the thruster is (Yoerger, Cooke & Slotine

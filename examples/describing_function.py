@@ -1,4 +1,7 @@
-"""A thruster under a sinusoid: slower for small commands than for large ones.
+"""Gain and phase of a thruster
+============================
+
+A thruster under a sinusoid: slower for small commands than for large ones.
 
 Reproduces two figures of Yoerger, Cooke & Slotine 1990 for the Jason thruster. Figure 6: thrust
 after steps of several sizes, over its end. Figure 12: the break frequency of the first-order lag

@@ -1,4 +1,7 @@
-"""The basic vessel against a real one: a 3 m model of the tanker Esso Osaka on a pond.
+"""A model of the tanker Esso Osaka
+================================
+
+The basic vessel against a real one: a 3 m model of the tanker Esso Osaka on a pond.
 
 The vessel is fitted to zigzag and turning runs and tried on others that it has not seen; every run
 is cut at 150 s, and errors are those of one simulation over the whole run from its first state.

@@ -1,4 +1,7 @@
-"""Take it with you: a fitted thruster as plain Python, C, a table and parts of three simulators.
+"""A fitted thruster in C, Python and simulators
+=============================================
+
+Take it with you: a fitted thruster as plain Python, C, a table and parts of three simulators.
 
 The log is that of the Jason thruster that diffthrust demo fits; the fit gets a dead band in its
 command, so that there is something that simulators cannot express. Out come the files, what each

@@ -1,4 +1,7 @@
-"""Quick start: fit a thruster to a log, and try it on one that it has not seen.
+"""A first fit
+===========
+
+Quick start: fit a thruster to a log, and try it on one that it has not seen.
 
 The logs under ``fits/jason_thruster`` are simulated: a thruster like that of the vehicle Jason
 under a random command (for the fit) and under steps both ways (unseen), with the noise and the

@@ -1,4 +1,7 @@
-"""A fleet of eight thrusters: which one is fouled, which drifts, and what two short logs can say.
+"""Outliers and drift in a fleet
+=============================
+
+A fleet of eight thrusters: which one is fouled, which drifts, and what two short logs can say.
 
 All logs are simulated, four dives of most vehicles over a season. The propeller of "auv3" is
 fouled, the load of "auv5" grows from dive to dive, and the command of "auv2" has a dead band that

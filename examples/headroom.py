@@ -1,4 +1,7 @@
-"""How much is there to find? The headroom of the basic physics on five measured data sets.
+"""How much is there to find
+=========================
+
+How much is there to find? The headroom of the basic physics on five measured data sets.
 
 `dft.diagnosis.headroom` asks what any model of moderate flexibility could explain of the errors
 that the basic physics leaves on unseen runs: structure that repeats, whatever its form. Here each

@@ -1,4 +1,7 @@
-"""Why a vehicle does not hold still: the limit cycle of a position control and its thruster.
+"""Limit cycle of a position loop
+==============================
+
+Why a vehicle does not hold still: the limit cycle of a position control and its thruster.
 
 Yoerger, Cooke & Slotine (1990, section IV) place the poles of one axis of the vehicle Jason Jr. as
 if its thruster were ideal. The thruster turns slowly when little is asked of it, so the loop is

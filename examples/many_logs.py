@@ -1,4 +1,7 @@
-"""Two hundred thrusters fitted at once, one of them with a log that cannot be used.
+"""Two hundred fits at once
+========================
+
+Two hundred thrusters fitted at once, one of them with a log that cannot be used.
 
 Each thruster has parameters and a log of its own, of its own length. They are fitted one by one,
 with several starts and all checks, while their simulations run side by side in one compiled

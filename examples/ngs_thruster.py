@@ -1,4 +1,7 @@
-"""What does a real thruster have that the basic model lacks? Bench runs of a small ROV thruster.
+"""What a real thruster lacks
+==========================
+
+What does a real thruster have that the basic model lacks? Bench runs of a small ROV thruster.
 
 The model is fitted to every sine and ramp run and tried on every step run, which it has not seen.
 The basic thruster is off by some 19 rad/s there. The diagnosis tells where, tries every effect that

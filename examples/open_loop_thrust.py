@@ -1,4 +1,7 @@
-"""Thrust that overshoots and kicks back: open-loop runs of a thruster, speed as the input.
+"""Thrust that overshoots and kicks back
+=====================================
+
+Thrust that overshoots and kicks back: open-loop runs of a thruster, speed as the input.
 
 A voltage is switched on and off again; the thrust overshoots at the run-up and turns negative at
 the stop, which a law of the speed alone cannot do. The measured speed drives the model, so that

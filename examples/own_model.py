@@ -1,4 +1,7 @@
-"""A model and an effect of your own: the axis of the EMPS benchmark, with and without dry friction.
+"""A model and an effect of your own
+=================================
+
+A model and an effect of your own: the axis of the EMPS benchmark, with and without dry friction.
 
 EMPS is a carriage driven along a rail by a motor (Janot, Gautier & Brunot 2019, a benchmark of
 nonlinear system identification): ``mass * a = force - viscous * v - offset``, and dry friction. The

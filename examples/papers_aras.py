@@ -1,4 +1,7 @@
-"""Aras et al. 2013, followed from what it prints: sensor, steady map, G(s) and black-box models.
+"""Depth sensor, steady map and transfer function
+==============================================
+
+Aras et al. 2013, followed from what it prints: sensor, steady map, G(s) and black-box models.
 
 Out come a table "figure, paper, ours, ratio, remark" of every printed figure that can be checked,
 what the F tests say of the datasheet's line, the steady map of the thruster with the friction that

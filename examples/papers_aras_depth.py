@@ -1,4 +1,7 @@
-"""Aras et al. 2013: the open-loop record fitted, and the depth loop in time.
+"""A depth loop with the ranges of its sensor
+==========================================
+
+Aras et al. 2013: the open-loop record fitted, and the depth loop in time.
 
 The paper switches 13 V on, records the depth sensor (figure 30), identifies G(s) from that, and
 closes a proportional loop of gain 1 around it, with the ranges of sensor and motor (section 6.2).

@@ -1,4 +1,7 @@
-"""The identification of a vessel step by step and all at once, on measured runs of two vessels.
+"""Step by step or all at once, on measured runs
+=============================================
+
+The identification of a vessel step by step and all at once, on measured runs of two vessels.
 
 Siramdasu & Fahimi (2013) read one ratio after the other from planned runs: straight at several
 propeller speeds, then circles. Nobody planned the runs of these two vessels so. `manoeuvres` sorts

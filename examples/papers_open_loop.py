@@ -1,4 +1,7 @@
-"""Open-loop verification without gusts, and a table of a boat's parameters against its speed.
+"""Open-loop verification of a boat
+================================
+
+Open-loop verification without gusts, and a table of a boat's parameters against its speed.
 
 Siramdasu & Fahimi (2013, section 5) judge their model on those portions of open-loop records in
 which no gust shows: straight runs that are straight, and arcs of constant radius. They also say

@@ -1,4 +1,7 @@
-"""Test plans of the papers' methods: files for the rig, and what a check says of a poor record.
+"""Test plans as files for the rig
+===============================
+
+Test plans of the papers' methods: files for the rig, and what a check says of a poor record.
 
 For each method the inputs, durations and levels follow from a model, as it is believed to be, and
 from the limits of the rig. The plans are written as CSV files, one for each run, with time and

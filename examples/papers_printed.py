@@ -1,4 +1,7 @@
-"""What three papers print, beside what follows from their own numbers: one table.
+"""What three papers print
+=======================
+
+What three papers print, beside what follows from their own numbers: one table.
 
 For each printed figure: paper, figure, printed value, ours, the outcome and why. Ours is worked out
 on the spot from the paper's other numbers, by closed forms and by simulation; what was measured,

@@ -1,4 +1,7 @@
-"""The identification of a small boat, one parameter after the other and all at once, in gusts.
+"""A small boat in gusts, identified step by step
+==============================================
+
+The identification of a small boat, one parameter after the other and all at once, in gusts.
 
 Siramdasu & Fahimi (2013, section 3) read the ratios of a boat from straight runs and circles, each
 value entering the next line. Here a simulated boat with their values makes these runs in gusts

@@ -1,4 +1,7 @@
-"""The static and the dynamic test of a thruster, and what a fit of the whole record adds.
+"""Static and dynamic test of a thruster
+=====================================
+
+The static and the dynamic test of a thruster, and what a fit of the whole record adds.
 
 Yoerger, Cooke & Slotine (1990, section III) find ct and beta/alpha from steady levels (figures 8
 and 9) and alpha and beta from a random command through a low-pass of 1 Hz (figure 10). Here both

@@ -1,4 +1,7 @@
-"""What adaptation is for: an obstructed duct, and estimates that begin at zero.
+"""Adaptation in an obstructed duct
+================================
+
+What adaptation is for: an obstructed duct, and estimates that begin at zero.
 
 Yoerger, Cooke & Slotine (1990, section V E) show an adaptive sliding controller that keeps its
 course when the thruster's duct is obstructed at 8 s (figure 21, beside the cancellation of the pole

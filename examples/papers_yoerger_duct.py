@@ -1,4 +1,7 @@
-"""A thruster in the sizes of its duct: torque in, thrust and outflow out.
+"""A thruster in the sizes of its duct
+===================================
+
+A thruster in the sizes of its duct: torque in, thrust and outflow out.
 
 Yoerger, Cooke & Slotine (1990, section II) drive the model with a torque; figure 6 shows its steps
 of 2, 1/3 and 1/4 N m as shares of where they end. Their rig (section III, figure 7) measured the

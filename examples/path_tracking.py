@@ -1,4 +1,7 @@
-"""A small boat follows a path under predictive control, in wind and current that it does not know.
+"""Path following under predictive control
+=======================================
+
+A small boat follows a path under predictive control, in wind and current that it does not know.
 
 The boat is that of Siramdasu & Fahimi 2013 with their identified model; the limits of the hinged
 propeller are theirs (24 degrees), and so are the speed of 0.8 m/s and the errors at the start

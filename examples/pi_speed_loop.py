@@ -1,4 +1,7 @@
-"""A speed loop around a DC-motor thruster: PI control of a propeller, with a limited voltage.
+"""A PI speed loop with a limited voltage
+======================================
+
+A speed loop around a DC-motor thruster: PI control of a propeller, with a limited voltage.
 
 The motor and the gains kp = 5, ki = 15 are those of Aras et al. 2013, section 3.1; the supply of
 13 V is that of their open-loop record. Out come the rise and the overshoot with the integral drawn

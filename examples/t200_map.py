@@ -1,4 +1,7 @@
-"""A static map of a thruster over six supply voltages: which effects does it take?
+"""Effects in a static map of a T200
+=================================
+
+A static map of a thruster over six supply voltages: which effects does it take?
 
 The maker of the T200 gives speed and thrust over the pulse width of the command at 10 to 20 V. The
 basic thruster knows no supply; effects are added one at a time, in the order in which a diagnosis

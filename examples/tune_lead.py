@@ -1,4 +1,7 @@
-"""Gains by gradient: a lead compensator and its position loop, tuned through the simulation.
+"""Gains by gradient
+=================
+
+Gains by gradient: a lead compensator and its position loop, tuned through the simulation.
 
 The lead network of Yoerger, Cooke & Slotine 1990, section V B, was placed by hand for commands
 near 1 V. Here its zero and pole and the bandwidth of the position loop are tuned for one sinusoid,

@@ -1,4 +1,7 @@
-"""How well does a log determine a thruster, and what follows from it with which uncertainty?
+"""Intervals, posterior and predictions
+====================================
+
+How well does a log determine a thruster, and what follows from it with which uncertainty?
 
 The thruster of the vehicle Jason: its parameters are sampled, and the efficiency, the involved
 volume of water and the step response are worked out with the same draws. Beside the intervals

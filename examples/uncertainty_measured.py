@@ -1,4 +1,7 @@
-"""Do posteriors of real runs foresee runs that they have not seen? A thruster and a tanker model.
+"""Do posteriors foresee unseen runs
+=================================
+
+Do posteriors of real runs foresee runs that they have not seen? A thruster and a tanker model.
 
 Both are models with effects that a diagnosis has found (`ngs_thruster.py` and `esso_osaka.py` in
 this folder). Each is fitted and sampled, and its predictive band is held against unseen runs: out

@@ -66,7 +66,7 @@ def test_export(tmp_path):
 @pytest.mark.slow
 def test_campaign(tmp_path):
     text = run("campaign", tmp_path)
-    assert "thruster3: failed. steps.csv, line 601: expected 3 cells" in text
+    assert "thruster3: failed. steps.csv, line 302, column 'u': expected a number" in text
     assert "Out of line: thruster6" in text
     assert "7 of 8 were done before" in text
     figure(tmp_path, "fleet.png")

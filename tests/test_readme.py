@@ -5,14 +5,14 @@ import shutil
 from typing import get_args
 
 import pytest
-from places import ROOT
+from places import ROOT, docs_pages
 
 from diffthrust import Status
 from diffthrust.diagnosis._findings import Verdict  # private: no user types it
 from diffthrust.specs import load_spec
 
 README = ROOT / "README.md"
-PAGES = [README, *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [README, *docs_pages()]
 TEXT = README.read_text(encoding="utf-8")
 
 
@@ -55,7 +55,9 @@ def test_the_readme_is_short_and_begins_with_the_strangers_path():
 
 
 def test_spec_file_is_read(tmp_path):
-    (tmp_path / "fit.toml").write_text(blocks("toml", ROOT / "docs" / "spec_files.md")[0])
+    (tmp_path / "fit.toml").write_text(
+        blocks("toml", ROOT / "docs" / "guides" / "spec_files.md")[0]
+    )
     for name in ("run1", "run2", "run3"):
         (tmp_path / f"{name}.csv").write_text("t,u,rpm\n0,1,0\n0.1,1,10\n0.2,1,18\n")
     spec = load_spec(tmp_path)

@@ -186,9 +186,9 @@ def _of_log(one: Pass, jacobian: np.ndarray, count: int, sigma: np.ndarray, law:
     jacobian = np.nan_to_num(jacobian / sigma[:, None])
     weight = np.asarray(law.weights(rest[None], np.ones(len(sigma))))[0]
     own, starts = jacobian[:count], jacobian[count:]
-    flat = (starts * weight).reshape(len(starts), -1)
-    inner = flat @ starts.reshape(len(starts), -1).T
-    cross = flat @ own.reshape(count, -1).T
+    flat = (starts * weight).reshape(len(starts), rest.size)
+    inner = flat @ starts.reshape(len(starts), rest.size).T
+    cross = flat @ own.reshape(count, rest.size).T
     own = own - np.tensordot(np.linalg.pinv(inner, hermitian=True) @ cross, starts, (0, 0))
     product = own * weight * rest
     blocks = np.array_split(product.sum(axis=1), min(_BLOCKS, rest.shape[1]), axis=1)

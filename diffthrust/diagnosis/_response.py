@@ -135,7 +135,8 @@ class Response:
             slope = q.gradient + q.information[:, own] @ room
             step = _full_step(q.information, slope, movable)
             step[own] = room
-        starts = step[n + extra :].reshape(-1, len(self.problem.layout.starts))
+        logs = sum(map(len, self.errors))
+        starts = step[n + extra :].reshape(logs, len(self.problem.layout.starts))
         errors, at = [], 0
         for i, (rest, off) in enumerate(zip(self.errors, change, strict=True)):
             jacobian, count = self.slopes[i].jacobian, len(rest)

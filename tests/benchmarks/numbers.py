@@ -2,7 +2,7 @@
 
     cd tests && python -m benchmarks.numbers                  # those that take seconds
     cd tests && python -m benchmarks.numbers --long           # all, in half an hour
-    cd tests && python -m benchmarks.numbers docs/many.md     # of some files
+    cd tests && python -m benchmarks.numbers docs/guides/many.md     # of some files
 
 Each is printed as the text has it and as a run of today gives it; exit status 1 where they differ.
 Times depend on the machine and are not judged here: the table names the command that prints them.
@@ -140,7 +140,7 @@ CLAIMS = (
         bend,
     ),
     Claim(
-        "docs/uncertainty.md",
+        "docs/guides/uncertainty.md",
         "On {} logs with known truth the {} % interval with the star covers {} % under white "
         "noise, {} % under AR(1) noise of {} (the covariance of a fit that takes it as white: {} "
         "%), {} % where a channel is read at every second sample besides, and {} % under Student-t "
@@ -150,7 +150,7 @@ CLAIMS = (
         long=True,
     ),
     Claim(
-        "docs/many.md",
+        "docs/guides/many.md",
         "On {} simulated fleets of ten thrusters, three of them with a twentieth of the data at "
         "small commands, the RMS error of these three falls by {} % against separate fits (the "
         "median error by {} %), and {} % of {} intervals of {} % hold the truth",
@@ -159,17 +159,17 @@ CLAIMS = (
         long=True,
     ),
     Claim(
-        "docs/many.md",
+        "docs/guides/many.md",
         "from one start they take {} to {} times as long",
         "pytest -m benchmark -s tests/benchmarks/test_many_speed.py",
     ),
     Claim(
-        "CONTRIBUTING.md",
-        "| one effect, faint | {} of {} | {} of {} | {} of {} | {} % |",
+        "docs/numbers/hidden_effects.md",
+        "| one effect, faint | {} of {} | {} of {} | {} of {} |",
         BENCH,
     ),
     Claim(
-        "CONTRIBUTING.md",
+        "docs/numbers/benchmarks.md",
         "| simulation of 1000, 4000, 16 000 samples | diffthrust | {}, {}, {} ms |",
         PEERS,
     ),

@@ -1,0 +1,282 @@
+"""The pages of measured numbers in docs/numbers, written from the measurements stored beside them.
+
+    cd tests && python -m benchmarks.pages                                # the pages anew
+    cd tests && python -m benchmarks.pages --bench results.jsonl --seed 53   # of `hidden.bench`
+    cd tests && python -m benchmarks.pages --peers peers.json             # of `benchmarks.peers`
+
+With a file of results its figures are taken in, with the commit of the checkout, the day and the
+machine. A page is never written by hand: a test holds it against what this script gives.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import subprocess
+import sys
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+from hidden.score import wilson
+from places import ROOT
+
+NUMBERS = ROOT / "docs" / "numbers"
+BENCH, PEERS = NUMBERS / "hidden_effects.json", NUMBERS / "benchmarks.json"
+Run = dict[str, Any]
+
+CLASSES: dict[str, tuple[str, str, tuple[str, ...]]] = {
+    # name: words, share that is asked for, groups of the bench
+    "clear": ("one effect, clear (thrusters, vessels)", "99 %", ("clear", "vessel")),
+    "faint": ("one effect, faint", "95 %", ("faint", "vessel_faint")),
+    "limit": (
+        "one effect at the limit of detection: none named, or the right one",
+        "95 %",
+        ("limit",),
+    ),
+    "poor": ("speed only, poor excitation", "95 %", ("speed_only", "poor")),
+    "none": (
+        "nothing hidden (white, AR(1), field, redundant): no effect named",
+        "95 %",
+        ("none", "none_ar", "redundant", "vessel_none", "field-none", "field-vessel_none"),
+    ),
+    "pairs": ("two effects", "95 %", ("pairs",)),
+    "outside": (
+        "outside the catalogue, with the right port",
+        "90 %",
+        ("outside", "vessel_outside", "field-outside", "field-vessel_outside"),
+    ),
+    "field": (
+        "field conditions, one effect",
+        "95 %",
+        ("field-clear", "field-speed_only", "field-poor", "field-vessel"),
+    ),
+    "field_pairs": ("field conditions, two effects", "85 %", ("field-pairs",)),
+}
+CLOSE = "error on the unseen log within 5 % of that of the true structure"
+MADE = "% made by `cd tests && python -m benchmarks.pages`; do not edit"
+
+
+def taken(where: Path) -> Run:
+    """The stored measurements of one kind: runs, and notes on them."""
+    return json.loads(where.read_text(encoding="utf-8"))
+
+
+def stamp() -> Run:
+    """Day, commit and machine of a measurement; no name of the machine."""
+    words = ["git", "describe", "--always", "--dirty"]
+    commit = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)
+    return {
+        "date": date.today().isoformat(),
+        "commit": commit.stdout.strip(),
+        "machine": f"{len(os.sched_getaffinity(0))} cores, {platform.machine()}, "
+        f"Python {platform.python_version()}",
+    }
+
+
+def of_bench(rows: Sequence[Mapping[str, Any]], seed: int) -> Run:
+    """The figures of a run of the bench: right answers and sets by class."""
+    classes = {}
+    for name, (_, _, groups) in CLASSES.items():
+        ours = [row["right"] for row in rows if row["group"] in groups]
+        if ours:
+            classes[name] = [sum(ours), len(ours)]
+    ratios = [row["ratio"] for row in rows if row["ratio"] is not None]
+    close = [sum(ratio <= 1.05 for ratio in ratios), len(ratios)]
+    return {"seed": seed, **stamp(), "classes": classes, "close": close if ratios else None}
+
+
+def of_peers(document: Mapping[str, Any]) -> Run:
+    """The figures of a comparison with peers, a row for each job and tool."""
+    from benchmarks.peers._jobs import JOBS
+    from benchmarks.peers._table import duration, times
+
+    lines: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
+    for cell in document["cells"]:
+        if cell["platform"] == "cpu" and cell["status"] not in ("absent", "not installed"):
+            lines.setdefault((cell["job"], cell["tool"]), []).append(cell)
+    slopes = {(g["job"], g["tool"]): g for g in document["growth"] if g["platform"] == "cpu"}
+    rows = []
+    for (job, tool), cells in lines.items():
+        ours = lines[job, next(t for j, t in lines if j == job)]
+        told = []
+        for cell, base in zip(cells, ours, strict=True):
+            if cell["seconds"] is None:
+                told.append(f"over {document['settings']['limit']:g} s")
+            elif cells is ours:
+                told.append(duration(cell["seconds"]))
+            else:
+                told.append(times(cell["seconds"] / base["seconds"]))
+        slope = slopes.get((job, tool))
+        sizes = ", ".join(f"{cell['size']}" for cell in cells)
+        rows.append(
+            {
+                "job": f"{JOBS[job].name}: {sizes} {JOBS[job].unit}",
+                "tool": tool,
+                "told": ", ".join(told),
+                "growth": f"{slope['exponent']:.2f}" if slope else "",
+                "memory": "",
+            }
+        )
+    machine = document["machine"]
+    settings = document["settings"]
+    return {
+        **stamp(),
+        "machine": f"{machine['cores']} cores, {machine['processor']}, Python {machine['python']}, "
+        f"jax {machine['versions']['jax']}",
+        "settings": f"{settings['repeats']} turns, {settings['limit']:g} s allowed for a call",
+        "rows": rows,
+    }
+
+
+def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
+    yield f"| {' | '.join(heads)} |"
+    yield f"|{' --- |' * len(heads)}"
+    for row in rows:
+        yield f"| {' | '.join(row)} |"
+
+
+def _origins(runs: Sequence[Run], of: str) -> Iterator[str]:
+    rows = [[str(run.get(of, "")), run["date"], f"`{run['commit']}`", run["machine"],
+             run.get("note", "")] for run in runs]  # fmt: skip
+    yield from _table((of, "day", "commit", "machine", "remark"), rows)
+
+
+def bench_page(found: Run) -> str:
+    """The page of the bench of hidden effects."""
+    runs = found["runs"]
+    rows = []
+    for name, (words, asked, _) in CLASSES.items():
+        told = [run["classes"].get(name) for run in runs]
+        right, sets = (sum(f[i] for f in told if f) for i in (0, 1))
+        low, high = (100.0 * end for end in wilson(right, sets))
+        cells = [f"{f[0]} of {f[1]}" if f else "" for f in told]
+        rows.append([words, *cells, f"{asked}", f"{low:.0f} to {high:.0f} %"])
+    close = [run["close"] for run in runs]
+    cells = [f"{c[0]} of {c[1]}" if c else "" for c in close]
+    rows.append([CLOSE, *cells, "all", ""])
+    heads = ["class", *(f"seed {run['seed']}" for run in runs), "asked for", "share, 95 %"]
+    return "\n".join(
+        [
+            MADE,
+            "",
+            "# The bench of hidden effects",
+            "",
+            "The bench draws a plant, hides something in it, simulates two training logs and an",
+            "unseen one with the noise of sensors, and asks for a diagnosis with the whole",
+            "catalogue. A set counts as right if exactly what was hidden is named and no more.",
+            "Each seed was new to the code that it judged. The last column is the interval of the",
+            "share over all seeds (Wilson 1927).",
+            "",
+            *_table(heads, rows),
+            "",
+            *textwrap.wrap(found["notes"], 96),
+            "",
+            "What these figures do not cover stands in",
+            "[How a diagnosis decides]"
+            "(../explanation/diagnosis.md#what-these-figures-do-not-cover).",
+            "",
+            "## Where they are from",
+            "",
+            *_origins(runs, "seed"),
+            "",
+            "The commit is that of the code or, where marked so, the one that wrote the figures",
+            "down. The machine changes only the seconds. Again, with a seed of your own:",
+            "",
+            "```console",
+            "$ cd tests",
+            "$ python -m hidden.bench --count 216 --seed 7 --jobs 2 --out results.jsonl",
+            "$ python -m benchmarks.pages --bench results.jsonl --seed 7",
+            "```",
+            "",
+        ]
+    )
+
+
+def peers_page(found: Run) -> str:
+    """The page of speeds beside peers."""
+    lines = [
+        MADE,
+        "",
+        "# Speed beside peers",
+        "",
+        "Each job by this package and by what a user of numba, CasADi, diffrax or emcee would",
+        "write. All tools of a row take turns, each in a process of its own, and their answers",
+        "must agree. Given are the time of a warm run by this package, and for the others their",
+        "time over it: above 1 they are slower. Growth is the exponent of the time over the size;",
+        "memory is what the job added to the imports at the largest size.",
+        "",
+        "Short logs are where peers are ahead: a fit of 1000 samples spends its time on checks,",
+        "comparison and status, which numba and SciPy leave out. No ratio holds the first call,",
+        "which compiles.",
+        "",
+        *textwrap.wrap(found["notes"], 96),
+        "",
+    ]
+    for number, run in enumerate(found["runs"], 1):
+        rows, last = [], ""
+        for row in run["rows"]:
+            job, last = ("" if row["job"] == last else row["job"]), row["job"]
+            rows.append([job, row["tool"], row["told"], row["growth"], row["memory"]])
+        lines += [
+            f"## Run {number}, {run['date']}",
+            "",
+            f"{run['machine']}; {run['settings']}; commit `{run['commit']}`{run.get('note', '')}.",
+            "",
+            *_table(("job, sizes", "tool", "time or ratio", "growth", "memory"), rows),
+            "",
+        ]
+    lines += [
+        "## Again",
+        "",
+        "```console",
+        "$ python -m pip install -e '.[test,benchmark]'",
+        "$ cd tests",
+        "$ python -m benchmarks.peers --repeats 3 --limit 30 --json peers.json",
+        "$ python -m benchmarks.pages --peers peers.json",
+        "```",
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def rendered() -> dict[Path, str]:
+    """Each page as the stored measurements give it."""
+    return {
+        BENCH.with_suffix(".md"): bench_page(taken(BENCH)),
+        PEERS.with_suffix(".md"): peers_page(taken(PEERS)),
+    }
+
+
+def _add(where: Path, run: Run) -> None:
+    found = taken(where)
+    text = json.dumps({**found, "runs": [*found["runs"], run]}, indent=1, ensure_ascii=False)
+    where.write_text(f"{text}\n", encoding="utf-8")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Take in what was measured, and write the pages."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.pages")
+    parser.add_argument("--bench", type=Path, metavar="FILE", help="of hidden.bench --out")
+    parser.add_argument("--seed", type=int, help="that --bench was run with")
+    parser.add_argument("--peers", type=Path, metavar="FILE", help="of benchmarks.peers --json")
+    options = parser.parse_args(arguments)
+    if options.bench:
+        lines = options.bench.read_text(encoding="utf-8").splitlines()
+        if options.seed is None:
+            parser.error("--bench needs --seed")
+        _add(BENCH, of_bench([json.loads(line) for line in lines if line], options.seed))
+    if options.peers:
+        _add(PEERS, of_peers(json.loads(options.peers.read_text(encoding="utf-8"))))
+    for path, text in rendered().items():
+        path.write_text(text, encoding="utf-8")
+        print(path.relative_to(ROOT))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
