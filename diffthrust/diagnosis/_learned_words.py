@@ -69,7 +69,7 @@ def signal_words(law: LearnedLaw) -> str:
     assert memory.size is not None
     size = number(getattr(curve, ast.unparse(memory.size)), 2)
     if memory.kind == "lag":
-        return f"the last {size} s of {of}"
+        return f"the last {size} s of {of}{', from none on' if memory.start else ''}"
     return f"how far {of} has gone since it turned, up to {size} {law.signal_unit}".rstrip()
 
 

@@ -45,12 +45,14 @@ class Memory(NamedTuple):
         kind: "lag", "play" or "integral".
         of: what it is the lag, the play, the integral of.
         size: the time constant [s], or half the width of the play; ``None`` for an integral.
+        start: at what a lag begins; settled where ``None``.
     """
 
     state: str
     kind: str
     of: ast.expr
     size: ast.expr | None
+    start: ast.expr | None = None
 
 
 @dataclass(frozen=True)

@@ -43,8 +43,8 @@ class Formula(MadeEffect):
     ``where(condition, x, y)``. A power that is not whole is that of the size of its base; powers,
     roots, logarithms and quotients are finite everywhere, with their derivatives. At ports inside
     the model there is also what remembers: ``lag(x, T)`` follows x with the time constant T [s],
-    ``play(x, b)`` with a backlash of half the width b, and ``integral(x)`` is that since the log
-    began.
+    settled when the log begins, ``lag(x, T, 0)`` from zero on; ``play(x, b)`` follows with a
+    backlash of half the width b; and ``integral(x)`` is that since the log began.
 
     Args:
         port: a port of the model, or one of its channels.

@@ -137,7 +137,8 @@ def _check_call(node: ast.Call, text: str, at: int) -> None:
         what = f"the function {name!r} is not known" if name else "this cannot be called"
         raise with_mark(text, at, f"{what}{'; ' + near if near else ''}", _mend())
     count = _ARGUMENTS[name]
-    if node.keywords or len(node.args) != count:
+    enough = len(node.args) in (count, count + (name == "lag"))
+    if node.keywords or not enough:
         found = len(node.args) + len(node.keywords)
         raise with_mark(
             text, at, f"expected {count} in the brackets of '{name}', found {found}",

@@ -1,11 +1,11 @@
 """Expressions that remember: a first-order lag, the play of a backlash, an integral.
 
-``lag(x, T)`` follows x with the time constant T [s]. ``play(x, b)`` stays where it is until x has
-moved b away from it, and is then pushed along: the play, or backlash, of half the width b, of which
-``x - play(x, b)`` is how far x has gone since it turned (the stop; Visintin 1994, chapter III).
-``integral(x)`` is the time integral since the log began: that of a velocity is a position, and
-``integral(1)`` the time. A lag begins settled, a play as it is when x has come there from zero, an
-integral at zero.
+``lag(x, T)`` follows x with the time constant T [s] and begins settled; ``lag(x, T, 0)`` begins at
+zero: so warms up what is cold when the log begins. ``play(x, b)`` stays where it is until x has moved
+b away from it, and is then pushed along: the play, or backlash, of half the width b, of which
+``x - play(x, b)`` is how far x has gone since it turned (the stop; Visintin 1994, chapter III). It
+begins as it is when x has come from zero. ``integral(x)`` is the time integral since the log began:
+that of a velocity is a position, and ``integral(1)`` the time.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from diffthrust.effects._expression import Expression, Memory, valued
 from diffthrust.models._base.signals import Rate, Relaxing, Signal
 
 REMEMBERS: Mapping[str, int] = {"lag": 2, "play": 2, "integral": 1}
-"""Functions that remember, and how many arguments they have."""
+"""Functions that remember, and how many arguments they have; a lag may have one more."""
 _QUICK = 1e4
 """The rate [1/s] at which what has been taken up of a play is followed."""
 
@@ -44,13 +44,12 @@ class _Apart(ast.NodeTransformer):
         kind = node.func.id
         if kind not in REMEMBERS:
             return self.generic_visit(node)
-        of, *sizes = [self.visit(part) for part in node.args]
-        size = sizes[0] if sizes else None
+        parts = [self.visit(part) for part in node.args]
         alike = [one for one in self.memories if one.kind == kind]
         for one in alike:
-            if _text(one.of) == _text(of) and _text(one.size) == _text(size):
+            if list(map(_text, one[2:])) == list(map(_text, [*parts, None, None][:3])):
                 return _now(one)
-        one = Memory(f"{kind}{len(alike) + 1}" if alike else kind, kind, of, size)
+        one = Memory(f"{kind}{len(alike) + 1}" if alike else kind, kind, *[*parts, None, None][:3])
         self.memories.append(one)
         return _now(one)
 
@@ -114,7 +113,7 @@ def memory_starts(law: Expression, names: Callable[[str], Any]) -> dict[str, Sig
 def begun_at(memory: Memory) -> ast.expr:
     """Where a memory begins."""
     if memory.kind == "lag":
-        return memory.of
+        return memory.of if memory.start is None else memory.start
     return _pushed(memory, ast.Constant(0.0)) if memory.kind == "play" else ast.Constant(0.0)
 
 
@@ -133,7 +132,8 @@ def value_along(
     for memory in law.memories:
         series = np.broadcast_to(np.asarray(valued(memory.of, known, np), float), time.shape)
         size = None if memory.size is None else float(valued(memory.size, known, np))
-        states[memory.state] = _ALONG[memory.kind](series, size, time)
+        first = float(np.broadcast_to(valued(begun_at(memory), known, np), time.shape)[0])
+        states[memory.state] = _ALONG[memory.kind](series, size, time, first)
     return np.broadcast_to(np.asarray(law(known, np), float), time.shape)
 
 
@@ -141,25 +141,25 @@ def _with(states: Mapping[str, Any], names: Callable[[str], Any]) -> Callable[[s
     return lambda name: states[name] if name in states else names(name)
 
 
-def _lagging(series: np.ndarray, size: float, time: np.ndarray) -> np.ndarray:
+def _lagging(series: np.ndarray, size: float, time: np.ndarray, first: float) -> np.ndarray:
     from scipy.signal import lfilter  # slow to import
 
     kept = float(np.exp(-np.median(np.diff(time)) / max(size, 1e-12)))
-    before = np.concatenate([series[:1], series[:-1]])
-    return lfilter([1.0 - kept], [1.0, -kept], before, zi=[kept * series[0]])[0]
+    later = lfilter([1.0 - kept], [1.0, -kept], series[:-1], zi=[kept * first])[0]
+    return np.concatenate([[first], later])
 
 
-def _played(series: np.ndarray, size: float, time: np.ndarray) -> np.ndarray:
-    out, at = [], 0.0
+def _played(series: np.ndarray, size: float, time: np.ndarray, first: float) -> np.ndarray:
+    out, at = [], first
     for value in series.tolist():
         at = min(max(at, value - size), value + size)
         out.append(at)
     return np.array(out)
 
 
-def _integrated(series: np.ndarray, size: None, time: np.ndarray) -> np.ndarray:
+def _integrated(series: np.ndarray, size: None, time: np.ndarray, first: float) -> np.ndarray:
     steps = 0.5 * (series[1:] + series[:-1]) * np.diff(time)
-    return np.concatenate([[0.0], np.cumsum(steps)])
+    return np.concatenate([[first], first + np.cumsum(steps)])
 
 
 _ALONG: Mapping[str, Callable[..., np.ndarray]] = {

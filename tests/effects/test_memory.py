@@ -97,6 +97,8 @@ def test_the_integral_of_one_is_the_time_and_that_of_a_speed_a_position():
     [
         ("u - play(u, 0.5)", COMMAND - swallowed(COMMAND, 0.5)),
         ("2 * integral(1)", 2 * TIME),
+        ("lag(1, 4, 0)", 1 - np.exp(-TIME / 4)),
+        ("lag(2 + 0 * u, 4, 3)", 2 + np.exp(-TIME / 4)),
         ("lag(u, 1e-9)", np.concatenate([COMMAND[:1], COMMAND[:-1]])),
         ("lag(play(u, 0.5), 1e-9)", swallowed(COMMAND, 0.5)[np.r_[0, : TIME.size - 1]]),
     ],
@@ -106,7 +108,16 @@ def test_along_a_log_they_are_what_they_are_in_a_run(text, expected):
     np.testing.assert_allclose(seen, expected, atol=1e-12)
 
 
+def test_what_is_cold_when_a_log_begins_warms_up():
+    text = "a * lag(command, T, 0)"
+    warm = Formula("drive", text, a={"unit": "1", "value": 1.0}, T={"unit": "s", "value": 4.0})
+    seen = dft.simulate(STILL + warm, driven(np.ones(400)), substeps=4)["speed"]
+    np.testing.assert_allclose(seen, TIME - 4 * (1 - np.exp(-TIME / 4)), atol=1e-6)
+
+
 def test_what_occurs_twice_is_remembered_once():
+    law = expression_of("lag(u, T) + lag(u, T, 0) - lag(u, T, 0)")
+    assert [one.state for one in law.memories] == ["lag", "lag2"]
     law = expression_of("lag(speed, T) * abs(lag(speed, T)) + lag(speed, S) + play(speed, b)")
     assert [one.state for one in law.memories] == ["lag", "lag2", "play"]
     assert law.sizes == {"T", "S", "b"}
@@ -116,6 +127,7 @@ def test_what_occurs_twice_is_remembered_once():
     ("text", "told"),
     [
         ("lag(speed)", "expected 2 in the brackets of 'lag', found 1"),
+        ("play(speed, b, 0)", "expected 2 in the brackets of 'play', found 3"),
         ("lag * speed", "'lag' is a function"),
         ("lag(lag2, T) + lag(speed, T)", "'lag2' is the state of what remembers here"),
     ],

@@ -23,8 +23,8 @@ TIME, WIDTH = "time_constant", "half_width"
 """Parameters of what remembers."""
 _PASTS = (20, 100, 500)
 """Samples over which the past of a signal is remembered."""
-_SLOW = (100, 500)
-"""The same of its square, which heats."""
+_SLOW = (100, 250, 600)
+"""The same of its square, which heats what is cold at first."""
 _PLAYS = (0.02, 0.06, 0.18)
 """Half the width of a play, over the range of its signal."""
 _RANGE = 100.0
@@ -134,7 +134,10 @@ def _expressions(
     names, units = _readable(trials, seen), units_at(trials, port)
     for name in names:
         yield name, {}
-        for text, pasts in ((f"lag({name}, {TIME})", _PASTS), (f"lag({name}**2, {TIME})", _SLOW)):
+        for text, pasts in (
+            (f"lag({name}, {TIME})", _PASTS),
+            (f"lag({name}**2, {TIME}, 0)", _SLOW),
+        ):
             for samples in pasts:
                 yield text, {TIME: _guessed(samples * step, "s")}
     arriving = [ARRIVING] if place.state and not times else []
