@@ -49,8 +49,9 @@ class InputError(ValueError):
     """
 
     def __init__(self, problem: str, mend: str = "", *, place: Place | None = None) -> None:
-        self.problem = problem = visible(problem)
-        self.mend = mend = visible(mend)
+        problem, mend = visible(problem), visible(mend)
+        self.problem: str = problem
+        self.mend: str = mend
         self.place = place
         super().__init__(f"{problem}\nMend: {mend}" if mend else problem)
 

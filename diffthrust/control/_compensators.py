@@ -6,6 +6,7 @@ thruster that the designer believes in, which need not be the one in the loop.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar, Self
 
 import jax.numpy as jnp
@@ -84,7 +85,7 @@ class Lead(Compensator):
     1990, section V B: (s + 2.43) / (s + 6.5), for a time constant of 0.75 s at 1 V.
     """
 
-    states: ClassVar = {"lagged": "N"}
+    states: ClassVar[Mapping[str, str]] = {"lagged": "N"}
 
     zero: float = parameter(2.43, "rad/s", bounds=(0, None))
     pole: float = parameter(6.5, "rad/s", bounds=(0, None))
@@ -112,7 +113,7 @@ class PoleCancellation(Compensator):
     (2 alpha / sqrt(ct) is 0.50 for alpha = 0.037, ct = 0.022); with u in volts it would be 2.5.
     """
 
-    states: ClassVar = {"smoothed": "N", "begun": ""}
+    states: ClassVar[Mapping[str, str]] = {"smoothed": "N", "begun": ""}
 
     rate: float = parameter(0.49, "1/(s N^0.5)", bounds=(0, None))
     floor: float = parameter(1.0, "N", bounds=(0, None), fixed=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import ClassVar, Literal
 
 import jax.numpy as jnp
@@ -39,8 +40,8 @@ class PID(Controller):
         >>> pi = dft.control.PID(kp=5.0, ki=15.0, limit=13.0)
     """
 
-    states: ClassVar = {"integral": "", "smoothed": "", "begun": ""}
-    options = ("of", "gives")
+    states: ClassVar[Mapping[str, str]] = {"integral": "", "smoothed": "", "begun": ""}
+    options: ClassVar[tuple[str, ...]] = ("of", "gives")
 
     kp: float = parameter(1.0, bounds=(0, None), transform="linear", size=1.0)
     ki: float = parameter(0.0, bounds=(0, None), transform="linear", size=1.0)
@@ -88,7 +89,7 @@ class PositionController(Controller):
         >>> controller = dft.control.PositionController(bandwidth=1.0, mass=340.0, drag=67.0)
     """
 
-    reads = ("position", "velocity")
+    reads: ClassVar[tuple[str, ...]] = ("position", "velocity")
 
     bandwidth: float = parameter(1.0, "rad/s", bounds=(0, None))
     mass: float = parameter(340.0, "kg", bounds=(0, None), fixed=True)
@@ -114,7 +115,7 @@ class PD(Controller):
         >>> controller = dft.control.PD(frequency=1.0, damping=0.707, mass=340.0)
     """
 
-    reads = ("position", "velocity")
+    reads: ClassVar[tuple[str, ...]] = ("position", "velocity")
 
     frequency: float = parameter(1.0, "rad/s", bounds=(0, None))
     damping: float = parameter(0.707, bounds=(0, None))

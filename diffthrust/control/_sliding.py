@@ -34,8 +34,8 @@ class Sliding(Compensator):
         >>> sliding = dft.control.Sliding.of(dft.Thruster(), gain=3.0, width=4.0)
     """
 
-    reads = ("speed",)
-    states: ClassVar = {
+    reads: ClassVar[tuple[str, ...]] = ("speed",)
+    states: ClassVar[Mapping[str, str]] = {
         "wanted_speed": "rad/s",
         "sliding_error": "rad/s",
         "smoothed": "rad/s",
@@ -105,7 +105,7 @@ class AdaptiveSliding(Sliding):
         >>> unknowing = dft.control.AdaptiveSliding(thrust_coefficient=0.019)
     """
 
-    states: ClassVar = {
+    states: ClassVar[Mapping[str, str]] = {
         **Sliding.states,
         "load_estimate": "V s^2/rad^2",
         "inertia_estimate": "V s^2/rad",

@@ -36,17 +36,19 @@ class Relay(Static):
     """
 
     def __init__(self, level: float, *, hysteresis: float = 0.0, dead_zone: float = 0.0) -> None:
-        self.level = positive("level", level)
-        self.hysteresis = positive("hysteresis", hysteresis, zero=True)
-        self.dead_zone = positive("dead_zone", dead_zone, zero=True)
+        self.level: float = positive("level", level)
+        self.hysteresis: float = positive("hysteresis", hysteresis, zero=True)
+        self.dead_zone: float = positive("dead_zone", dead_zone, zero=True)
         if hysteresis and dead_zone:
             raise InputError(
                 "A relay with both hysteresis and a dead zone is not provided.",
                 "Leave one of them out.",
             )
-        self.least = self.hysteresis or self.dead_zone
-        self.jumps = () if hysteresis else tuple({-self.dead_zone, self.dead_zone})
-        self.bends = self.jumps or (-self.hysteresis, self.hysteresis)
+        self.least: float = self.hysteresis or self.dead_zone
+        self.jumps: tuple[float, ...] = (
+            () if hysteresis else tuple({-self.dead_zone, self.dead_zone})
+        )
+        self.bends: tuple[float, ...] = self.jumps or (-self.hysteresis, self.hysteresis)
 
     @property
     def scale(self) -> float | None:
@@ -109,8 +111,9 @@ class Saturation(Static):
     """
 
     def __init__(self, limit: float, *, slope: float = 1.0) -> None:
-        self.limit, self.slope = positive("limit", limit), positive("slope", slope)
-        self.bends = (-self.scale, self.scale)
+        self.limit: float = positive("limit", limit)
+        self.slope: float = positive("slope", slope)
+        self.bends: tuple[float, ...] = (-self.scale, self.scale)
 
     @property
     def scale(self) -> float:
@@ -146,9 +149,10 @@ class DeadZone(Static):
     """
 
     def __init__(self, width: float, *, slope: float = 1.0) -> None:
-        self.width, self.slope = positive("width", width), positive("slope", slope)
-        self.least = self.width
-        self.bends = (-self.width, self.width)
+        self.width: float = positive("width", width)
+        self.slope: float = positive("slope", slope)
+        self.least: float = self.width
+        self.bends: tuple[float, ...] = (-self.width, self.width)
 
     @property
     def scale(self) -> float:
@@ -184,8 +188,9 @@ class Backlash(Static):
     """
 
     def __init__(self, gap: float, *, slope: float = 1.0) -> None:
-        self.gap, self.slope = positive("gap", gap), positive("slope", slope)
-        self.least = self.gap
+        self.gap: float = positive("gap", gap)
+        self.slope: float = positive("slope", slope)
+        self.least: float = self.gap
 
     @property
     def scale(self) -> float:

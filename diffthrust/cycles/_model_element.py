@@ -60,8 +60,11 @@ class ModelElement(Nonlinearity):
     odd = False  # effects may tell forward from reverse
 
     def __init__(self, model: Any, *, input: str = "command", output: str = "thrust") -> None:
-        self.model, self.delay = _without_delay(checked_model(model), input)
-        self.input, self.output = input, output
+        direct, delay = _without_delay(checked_model(model), input)
+        self.model: Model = direct
+        self.delay: float = delay
+        self.input: str = input
+        self.output: str = output
         for what, name, known in (
             ("input", input, self.model.inputs),
             ("output", output, self.model.outputs),
@@ -83,7 +86,7 @@ class ModelElement(Nonlinearity):
                 f"The model '{self.model}' has no states.",
                 "Give its curve as a dft.cycles.StaticNonlinearity.",
             )
-        self.unit = self.model.inputs[input]
+        self.unit: str = self.model.inputs[input]
         late = [e.name for e in self.model.effects if e.memory and input in e.ports]
         if late:
             raise InputError(

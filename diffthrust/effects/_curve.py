@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from typing import Any
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -72,7 +72,16 @@ class Curve(MadeEffect):
 
     name = "curve"
     main = "signal"
-    options = ("name", "port", "signal", "times", "low", "high", "pieces", "lags")
+    options: ClassVar[tuple[str, ...]] = (
+        "name",
+        "port",
+        "signal",
+        "times",
+        "low",
+        "high",
+        "pieces",
+        "lags",
+    )
     signal: str
     times: str
     low: float

@@ -1,6 +1,8 @@
 """Effects in the propulsion and steering of a vessel."""
 
 import math
+from collections.abc import Mapping
+from typing import ClassVar
 
 import jax.numpy as jnp
 
@@ -24,7 +26,7 @@ class PropellerLag(ActuatorLag):
 
     name = "propeller_lag"
     port = "revolutions"
-    states = {"response": "rev/s"}
+    states: ClassVar[Mapping[str, str]] = {"response": "rev/s"}
     time_constant: float = parameter(
         0.3, "s", bounds=(0, None), null=0.0, size=0.5, probes=(0.1, 0.5, 1.5)
     )
@@ -41,7 +43,7 @@ class RudderLag(ActuatorLag):
 
     name = "rudder_lag"
     port = "rudder"
-    states = {"response": "rad"}
+    states: ClassVar[Mapping[str, str]] = {"response": "rad"}
     time_constant: float = parameter(
         0.3, "s", bounds=(0, None), null=0.0, size=0.5, probes=(0.1, 0.5, 1.5)
     )
@@ -186,7 +188,7 @@ class DifferentialGain(Effect):
     """
 
     name = "differential_gain"
-    ports = ("left_force", "right_force")
+    ports: ClassVar[tuple[str, ...]] = ("left_force", "right_force")
     gain: float = parameter(0.05, bounds=(-1, 1), null=0.0, size=0.2, probes=(-0.2, 0.2))
 
     def at(self, port: str, value: Signal, s: Signals) -> Signal:
@@ -206,7 +208,7 @@ class SwappedThrusters(Effect):
     """
 
     name = "swapped_thrusters"
-    ports = ("left_force", "right_force")
+    ports: ClassVar[tuple[str, ...]] = ("left_force", "right_force")
     share: float = parameter(1.0, bounds=(0, 1), null=0.0, size=0.5, probes=(1.0,))
 
     def at(self, port: str, value: Signal, s: Signals) -> Signal:
@@ -228,7 +230,7 @@ class ForceExponent(Effect):
     """
 
     name = "force_exponent"
-    ports = ("left_force", "right_force")
+    ports: ClassVar[tuple[str, ...]] = ("left_force", "right_force")
     exponent: float = parameter(1.2, bounds=(0.3, 3), null=1.0, size=0.3, probes=(0.7, 1.5))
     reference: float = parameter(
         10.0, "{left_force}", bounds=(0, None), fixed=True, probes=relative_to("left_force", 0.6)

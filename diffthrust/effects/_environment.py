@@ -1,6 +1,7 @@
 """Effects of the wind and of a current on a vessel."""
 
 import math
+from typing import ClassVar
 
 import jax.numpy as jnp
 
@@ -23,7 +24,7 @@ class WaterCurrent(Effect):
     """
 
     name = "water_current"
-    ports = (
+    ports: ClassVar[tuple[str, ...]] = (
         "surge_through_water",
         "sway_through_water",
         "surge_acceleration",
@@ -68,7 +69,7 @@ class Wind(Effect):
     """
 
     name = "wind"
-    ports = ("surge_force", "sway_force", "yaw_moment")
+    ports: ClassVar[tuple[str, ...]] = ("surge_force", "sway_force", "yaw_moment")
     along: float = parameter(
         0.01,
         "N s^2/m^2",

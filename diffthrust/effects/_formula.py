@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -67,7 +67,7 @@ class Formula(MadeEffect):
 
     name = "formula"
     main = "expression"
-    options = ("name", "port", "expression")
+    options: ClassVar[tuple[str, ...]] = ("name", "port", "expression")
     expression: str
 
     def __init__(

@@ -1,5 +1,7 @@
 """Effects between the water and the hull."""
 
+from typing import ClassVar
+
 import jax.numpy as jnp
 
 from diffthrust.models._base.component import registered
@@ -104,7 +106,13 @@ class SwayYawCoupling(Effect):
     """
 
     name = "sway_yaw_coupling"
-    ports = ("surge_force", "sway_force", "yaw_moment", "sway_acceleration", "yaw_acceleration")
+    ports: ClassVar[tuple[str, ...]] = (
+        "surge_force",
+        "sway_force",
+        "yaw_moment",
+        "sway_acceleration",
+        "yaw_acceleration",
+    )
     mass: float = parameter(0.1, "kg m", null=0.0, size=0.5, probes=(-0.3, 0.3))
     damping: float = parameter(0.1, "N s", null=0.0, size=0.5, probes=(-0.5, 0.5))
 

@@ -1,6 +1,7 @@
 """Effects between the speed of the propeller and its thrust."""
 
 from collections.abc import Mapping
+from typing import ClassVar
 
 import jax.numpy as jnp
 
@@ -38,7 +39,7 @@ class InflowThrustLoss(Effect):
 
     name = "inflow_thrust_loss"
     port = "propeller"
-    needs = ("inflow",)
+    needs: ClassVar[tuple[str, ...]] = ("inflow",)
     loss: float = parameter(
         0.1,
         "N s^2/(m rad)",
@@ -70,7 +71,7 @@ class AxialFlow(Effect):
 
     name = "axial_flow"
     port = "propeller"
-    states = {"flow": "m/s"}
+    states: ClassVar[Mapping[str, str]] = {"flow": "m/s"}
     loss: float = parameter(
         0.1,
         "N s^2/(m rad)",

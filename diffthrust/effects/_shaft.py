@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -24,7 +25,7 @@ class ActuatorLag(Effect):
 
     name = "actuator_lag"
     port = "drive"
-    states = {"response": ""}
+    states: ClassVar[Mapping[str, str]] = {"response": ""}
     time_constant: float = parameter(
         0.05, "s", bounds=(0, None), null=0.0, size=0.1, probes=(0.03, 0.1, 0.3)
     )
@@ -75,7 +76,7 @@ class SupplyVoltageSag(Effect):
 
     name = "supply_voltage_sag"
     port = "drive"
-    needs = ("supply_voltage",)
+    needs: ClassVar[tuple[str, ...]] = ("supply_voltage",)
     share: float = parameter(0.5, bounds=(0, 1), null=0.0, size=0.5, probes=(0.3, 0.9))
     nominal: float = parameter(24.0, "V", bounds=(0, None), fixed=True)
 
@@ -112,7 +113,7 @@ class InflowLoadRelief(Effect):
 
     name = "inflow_load_relief"
     port = "load"
-    needs = ("inflow",)
+    needs: ClassVar[tuple[str, ...]] = ("inflow",)
     relief: float = parameter(
         0.2,
         "1/m",

@@ -1,5 +1,8 @@
 """A sensor that reads along a straight line."""
 
+from collections.abc import Mapping
+from typing import ClassVar
+
 from diffthrust.models._base.component import registered
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
@@ -19,9 +22,9 @@ class LinearSensor(Model):
     """
 
     name = "linear_sensor"
-    inputs = {"depth": "m"}
-    outputs = {"reading": "V"}
-    ports = {"line": "reading of the sensor [V]"}
+    inputs: ClassVar[Mapping[str, str]] = {"depth": "m"}
+    outputs: ClassVar[Mapping[str, str]] = {"reading": "V"}
+    ports: ClassVar[Mapping[str, str]] = {"line": "reading of the sensor [V]"}
 
     slope: float = parameter(0.1901, "V/m", size=0.1)
     offset: float = parameter(-0.0973, "V", size=1.0)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import ClassVar
 
 import jax.numpy as jnp
 
@@ -33,11 +35,11 @@ class DepthPlant(Model):
     """
 
     name = "depth_plant"
-    inputs = {"command": "V"}
-    states = {"slow": "V s^2", "fast": "V s"}
-    outputs = {"reading": "V"}
-    ports = {"drive": "voltage at the thruster [V]"}
-    time_scales = (0.005, 10.0)
+    inputs: ClassVar[Mapping[str, str]] = {"command": "V"}
+    states: ClassVar[Mapping[str, str]] = {"slow": "V s^2", "fast": "V s"}
+    outputs: ClassVar[Mapping[str, str]] = {"reading": "V"}
+    ports: ClassVar[Mapping[str, str]] = {"drive": "voltage at the thruster [V]"}
+    time_scales: ClassVar[tuple[float, float]] = (0.005, 10.0)
 
     s1: float = parameter(-28.77, "1/s", size=10.0)
     s0: float = parameter(16.28, "1/s^2", size=10.0)
