@@ -37,7 +37,8 @@ class PID(Controller):
         **gains: kp, ki, kd, limit, unwinding, smoothing.
 
     Example:
-        >>> pi = dft.control.PID(kp=5.0, ki=15.0, limit=13.0)
+        >>> dft.control.PID(kp=5.0, ki=15.0, limit=13.0).kp
+        5.0
     """
 
     states: ClassVar[Mapping[str, str]] = {"integral": "", "smoothed": "", "begun": ""}
@@ -86,7 +87,10 @@ class PositionController(Controller):
     bandwidth^2 e = 0. Source: Yoerger, Cooke & Slotine 1990, section V A.
 
     Example:
-        >>> controller = dft.control.PositionController(bandwidth=1.0, mass=340.0, drag=67.0)
+        >>> dft.control.PositionController(bandwidth=1.0, mass=340.0, drag=67.0).parameters[
+        ...     "bandwidth"
+        ... ].unit
+        'rad/s'
     """
 
     reads: ClassVar[tuple[str, ...]] = ("position", "velocity")
@@ -112,7 +116,8 @@ class PD(Controller):
     & Slotine 1990, section IV, figures 13 and 14.
 
     Example:
-        >>> controller = dft.control.PD(frequency=1.0, damping=0.707, mass=340.0)
+        >>> dft.control.PD(frequency=1.0, damping=0.707, mass=340.0).parameters["mass"].unit
+        'kg'
     """
 
     reads: ClassVar[tuple[str, ...]] = ("position", "velocity")

@@ -32,6 +32,8 @@ class Sliding(Compensator):
 
     Example:
         >>> sliding = dft.control.Sliding.of(dft.Thruster(), gain=3.0, width=4.0)
+        >>> sliding.gain
+        3.0
     """
 
     reads: ClassVar[tuple[str, ...]] = ("speed",)
@@ -103,6 +105,8 @@ class AdaptiveSliding(Sliding):
 
     Example:
         >>> unknowing = dft.control.AdaptiveSliding(thrust_coefficient=0.019)
+        >>> sorted(unknowing.start())
+        ['inertia_estimate', 'load_estimate']
     """
 
     states: ClassVar[Mapping[str, str]] = {

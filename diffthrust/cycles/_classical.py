@@ -32,7 +32,11 @@ class Relay(Static):
         InputError: a size that is not positive, or hysteresis and dead zone at once.
 
     Example:
-        >>> Relay(1.0, hysteresis=0.1).describing(1.0, 2.0)
+        >>> relay = dft.cycles.Relay(1.0, hysteresis=0.1)
+        >>> relay.scale, relay.describing(1.0, 2.0).round(3)
+        (0.1, np.complex128(1.267-0.127j))
+        >>> relay.over(np.array([0.5, -0.5])), relay.rest(0.0), dft.cycles.Relay(1.0).at(0.5)
+        (array([ 1., -1.]), 1.0, 1.0)
     """
 
     def __init__(self, level: float, *, hysteresis: float = 0.0, dead_zone: float = 0.0) -> None:
@@ -107,7 +111,14 @@ class Saturation(Static):
         slope: gain of small inputs.
 
     Example:
-        >>> Saturation(1.0, slope=2.0).describing(5.0, 1.0)
+        >>> limit = dft.cycles.Saturation(1.0, slope=2.0)
+        >>> (
+        ...     limit.scale,
+        ...     limit.describing(5.0, 1.0).round(3),
+        ...     limit.at(3.0),
+        ...     limit.over(np.array([0.1])),
+        ... )
+        (0.5, np.complex128(0.254+0j), 1.0, array([0.2]))
     """
 
     def __init__(self, limit: float, *, slope: float = 1.0) -> None:
@@ -145,7 +156,9 @@ class DeadZone(Static):
         slope: gain beyond it.
 
     Example:
-        >>> DeadZone(0.5).describing(1.0, 1.0)
+        >>> zone = dft.cycles.DeadZone(0.5)
+        >>> zone.describing(1.0, 1.0).round(3), zone.at(0.75), zone.over(np.array([0.2, 1.0]))
+        (np.complex128(0.391+0j), 0.25, array([0. , 0.5]))
     """
 
     def __init__(self, width: float, *, slope: float = 1.0) -> None:
@@ -184,7 +197,11 @@ class Backlash(Static):
         slope: gain while in contact.
 
     Example:
-        >>> Backlash(0.1).describing(1.0, 1.0)
+        >>> gear = dft.cycles.Backlash(0.1)
+        >>> gear.scale, gear.describing(1.0, 1.0).round(3)
+        (0.1, np.complex128(0.948-0.115j))
+        >>> gear.rest(1.0), gear.over(np.array([1.0, 0.95])).shape
+        (0.95, (2,))
     """
 
     def __init__(self, gap: float, *, slope: float = 1.0) -> None:

@@ -54,7 +54,11 @@ class ModelElement(Nonlinearity):
             effect that reads earlier samples of the input.
 
     Example:
-        >>> ModelElement(fit.model).describing(1.0, 0.5)
+        >>> element = dft.cycles.ModelElement(fit.model)
+        >>> list(element.states), list(element.values)
+        (['speed'], ['alpha', 'beta', 'ct'])
+        >>> bool(abs(element.describing(1.0, 0.5)) > abs(element.describing(1.0, 5.0)))
+        True
     """
 
     odd = False  # effects may tell forward from reverse

@@ -148,7 +148,9 @@ class StaticNonlinearity(Static):
         InputError: it is no function, or does not give finite numbers of the same shape.
 
     Example:
-        >>> cubic = StaticNonlinearity(lambda e: e**3)
+        >>> cubic = dft.cycles.StaticNonlinearity(lambda e: e**3)
+        >>> cubic.describing(1.0, 1.0).round(3), cubic.scale, cubic.over(np.array([2.0]))
+        (np.complex128(0.75+0j), 1.0, array([8.]))
     """
 
     def __init__(

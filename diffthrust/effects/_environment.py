@@ -21,6 +21,12 @@ class WaterCurrent(Effect):
     where the water goes. In logs that do not measure the heading it counts from the first sample,
     and north is where the bow points then. Null: to_north = 0, to_east = 0.
     Source: Fossen 2011, section 8.3 (irrotational constant current).
+
+    Example:
+        >>> effect = dft.effects.WaterCurrent(to_north=0.1)
+        >>> model = dft.Vessel() + effect
+        >>> model.parameters["water_current.to_north"].range_text()
+        '(-inf, inf) m/s'
     """
 
     name = "water_current"
@@ -66,6 +72,12 @@ class Wind(Effect):
     count from the first heading in logs that do not measure it.
     Null: along = 0, across = 0, turning = 0 (the direction then has no influence).
     Source: Fossen 2011, section 8.1.
+
+    Example:
+        >>> effect = dft.effects.Wind(along=0.01)
+        >>> model = dft.Vessel() + effect
+        >>> model.parameters["wind.along"].range_text()
+        '[0, inf) N s^2/m^2'
     """
 
     name = "wind"

@@ -61,8 +61,9 @@ class Formula(MadeEffect):
         >>> drag = dft.effects.Formula(
         ...     "shaft", "-a * speed * abs(speed)**p", name="drag", a="rad/s^2", p=""
         ... )
-        >>> fit = dft.fit(dft.Thruster() + drag, logs)
-        >>> diag = dft.diagnose(dft.Thruster(), logs, candidates=["all", drag])
+        >>> model = dft.Thruster() + drag
+        >>> model.parameters["drag.p"].range_text(), model.parameters["drag.a"].null
+        ('[0.1, 4]', 0.0)
     """
 
     name = "formula"

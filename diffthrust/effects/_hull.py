@@ -17,6 +17,12 @@ class QuadraticSurgeDrag(Effect):
     Acts on the surge force: force - drag * u |u|, with u [m/s] the surge speed through the water.
     ``drag`` is in N s^2/m^2, divided by A where the vessel's parameters are. Null: drag = 0.
     Source: Fossen 2011, section 7.1, nonlinear damping -X_|u|u |u| u.
+
+    Example:
+        >>> effect = dft.effects.QuadraticSurgeDrag(drag=1)
+        >>> model = dft.Vessel() + effect
+        >>> model.parameters["quadratic_surge_drag.drag"].range_text()
+        '[0, inf) N s^2/m^2'
     """
 
     name = "quadratic_surge_drag"
@@ -43,6 +49,12 @@ class QuadraticSwayDrag(Effect):
     Acts on the sway force: force - drag * v |v|, with v [m/s] the sway speed through the water.
     ``drag`` is in N s^2/m^2, divided by A where the vessel's parameters are. Null: drag = 0.
     Source: Fossen 2011, section 7.1, nonlinear damping -Y_|v|v |v| v.
+
+    Example:
+        >>> effect = dft.effects.QuadraticSwayDrag(drag=2)
+        >>> model = dft.Vessel() + effect
+        >>> model.parameters["quadratic_sway_drag.drag"].range_text()
+        '[0, inf) N s^2/m^2'
     """
 
     name = "quadratic_sway_drag"
@@ -69,6 +81,12 @@ class QuadraticYawDrag(Effect):
     Acts on the yaw moment: moment - drag * r |r|, with r [rad/s] the yaw rate. ``drag`` is in
     N m s^2/rad^2, divided by A where the vessel's parameters are. Null: drag = 0.
     Source: Fossen 2011, section 7.1, nonlinear damping -N_|r|r |r| r.
+
+    Example:
+        >>> effect = dft.effects.QuadraticYawDrag(drag=0.5)
+        >>> model = dft.Vessel() + effect
+        >>> model.parameters["quadratic_yaw_drag.drag"].range_text()
+        '[0, inf) N m s^2/rad^2'
     """
 
     name = "quadratic_yaw_drag"
@@ -103,6 +121,12 @@ class SwayYawCoupling(Effect):
     mass^2 < m22 i33, as any body has. Null: mass = 0, damping = 0.
     Source: Fossen 2011, section 7.1 (mass, Coriolis and damping matrices in three degrees of
     freedom).
+
+    Example:
+        >>> effect = dft.effects.SwayYawCoupling(mass=0.1)
+        >>> model = dft.Vessel() + effect
+        >>> model.parameters["sway_yaw_coupling.mass"].range_text()
+        '(-inf, inf) kg m'
     """
 
     name = "sway_yaw_coupling"

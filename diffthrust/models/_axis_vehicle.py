@@ -23,7 +23,11 @@ class AxisVehicle(Model):
     defaults are one axis of Jason Jr.
 
     Example:
-        >>> fit = dft.fit(dft.AxisVehicle(), log)     # input thrust, measured position or velocity
+        >>> time = 0.1 * np.arange(100)
+        >>> record = dft.Log(time, {"thrust": np.full(100, 20.0)})
+        >>> found = dft.simulate(dft.AxisVehicle(mass=340.0, drag=67.0), record)
+        >>> round(float(found["velocity"][-1]), 2)
+        0.43
     """
 
     name = "axis_vehicle"

@@ -31,6 +31,10 @@ class DCMotorThruster(Model):
 
     Example:
         >>> model = dft.DCMotorThruster().fix("inductance", "resistance")
+        >>> model.inputs
+        {'command': 'V'}
+        >>> [name for name, p in model.parameters.items() if not p.fixed]
+        ['back_emf', 'torque_constant', 'inertia', 'viscous', 'coulomb', 'load', 'thrust_quadratic']
     """
 
     name = "dc_motor_thruster"

@@ -32,7 +32,8 @@ class DuctedThruster(Model):
 
     Example:
         >>> model = dft.models.DuctedThruster(pitch=0.101, area=0.0527)
-        >>> flow = dft.simulate(model, log)["flow"]
+        >>> model.inputs, sorted(model.outputs)
+        ({'command': 'N m'}, ['flow', 'speed', 'thrust'])
     """
 
     name = "ducted_thruster"

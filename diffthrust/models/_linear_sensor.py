@@ -18,7 +18,11 @@ class LinearSensor(Model):
     are the datasheet line of that paper, which its own table 4 contradicts.
 
     Example:
-        >>> fit = dft.fit(dft.LinearSensor(), dft.read_log("table.csv", time=None, ...))
+        >>> depth = np.array([0.0, 1.0, 2.0, 3.0])
+        >>> record = dft.Log(depth, {"depth": depth}, {"reading": 0.2 * depth + 0.5})
+        >>> sensor = dft.LinearSensor(slope=0.2, offset=0.5)
+        >>> dft.simulate(sensor, record)["reading"]
+        array([0.5, 0.7, 0.9, 1.1])
     """
 
     name = "linear_sensor"

@@ -31,8 +31,9 @@ class SpeedLoopThruster(Model):
     of a thruster of 0.1 m at some 3000 rpm.
 
     Example:
-        >>> model = dft.SpeedLoopThruster() + "command_deadband"
-        >>> speed = dft.simulate(model, log)["speed"]
+        >>> model = dft.SpeedLoopThruster(command="effort") + "command_deadband"
+        >>> model.inputs, list(model.parameters)[:4]
+        ({'command': 'effort'}, ['gain', 'exponent', 'time_constant', 'ct'])
     """
 
     name = "speed_loop_thruster"

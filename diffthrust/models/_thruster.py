@@ -30,8 +30,9 @@ class Thruster(Model):
     Jason thruster, figure 10.
 
     Example:
-        >>> model = dft.Thruster(alpha=0.03)
-        >>> speed = dft.simulate(model, log)["speed"]
+        >>> speed = dft.simulate(dft.Thruster(alpha=0.03), log)["speed"]
+        >>> speed.shape
+        (240,)
     """
 
     name = "thruster"

@@ -70,6 +70,8 @@ class Vessel(Model):
 
     Example:
         >>> vessel = dft.Vessel(drive="twin").replace(lever_arm=0.285)
+        >>> vessel.inputs
+        {'left_force': 'N', 'right_force': 'N'}
     """
 
     name = "vessel"

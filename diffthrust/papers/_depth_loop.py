@@ -31,7 +31,9 @@ class DepthPlant(Model):
     Source: Aras et al. 2013, equation 12 and section 4.2.
 
     Example:
-        >>> fit = dft.fit(dft.papers.aras.DepthPlant(), record)
+        >>> plant = dft.papers.aras.DepthPlant()
+        >>> plant.inputs, plant.outputs
+        ({'command': 'V'}, {'reading': 'V'})
     """
 
     name = "depth_plant"
@@ -59,6 +61,11 @@ class SensorRange(Effect):
 
     Acts on the reported reading [V], which stays within low and high. Null: low and high infinite.
     Source: Aras et al. 2013, table 2: 0.2 V at 20 kPa to 4.9 V at 250 kPa.
+
+    Example:
+        >>> model = dft.papers.aras.DepthPlant() + dft.papers.aras.SensorRange()
+        >>> print(model)
+        depth_plant + sensor_range
     """
 
     name = "sensor_range"
@@ -84,8 +91,8 @@ def depth_loop(gain: float = 1.0, *, limit: float = SUPPLY) -> Loop:
 
     Example:
         >>> run = dft.papers.aras.depth_loop().simulate(dft.control.Step(3.0), 10.0)
-        >>> run["measured.reading"][-1]
-        2.42...
+        >>> round(float(run["measured.reading"][-1]), 2)
+        2.42
     """
     controller = PID(of="reading", kp=gain, limit=limit)
     return Loop(thruster=DepthPlant() + SensorRange(), controller=controller, rate=_SAMPLING)

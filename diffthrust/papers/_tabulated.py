@@ -33,7 +33,9 @@ class TabulatedVessel(Model):
     tabulated versus the vessel's speed").
 
     Example:
-        >>> boat = dft.papers.TabulatedVessel([0.4, 0.75], [slow_fit.model, fast_fit.model])
+        >>> boat = dft.papers.TabulatedVessel([0.4, 0.75], [dft.Vessel(), dft.Vessel(d11=5.0)])
+        >>> boat.inputs
+        {'propeller_speed': 'rev/s', 'rudder_angle': 'rad'}
     """
 
     name = "tabulated_vessel"
