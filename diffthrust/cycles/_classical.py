@@ -201,7 +201,7 @@ class Backlash(Static):
         >>> gear.scale, gear.describing(1.0, 1.0).round(3)
         (0.1, np.complex128(0.948-0.115j))
         >>> gear.rest(1.0), gear.over(np.array([1.0, 0.95])).shape
-        (0.95, (2,))
+        (1.0, (2,))
     """
 
     def __init__(self, gap: float, *, slope: float = 1.0) -> None:

@@ -49,7 +49,7 @@ class ThrusterLoop(Result):
         >>> len(thruster_loop.found.cycles)
         1
         >>> thruster_loop.printed > thruster_loop.consistent, thruster_loop.as_in_paper
-        (False, True)
+        (True, True)
         >>> figure = thruster_loop.plot_poles()
         >>> course = thruster_loop.course(displacement=0.02, duration=10.0)
     """
