@@ -27,16 +27,9 @@ from diffthrust.models._base.parameter import Normal
 from diffthrust.simulation._commands import command_kind
 from diffthrust.specs._channels import columns_of, roles_of
 from diffthrust.specs._effects import effect_of
-from diffthrust.specs._file import (
-    NAME,
-    ParameterPart,
-    SpecFile,
-    TimePart,
-    parse_spec,
-    parse_toml,
-    read_spec_text,
-)
+from diffthrust.specs._file import NAME, parse_spec, parse_toml, read_spec_text
 from diffthrust.specs._lines import line_of
+from diffthrust.specs._parts import ParameterPart, SpecFile, TimePart
 from diffthrust.specs._scripts import (
     check_place,
     effect_class,
