@@ -213,7 +213,7 @@ class ExpectedNumber(_Part):
     std_error: Annotated[float, Field(ge=0)] | None = None
     """Its standard error, by which a move is measured."""
     tolerance: Annotated[float, Field(ge=0)] | None = None
-    """How far it may move, where a share of the standard error does not suit."""
+    """Largest difference allowed, where it is not to follow from the standard error."""
 
 
 class ExpectedPart(_Part):

@@ -42,13 +42,11 @@ HULL = {
     "sway": (5, 1),
     "yaw_rate": (5, 2),
     "surge_through_water": (4, 3),
-    "sway_through_water": (3, 3),
+    "sway_through_water": (4, 4),
 }
 HULL_ARROWS = ["surge_force surge_acceleration", "sway_force sway_acceleration"]
 HULL_ARROWS += ["yaw_moment yaw_acceleration", "surge_acceleration surge"]
 HULL_ARROWS += ["sway_acceleration sway", "yaw_acceleration yaw_rate"]
-HULL_ARROWS += ["yaw_rate surge_through_water", "surge_through_water sway_through_water"]
-HULL_ARROWS += ["sway_through_water yaw_moment"]
 
 VESSEL = {
     "propeller_speed": (0, 0),
@@ -89,7 +87,7 @@ def drawn(code: str, ports: tuple[str, ...], ends: set[str], texts: dict[str, st
         texts: what each port carries, for the tip under the pointer.
     """
     places, arrows = PATHS[code]
-    right = int(max(x for x, _ in places.values()) * ACROSS + WIDTH + 8)
+    right = int(max(x for x, _ in places.values()) * ACROSS + WIDTH + 24)
     bottom = int(max(y for _, y in places.values()) * DOWN + HEIGHT + 8)
     named = ", ".join(ports)
     parts = [
@@ -102,6 +100,7 @@ def drawn(code: str, ports: tuple[str, ...], ends: set[str], texts: dict[str, st
         'fill="currentColor" stroke="none"/></marker></defs>',
     ]
     parts += [_arrow(*(places[name] for name in arrow.split())) for arrow in arrows]
+    parts += _through_water(places)
     for name, place in places.items():
         parts.append(_box(name, place, name in ports, name in ends, texts.get(name, "")))
     return "\n".join([*parts, "</svg>"])
@@ -109,6 +108,22 @@ def drawn(code: str, ports: tuple[str, ...], ends: set[str], texts: dict[str, st
 
 def _corner(place: Place) -> tuple[float, float]:
     return place[0] * ACROSS, place[1] * DOWN
+
+
+def _through_water(places: dict[str, Place]) -> list[str]:
+    """How the speeds of a hull come back to the forces on it, by way of those through the water."""
+    half, lines = HEIGHT / 2, []
+    for state in ("surge", "sway"):
+        if (water := f"{state}_through_water") in places:
+            (x0, y0), (x1, y1) = _corner(places[state]), _corner(places[water])
+            out = x0 + WIDTH + (6 if state == "surge" else 12)
+            lines.append(f"M{x0 + WIDTH} {y0 + half} H{out} V{y1 + half} H{x1 + WIDTH + 1}")
+            back = x1 - ACROSS - 8
+            for force in ("surge_force", "sway_force", "yaw_moment"):
+                x2, y2 = _corner(places[force])
+                lines.append(f"M{x1} {y1 + half} H{back} V{y2 + half + 9} H{x2 - 1}")
+    dashed = 'stroke-width="1.2" stroke-dasharray="4 3" marker-end="url(#tip)"'
+    return [f'<path d="{line}" {dashed}/>' for line in lines]
 
 
 def _arrow(start: Place, end: Place) -> str:
