@@ -52,7 +52,7 @@ def shown(bench: Bench, effect: dft.Effect, name: str) -> Shown:
     record = dft.Log(inputs.time, dict(inputs.inputs), measured, name=name)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        fit = dft.fit(bench.model, record, starts=1, horizon=None, substeps=2)
+        fit = dft.fit(bench.model, record, starts=6, horizon=None, substeps=2)
     best = dft.simulate(fit.model, record, initial=fit.initial[0], substeps=2)
     left = {c: np.mean((measured[c] - best[c]) ** 2) / s**2 for c, s in bench.noise.items()}
     channel = max(left, key=lambda c: left[c])

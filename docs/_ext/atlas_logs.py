@@ -163,7 +163,7 @@ def levels(bench: Bench) -> dict[str, float]:
 
 
 def typical(effect: dft.Effect, sizes: dict[str, float]) -> dft.Effect:
-    """The effect at a value from which a diagnosis would begin: the one that shows most."""
+    """The effect at a value from which a diagnosis would begin: the middle one, or the stronger."""
     values = {}
     for name, p in effect.declared.items():
         tried = p.probes
@@ -172,12 +172,9 @@ def typical(effect: dft.Effect, sizes: dict[str, float]) -> dft.Effect:
             tried = tuple(factor * level for factor in tried.factors)
         if not tried or p.fixed:
             continue
-        if p.null is None:
-            values[name] = tried[len(tried) // 2]
-        else:
-            values[name] = (
-                min(tried) if math.isinf(p.null) else max(tried, key=lambda v: (abs(v), v))
-            )
+        weaker_when_large = p.null is not None and math.isinf(p.null)
+        ranked = sorted(tried, key=lambda v: (abs(v), v), reverse=weaker_when_large)
+        values[name] = ranked[len(ranked) // 2]
     return type(effect)(**values) if values else effect
 
 

@@ -147,6 +147,11 @@ def _alt(name: str, one: Shown) -> str:
 
 def _caption(one: Shown) -> str:
     signal = one.signal.replace("_", " ")
+    if one.share < 0.05:
+        return (
+            "A simulated record with this effect, and the model that does not know of it, fitted: "
+            "nothing of the residual goes with a signal."
+        )
     return (
         f"A simulated record with this effect, and the model that does not know of it, fitted. "
         f"Of the residual of {one.channel.replace('_', ' ')} {one.share:.0%} goes with {signal}."

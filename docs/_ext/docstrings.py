@@ -37,4 +37,4 @@ def _plain(line: str) -> str:
 def _escaped(text: str) -> str:
     text = text.replace("|", "\\|")
     text = re.sub(r"(?<=\S)( ?)\*( ?)(?=[\w(|])", r"\1\\*\2", text)
-    return re.sub(r"(\w)_(?=[\s,.;:)\]]|$)", r"\1\\_", text)
+    return re.sub(r"(\w)_(?=[\s,.;:)\]\\]|$)", r"\1\\_", text)

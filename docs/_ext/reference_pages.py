@@ -173,8 +173,8 @@ def index() -> str:
     return "\n\n".join(
         [
             "# Reference",
-            "`import diffthrust as dft`. Numbers are in SI unless a name says otherwise; arrays are "
-            "NumPy arrays, and their shapes stand with them.",
+            "`import diffthrust as dft`. Numbers are in SI unless a name says otherwise; arrays "
+            "are of NumPy, and their shapes stand with them.",
             table(("names in Python", "folders", "names"), rows),
             table(("besides", "what it tells"), other),
             "```{toctree}\n:hidden:\n:maxdepth: 1\n\n" + "\n".join(files) + "\n```",

@@ -32,8 +32,8 @@ def spec_page() -> str:
     """Each table of a spec file with its keys."""
     lines = [
         "# Keys of spec files",
-        "A spec file is TOML. Paths are relative to it; a key that is not known is refused, and the "
-        "nearest known one named. {py:func}`dft.load_spec <diffthrust.load_spec>` reads it.",
+        "A spec file is TOML. Paths are relative to it; a key that is not known is refused, and "
+        "the nearest known one named. {py:func}`dft.load_spec <diffthrust.load_spec>` reads it.",
     ]
     for heading, model in TABLES.items():
         told = " ".join((inspect.getdoc(model) or "").split())
