@@ -36,6 +36,9 @@ class PID(Controller):
         gives: "command" [V], straight to the thruster, or "thrust" [N], through a compensator.
         **gains: kp, ki, kd, limit, unwinding, smoothing.
 
+    Raises:
+        InputError: something else to give, an unknown gain, or a value outside its bounds.
+
     Example:
         >>> dft.control.PID(kp=5.0, ki=15.0, limit=13.0).kp
         5.0

@@ -68,6 +68,10 @@ class Vessel(Model):
         command: "effort", or what the inputs are else: "rev/s" of a propeller, "N" of two forces.
         **parameters: values by name.
 
+    Raises:
+        InputError: another drive, a unit in which it is not commanded, a parameter that it does
+            not have, or a value outside its bounds.
+
     Example:
         >>> vessel = dft.Vessel(drive="twin").replace(lever_arm=0.285)
         >>> vessel.inputs

@@ -73,7 +73,7 @@ PATHS: dict[str, tuple[dict[str, Place], list[str]]] = {
 }
 """Where each port, input and output of a model is drawn, and the arrows between them."""
 
-WIDTH, HEIGHT, ACROSS, DOWN = 122, 40, 150, 72
+WIDTH, HEIGHT, ACROSS, DOWN = 134, 40, 164, 72
 MARKED = "#D55E00"
 
 
