@@ -34,7 +34,7 @@ ALIKE, LITTLE = 0.9, 1.0
 
 def spoken(name: str) -> str:
     """A name for people."""
-    return name.replace("_", " ").capitalize()
+    return name.replace("_", " ").replace("deadband", "dead band").capitalize()
 
 
 def units_of(bench: Bench) -> dict[str, str]:
@@ -92,7 +92,7 @@ def page(
                 f"```python\n{_code(cls)}\n```",
                 "## Where it acts",
                 port_texts,
-                f"```{{raw}} html\n{drawing}\n```",
+                f'```{{raw}} html\n<div style="overflow-x:auto">\n{drawing}\n</div>\n```',
                 f"The signal path of `{bench.code}`, with the place marked."
                 + (f" It also acts in {also}." if also else ""),
                 _needs(cls),
