@@ -92,7 +92,8 @@ def drawn(code: str, ports: tuple[str, ...], ends: set[str], texts: dict[str, st
     named = ", ".join(ports)
     parts = [
         f'<svg class="signal-path" role="img" viewBox="-4 -4 {right} {bottom}" '
-        f'xmlns="http://www.w3.org/2000/svg" style="max-width:{right}px;min-width:640px;width:100%" '
+        f'xmlns="http://www.w3.org/2000/svg" '
+        f'style="width:100%;min-width:640px;max-width:{right}px" '
         f'fill="none" stroke="currentColor" font-family="sans-serif" font-size="11">',
         f"<title>Signal path of {escape(code)}; the effect acts at {escape(named)}</title>",
         '<defs><marker id="tip" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7" '
