@@ -40,6 +40,8 @@ extensions = [
     "code_links",
     "example_gallery",
     "mathml",
+    "reference_pages",
+    "atlas_pages",
 ]
 exclude_patterns = ["_build", "_ext", "gallery/*.ipynb", "gallery/*.py", "gallery/*.json"]
 suppress_warnings = ["config.cache"]

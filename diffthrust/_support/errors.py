@@ -46,11 +46,19 @@ class InputError(ValueError):
         problem: one or more sentences that say where, what was expected and what was found.
         mend: what the user can do about it, as an imperative sentence.
         place: what it is about, for a caller who knows where that was written.
+
+    Example:
+        >>> try:
+        ...     dft.Thruster(alfa=0.03)
+        ... except dft.InputError as error:
+        ...     print(error.mend)
+        Correct the name.
     """
 
     def __init__(self, problem: str, mend: str = "", *, place: Place | None = None) -> None:
-        self.problem = problem = visible(problem)
-        self.mend = mend = visible(mend)
+        problem, mend = visible(problem), visible(mend)
+        self.problem: str = problem
+        self.mend: str = mend
         self.place = place
         super().__init__(f"{problem}\nMend: {mend}" if mend else problem)
 
@@ -60,6 +68,16 @@ class InputError(ValueError):
 
     @classmethod
     def at(cls, place: Place | str, problem: str, mend: str = "") -> InputError:
-        """Make the error whose message begins with a place; a typed one goes along."""
+        """Make the error whose message begins with a place; a typed one goes along.
+
+        Example:
+            >>> print(
+            ...     dft.InputError.at(
+            ...         "fit.toml, line 3", "expected a number, found 'x'.", "Correct it."
+            ...     )
+            ... )
+            fit.toml, line 3: expected a number, found 'x'.
+            Mend: Correct it.
+        """
         typed = place if isinstance(place, Place) else None
         return cls(f"{place}: {problem}", mend, place=typed)

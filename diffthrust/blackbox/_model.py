@@ -15,7 +15,14 @@ if TYPE_CHECKING:
 
 
 class BlackBox(Result, SampledModel):
-    """A sampled linear model of a log's inputs and outputs, with its parameters and errors."""
+    """A sampled linear model of a log's inputs and outputs, with its parameters and errors.
+
+    Example:
+        >>> model = dft.blackbox.arx(log, input="command", output="thrust", orders=(1, 1, 1))
+        >>> model.kind, model.status, sorted(model.parameters)
+        ('arx', <Status.CONVERGED: 'converged'>, ['a1', 'b1'])
+        >>> figure = model.plot(unseen)
+    """
 
     def to_control(self, form: Literal["transfer", "states"] = "transfer") -> Any:
         """The sampled model as an object of python-control, with the delay of the inputs in it.
@@ -26,6 +33,11 @@ class BlackBox(Result, SampledModel):
 
         Raises:
             InputError: python-control is not installed, or several channels for "transfer".
+
+        Example:
+            >>> model = dft.blackbox.arx(log, input="command", output="thrust", orders=(1, 1, 1))
+            >>> model.to_control().dt
+            0.05
         """
         from diffthrust.blackbox._to_control import control_object
 

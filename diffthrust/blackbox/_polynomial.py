@@ -50,8 +50,9 @@ def arx(
     Source: Ljung 1999, System Identification, 2nd edition, section 4.2.
 
     Example:
-        >>> model = dft.blackbox.arx(log, input="command", output="speed", orders=(2, 2, 1))
-        >>> print(model.report(), model.transfer())
+        >>> model = dft.blackbox.arx(log, input="command", output="thrust", orders=(1, 1, 1))
+        >>> model.covariance.shape
+        (2, 2)
     """
     channels, records, shape = _asked(
         "arx", logs, input, output, orders, ("na", "nb", "delay"), offset
@@ -79,7 +80,9 @@ def armax(
     `diffthrust.blackbox._starts`.
 
     Example:
-        >>> model = dft.blackbox.armax(log, input="command", output="speed", orders=(2, 2, 2, 1))
+        >>> model = dft.blackbox.armax(log, input="command", output="thrust", orders=(1, 1, 1, 1))
+        >>> model.status, len(model.parameters)
+        (<Status.CONVERGED: 'converged'>, 3)
     """
     channels, records, shape = _asked(
         "armax", logs, input, output, orders, ("na", "nb", "nc", "delay"), offset
@@ -106,7 +109,11 @@ def output_error(
     Source: Ljung 1999, sections 4.2 and 10.2 to 10.3; Steiglitz & McBride 1965 for the start.
 
     Example:
-        >>> model = dft.blackbox.output_error(log, input="command", output="speed")
+        >>> model = dft.blackbox.output_error(
+        ...     log, input="command", output="thrust", orders=(1, 1, 1)
+        ... )
+        >>> model.status
+        <Status.CONVERGED: 'converged'>
     """
     channels, records, shape = _asked(
         "output_error", logs, input, output, orders, ("nb", "nf", "delay"), offset

@@ -37,6 +37,14 @@ class Candidate:
         simulation: NRMSE of free simulation of the training logs.
         unseen: NRMSE of free simulation of the unseen logs; NaN without them.
         remark: empty, or what to mind.
+
+    Example:
+        >>> chosen = dft.blackbox.select(
+        ...     log, input="command", output="thrust", kinds=["arx"], orders=(1, 2)
+        ... )
+        >>> one = chosen.candidates[0]
+        >>> one.kind, one.order, bool(np.isfinite(one.bic))
+        ('arx', 1, True)
     """
 
     kind: ModelKind
@@ -61,6 +69,13 @@ class Selection(Result):
     Args:
         candidates: in the order in which they were tried.
         by: "bic" or "unseen".
+
+    Example:
+        >>> chosen = dft.blackbox.select(
+        ...     log, input="command", output="thrust", kinds=["arx"], orders=(1, 2)
+        ... )
+        >>> chosen.best is chosen.chosen.model, chosen.chosen.order
+        (True, 2)
     """
 
     candidates: tuple[Candidate, ...]
@@ -146,9 +161,17 @@ def select(
     Source: Schwarz 1978 for BIC.
 
     Example:
-        >>> chosen = dft.blackbox.select(train, input="command", output="speed",
-        ...                              by="unseen", holdout=test)
-        >>> print(chosen.report(), chosen.best.transfer())
+        >>> chosen = dft.blackbox.select(
+        ...     log,
+        ...     input="command",
+        ...     output="thrust",
+        ...     kinds=["arx"],
+        ...     orders=(1, 2),
+        ...     by="unseen",
+        ...     holdout=unseen,
+        ... )
+        >>> chosen.chosen.kind, len(chosen.candidates)
+        ('arx', 2)
     """
     unseen = [holdout] if isinstance(holdout, Log) else list(holdout)
     if by not in ("bic", "unseen"):

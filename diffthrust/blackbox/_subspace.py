@@ -71,8 +71,11 @@ def state_space(
     IET Control Theory & Applications 7.
 
     Example:
-        >>> model = dft.blackbox.state_space(log, input="command", output="speed", order=2)
-        >>> model.singular_values
+        >>> model = dft.blackbox.state_space(
+        ...     log, input="command", output="thrust", order=1, refine=False
+        ... )
+        >>> model.singular_values.ndim, model.kind
+        (1, 'state_space')
     """
     if focus not in ("prediction", "simulation"):
         raise InputError(

@@ -55,7 +55,8 @@ def check(
         InputError: there are no fits, a number of jobs below one, or a file that cannot be written.
 
     Example:
-        >>> check("fits").ok
+        >>> done = dft.checks.check(".", update=True)  # writes [expected] into each fit.toml
+        >>> dft.checks.check(".").ok
         True
     """
     if jobs is not None and jobs < 1:

@@ -16,7 +16,8 @@ from tomlkit.items import Item, Table
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
 from diffthrust.checks._marks import Marks
-from diffthrust.specs._file import ExpectedNumber, ExpectedPart, parse_toml
+from diffthrust.specs._file import parse_toml
+from diffthrust.specs._parts import ExpectedNumber, ExpectedPart
 
 if TYPE_CHECKING:
     from diffthrust.estimation._result import Fit

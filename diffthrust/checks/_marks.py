@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from diffthrust._support.visible import visible
 from diffthrust._support.words import joined
 from diffthrust.estimation._origin import versions
-from diffthrust.specs._file import ExpectedPart
+from diffthrust.specs._parts import ExpectedPart
 
 if TYPE_CHECKING:
     from diffthrust.estimation._result import Fit

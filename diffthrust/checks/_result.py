@@ -63,6 +63,13 @@ class Checked(Result):
 
     Args:
         runs: one for each fit, in the order of their names.
+
+    Example:
+        >>> checked = dft.checks.check(".", update=True)
+        >>> checked.ok, len(checked.fits), len(checked.updated)
+        (True, 1, 1)
+        >>> len(checked.rows), list(checked.to_json())
+        (6, ['schema', 'ok', 'updated', 'rows', 'fits'])
     """
 
     runs: tuple[FitRun, ...]

@@ -36,6 +36,13 @@ class NoiseAdvice:
         correlation: correlation time [s] of each channel under "ar1".
         widening: by how much the error of a slowly varying quantity is larger than under white
             noise, by channel: the root of (1 + phi) / (1 - phi).
+
+    Example:
+        >>> advice = dft.compare(fit, unseen).noise_advice
+        >>> advice.sentence
+        'The residuals look like white Gaussian noise, as a plain fit assumes.'
+        >>> list(advice.to_json())[:2]
+        ['noise_model', 'loss']
     """
 
     noise_model: str

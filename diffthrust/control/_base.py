@@ -24,6 +24,13 @@ class Block(Component):
     A subclass names the measured channels that it ``reads``, what it remembers from one sample to
     the next in ``states`` (name to unit), and declares its gains with `parameter`. It is evaluated
     with traced numbers: functions of ``jax.numpy`` only, ``jnp.where`` rather than ``if``.
+
+    Example:
+        >>> block = dft.control.PD(frequency=1.0)
+        >>> block.start(), block.parameters["frequency"].value
+        ({}, 1.0)
+        >>> block.replace(frequency=2.0).frequency
+        2.0
     """
 
     reads: ClassVar[tuple[str, ...]] = ()
@@ -68,6 +75,10 @@ class Controller(Block):
     ``gives`` says which: ``"thrust"`` [N], which a `Compensator` turns into the command, or
     ``"command"`` [V], which goes to the thruster as it is. ``of`` is the channel that the
     reference is for.
+
+    Example:
+        >>> issubclass(dft.control.PD, dft.control.Controller)
+        True
     """
 
     of: str = "position"
@@ -102,6 +113,13 @@ def rate_of(
 
     Returns:
         The rate, and the low-passed signal to remember.
+
+    Example:
+        >>> rate, smoothed = dft.control.rate_of(
+        ...     jnp.array(1.0), jnp.array(0.0), jnp.array(1.0), jnp.array(0.1), jnp.array(0.02)
+        ... )
+        >>> rate.shape
+        ()
     """
     ahead = (value - last) / (smoothing + period)
     rate = begun * ahead

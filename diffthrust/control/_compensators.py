@@ -6,6 +6,7 @@ thruster that the designer believes in, which need not be the one in the loop.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar, Self
 
 import jax.numpy as jnp
@@ -23,6 +24,8 @@ class Compensator(Block):
 
     Example:
         >>> lead = dft.control.Lead.of(dft.Thruster(alpha=0.037, beta=42.0, ct=0.022))
+        >>> round(lead.thrust_per_volt, 2)
+        24.97
     """
 
     @classmethod
@@ -66,6 +69,12 @@ class NoCompensator(Compensator):
 
     command = thrust / thrust_per_volt, which is ct beta / alpha. Source: Yoerger, Cooke & Slotine
     1990, section IV.
+
+    Example:
+        >>> dft.control.NoCompensator.of(
+        ...     dft.Thruster(alpha=0.04, beta=40.0, ct=0.02)
+        ... ).thrust_per_volt
+        20.0
     """
 
     thrust_per_volt: float = parameter(21.6, "N/V", bounds=(0, None), fixed=True)
@@ -82,9 +91,14 @@ class Lead(Compensator):
     network is linear, so that at other sizes it cancels too little or too much. It is worked out
     as the analogue network would answer to a staircase, exactly. Source: Yoerger, Cooke & Slotine
     1990, section V B: (s + 2.43) / (s + 6.5), for a time constant of 0.75 s at 1 V.
+
+    Example:
+        >>> lead = dft.control.Lead.of(dft.Thruster(), pole=20.0)
+        >>> lead.pole, lead.states
+        (20.0, {'lagged': 'N'})
     """
 
-    states: ClassVar = {"lagged": "N"}
+    states: ClassVar[Mapping[str, str]] = {"lagged": "N"}
 
     zero: float = parameter(2.43, "rad/s", bounds=(0, None))
     pole: float = parameter(6.5, "rad/s", bounds=(0, None))
@@ -110,9 +124,14 @@ class PoleCancellation(Compensator):
 
     Source: Yoerger, Cooke & Slotine 1990, section V C, whose 0.49 sqrt(u) goes with u in newtons
     (2 alpha / sqrt(ct) is 0.50 for alpha = 0.037, ct = 0.022); with u in volts it would be 2.5.
+
+    Example:
+        >>> cancelling = dft.control.PoleCancellation.of(dft.Thruster())
+        >>> cancelling.states
+        {'smoothed': 'N', 'begun': ''}
     """
 
-    states: ClassVar = {"smoothed": "N", "begun": ""}
+    states: ClassVar[Mapping[str, str]] = {"smoothed": "N", "begun": ""}
 
     rate: float = parameter(0.49, "1/(s N^0.5)", bounds=(0, None))
     floor: float = parameter(1.0, "N", bounds=(0, None), fixed=True)

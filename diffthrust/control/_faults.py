@@ -29,7 +29,8 @@ class Change:
         until: when it ends [s].
 
     Example:
-        >>> dft.control.Change(at=8.0, factors={"thruster.alpha": 1.5, "thruster.ct": 0.7})
+        >>> dft.control.Change(at=8.0, factors={"thruster.alpha": 1.5, "thruster.ct": 0.7}).until
+        inf
     """
 
     at: float
@@ -57,7 +58,8 @@ class Stuck:
         until: when it ends [s].
 
     Example:
-        >>> dft.control.Stuck(at=10.0, until=12.0)
+        >>> dft.control.Stuck(at=10.0, until=12.0).value is None
+        True
     """
 
     at: float
@@ -80,7 +82,8 @@ class Limited:
         until: when it ends [s].
 
     Example:
-        >>> dft.control.Limited(at=10.0, limit=1.0)
+        >>> dft.control.Limited(at=10.0, limit=1.0).limit
+        1.0
     """
 
     at: float
@@ -106,6 +109,10 @@ def duct_obstruction(at: float, load: float = 2.0, thrust: float = 0.9) -> Chang
     Returns:
         The fault. Source: Yoerger, Cooke & Slotine 1990, figures 18 and 21, which say that the
         static and dynamic properties change but not by how much: the factors are examples.
+
+    Example:
+        >>> dft.control.duct_obstruction(8.0, load=2.0, thrust=0.9).factors
+        {'thruster.alpha': 2.0, 'thruster.ct': 0.9}
     """
     return Change(at, {"thruster.alpha": load, "thruster.ct": thrust})
 

@@ -49,8 +49,9 @@ class Loop(LoopAssembly):
         ...     vehicle=dft.AxisVehicle(),
         ...     controller=dft.control.PD(frequency=1.0, damping=0.707),
         ... )
-        >>> run = loop.simulate(dft.control.Step(0.0), 60.0, initial={"position": 0.1})
-        >>> fit = dft.fit(dft.Thruster(), run.log)
+        >>> result = loop.simulate(dft.control.Step(0.0), 10.0, initial={"position": 0.1})
+        >>> result.diverged is None
+        True
     """
 
     def prepared(
@@ -61,7 +62,11 @@ class Loop(LoopAssembly):
         initial: Mapping[str, float] | None = None,
         substeps: int | None = None,
     ) -> tuple[Any, ...]:
-        """The arguments of `loop_signals` for this loop, as for `simulate`."""
+        """The arguments of `loop_signals` for this loop, as for `simulate`.
+
+        Example:
+            >>> prepared = loop.prepared(dft.control.Step(0.0), 10.0, initial={"position": 0.1})
+        """
         finite("duration", duration, lambda x: x > 0, "seconds, above zero")
         if not isinstance(reference, Reference):
             raise InputError(
@@ -125,6 +130,11 @@ class Loop(LoopAssembly):
         Raises:
             InputError: an unknown state, a number that cannot be meant, or a loop that runs away
                 at once.
+
+        Example:
+            >>> again = loop.simulate(dft.control.Step(0.0), 10.0, initial={"position": 0.1})
+            >>> round(float(again["position"][0]), 3)
+            0.1
         """
         arguments = self.prepared(reference, duration, seed, initial, substeps)
         signals = compiled_loop(*arguments)

@@ -26,6 +26,10 @@ class Tracking(NamedTuple):
         rms: root mean square of the error.
         largest: the largest error.
         relative: ``rms`` over the standard deviation of the reference; NaN where it is constant.
+
+    Example:
+        >>> run.tracking(start=5.0)._fields
+        ('rms', 'largest', 'relative')
     """
 
     rms: float
@@ -49,7 +53,13 @@ class LoopRun(RunSignals):
             can be meant; ``None`` where the loop stayed bounded.
 
     Example:
-        >>> run["thrust"].max(), run.tracking(start=5.0).rms
+        >>> sorted(run.units)[:3]
+        ['command', 'error', 'measured.position']
+        >>> run.tracking(start=5.0).rms < 0.1
+        True
+        >>> run.log.inputs.keys(), run.vehicle_log.inputs.keys()
+        (dict_keys(['command', 'inflow']), dict_keys(['thrust']))
+        >>> figure = run.plot()
     """
 
     loop: LoopAssembly

@@ -73,11 +73,10 @@ class MPC:
         >>> mpc = dft.control.MPC(
         ...     model=dft.Vessel(),
         ...     limits={"propeller_speed": (0, 150), "rudder_angle": (-0.42, 0.42)},
+        ...     horizon=6,
         ... )
-        >>> plan = mpc.start({"surge": 0.0, "sway": 0.0, "yaw_rate": 0.0,
-        ...                   "north": 0.0, "east": 0.5, "heading": 0.0})
-        >>> plan = mpc.step(plan, measured, path.at(now + mpc.ahead))
-        >>> plan.inputs["rudder_angle"]
+        >>> mpc.ahead.shape
+        (6,)
     """
 
     model: Model
@@ -115,12 +114,22 @@ class MPC:
 
     @property
     def input_limits(self) -> dict[str, tuple[float, float]]:
-        """Those of ``limits`` that are of inputs."""
+        """Those of ``limits`` that are of inputs.
+
+        Example:
+            >>> mpc.input_limits["propeller_speed"]
+            (0.0, 150.0)
+        """
         return {name: self.limits[name] for name in self.model.inputs}
 
     @property
     def ahead(self) -> np.ndarray:
-        """How far ahead of the present sample the path is to be told [s], ``(horizon,)``."""
+        """How far ahead of the present sample the path is to be told [s], ``(horizon,)``.
+
+        Example:
+            >>> mpc.ahead.shape
+            (4,)
+        """
         return np.arange(1, self._samples + 1) / self.rate
 
     def start(self, measured: Mapping[str, Any], inputs: Mapping[str, float] | None = None) -> Plan:
@@ -133,6 +142,19 @@ class MPC:
 
         Raises:
             InputError: a measurement that is missing or not finite.
+
+        Example:
+            >>> measured = {
+            ...     "surge": 0.0,
+            ...     "sway": 0.0,
+            ...     "yaw_rate": 0.0,
+            ...     "north": 0.0,
+            ...     "east": 0.5,
+            ...     "heading": 0.0,
+            ... }
+            >>> plan = mpc.start(measured)
+            >>> sorted(plan.inputs)
+            ['propeller_speed', 'rudder_angle']
         """
         now = {n: 0.5 * (low + high) for n, (low, high) in self.input_limits.items()}
         if inputs is not None:
@@ -157,6 +179,20 @@ class MPC:
 
         Raises:
             InputError: a path of another length, or with numbers that are not finite.
+
+        Example:
+            >>> measured = {
+            ...     "surge": 0.0,
+            ...     "sway": 0.0,
+            ...     "yaw_rate": 0.0,
+            ...     "north": 0.0,
+            ...     "east": 0.5,
+            ...     "heading": 0.0,
+            ... }
+            >>> path = dft.control.StraightPath(0.8)
+            >>> plan = mpc.step(mpc.start(measured), measured, path.at(mpc.ahead))
+            >>> float(plan.inputs["propeller_speed"]) > 0
+            True
         """
         place = self._place(wanted)
         if not isinstance(plan, Plan):

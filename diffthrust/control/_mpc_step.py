@@ -49,6 +49,19 @@ class Plan(NamedTuple):
         settled: whether the plan that the last of them began from was a minimum, if not the lowest
             one: no input that is free to move lowers the cost.
         unseen: samples since the speeds were measured, for the estimate of ``push``.
+
+    Example:
+        >>> measured = {
+        ...     "surge": 0.0,
+        ...     "sway": 0.0,
+        ...     "yaw_rate": 0.0,
+        ...     "north": 0.0,
+        ...     "east": 0.5,
+        ...     "heading": 0.0,
+        ... }
+        >>> plan = mpc.start(measured)
+        >>> plan._fields
+        ('inputs', 'planned', 'state', 'push', 'cost', 'iterations', 'settled', 'unseen')
     """
 
     inputs: dict[str, Array]

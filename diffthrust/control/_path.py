@@ -23,6 +23,10 @@ class Wanted(NamedTuple):
         north: [m].
         east: [m].
         course: direction in which the point moves [rad], clockwise from north.
+
+    Example:
+        >>> dft.control.Wanted(np.zeros(2), np.zeros(2), np.zeros(2))._fields
+        ('north', 'east', 'course')
     """
 
     north: np.ndarray
@@ -37,6 +41,8 @@ class Path(abc.ABC):
         >>> class Hold(dft.control.Path):
         ...     def at(self, time):
         ...         return dft.control.Wanted(0.0 * time, 0.0 * time, 0.0 * time)
+        >>> Hold().at(np.zeros(2)).north
+        array([0., 0.])
     """
 
     @abc.abstractmethod
@@ -58,7 +64,8 @@ class StraightPath(Path):
         InputError: a speed that is not above zero, another number that is not finite.
 
     Example:
-        >>> dft.control.StraightPath(0.8)
+        >>> dft.control.StraightPath(0.8).at(np.array([0.0, 10.0])).north
+        array([0., 8.])
     """
 
     speed: float
@@ -92,7 +99,9 @@ class HarmonicPath(Path):
             not finite.
 
     Example:
-        >>> dft.control.HarmonicPath(0.8, amplitude=1.5, wavelength=20.0)
+        >>> path = dft.control.HarmonicPath(0.8, amplitude=1.5, wavelength=20.0)
+        >>> path.at(np.array([0.0, 5.0])).north.round(2)
+        array([0.  , 3.74])
     """
 
     speed: float

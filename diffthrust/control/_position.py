@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import ClassVar, Literal
 
 import jax.numpy as jnp
@@ -35,12 +36,16 @@ class PID(Controller):
         gives: "command" [V], straight to the thruster, or "thrust" [N], through a compensator.
         **gains: kp, ki, kd, limit, unwinding, smoothing.
 
+    Raises:
+        InputError: something else to give, an unknown gain, or a value outside its bounds.
+
     Example:
-        >>> pi = dft.control.PID(kp=5.0, ki=15.0, limit=13.0)
+        >>> dft.control.PID(kp=5.0, ki=15.0, limit=13.0).kp
+        5.0
     """
 
-    states: ClassVar = {"integral": "", "smoothed": "", "begun": ""}
-    options = ("of", "gives")
+    states: ClassVar[Mapping[str, str]] = {"integral": "", "smoothed": "", "begun": ""}
+    options: ClassVar[tuple[str, ...]] = ("of", "gives")
 
     kp: float = parameter(1.0, bounds=(0, None), transform="linear", size=1.0)
     ki: float = parameter(0.0, bounds=(0, None), transform="linear", size=1.0)
@@ -85,10 +90,13 @@ class PositionController(Controller):
     bandwidth^2 e = 0. Source: Yoerger, Cooke & Slotine 1990, section V A.
 
     Example:
-        >>> controller = dft.control.PositionController(bandwidth=1.0, mass=340.0, drag=67.0)
+        >>> dft.control.PositionController(bandwidth=1.0, mass=340.0, drag=67.0).parameters[
+        ...     "bandwidth"
+        ... ].unit
+        'rad/s'
     """
 
-    reads = ("position", "velocity")
+    reads: ClassVar[tuple[str, ...]] = ("position", "velocity")
 
     bandwidth: float = parameter(1.0, "rad/s", bounds=(0, None))
     mass: float = parameter(340.0, "kg", bounds=(0, None), fixed=True)
@@ -111,10 +119,11 @@ class PD(Controller):
     & Slotine 1990, section IV, figures 13 and 14.
 
     Example:
-        >>> controller = dft.control.PD(frequency=1.0, damping=0.707, mass=340.0)
+        >>> dft.control.PD(frequency=1.0, damping=0.707, mass=340.0).parameters["mass"].unit
+        'kg'
     """
 
-    reads = ("position", "velocity")
+    reads: ClassVar[tuple[str, ...]] = ("position", "velocity")
 
     frequency: float = parameter(1.0, "rad/s", bounds=(0, None))
     damping: float = parameter(0.707, bounds=(0, None))

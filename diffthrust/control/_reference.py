@@ -32,7 +32,9 @@ class Sinusoid:
         InputError: an amplitude or frequency that is not a positive number.
 
     Example:
-        >>> dft.control.Sinusoid(0.2, frequency=2 * math.pi * 0.3)
+        >>> value, rate, acceleration = dft.control.Sinusoid(0.2, frequency=2.0).at(np.array([0.0]))
+        >>> value, rate
+        (array([0.]), array([0.4]))
     """
 
     amplitude: float
@@ -63,7 +65,9 @@ class Step:
         before: the value until then.
 
     Example:
-        >>> dft.control.Step(100.0, time=0.5)
+        >>> value, rate, acceleration = dft.control.Step(100.0, time=0.5).at(np.array([0.0, 1.0]))
+        >>> value
+        array([  0., 100.])
     """
 
     value: float
@@ -95,7 +99,9 @@ class Trajectory(Brief):
         InputError: lengths that differ, numbers that are not finite, a time that does not increase.
 
     Example:
-        >>> dft.control.Trajectory([0.0, 5.0, 10.0], [0.0, 1.0, 1.0], rate=[0.0, 0.1, 0.0])
+        >>> ramp = dft.control.Trajectory([0.0, 5.0, 10.0], [0.0, 1.0, 1.0], rate=[0.0, 0.1, 0.0])
+        >>> ramp.at(np.array([2.5]))[0]
+        array([0.5])
     """
 
     time: Sequence[float] | np.ndarray

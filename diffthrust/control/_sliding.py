@@ -32,10 +32,12 @@ class Sliding(Compensator):
 
     Example:
         >>> sliding = dft.control.Sliding.of(dft.Thruster(), gain=3.0, width=4.0)
+        >>> sliding.gain
+        3.0
     """
 
-    reads = ("speed",)
-    states: ClassVar = {
+    reads: ClassVar[tuple[str, ...]] = ("speed",)
+    states: ClassVar[Mapping[str, str]] = {
         "wanted_speed": "rad/s",
         "sliding_error": "rad/s",
         "smoothed": "rad/s",
@@ -103,9 +105,11 @@ class AdaptiveSliding(Sliding):
 
     Example:
         >>> unknowing = dft.control.AdaptiveSliding(thrust_coefficient=0.019)
+        >>> sorted(unknowing.start())
+        ['inertia_estimate', 'load_estimate']
     """
 
-    states: ClassVar = {
+    states: ClassVar[Mapping[str, str]] = {
         **Sliding.states,
         "load_estimate": "V s^2/rad^2",
         "inertia_estimate": "V s^2/rad",

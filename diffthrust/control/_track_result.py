@@ -26,6 +26,11 @@ class PathError(NamedTuple):
         rms: root mean square.
         mean: the mean: what a steady disturbance leaves.
         largest: the largest, whatever its sign.
+
+    Example:
+        >>> error = track.across()
+        >>> bool(0 <= error.rms <= error.largest)
+        True
     """
 
     rms: float
@@ -42,6 +47,10 @@ class SolveTime(NamedTuple):
         period: between two samples: what a solution may take.
         compiling: of the call before the first sample, which compiles where nothing like it has
             run; it is in neither of the others.
+
+    Example:
+        >>> track.solve_time.period, track.solve_time.median <= track.solve_time.largest
+        (0.5, True)
     """
 
     median: float
@@ -75,7 +84,11 @@ class TrackRun(RunSignals):
         compiling: seconds of the controller's call before the first sample.
 
     Example:
-        >>> run.across(start=20.0).mean, run.solve_time.median
+        >>> bool(track.along().rms > 0), bool(track.across(start=1.0).rms > 0)
+        (True, True)
+        >>> track.solve_time.period, track.log.time.shape
+        (0.5, (9,))
+        >>> figure = track.plot()
     """
 
     loop: VesselAssembly

@@ -46,11 +46,10 @@ class VesselLoop(VesselAssembly):
         InputError: parts that do not fit together, a number that cannot be meant.
 
     Example:
-        >>> loop = dft.control.VesselLoop(
-        ...     vessel=dft.Vessel() + dft.effects.WaterCurrent(to_east=0.1), controller=mpc
-        ... )
-        >>> run = loop.simulate(dft.control.StraightPath(0.8), 40.0, initial={"east": 0.5})
-        >>> run.across, run.solve_time
+        >>> boat = dft.Vessel() + dft.effects.WaterCurrent(to_east=0.1)
+        >>> vessel_loop = dft.control.VesselLoop(vessel=boat, controller=mpc)
+        >>> print(vessel_loop.vessel)
+        vessel + water_current
     """
 
     def simulate(
@@ -79,6 +78,14 @@ class VesselLoop(VesselAssembly):
 
         Raises:
             InputError: an unknown state, a number that cannot be meant.
+
+        Example:
+            >>> vessel_loop = dft.control.VesselLoop(vessel=dft.Vessel(), controller=mpc)
+            >>> run = vessel_loop.simulate(
+            ...     dft.control.StraightPath(0.8), 4.0, initial={"east": 0.5}
+            ... )
+            >>> run.diverged is None
+            True
         """
         finite("duration", duration, lambda x: x > 0, "seconds, above zero")
         if not isinstance(path, Path):

@@ -32,21 +32,27 @@ class Relay(Static):
         InputError: a size that is not positive, or hysteresis and dead zone at once.
 
     Example:
-        >>> Relay(1.0, hysteresis=0.1).describing(1.0, 2.0)
+        >>> relay = dft.cycles.Relay(1.0, hysteresis=0.1)
+        >>> relay.scale, relay.describing(1.0, 2.0).round(3)
+        (0.1, np.complex128(1.267-0.127j))
+        >>> relay.over(np.array([0.5, -0.5])), relay.rest(0.0), dft.cycles.Relay(1.0).at(0.5)
+        (array([ 1., -1.]), 1.0, 1.0)
     """
 
     def __init__(self, level: float, *, hysteresis: float = 0.0, dead_zone: float = 0.0) -> None:
-        self.level = positive("level", level)
-        self.hysteresis = positive("hysteresis", hysteresis, zero=True)
-        self.dead_zone = positive("dead_zone", dead_zone, zero=True)
+        self.level: float = positive("level", level)
+        self.hysteresis: float = positive("hysteresis", hysteresis, zero=True)
+        self.dead_zone: float = positive("dead_zone", dead_zone, zero=True)
         if hysteresis and dead_zone:
             raise InputError(
                 "A relay with both hysteresis and a dead zone is not provided.",
                 "Leave one of them out.",
             )
-        self.least = self.hysteresis or self.dead_zone
-        self.jumps = () if hysteresis else tuple({-self.dead_zone, self.dead_zone})
-        self.bends = self.jumps or (-self.hysteresis, self.hysteresis)
+        self.least: float = self.hysteresis or self.dead_zone
+        self.jumps: tuple[float, ...] = (
+            () if hysteresis else tuple({-self.dead_zone, self.dead_zone})
+        )
+        self.bends: tuple[float, ...] = self.jumps or (-self.hysteresis, self.hysteresis)
 
     @property
     def scale(self) -> float | None:
@@ -105,12 +111,20 @@ class Saturation(Static):
         slope: gain of small inputs.
 
     Example:
-        >>> Saturation(1.0, slope=2.0).describing(5.0, 1.0)
+        >>> limit = dft.cycles.Saturation(1.0, slope=2.0)
+        >>> (
+        ...     limit.scale,
+        ...     limit.describing(5.0, 1.0).round(3),
+        ...     limit.at(3.0),
+        ...     limit.over(np.array([0.1])),
+        ... )
+        (0.5, np.complex128(0.254+0j), 1.0, array([0.2]))
     """
 
     def __init__(self, limit: float, *, slope: float = 1.0) -> None:
-        self.limit, self.slope = positive("limit", limit), positive("slope", slope)
-        self.bends = (-self.scale, self.scale)
+        self.limit: float = positive("limit", limit)
+        self.slope: float = positive("slope", slope)
+        self.bends: tuple[float, ...] = (-self.scale, self.scale)
 
     @property
     def scale(self) -> float:
@@ -142,13 +156,16 @@ class DeadZone(Static):
         slope: gain beyond it.
 
     Example:
-        >>> DeadZone(0.5).describing(1.0, 1.0)
+        >>> zone = dft.cycles.DeadZone(0.5)
+        >>> zone.describing(1.0, 1.0).round(3), zone.at(0.75), zone.over(np.array([0.2, 1.0]))
+        (np.complex128(0.391+0j), 0.25, array([0. , 0.5]))
     """
 
     def __init__(self, width: float, *, slope: float = 1.0) -> None:
-        self.width, self.slope = positive("width", width), positive("slope", slope)
-        self.least = self.width
-        self.bends = (-self.width, self.width)
+        self.width: float = positive("width", width)
+        self.slope: float = positive("slope", slope)
+        self.least: float = self.width
+        self.bends: tuple[float, ...] = (-self.width, self.width)
 
     @property
     def scale(self) -> float:
@@ -180,12 +197,17 @@ class Backlash(Static):
         slope: gain while in contact.
 
     Example:
-        >>> Backlash(0.1).describing(1.0, 1.0)
+        >>> gear = dft.cycles.Backlash(0.1)
+        >>> gear.scale, gear.describing(1.0, 1.0).round(3)
+        (0.1, np.complex128(0.948-0.115j))
+        >>> gear.rest(1.0), gear.over(np.array([1.0, 0.95])).shape
+        (1.0, (2,))
     """
 
     def __init__(self, gap: float, *, slope: float = 1.0) -> None:
-        self.gap, self.slope = positive("gap", gap), positive("slope", slope)
-        self.least = self.gap
+        self.gap: float = positive("gap", gap)
+        self.slope: float = positive("slope", slope)
+        self.least: float = self.gap
 
     @property
     def scale(self) -> float:

@@ -26,6 +26,13 @@ class Nonlinearity(ABC):
 
     `describing` is enough for cycles to be found; with `balanced` they are refined, and with
     `courses` simulated.
+
+    Example:
+        >>> relay = dft.cycles.Relay(1.0)
+        >>> isinstance(relay, dft.cycles.Nonlinearity), relay.scale
+        (True, None)
+        >>> relay.describing(2.0, 1.0).round(3)
+        np.complex128(0.637+0j)
     """
 
     odd: bool = True

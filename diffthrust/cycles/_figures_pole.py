@@ -41,7 +41,7 @@ def plot_pole_motion(
     Source: Yoerger, Cooke & Slotine 1990, figure 13.
 
     Example:
-        >>> plot_pole_motion(([2.0], [1, 3, 2, 0]), Saturation(1.0)).savefig("poles.png")
+        >>> figure = dft.cycles.plot_pole_motion(([2.0], [1, 3, 2, 0]), dft.cycles.Saturation(1.0))
     """
     transfer, element = transfer_of(linear), element_of(nonlinearity)
     given = range_of("amplitudes", amplitudes, element.least)

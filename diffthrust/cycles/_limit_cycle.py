@@ -24,6 +24,16 @@ class LimitCycle(Brief):
         lasts: whether simulations from 10 % below and above come back; ``None``: undecided.
         simulation: what they did, in words.
         harmonics: Fourier coefficients of the refined cycle.
+
+    Example:
+        >>> found = dft.cycles.limit_cycles(
+        ...     ([6.0], [1, 3, 2, 0]), dft.cycles.Relay(1.0), verify=False
+        ... )
+        >>> cycle = found.cycles[0]
+        >>> round(cycle.amplitude, 2), round(cycle.frequency, 3), cycle.stable
+        (1.27, 1.414, True)
+        >>> cycle.verdict, round(cycle.best.frequency, 3), round(cycle.described.frequency, 3)
+        ('stable', 1.414, 1.414)
     """
 
     amplitude: float

@@ -54,14 +54,21 @@ class ModelElement(Nonlinearity):
             effect that reads earlier samples of the input.
 
     Example:
-        >>> ModelElement(fit.model).describing(1.0, 0.5)
+        >>> element = dft.cycles.ModelElement(fit.model)
+        >>> list(element.states), list(element.values)
+        (['speed'], ['alpha', 'beta', 'ct'])
+        >>> bool(abs(element.describing(1.0, 0.5)) > abs(element.describing(1.0, 5.0)))
+        True
     """
 
     odd = False  # effects may tell forward from reverse
 
     def __init__(self, model: Any, *, input: str = "command", output: str = "thrust") -> None:
-        self.model, self.delay = _without_delay(checked_model(model), input)
-        self.input, self.output = input, output
+        direct, delay = _without_delay(checked_model(model), input)
+        self.model: Model = direct
+        self.delay: float = delay
+        self.input: str = input
+        self.output: str = output
         for what, name, known in (
             ("input", input, self.model.inputs),
             ("output", output, self.model.outputs),
@@ -83,7 +90,7 @@ class ModelElement(Nonlinearity):
                 f"The model '{self.model}' has no states.",
                 "Give its curve as a dft.cycles.StaticNonlinearity.",
             )
-        self.unit = self.model.inputs[input]
+        self.unit: str = self.model.inputs[input]
         late = [e.name for e in self.model.effects if e.memory and input in e.ports]
         if late:
             raise InputError(

@@ -34,6 +34,16 @@ class LimitCycles(Result):
             largest amplitude.
         unknown: share of the grid without a describing function.
         verified: refinement and simulation were asked for.
+
+    Example:
+        >>> found = dft.cycles.limit_cycles(
+        ...     ([6.0], [1, 3, 2, 0]), dft.cycles.Relay(1.0), verify=False
+        ... )
+        >>> len(found.cycles), found.unit, found.notes
+        (1, '', [])
+        >>> "stable" in found.sentence
+        True
+        >>> figure = found.plot()
     """
 
     transfer: Transfer

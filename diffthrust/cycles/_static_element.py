@@ -30,8 +30,8 @@ class Static(Nonlinearity):
     """
 
     lags = False
-    cells = (320, 400)
-    inward = (1.0, 1.0)
+    cells: tuple[int, int] = (320, 400)
+    inward: tuple[float, float] = (1.0, 1.0)
     harmonics = 25
     jumps: tuple[float, ...] = ()
     """Levels of the input at which the output jumps, whatever came before."""
@@ -148,7 +148,9 @@ class StaticNonlinearity(Static):
         InputError: it is no function, or does not give finite numbers of the same shape.
 
     Example:
-        >>> cubic = StaticNonlinearity(lambda e: e**3)
+        >>> cubic = dft.cycles.StaticNonlinearity(lambda e: e**3)
+        >>> cubic.describing(1.0, 1.0).round(3), cubic.scale, cubic.over(np.array([2.0]))
+        (np.complex128(0.75+0j), 1.0, array([8.]))
     """
 
     def __init__(
@@ -165,12 +167,13 @@ class StaticNonlinearity(Static):
                 f"Expected a function from inputs to outputs, found {function!r}.",
                 "Give a function of one array, such as lambda e: e**3.",
             )
-        self.function, self.name = function, name
-        self.jumps = tuple(float(jump) for jump in jumps)
-        self.bends = (*self.jumps, *(float(bend) for bend in bends))
+        self.function: Callable[[np.ndarray], object] = function
+        self.name: str = name
+        self.jumps: tuple[float, ...] = tuple(float(jump) for jump in jumps)
+        self.bends: tuple[float, ...] = (*self.jumps, *(float(bend) for bend in bends))
         self._scale = positive("scale", scale)
         probe = self._scale * np.linspace(0.03, 2.03, 9)
-        self.odd = bool(np.allclose(self.over(-probe), -self.over(probe), rtol=1e-9))
+        self.odd: bool = bool(np.allclose(self.over(-probe), -self.over(probe), rtol=1e-9))
 
     @property
     def scale(self) -> float:

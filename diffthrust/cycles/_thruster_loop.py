@@ -39,6 +39,19 @@ class ThrusterLoop(Result):
         damping: the same, of critical.
         found: the limit cycles, with the command in the model's unit.
         newton: steady thrust for a unit of the command [N/V, where this is a voltage].
+
+    Example:
+        >>> thruster_loop = dft.cycles.thruster_loop_cycle(
+        ...     dft.Thruster(alpha=0.037, ct=0.022), verify=False
+        ... )
+        >>> round(thruster_loop.break_frequency, 2)
+        0.71
+        >>> len(thruster_loop.found.cycles)
+        1
+        >>> thruster_loop.printed > thruster_loop.consistent, thruster_loop.as_in_paper
+        (True, True)
+        >>> figure = thruster_loop.plot_poles()
+        >>> course = thruster_loop.course(displacement=0.02, duration=10.0)
     """
 
     model: Model
@@ -231,8 +244,11 @@ def thruster_loop_cycle(
     Source: Yoerger, Cooke & Slotine 1990, section IV and figures 13 and 14.
 
     Example:
-        >>> loop = thruster_loop_cycle(dft.Thruster(alpha=0.037, ct=0.022))
-        >>> print(loop.report())
+        >>> thruster_loop = dft.cycles.thruster_loop_cycle(
+        ...     dft.Thruster(alpha=0.037, ct=0.022), verify=False
+        ... )
+        >>> round(thruster_loop.cycle.amplitude, 3)
+        0.618
     """
     thruster = checked_model(model)
     named = thruster.parameters

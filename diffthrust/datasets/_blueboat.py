@@ -58,8 +58,14 @@ def blueboat(names: str | Sequence[str] | None = None) -> Runs:
         InputError: a file is missing, cannot be downloaded or has changed, or a name is unknown.
 
     Example:
-        >>> runs = dft.datasets.blueboat()
-        >>> fit = dft.fit(dft.Vessel(drive="twin"), runs.train, holdout=runs.unseen)
+        >>> about = dft.datasets.list()[1]
+        >>> about.title
+        'a surface vessel with two thrusters, driven by hand on a lake (12 runs, 10 Hz)'
+        >>> try:  # the files are fetched where they are not at hand
+        ...     runs = dft.datasets.blueboat("no such run")
+        ... except dft.InputError as error:
+        ...     print(type(error).__name__)
+        InputError
     """
     known = tuple(f"run_{run}" for run in _RUNS)
     chosen = wanted(BLUEBOAT, known, names)

@@ -19,7 +19,7 @@ def list() -> tuple[DataSet, ...]:
     """Every data set, with its licence, citation, files and known defects.
 
     Example:
-        >>> [about.name for about in list()]
+        >>> [about.name for about in dft.datasets.list()]
         ['ngs_thruster', 'blueboat', 'esso_osaka', 't200', 'emps']
     """
     return NGS_THRUSTER, BLUEBOAT, ESSO_OSAKA, T200, EMPS
@@ -38,7 +38,11 @@ def fetch(name: str) -> Path:
         InputError: there is no such set, or a file is missing, cannot be downloaded or has changed.
 
     Example:
-        >>> folder = dft.datasets.fetch("emps")  # doctest: +SKIP
+        >>> try:
+        ...     dft.datasets.fetch("emp")
+        ... except dft.InputError as error:
+        ...     print(error.mend)
+        Choose one of 'ngs_thruster', 'blueboat', 'esso_osaka', 't200', 'emps'.
     """
     known = {about.name: about for about in list()}
     if name not in known:

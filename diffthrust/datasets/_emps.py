@@ -61,7 +61,11 @@ def emps(names: str | Sequence[str] | None = None) -> Runs:
         InputError: a file is missing, cannot be downloaded or has changed, or a name is unknown.
 
     Example:
-        >>> train, unseen = dft.datasets.emps().logs.values()
+        >>> try:  # names of runs are patterns; None takes all
+        ...     runs = dft.datasets.emps("no such run")
+        ... except dft.InputError as error:
+        ...     print(type(error).__name__)
+        InputError
     """
     chosen = wanted(EMPS, tuple(_SUMS), names)
     paths = located(EMPS, [f"{name}.csv" for name in chosen])

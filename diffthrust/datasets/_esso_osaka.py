@@ -118,8 +118,11 @@ def esso_osaka(names: str | Sequence[str] | None = None, *, stop: float | None =
         InputError: a file is missing, cannot be downloaded or has changed, or a name is unknown.
 
     Example:
-        >>> runs = dft.datasets.esso_osaka("zigzag*")
-        >>> fit = dft.fit(dft.Vessel(lever_arm=1.5), runs.train, holdout=runs.unseen)
+        >>> try:  # "zigzag*" would take the zigzags
+        ...     runs = dft.datasets.esso_osaka("no such run")
+        ... except dft.InputError as error:
+        ...     print(type(error).__name__)
+        InputError
     """
     chosen = wanted(ESSO_OSAKA, _NAMES, names)
     paths = located(ESSO_OSAKA, [f"{name}.csv" for name in chosen])

@@ -75,8 +75,11 @@ def ngs_thruster(names: str | Sequence[str] | None = None) -> Runs:
         InputError: ``DIFFTHRUST_DATA`` is not set, a file is missing there, or a name is unknown.
 
     Example:
-        >>> runs = dft.datasets.ngs_thruster("CL*")
-        >>> fit = dft.fit(dft.Thruster(), runs.train, holdout=runs.unseen)
+        >>> try:  # "CL*" would take the runs in closed loop
+        ...     runs = dft.datasets.ngs_thruster("no such run")
+        ... except dft.InputError as error:
+        ...     print(type(error).__name__)
+        InputError
     """
     chosen = wanted(NGS_THRUSTER, (*_CLOSED, *_OPEN), names)
     paths = located(NGS_THRUSTER, [f"{name}.csv" for name in chosen])

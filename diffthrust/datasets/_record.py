@@ -21,6 +21,11 @@ class DataFile:
         path: its path in the public repository; empty where it cannot be downloaded.
         commit: the commit at which it stands there.
         sha256: its checksum there, where it is known beforehand.
+
+    Example:
+        >>> about = dft.datasets.list()[0]
+        >>> about.files[0].name
+        'CL1stateRamp.csv'
     """
 
     name: str
@@ -44,6 +49,11 @@ class DataSet:
         address: where a file is downloaded from, with ``{commit}`` and ``{path}``; empty where the
             set is read from a local folder only.
         local_only: why it cannot be downloaded, and where a person gets it.
+
+    Example:
+        >>> about = dft.datasets.list()[0]
+        >>> about.name, about.licence
+        ('ngs_thruster', 'none given: look at it and test with it, do not pass it on')
     """
 
     name: str
@@ -76,6 +86,12 @@ class Runs:
         train: those of the usual split to fit to, in its order; empty where there is no split.
         unseen: those of the usual split to try the fit on.
         about: the data set itself.
+
+    Example:
+        >>> about = dft.datasets.list()[0]
+        >>> runs = dft.datasets.Runs({"a": log, "b": unseen}, (log,), (unseen,), about)
+        >>> runs["a"].name, len(runs.train)
+        ('run1.csv', 1)
     """
 
     logs: Mapping[str, Log]

@@ -82,8 +82,11 @@ def t200(names: str | Sequence[str] | None = None, *, held: float | None = None)
             or columns, a name is unknown, or ``held`` is not positive.
 
     Example:
-        >>> log = dft.datasets.t200("16V")["16V"]
-        >>> thrust = log.measured["thrust"]
+        >>> try:  # "16V" would take the map at 16 V
+        ...     runs = dft.datasets.t200("no such run")
+        ... except dft.InputError as error:
+        ...     print(type(error).__name__)
+        InputError
     """
     if held is not None:
         finite("t200, held", held, lambda x: x > 0, "seconds, more than zero")

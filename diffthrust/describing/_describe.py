@@ -85,10 +85,9 @@ def describing_function(
     Describing Functions, chapter 2.
 
     Example:
-        >>> amplitudes, frequencies = np.geomspace(0.1, 10, 32), np.geomspace(0.1, 30, 32)
-        >>> found = dft.describing_function(fit, amplitudes, frequencies)
-        >>> print(found.report())
-        >>> found.at(2.0, 1.0)
+        >>> found = dft.describing_function(fit, [0.5, 2.0], [0.5, 2.0], method="harmonic_balance")
+        >>> found.gain.shape, bool(found.gain[1, 0] > found.gain[1, 1])
+        ((2, 2), True)
     """
     asked = request(
         model, amplitudes, frequencies, input=input, output=output, method=method,

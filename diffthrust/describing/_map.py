@@ -19,7 +19,16 @@ if TYPE_CHECKING:
 
 
 class DescribingMap(Result, DescribingValues):
-    """Gain and phase over amplitude and frequency, as numbers, words, figures and plain data."""
+    """Gain and phase over amplitude and frequency, as numbers, words, figures and plain data.
+
+    Example:
+        >>> found = dft.describing_function(fit, [0.5, 2.0], [0.5, 2.0], method="harmonic_balance")
+        >>> found.complex.shape, found.output_unit
+        ((2, 2), 'N')
+        >>> abs(found.at(1.0, 1.0)).shape, list(found.to_json())[:3]
+        ((), ['schema', 'model', 'effects'])
+        >>> figure = found.plot()
+    """
 
     def at(self, amplitude: ArrayLike, frequency: ArrayLike) -> Any:
         """The describing function between the points of the map, complex.
@@ -124,7 +133,14 @@ class DescribingMap(Result, DescribingValues):
 
     @showing
     def plot_break(self) -> Figure:
-        """The break frequency over amplitude and frequency, as in figure 12 of Yoerger et al."""
+        """The break frequency over amplitude and frequency, as in figure 12 of Yoerger et al.
+
+        Example:
+            >>> found = dft.describing_function(
+            ...     fit, [0.5, 2.0], [0.5, 2.0], method="harmonic_balance"
+            ... )
+            >>> figure = found.plot_break()
+        """
         from diffthrust.describing._figures import break_figure
 
         return break_figure(self)

@@ -78,8 +78,12 @@ def diagnose(
             estimate numbers; candidates that are no effects, or cannot be tried.
 
     Example:
-        >>> diag = dft.diagnose(fit, train, holdout=unseen)
-        >>> diag.verdict, diag.added
+        >>> train, held_out = lacking
+        >>> few = ["command_deadband", "thrust_sensor_offset"]
+        >>> found = dft.diagnose(
+        ...     dft.Thruster(), train, holdout=held_out, candidates=few, experiment=False
+        ... )
+        >>> found.verdict, found.added
         ('effects_found', ('command_deadband',))
     """
     train, unseen = listed(logs), listed(holdout) if holdout is not None else ()

@@ -71,6 +71,15 @@ class Headroom(Result):
         channels: by measured channel.
         judged_on: "unseen" records, or "left-out" ones, each predicted from the others.
         model: words for the model.
+
+    Example:
+        >>> left = diag.headroom[-1]
+        >>> sorted(left.channels), left.judged_on
+        (['speed', 'thrust'], 'unseen')
+        >>> len(left.summary) > 0
+        True
+        >>> left.worth, list(left.to_json())[:3]
+        (False, ['schema', 'model', 'judged_on'])
     """
 
     channels: Mapping[str, ChannelHeadroom] = field(repr=False)
@@ -145,7 +154,9 @@ def headroom(
         InputError: a log without a channel that the model needs, or no channel in common.
 
     Example:
-        >>> print(dft.diagnosis.headroom(fit, train, holdout=unseen).summary)
+        >>> left = dft.diagnosis.headroom(fit, log, holdout=unseen)
+        >>> left.worth
+        False
     """
     tell = teller(progress)
     tell("simulating", 0.0)

@@ -20,11 +20,26 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Diagnosis(Result, Findings):
-    """What is missing from a model, and how it is told; the fields are those of `Findings`."""
+    """What is missing from a model, and how it is told; the fields are those of `Findings`.
+
+    Example:
+        >>> diag.verdict, diag.added
+        ('effects_found', ('command_deadband',))
+        >>> [stage.effects for stage in diag.stages]
+        [(), ('command_deadband',)]
+        >>> diag.after.errors.nrmse < diag.before.errors.nrmse
+        True
+        >>> better = dft.Thruster() + diag.best
+    """
 
     @property
     def summary(self) -> str:
-        """The outcome in a few plain sentences."""
+        """The outcome in a few plain sentences.
+
+        Example:
+            >>> print(diag.summary.splitlines()[0][:60])
+            The basic thruster lacks a command dead band of 0.40 V: with
+        """
         from diffthrust.diagnosis._words import summary
 
         return summary(self)
@@ -42,7 +57,11 @@ class Diagnosis(Result, Findings):
 
     @showing
     def plot(self) -> Figure:
-        """The stages: training and held-out error falling, and the last model on the logs."""
+        """The stages: training and held-out error falling, and the last model on the logs.
+
+        Example:
+            >>> figure = diag.plot()
+        """
         from diffthrust.diagnosis._figures import stages_figure
 
         return stages_figure(self)
@@ -53,6 +72,10 @@ class Diagnosis(Result, Findings):
 
         Raises:
             InputError: nothing was learned.
+
+        Example:
+            >>> diag.learned  # nothing is left to learn: the effect explains it
+            ()
         """
         from diffthrust.diagnosis._figures_learned import learned_figure
 
@@ -76,9 +99,10 @@ class Diagnosis(Result, Findings):
             InputError: a file of another ending, or one that cannot be written.
 
         Example:
-            >>> diag.save("diagnosis.html")
             >>> diag.save("diagnosis.json")
-            >>> diag = dft.load("diagnosis.json")
+            >>> again = dft.load("diagnosis.json")
+            >>> again.verdict
+            'effects_found'
         """
         from diffthrust._support.files import ending, write_page
         from diffthrust.diagnosis._page import page
@@ -90,7 +114,12 @@ class Diagnosis(Result, Findings):
             write_page(path, page(self, title=title, spec=spec))
 
     def to_json(self) -> dict[str, Any]:
-        """The diagnosis as plain data, in the form that ``diffthrust diagnose --json`` writes."""
+        """The diagnosis as plain data, in the form that ``diffthrust diagnose --json`` writes.
+
+        Example:
+            >>> list(diag.to_json())[:4]
+            ['schema', 'verdict', 'added', 'detectable']
+        """
         left, room = self.remaining, self.headroom
         return {
             "schema": 1,

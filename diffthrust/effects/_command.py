@@ -26,6 +26,12 @@ class CommandDeadband(Effect):
     between them.
     Null: width = 0. Source: the dead-zone of Slotine & Li 1991, section 5.2; common in motor
     controllers.
+
+    Example:
+        >>> effect = dft.effects.CommandDeadband(width=0.05)
+        >>> model = dft.Thruster() + effect
+        >>> model.parameters["command_deadband.width"].range_text()
+        '[0, inf) V'
     """
 
     name = "command_deadband"
@@ -54,6 +60,12 @@ class CommandSaturation(Effect):
 
     Acts on the recorded command: held within -limit and limit. Null: limit infinite.
     Source: the saturation of Slotine & Li 1991, section 5.2.
+
+    Example:
+        >>> effect = dft.effects.CommandSaturation(limit=2)
+        >>> model = dft.Thruster() + effect
+        >>> model.parameters["command_saturation.limit"].range_text()
+        '[0, inf) V'
     """
 
     name = "command_saturation"
@@ -79,6 +91,12 @@ class CommandRateLimit(Effect):
     Acts on the recorded command: the command that arrives follows the recorded one by at most
     rate, updated at each sample. Null: rate infinite. Source: the slew rate limit of Goodwin,
     Graebe & Salgado 2001, chapter 11.
+
+    Example:
+        >>> effect = dft.effects.CommandRateLimit(rate=10)
+        >>> model = dft.Thruster() + effect
+        >>> model.parameters["command_rate_limit.rate"].range_text()
+        '[0, inf) V/s'
     """
 
     name = "command_rate_limit"
@@ -105,6 +123,12 @@ class CommandDelay(Effect):
     Acts on the recorded command: command(time - delay), linear between the samples; before
     the log the first command. Null: delay = 0. Source: Åström & Wittenmark 1997, chapter 2
     (sampling of systems with a time delay).
+
+    Example:
+        >>> effect = dft.effects.CommandDelay(delay=0.05)
+        >>> model = dft.Thruster() + effect
+        >>> model.parameters["command_delay.delay"].range_text()
+        '[0, inf) s'
     """
 
     name = "command_delay"
@@ -125,6 +149,12 @@ class CommandOffset(Effect):
 
     Acts on the recorded command: command + offset. Null: offset = 0. Source: Ljung 1999,
     section 14.1 (offsets of recorded signals).
+
+    Example:
+        >>> effect = dft.effects.CommandOffset(offset=0.1)
+        >>> model = dft.Thruster() + effect
+        >>> model.parameters["command_offset.offset"].range_text()
+        '(-inf, inf) V'
     """
 
     name = "command_offset"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from typing import Any
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -67,14 +67,21 @@ class Curve(MadeEffect):
             that has no value.
 
     Example:
-        >>> curve = dft.effects.Curve("load", "speed", -40.0, 40.0, size=5.0, shape=(1, 2))
-        >>> round(float(curve.at_signal(20.0)), 2)
-        1.5
+        >>> curve = dft.effects.Curve(
+        ...     "shaft", "speed", -60.0, 60.0, size=50.0, unit="rad/s^2", pieces=4
+        ... )
+        >>> model = dft.Thruster() + curve
+        >>> [name for name in model.parameters if name.startswith("curve.")][:2]
+        ['curve.level', 'curve.slope']
+        >>> float(curve.at_signal(10.0)), curve.basis([10.0]).shape, curve.shape
+        (0.0, (7, 1), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     """
 
     name = "curve"
     main = "signal"
-    options = ("name", "port", "signal", "times", "low", "high", "pieces")
+    options: ClassVar[tuple[str, ...]] = (
+        "name", "port", "signal", "times", "low", "high", "pieces",
+    )  # fmt: skip
     signal: str
     times: str
     low: float

@@ -30,6 +30,12 @@ class ThrustExponent(Effect):
     Null: exponent = 2. Source: the thrust coefficient varies with the Reynolds number of the
     blades (Oosterveld & van Oossanen 1975), and maps of small thrusters are fitted by powers
     (Siramdasu & Fahimi 2013, equation 6).
+
+    Example:
+        >>> effect = dft.effects.ThrustExponent(exponent=1.8)
+        >>> model = dft.Thruster() + effect
+        >>> model.parameters["thrust_exponent.exponent"].range_text()
+        '[0.5, 4]'
     """
 
     name = "thrust_exponent"
@@ -53,6 +59,12 @@ class LoadExponent(Effect):
     `ThrustExponent`. Null: exponent = 2. Source: the torque coefficient varies with the Reynolds
     number of the blades (Oosterveld & van Oossanen 1975), and losses of a motor grow with less
     than the square of its speed (Fitzgerald, Kingsley & Umans 2003).
+
+    Example:
+        >>> effect = dft.effects.LoadExponent(exponent=1.8)
+        >>> model = dft.Thruster() + effect
+        >>> model.parameters["load_exponent.exponent"].range_text()
+        '[0.5, 4]'
     """
 
     name = "load_exponent"

@@ -1,6 +1,8 @@
 """Effects in the propulsion and steering of a vessel."""
 
 import math
+from collections.abc import Mapping
+from typing import ClassVar
 
 import jax.numpy as jnp
 
@@ -20,11 +22,17 @@ class PropellerLag(ActuatorLag):
     Acts on the propeller speed [rev/s]: time_constant * d(response)/dt = speed - response, settled
     when the log begins. Null: time_constant = 0. Source: Fossen 2011, section 12.3 (actuators under
     low-level control, as first-order lags).
+
+    Example:
+        >>> effect = dft.effects.PropellerLag(time_constant=0.3)
+        >>> model = dft.Vessel() + effect
+        >>> model.parameters["propeller_lag.time_constant"].range_text()
+        '[0, inf) s'
     """
 
     name = "propeller_lag"
     port = "revolutions"
-    states = {"response": "rev/s"}
+    states: ClassVar[Mapping[str, str]] = {"response": "rev/s"}
     time_constant: float = parameter(
         0.3, "s", bounds=(0, None), null=0.0, size=0.5, probes=(0.1, 0.5, 1.5)
     )
@@ -37,11 +45,17 @@ class RudderLag(ActuatorLag):
     Acts on the rudder angle [rad]: time_constant * d(response)/dt = angle - response, settled when
     the log begins. Null: time_constant = 0. Source: Van Amerongen 1982, Adaptive steering of ships
     (model of the steering machine).
+
+    Example:
+        >>> effect = dft.effects.RudderLag(time_constant=0.3)
+        >>> model = dft.Vessel() + effect
+        >>> model.parameters["rudder_lag.time_constant"].range_text()
+        '[0, inf) s'
     """
 
     name = "rudder_lag"
     port = "rudder"
-    states = {"response": "rad"}
+    states: ClassVar[Mapping[str, str]] = {"response": "rad"}
     time_constant: float = parameter(
         0.3, "s", bounds=(0, None), null=0.0, size=0.5, probes=(0.1, 0.5, 1.5)
     )
@@ -54,6 +68,12 @@ class RudderRateLimit(Effect):
     Acts on the recorded rudder angle [rad], from sample to sample: it moves towards the commanded
     angle by at most ``rate`` [rad/s] times the time between them. Null: rate = infinite.
     Source: Van Amerongen 1982, Adaptive steering of ships (model of the steering machine).
+
+    Example:
+        >>> effect = dft.effects.RudderRateLimit(rate=0.5)
+        >>> model = dft.Vessel() + effect
+        >>> model.parameters["rudder_rate_limit.rate"].range_text()
+        '[0, inf) rad/s'
     """
 
     name = "rudder_rate_limit"
@@ -80,6 +100,12 @@ class RudderOffset(Effect):
     Acts on the rudder angle [rad]: angle + offset, positive where the offset alone pushes the
     stern to starboard. Null: offset = 0. Source: a servo horn mounted a tooth off, common in
     models; where the propeller walks, it looks much like the neutral rudder angle of ship trials.
+
+    Example:
+        >>> effect = dft.effects.RudderOffset(offset=0.05)
+        >>> model = dft.Vessel() + effect
+        >>> model.parameters["rudder_offset.offset"].range_text()
+        '[-0.8, 0.8] rad'
     """
 
     name = "rudder_offset"
@@ -101,6 +127,12 @@ class RudderInflow(Effect):
     through the water, which adds to the race of the propeller; ``gain`` [s/m] is the relative
     growth of the force. Null: gain = 0. Source: Yasukawa & Yoshimura 2015, rudder normal force
     proportional to the square of the inflow speed, here to first order in u.
+
+    Example:
+        >>> effect = dft.effects.RudderInflow(gain=0.3)
+        >>> model = dft.Vessel() + effect
+        >>> model.parameters["rudder_inflow.gain"].range_text()
+        '(-inf, inf) s/m'
     """
 
     name = "rudder_inflow"
@@ -123,6 +155,12 @@ class PropellerInflow(Effect):
     backwards pulls harder while the vessel still runs ahead.
     Null: loss = 0. Source: Fossen 1994, bilinear thruster model T = T_|n|n |n| n - T_|n|u |n| u,
     here in proportion to the thrust, whose law in n the vessel leaves open.
+
+    Example:
+        >>> effect = dft.effects.PropellerInflow(loss=0.1)
+        >>> model = dft.Vessel() + effect
+        >>> model.parameters["propeller_inflow.loss"].range_text()
+        '[0, inf) s/m'
     """
 
     name = "propeller_inflow"
@@ -148,6 +186,12 @@ class PropellerWalk(Effect):
     Acts on the side force at the stern: force + fraction * thrust; a positive one pushes the
     stern to starboard when the propeller drives ahead, as one that turns clockwise (seen from
     astern) does. Null: fraction = 0. Source: Brix 1993, Manoeuvring technical manual.
+
+    Example:
+        >>> effect = dft.effects.PropellerWalk(fraction=0.05)
+        >>> model = dft.Vessel() + effect
+        >>> model.parameters["propeller_walk.fraction"].range_text()
+        '[-1, 1]'
     """
 
     name = "propeller_walk"
@@ -165,6 +209,12 @@ class ReversePropellerAsymmetry(Effect):
 
     Acts on the thrust: multiplied by 1 + change where it is negative. Null: change = 0.
     Source: van Lammeren, van Manen & Oosterveld 1969, the B-screw series in all four quadrants.
+
+    Example:
+        >>> effect = dft.effects.ReversePropellerAsymmetry(change=-0.2)
+        >>> model = dft.Vessel() + effect
+        >>> model.parameters["reverse_propeller_asymmetry.change"].range_text()
+        '[-1, inf)'
     """
 
     name = "reverse_propeller_asymmetry"
@@ -183,10 +233,16 @@ class DifferentialGain(Effect):
     Acts on the recorded forces [N]: left * (1 + gain), right * (1 - gain). Null: gain = 0.
     Source: thrusters of one type differ by some per cent (blade damage, mounting, the map from
     command to force); their mean belongs to the other parameters.
+
+    Example:
+        >>> effect = dft.effects.DifferentialGain(gain=0.05)
+        >>> model = dft.Vessel(drive="twin") + effect
+        >>> model.parameters["differential_gain.gain"].range_text()
+        '[-1, 1]'
     """
 
     name = "differential_gain"
-    ports = ("left_force", "right_force")
+    ports: ClassVar[tuple[str, ...]] = ("left_force", "right_force")
     gain: float = parameter(0.05, bounds=(-1, 1), null=0.0, size=0.2, probes=(-0.2, 0.2))
 
     def at(self, port: str, value: Signal, s: Signals) -> Signal:
@@ -203,10 +259,16 @@ class SwappedThrusters(Effect):
     moment: not at all half way, so a fit finds the exchange from share = 1, not from 0.
     Null: share = 0. Source: an error of wiring, not of physics; a yaw rate that is counted against
     the clock looks the same.
+
+    Example:
+        >>> effect = dft.effects.SwappedThrusters(share=1)
+        >>> model = dft.Vessel(drive="twin") + effect
+        >>> model.parameters["swapped_thrusters.share"].range_text()
+        '[0, 1]'
     """
 
     name = "swapped_thrusters"
-    ports = ("left_force", "right_force")
+    ports: ClassVar[tuple[str, ...]] = ("left_force", "right_force")
     share: float = parameter(1.0, bounds=(0, 1), null=0.0, size=0.5, probes=(1.0,))
 
     def at(self, port: str, value: Signal, s: Signals) -> Signal:
@@ -225,10 +287,16 @@ class ForceExponent(Effect):
     given as efforts has such an exponent of its own. Null: exponent = 1. Source: a map from the
     command to the force that was measured at another voltage, or taken for linear; Siramdasu &
     Fahimi 2013, equation 6, for the power law.
+
+    Example:
+        >>> effect = dft.effects.ForceExponent(exponent=1.2)
+        >>> model = dft.Vessel(drive="twin") + effect
+        >>> model.parameters["force_exponent.exponent"].range_text()
+        '[0.3, 3]'
     """
 
     name = "force_exponent"
-    ports = ("left_force", "right_force")
+    ports: ClassVar[tuple[str, ...]] = ("left_force", "right_force")
     exponent: float = parameter(1.2, bounds=(0.3, 3), null=1.0, size=0.3, probes=(0.7, 1.5))
     reference: float = parameter(
         10.0, "{left_force}", bounds=(0, None), fixed=True, probes=relative_to("left_force", 0.6)

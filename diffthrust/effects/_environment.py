@@ -1,6 +1,7 @@
 """Effects of the wind and of a current on a vessel."""
 
 import math
+from typing import ClassVar
 
 import jax.numpy as jnp
 
@@ -20,10 +21,16 @@ class WaterCurrent(Effect):
     where the water goes. In logs that do not measure the heading it counts from the first sample,
     and north is where the bow points then. Null: to_north = 0, to_east = 0.
     Source: Fossen 2011, section 8.3 (irrotational constant current).
+
+    Example:
+        >>> effect = dft.effects.WaterCurrent(to_north=0.1)
+        >>> model = dft.Vessel() + effect
+        >>> model.parameters["water_current.to_north"].range_text()
+        '(-inf, inf) m/s'
     """
 
     name = "water_current"
-    ports = (
+    ports: ClassVar[tuple[str, ...]] = (
         "surge_through_water",
         "sway_through_water",
         "surge_acceleration",
@@ -65,10 +72,16 @@ class Wind(Effect):
     count from the first heading in logs that do not measure it.
     Null: along = 0, across = 0, turning = 0 (the direction then has no influence).
     Source: Fossen 2011, section 8.1.
+
+    Example:
+        >>> effect = dft.effects.Wind(along=0.01)
+        >>> model = dft.Vessel() + effect
+        >>> model.parameters["wind.along"].range_text()
+        '[0, inf) N s^2/m^2'
     """
 
     name = "wind"
-    ports = ("surge_force", "sway_force", "yaw_moment")
+    ports: ClassVar[tuple[str, ...]] = ("surge_force", "sway_force", "yaw_moment")
     along: float = parameter(
         0.01,
         "N s^2/m^2",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -66,13 +66,14 @@ class Formula(MadeEffect):
         >>> drag = dft.effects.Formula(
         ...     "shaft", "-a * speed * abs(speed)**p", name="drag", a="rad/s^2", p=""
         ... )
-        >>> fit = dft.fit(dft.Thruster() + drag, logs)
-        >>> diag = dft.diagnose(dft.Thruster(), logs, candidates=["all", drag])
+        >>> model = dft.Thruster() + drag
+        >>> model.parameters["drag.p"].range_text(), model.parameters["drag.a"].null
+        ('[0.1, 4]', 0.0)
     """
 
     name = "formula"
     main = "expression"
-    options = ("name", "port", "expression")
+    options: ClassVar[tuple[str, ...]] = ("name", "port", "expression")
     expression: str
 
     def __init__(

@@ -1,5 +1,7 @@
 """Effects between the water and the hull."""
 
+from typing import ClassVar
+
 import jax.numpy as jnp
 
 from diffthrust.models._base.component import registered
@@ -15,6 +17,12 @@ class QuadraticSurgeDrag(Effect):
     Acts on the surge force: force - drag * u |u|, with u [m/s] the surge speed through the water.
     ``drag`` is in N s^2/m^2, divided by A where the vessel's parameters are. Null: drag = 0.
     Source: Fossen 2011, section 7.1, nonlinear damping -X_|u|u |u| u.
+
+    Example:
+        >>> effect = dft.effects.QuadraticSurgeDrag(drag=1)
+        >>> model = dft.Vessel() + effect
+        >>> model.parameters["quadratic_surge_drag.drag"].range_text()
+        '[0, inf) N s^2/m^2'
     """
 
     name = "quadratic_surge_drag"
@@ -41,6 +49,12 @@ class QuadraticSwayDrag(Effect):
     Acts on the sway force: force - drag * v |v|, with v [m/s] the sway speed through the water.
     ``drag`` is in N s^2/m^2, divided by A where the vessel's parameters are. Null: drag = 0.
     Source: Fossen 2011, section 7.1, nonlinear damping -Y_|v|v |v| v.
+
+    Example:
+        >>> effect = dft.effects.QuadraticSwayDrag(drag=2)
+        >>> model = dft.Vessel() + effect
+        >>> model.parameters["quadratic_sway_drag.drag"].range_text()
+        '[0, inf) N s^2/m^2'
     """
 
     name = "quadratic_sway_drag"
@@ -67,6 +81,12 @@ class QuadraticYawDrag(Effect):
     Acts on the yaw moment: moment - drag * r |r|, with r [rad/s] the yaw rate. ``drag`` is in
     N m s^2/rad^2, divided by A where the vessel's parameters are. Null: drag = 0.
     Source: Fossen 2011, section 7.1, nonlinear damping -N_|r|r |r| r.
+
+    Example:
+        >>> effect = dft.effects.QuadraticYawDrag(drag=0.5)
+        >>> model = dft.Vessel() + effect
+        >>> model.parameters["quadratic_yaw_drag.drag"].range_text()
+        '[0, inf) N m s^2/rad^2'
     """
 
     name = "quadratic_yaw_drag"
@@ -101,10 +121,22 @@ class SwayYawCoupling(Effect):
     mass^2 < m22 i33, as any body has. Null: mass = 0, damping = 0.
     Source: Fossen 2011, section 7.1 (mass, Coriolis and damping matrices in three degrees of
     freedom).
+
+    Example:
+        >>> effect = dft.effects.SwayYawCoupling(mass=0.1)
+        >>> model = dft.Vessel() + effect
+        >>> model.parameters["sway_yaw_coupling.mass"].range_text()
+        '(-inf, inf) kg m'
     """
 
     name = "sway_yaw_coupling"
-    ports = ("surge_force", "sway_force", "yaw_moment", "sway_acceleration", "yaw_acceleration")
+    ports: ClassVar[tuple[str, ...]] = (
+        "surge_force",
+        "sway_force",
+        "yaw_moment",
+        "sway_acceleration",
+        "yaw_acceleration",
+    )
     mass: float = parameter(0.1, "kg m", null=0.0, size=0.5, probes=(-0.3, 0.3))
     damping: float = parameter(0.1, "N s", null=0.0, size=0.5, probes=(-0.5, 0.5))
 

@@ -1,8 +1,8 @@
 """Expressions that remember: a first-order lag, the play of a backlash, an integral.
 
 ``lag(x, T)`` follows x with the time constant T [s] and begins settled; ``lag(x, T, 0)`` begins at
-zero: so warms up what is cold when the log begins. ``play(x, b)`` stays where it is until x has moved
-b away from it, and is then pushed along: the play, or backlash, of half the width b, of which
+zero: so warms up what is cold when the log begins. ``play(x, b)`` stays where it is until x has
+moved b away from it, and is then pushed along: the play, or backlash, of half the width b, of which
 ``x - play(x, b)`` is how far x has gone since it turned (the stop; Visintin 1994, chapter III). It
 begins as it is when x has come from zero. ``integral(x)`` is the time integral since the log began:
 that of a velocity is a position, and ``integral(1)`` the time.

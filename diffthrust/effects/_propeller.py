@@ -1,6 +1,7 @@
 """Effects between the speed of the propeller and its thrust."""
 
 from collections.abc import Mapping
+from typing import ClassVar
 
 import jax.numpy as jnp
 
@@ -17,6 +18,12 @@ class ReverseThrustAsymmetry(Effect):
     Acts on the thrust [N]: multiplied by 1 + change where speed < 0.
     Null: change = 0. Source: Yoerger, Cooke & Slotine 1990, section III, which fits the thrust in
     the forward direction only and ignores the asymmetry.
+
+    Example:
+        >>> effect = dft.effects.ReverseThrustAsymmetry(change=-0.1)
+        >>> model = dft.Thruster() + effect
+        >>> model.parameters["reverse_thrust_asymmetry.change"].range_text()
+        '[-1, inf)'
     """
 
     name = "reverse_thrust_asymmetry"
@@ -34,11 +41,17 @@ class InflowThrustLoss(Effect):
 
     Acts on the thrust [N]: thrust - loss * |speed| * inflow. Null: loss = 0. Source: the bilinear
     thrust of Fossen 1994 and Fossen & Blanke 2000; Kim & Chung 2006.
+
+    Example:
+        >>> effect = dft.effects.InflowThrustLoss(loss=0.1)
+        >>> model = dft.Thruster() + effect
+        >>> model.parameters["inflow_thrust_loss.loss"].range_text()
+        '[0, inf) N s^2/(m rad)'
     """
 
     name = "inflow_thrust_loss"
     port = "propeller"
-    needs = ("inflow",)
+    needs: ClassVar[tuple[str, ...]] = ("inflow",)
     loss: float = parameter(
         0.1,
         "N s^2/(m rad)",
@@ -66,11 +79,17 @@ class AxialFlow(Effect):
     k times the flow goes with loss / k, mass / k, linear_drag / k and quadratic_drag / k^2. The
     drags are therefore held, by default; set them from the geometry to give the flow and the mass
     a meaning. Source: Healey et al. 1995; Fossen & Blanke 2000.
+
+    Example:
+        >>> effect = dft.effects.AxialFlow(loss=0.1)
+        >>> model = dft.Thruster() + effect
+        >>> model.parameters["axial_flow.loss"].range_text()
+        '[0, inf) N s^2/(m rad)'
     """
 
     name = "axial_flow"
     port = "propeller"
-    states = {"flow": "m/s"}
+    states: ClassVar[Mapping[str, str]] = {"flow": "m/s"}
     loss: float = parameter(
         0.1,
         "N s^2/(m rad)",
@@ -108,6 +127,12 @@ class Cavitation(Effect):
     Acts on the thrust [N]: of what is gained above the speed ``onset`` [rad/s] the share
     ``shortfall`` is missing, thrust * (1 - shortfall * (1 - onset^2 / speed^2)). Null:
     shortfall = 0. Source: Carlton 2012, chapter 9.
+
+    Example:
+        >>> effect = dft.effects.Cavitation(shortfall=0.2)
+        >>> model = dft.Thruster() + effect
+        >>> model.parameters["cavitation.shortfall"].range_text()
+        '[0, 1]'
     """
 
     name = "cavitation"
@@ -132,6 +157,12 @@ class ThrustDegradation(Effect):
     is lost. It is lost over ``transition`` [s] about the instant, so that a fit can feel its place.
     Null: fraction = 0. Source: Yoerger, Cooke & Slotine 1990, figure 18 (the duct is obstructed
     during a run).
+
+    Example:
+        >>> effect = dft.effects.ThrustDegradation(fraction=0.2)
+        >>> model = dft.Thruster() + effect
+        >>> model.parameters["thrust_degradation.fraction"].range_text()
+        '[0, 1]'
     """
 
     name = "thrust_degradation"

@@ -14,6 +14,12 @@ class SpeedSensorScale(Effect):
     Acts on the reported speed [rad/s]: (1 + change) * speed. Without a thrust sensor this cannot be
     told from other values of the model's own parameters. Null: change = 0. Source: sensitivity
     error of Doebelin 2004, chapter 3.
+
+    Example:
+        >>> effect = dft.effects.SpeedSensorScale(change=0.05)
+        >>> model = dft.Thruster() + effect
+        >>> model.parameters["speed_sensor_scale.change"].range_text()
+        '[-1, inf)'
     """
 
     name = "speed_sensor_scale"
@@ -31,6 +37,12 @@ class SpeedSensorOffset(Effect):
 
     Acts on the reported speed [rad/s]: speed + offset. Null: offset = 0. Source: zero error of
     Doebelin 2004, chapter 3.
+
+    Example:
+        >>> effect = dft.effects.SpeedSensorOffset(offset=1)
+        >>> model = dft.Thruster() + effect
+        >>> model.parameters["speed_sensor_offset.offset"].range_text()
+        '(-inf, inf) rad/s'
     """
 
     name = "speed_sensor_offset"
@@ -52,6 +64,12 @@ class ThrustSensorScale(Effect):
     coefficient of the model: hold one of the two. Null: change = 0. Source: sensitivity error of
     Doebelin 2004, chapter 3; Aras et al. 2013, table 4, a sensor that does not follow its data
     sheet.
+
+    Example:
+        >>> effect = dft.effects.ThrustSensorScale(change=0.05)
+        >>> model = dft.Thruster() + effect
+        >>> model.parameters["thrust_sensor_scale.change"].range_text()
+        '[-1, inf)'
     """
 
     name = "thrust_sensor_scale"
@@ -69,6 +87,12 @@ class ThrustSensorOffset(Effect):
 
     Acts on the reported thrust [N]: thrust + offset. Null: offset = 0. Source: zero error of
     Doebelin 2004, chapter 3; Aras et al. 2013, table 4.
+
+    Example:
+        >>> effect = dft.effects.ThrustSensorOffset(offset=1)
+        >>> model = dft.Thruster() + effect
+        >>> model.parameters["thrust_sensor_offset.offset"].range_text()
+        '(-inf, inf) N'
     """
 
     name = "thrust_sensor_offset"
@@ -89,6 +113,12 @@ class ThrustSensorLag(Effect):
     Acts on the reported thrust [N]: time_constant * d(reading)/dt = thrust - reading, settled when
     the log begins, exact for a thrust that is linear between samples. Null: time_constant = 0.
     Source: first-order instrument of Doebelin 2004, chapter 3.
+
+    Example:
+        >>> effect = dft.effects.ThrustSensorLag(time_constant=0.1)
+        >>> model = dft.Thruster() + effect
+        >>> model.parameters["thrust_sensor_lag.time_constant"].range_text()
+        '[0, inf) s'
     """
 
     name = "thrust_sensor_lag"
@@ -109,6 +139,12 @@ class ThrustSensorDelay(Effect):
 
     Acts on the reported thrust [N]: thrust(time - delay), linear between samples; before the log
     the first thrust. Null: delay = 0. Source: dead-time element of Doebelin 2004, chapter 3.
+
+    Example:
+        >>> effect = dft.effects.ThrustSensorDelay(delay=0.05)
+        >>> model = dft.Thruster() + effect
+        >>> model.parameters["thrust_sensor_delay.delay"].range_text()
+        '[0, inf) s'
     """
 
     name = "thrust_sensor_delay"

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -20,11 +21,17 @@ class ActuatorLag(Effect):
     time constant is inductance / resistance. Null: time_constant = 0. The response is integrated
     exactly (`Relaxing`), so any time constant may be tried, however short against the step.
     Source: Aras et al. 2013, electrical equation of the motor.
+
+    Example:
+        >>> effect = dft.effects.ActuatorLag(time_constant=0.05)
+        >>> model = dft.Thruster() + effect
+        >>> model.parameters["actuator_lag.time_constant"].range_text()
+        '[0, inf) s'
     """
 
     name = "actuator_lag"
     port = "drive"
-    states = {"response": ""}
+    states: ClassVar[Mapping[str, str]] = {"response": ""}
     time_constant: float = parameter(
         0.05, "s", bounds=(0, None), null=0.0, size=0.1, probes=(0.03, 0.1, 0.3)
     )
@@ -51,6 +58,12 @@ class ReverseDriveAsymmetry(Effect):
     Acts on the drive [rad/s^2]: multiplied by 1 + change where it is negative. Null: change = 0.
     Source: Fitzgerald, Kingsley & Umans 2003, chapter 7: commutation that is timed for one
     direction of rotation is wrong for the other.
+
+    Example:
+        >>> effect = dft.effects.ReverseDriveAsymmetry(change=-0.1)
+        >>> model = dft.Thruster() + effect
+        >>> model.parameters["reverse_drive_asymmetry.change"].range_text()
+        '[-1, inf)'
     """
 
     name = "reverse_drive_asymmetry"
@@ -71,11 +84,17 @@ class SupplyVoltageSag(Effect):
     share = 0. Null: share = 0. ``nominal`` [V] is where the drive has its full value; another one
     rescales share and the model's drive coefficient. Source: Aras et al. 2013, electrical equation
     of the motor, whose voltage is the supply's times the duty ratio.
+
+    Example:
+        >>> effect = dft.effects.SupplyVoltageSag(share=0.5)
+        >>> model = dft.Thruster() + effect
+        >>> model.parameters["supply_voltage_sag.share"].range_text()
+        '[0, 1]'
     """
 
     name = "supply_voltage_sag"
     port = "drive"
-    needs = ("supply_voltage",)
+    needs: ClassVar[tuple[str, ...]] = ("supply_voltage",)
     share: float = parameter(0.5, bounds=(0, 1), null=0.0, size=0.5, probes=(0.3, 0.9))
     nominal: float = parameter(24.0, "V", bounds=(0, None), fixed=True)
 
@@ -91,6 +110,12 @@ class ReverseLoadAsymmetry(Effect):
     Acts on the load [rad/s^2]: multiplied by 1 + change where speed < 0. Null: change = 0.
     Source: van Lammeren, van Manen & Oosterveld 1969, whose torque coefficients over all four
     quadrants differ between ahead and astern.
+
+    Example:
+        >>> effect = dft.effects.ReverseLoadAsymmetry(change=-0.1)
+        >>> model = dft.Thruster() + effect
+        >>> model.parameters["reverse_load_asymmetry.change"].range_text()
+        '[-1, inf)'
     """
 
     name = "reverse_load_asymmetry"
@@ -108,11 +133,17 @@ class InflowLoadRelief(Effect):
 
     Acts on the load [rad/s^2]: load - relief * |speed| * inflow. Null: relief = 0. Source: the
     bilinear torque of Fossen & Blanke 2000; Fossen 1994.
+
+    Example:
+        >>> effect = dft.effects.InflowLoadRelief(relief=0.2)
+        >>> model = dft.Thruster() + effect
+        >>> model.parameters["inflow_load_relief.relief"].range_text()
+        '[0, inf) 1/m'
     """
 
     name = "inflow_load_relief"
     port = "load"
-    needs = ("inflow",)
+    needs: ClassVar[tuple[str, ...]] = ("inflow",)
     relief: float = parameter(
         0.2,
         "1/m",
@@ -133,6 +164,12 @@ class SlewLimit(Effect):
 
     Acts on the acceleration that a speed loop asks for [rad/s^2]: held within -rate and rate.
     Null: rate infinite. Source: the slew rate limit of Goodwin, Graebe & Salgado 2001, chapter 11.
+
+    Example:
+        >>> effect = dft.effects.SlewLimit(rate=1000)
+        >>> model = dft.SpeedLoopThruster() + effect
+        >>> model.parameters["slew_limit.rate"].range_text()
+        '[0, inf) rad/s^2'
     """
 
     name = "slew_limit"
@@ -157,6 +194,12 @@ class LinearDamping(Effect):
 
     Acts on the shaft's acceleration [rad/s^2]: less rate * speed. Null: rate = 0. Source: Aras et
     al. 2013, equations of the motor, where rate = km ke / (R J) + b / J.
+
+    Example:
+        >>> effect = dft.effects.LinearDamping(rate=0.3)
+        >>> model = dft.Thruster() + effect
+        >>> model.parameters["linear_damping.rate"].range_text()
+        '[0, inf) 1/s'
     """
 
     name = "linear_damping"
@@ -179,6 +222,12 @@ class CoulombFriction(Effect):
     faster than that, and a shaft that comes to rest does so within ``settling`` [s], whatever the
     level: the equation is no stiffer for strong friction than for weak. Null: level = 0.
     Source: Armstrong-Hélouvry, Dupont & Canudas de Wit 1994, section 2.
+
+    Example:
+        >>> effect = dft.effects.CoulombFriction(level=2)
+        >>> model = dft.Thruster() + effect
+        >>> model.parameters["coulomb_friction.level"].range_text()
+        '[0, inf) rad/s^2'
     """
 
     name = "coulomb_friction"
@@ -204,6 +253,12 @@ class StaticFriction(Effect):
     is left alone. What is borne goes from all to nothing as the push passes from 1 - spread / 2 to
     1 + spread / 2 of the level, so that a fit can feel the edge. Null: level = 0.
     Source: Karnopp 1985; Armstrong-Hélouvry, Dupont & Canudas de Wit 1994, section 2.
+
+    Example:
+        >>> effect = dft.effects.StaticFriction(level=4)
+        >>> model = dft.Thruster() + effect
+        >>> model.parameters["static_friction.level"].range_text()
+        '[0, inf) rad/s^2'
     """
 
     name = "static_friction"

@@ -24,6 +24,13 @@ class Estimate:
         per: how many of ``shown_unit`` make one of ``unit``: a dead band is told in the unit in
             which the logs have the command.
         shown_unit: the unit for people; ``unit`` where it is empty.
+
+    Example:
+        >>> alpha = fit.parameters["alpha"]
+        >>> alpha.unit, alpha.fixed, alpha.at_bound, alpha.std_error < 0.01
+        ('1/rad', False, False, True)
+        >>> len(alpha.shown), sorted(alpha.to_json())
+        (3, ['at_bound', 'fixed', 'std_error', 'unit', 'value', 'written'])
     """
 
     value: float

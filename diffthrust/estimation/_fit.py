@@ -124,8 +124,9 @@ def fit(
         InputError: a log that does not fit the model, or arguments out of range.
 
     Example:
-        >>> fit = dft.fit(dft.Thruster(), train, holdout=unseen)
-        >>> print(fit.report())
+        >>> found = dft.fit(dft.Thruster(), log, holdout=unseen, starts=2)
+        >>> found.status, round(found.parameters["alpha"].value, 3)
+        (<Status.CONVERGED: 'converged'>, 0.037)
     """
     logs = listed(logs)
     unseen = listed(holdout) if holdout is not None else ()

@@ -69,6 +69,16 @@ class Fit(Result):
             are too small.
         doubts: what in the logs is probably not what its name, unit or clock says
             (`diffthrust.soundness.doubts`), and channels of which the fit explains little.
+
+    Example:
+        >>> fit.status.value, fit.status.ok, fit.free
+        ('converged', True, ('alpha', 'beta', 'ct'))
+        >>> fit.parameters["alpha"].unit, fit.covariance.shape
+        ('1/rad', (3, 3))
+        >>> fit.train.nrmse < 0.05, fit.holdout.nrmse < 0.05
+        (True, True)
+        >>> print(fit.report().splitlines()[0][:40])
+        thruster
     """
 
     model: Model
@@ -103,12 +113,22 @@ class Fit(Result):
 
     @property
     def data(self) -> tuple[LogIdentity, ...]:
-        """The training logs, by name, length and hash."""
+        """The training logs, by name, length and hash.
+
+        Example:
+            >>> fit.data[0].name, fit.data[0].samples
+            ('run1.csv', 240)
+        """
         return self.origin.train if self.origin else ()
 
     @property
     def begins_freely(self) -> bool:
-        """Whether initial states were estimated that a sensor tells of."""
+        """Whether initial states were estimated that a sensor tells of.
+
+        Example:
+            >>> fit.begins_freely  # where the speed begins was estimated
+            True
+        """
         return any(name in self.train.channels for states in self.initial for name in states)
 
     @property
@@ -118,7 +138,9 @@ class Fit(Result):
         The horizon only if it is one: a fit of whole runs may have come there by segments.
 
         Example:
-            >>> dft.fit(fit.model + effect, logs, **fit.options)
+            >>> fit.options["likelihood"]
+            'simulation'
+            >>> again = dft.fit(fit.model, log, starts=1, **fit.options)
         """
         kept = ("likelihood", "loss", "noise_model")
         arguments: dict[str, Any] = {name: getattr(self, name) for name in kept}
@@ -153,7 +175,8 @@ class Fit(Result):
 
         Example:
             >>> fit.save("run1.fit.json")
-            >>> fit = dft.load("run1.fit.json")
+            >>> dft.load("run1.fit.json").status
+            <Status.CONVERGED: 'converged'>
         """
         write_saved(path, "fit", self.origin, self)
 
@@ -190,7 +213,12 @@ class Fit(Result):
         return exported_fit(self, to, path, limits)
 
     def to_json(self) -> dict[str, Any]:
-        """The fit as plain data, in the form that ``diffthrust fit --json`` writes."""
+        """The fit as plain data, in the form that ``diffthrust fit --json`` writes.
+
+        Example:
+            >>> list(fit.to_json())[:5]
+            ['schema', 'model', 'effects', 'status', 'parameters']
+        """
         told = {
             "schema": 1,
             "model": self.model.name,

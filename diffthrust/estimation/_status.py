@@ -20,7 +20,12 @@ that only rounding tells apart (singular values of the Jacobian in the ratio 3e-
 
 
 class Status(Enum):
-    """The outcome of a fit; ``.value`` is the name used in JSON files."""
+    """The outcome of a fit; ``.value`` is the name used in JSON files.
+
+    Example:
+        >>> fit.status is dft.Status.CONVERGED, fit.status.value
+        (True, 'converged')
+    """
 
     CONVERGED = "converged"
     AT_BOUND = "converged_at_bound"
@@ -34,7 +39,12 @@ class Status(Enum):
 
     @property
     def ok(self) -> bool:
-        """Whether the parameters and their errors can be used as they are."""
+        """Whether the parameters and their errors can be used as they are.
+
+        Example:
+            >>> dft.Status.CONVERGED.ok, dft.Status.NOT_IDENTIFIABLE.ok
+            (True, False)
+        """
         return self in (Status.CONVERGED, Status.AT_BOUND)
 
 
@@ -50,6 +60,10 @@ class Checks:
         condition: its condition number.
         starts: starts that were begun.
         starts_agreeing: starts that ended in the best optimum.
+
+    Example:
+        >>> fit.checks.rank, fit.checks.free_parameters, fit.checks.gradient < 1e-3
+        (4, 4, True)
     """
 
     gradient: float

@@ -61,6 +61,22 @@ class Experiment(Result):
         noise: standard deviation of each channel's noise.
         units: of inputs and channels.
         written: how the logs so far wrote them: people are told in those units.
+
+    Example:
+        >>> rivals = [dft.Thruster(), dft.Thruster() + dft.effects.CommandDeadband(width=0.4)]
+        >>> test = dft.suggest_experiment(
+        ...     rivals,
+        ...     limits={"command": (-2, 2)},
+        ...     duration=6.0,
+        ...     step=0.1,
+        ...     noise={"speed": 0.3, "thrust": 0.2},
+        ... )
+        >>> test.decisive, test.rivals
+        (True, ('thruster', 'thruster + command_deadband'))
+        >>> test.expected_log_likelihood_ratio > 3, test.difference("speed", *test.rivals).shape
+        (True, (61,))
+        >>> test.to_csv("test.csv")
+        >>> figure = test.plot()
     """
 
     sentence: str

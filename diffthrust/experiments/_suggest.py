@@ -85,12 +85,16 @@ def suggest_experiment(
             an argument out of range.
 
     Example:
-        >>> lag = dft.fit(dft.Thruster() + dft.effects.ActuatorLag(), logs)
-        >>> damped = dft.fit(dft.Thruster() + ViscousFriction(), logs)
+        >>> rivals = [dft.Thruster(), dft.Thruster() + dft.effects.CommandDeadband(width=0.4)]
         >>> test = dft.suggest_experiment(
-        ...     [lag, damped], limits={"command": (-5, 5)}, duration=40.0, step=0.05
+        ...     rivals,
+        ...     limits={"command": (-2, 2)},
+        ...     duration=6.0,
+        ...     step=0.1,
+        ...     noise={"speed": 0.3, "thrust": 0.2},
         ... )
-        >>> test.to_csv("test.csv")
+        >>> test.decisive, test.time.shape
+        (True, (61,))
     """
     request = requested(
         rivals,

@@ -58,8 +58,8 @@ def export_model(
 
     Example:
         >>> exported = dft.export.export_model(dft.Thruster(), "c", "thruster.h")
-        >>> exported.notes
-        ()
+        >>> exported.notes, Path("thruster.h").exists()
+        ((), True)
     """
     from diffthrust import __version__
 

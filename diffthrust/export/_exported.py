@@ -17,6 +17,11 @@ class Exported:
         text: what goes into the file; ``str(exported)`` gives it too.
         notes: what the target cannot express, and what to mind.
         path: the file that was written, or ``None``.
+
+    Example:
+        >>> exported = dft.export.export_model(dft.Thruster(), "python")
+        >>> exported.target, exported.notes, "def step" in exported.text
+        ('python', (), True)
     """
 
     target: str

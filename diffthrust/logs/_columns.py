@@ -38,10 +38,8 @@ class Column:
         censored: samples at a rail count as "at least" or "at most" it, as in `Log`.
 
     Example:
-        >>> Column("rpm", unit="rpm", unsigned=True).scale
+        >>> dft.Column("rpm", unit="rpm", unsigned=True).scale
         1.0
-        >>> Column("RCOU.C1", pwm={"stop": 1500, "full": 1900}).kept_unit
-        'effort'
     """
 
     column: str
@@ -59,7 +57,12 @@ class Column:
 
     @property
     def kept_unit(self) -> str:
-        """The unit of the numbers once they are read: an effort is one of its own."""
+        """The unit of the numbers once they are read: an effort is one of its own.
+
+        Example:
+            >>> dft.Column("RCOU.C1", pwm={"stop": 1500, "full": 1900}).kept_unit
+            'effort'
+        """
         pulses = self.pwm is not None and self.unit in ("", "us", "ms", "s")
         return "effort" if pulses or self.effort else self.unit
 
@@ -68,6 +71,10 @@ class Column:
 
         Raises:
             InputError: a field that cannot be meant.
+
+        Example:
+            >>> dft.Column("rpm", unit="rpm").checked("fit.toml").unit
+            'rpm'
         """
         if not is_finite(self.scale) or self.scale == 0:
             raise InputError.at(
@@ -105,6 +112,10 @@ class Column:
 
         Raises:
             InputError: widths of pulses that cannot be.
+
+        Example:
+            >>> dft.Column("u", unit="V", scale=0.1).read(np.array([10.0, 20.0]), "run1.csv")
+            (array([1., 2.]), Written(unit='V', column='u', pwm=None, scale=0.1), None)
         """
         note = None
         if isinstance(self.pwm, PWM):

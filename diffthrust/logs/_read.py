@@ -56,12 +56,13 @@ def read_log(
             column, what was expected and found, and the mend.
 
     Example:
-        >>> log = read_log(
+        >>> record = dft.read_log(
         ...     "run1.csv",
-        ...     time=Column("t", unit="ms"),
-        ...     inputs={"command": Column("u", unit="V")},
-        ...     measured={"speed": Column("rpm", unit="rpm", unsigned=True)},
-        ... )  # doctest: +SKIP
+        ...     inputs={"command": dft.Column("command", unit="V")},
+        ...     measured={"speed": dft.Column("speed", unit="rad/s")},
+        ... )
+        >>> record.time.shape, record.units["speed"]
+        ((240,), 'rad/s')
     """
     file = Path(path)
     request = TableRequest(

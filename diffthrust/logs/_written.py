@@ -32,8 +32,11 @@ class PWM:
         reverse: width at full effort astern, such as 1100.
 
     Example:
-        >>> PWM(stop=1500, full=1900).effort([1500, 1700, 1100, 0])
-        array([ 0. ,  0.5, -1. ,  0. ])
+        >>> widths = dft.logs.PWM(stop=1500, full=1900)
+        >>> dft.logs.PWM.of({"stop": 1500, "full": 1900}, "fit.toml") == widths
+        True
+        >>> widths.effort([1500, 1700, 1100, 0]), widths.widths([0.5]), widths.astern
+        (array([ 0. ,  0.5, -1. ,  0. ]), array([1700.]), 1100)
     """
 
     stop: float
@@ -132,8 +135,10 @@ class Written:
         scale: what the numbers of the column were multiplied by.
 
     Example:
-        >>> Written("rpm").values([1.0], "rev/s", "channel 'propeller_speed'")
+        >>> dft.logs.Written("rpm").values([1.0], "rev/s", "channel 'propeller_speed'")
         array([60.])
+        >>> dft.logs.Written("rpm").width(1.0, "rev/s", "channel 'propeller_speed'")
+        60.0
     """
 
     unit: str = ""

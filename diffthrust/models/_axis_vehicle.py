@@ -1,5 +1,8 @@
 """A vehicle that moves along one axis."""
 
+from collections.abc import Mapping
+from typing import ClassVar
+
 import jax.numpy as jnp
 
 from diffthrust.models._base.component import registered
@@ -20,15 +23,22 @@ class AxisVehicle(Model):
     defaults are one axis of Jason Jr.
 
     Example:
-        >>> fit = dft.fit(dft.AxisVehicle(), log)     # input thrust, measured position or velocity
+        >>> time = 0.1 * np.arange(100)
+        >>> record = dft.Log(time, {"thrust": np.full(100, 20.0)})
+        >>> found = dft.simulate(dft.AxisVehicle(mass=340.0, drag=67.0), record)
+        >>> round(float(found["velocity"][-1]), 2)
+        0.43
     """
 
     name = "axis_vehicle"
-    inputs = {"thrust": "N"}
-    states = {"position": "m", "velocity": "m/s"}
-    outputs = {"position": "m", "velocity": "m/s"}
-    ports = {"hull": "force of the water on the hull [N]", "force": "net force [N]"}
-    time_scales = (0.05, 40.0)
+    inputs: ClassVar[Mapping[str, str]] = {"thrust": "N"}
+    states: ClassVar[Mapping[str, str]] = {"position": "m", "velocity": "m/s"}
+    outputs: ClassVar[Mapping[str, str]] = {"position": "m", "velocity": "m/s"}
+    ports: ClassVar[Mapping[str, str]] = {
+        "hull": "force of the water on the hull [N]",
+        "force": "net force [N]",
+    }
+    time_scales: ClassVar[tuple[float, float]] = (0.05, 40.0)
 
     mass: float = parameter(340.0, "kg", bounds=(0, None))
     drag: float = parameter(67.0, "N s^2/m^2", bounds=(0, None))

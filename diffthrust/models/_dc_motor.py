@@ -1,6 +1,7 @@
 """The thruster with its direct-current motor."""
 
 from collections.abc import Mapping
+from typing import ClassVar
 
 import jax.numpy as jnp
 
@@ -30,19 +31,23 @@ class DCMotorThruster(Model):
 
     Example:
         >>> model = dft.DCMotorThruster().fix("inductance", "resistance")
+        >>> model.inputs
+        {'command': 'V'}
+        >>> [name for name, p in model.parameters.items() if not p.fixed]
+        ['back_emf', 'torque_constant', 'inertia', 'viscous', 'coulomb', 'load', 'thrust_quadratic']
     """
 
     name = "dc_motor_thruster"
-    inputs = {"command": "V"}
-    states = {"current": "A", "speed": "rad/s"}
-    outputs = {"speed": "rad/s", "thrust": "N", "current": "A"}
-    ports = {
+    inputs: ClassVar[Mapping[str, str]] = {"command": "V"}
+    states: ClassVar[Mapping[str, str]] = {"current": "A", "speed": "rad/s"}
+    outputs: ClassVar[Mapping[str, str]] = {"speed": "rad/s", "thrust": "N", "current": "A"}
+    ports: ClassVar[Mapping[str, str]] = {
         "drive": "torque of the motor [N m]",
         "load": "torque of the propeller [N m]",
         "shaft": "net torque on the shaft [N m]",
         "propeller": "thrust of the propeller [N]",
     }
-    time_scales = (0.0005, 4.0)
+    time_scales: ClassVar[tuple[float, float]] = (0.0005, 4.0)
 
     resistance: float = parameter(2.5604031, "ohm", bounds=(0, None))
     inductance: float = parameter(0.0046909, "H", bounds=(0, None), fixed=True)

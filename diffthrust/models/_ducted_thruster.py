@@ -1,5 +1,8 @@
 """The torque-driven thruster in the sizes of its duct, with the water that leaves it."""
 
+from collections.abc import Mapping
+from typing import ClassVar
+
 import jax.numpy as jnp
 
 from diffthrust.models._base.component import registered
@@ -29,21 +32,26 @@ class DuctedThruster(Model):
 
     Example:
         >>> model = dft.models.DuctedThruster(pitch=0.101, area=0.0527)
-        >>> flow = dft.simulate(model, log)["flow"]
+        >>> model.inputs, sorted(model.outputs)
+        ({'command': 'N m'}, ['flow', 'speed', 'thrust'])
     """
 
     name = "ducted_thruster"
-    inputs = {"command": "N m"}
-    optional_inputs = {"speed": "rad/s", "inflow": "m/s", "supply_voltage": "V"}
-    states = {"speed": "rad/s"}
-    outputs = {"speed": "rad/s", "thrust": "N", "flow": "m/s"}
-    ports = {
+    inputs: ClassVar[Mapping[str, str]] = {"command": "N m"}
+    optional_inputs: ClassVar[Mapping[str, str]] = {
+        "speed": "rad/s",
+        "inflow": "m/s",
+        "supply_voltage": "V",
+    }
+    states: ClassVar[Mapping[str, str]] = {"speed": "rad/s"}
+    outputs: ClassVar[Mapping[str, str]] = {"speed": "rad/s", "thrust": "N", "flow": "m/s"}
+    ports: ClassVar[Mapping[str, str]] = {
         "drive": "acceleration of the shaft by the motor's torque [rad/s^2]",
         "load": "deceleration of the shaft by the propeller's torque [rad/s^2]",
         "shaft": "net acceleration of the shaft [rad/s^2]",
         "propeller": "thrust of the propeller [N]",
     }
-    time_scales = (0.005, 4.0)
+    time_scales: ClassVar[tuple[float, float]] = (0.005, 4.0)
 
     efficiency: float = parameter(0.2, bounds=(0, None), doc="1 - slip")
     volume: float = parameter(0.016, "m^3", bounds=(0, None), doc="of the water that moves along")

@@ -1,5 +1,8 @@
 """A sensor that reads along a straight line."""
 
+from collections.abc import Mapping
+from typing import ClassVar
+
 from diffthrust.models._base.component import registered
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
@@ -15,13 +18,17 @@ class LinearSensor(Model):
     are the datasheet line of that paper, which its own table 4 contradicts.
 
     Example:
-        >>> fit = dft.fit(dft.LinearSensor(), dft.read_log("table.csv", time=None, ...))
+        >>> depth = np.array([0.0, 1.0, 2.0, 3.0])
+        >>> record = dft.Log(depth, {"depth": depth}, {"reading": 0.2 * depth + 0.5})
+        >>> sensor = dft.LinearSensor(slope=0.2, offset=0.5)
+        >>> dft.simulate(sensor, record)["reading"]
+        array([0.5, 0.7, 0.9, 1.1])
     """
 
     name = "linear_sensor"
-    inputs = {"depth": "m"}
-    outputs = {"reading": "V"}
-    ports = {"line": "reading of the sensor [V]"}
+    inputs: ClassVar[Mapping[str, str]] = {"depth": "m"}
+    outputs: ClassVar[Mapping[str, str]] = {"reading": "V"}
+    ports: ClassVar[Mapping[str, str]] = {"line": "reading of the sensor [V]"}
 
     slope: float = parameter(0.1901, "V/m", size=0.1)
     offset: float = parameter(-0.0973, "V", size=1.0)

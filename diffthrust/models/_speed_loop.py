@@ -1,6 +1,7 @@
 """The thruster behind a speed controller."""
 
-from typing import Self
+from collections.abc import Mapping
+from typing import ClassVar, Self
 
 import jax.numpy as jnp
 
@@ -30,24 +31,29 @@ class SpeedLoopThruster(Model):
     of a thruster of 0.1 m at some 3000 rpm.
 
     Example:
-        >>> model = dft.SpeedLoopThruster() + "command_deadband"
-        >>> speed = dft.simulate(model, log)["speed"]
+        >>> model = dft.SpeedLoopThruster(command="effort") + "command_deadband"
+        >>> model.inputs, list(model.parameters)[:4]
+        ({'command': 'effort'}, ['gain', 'exponent', 'time_constant', 'ct'])
     """
 
     name = "speed_loop_thruster"
-    options = ("command",)
-    inputs = {"command": "effort"}
-    commands = ("effort", "V", "rad/s")
-    commanded = ("command",)
-    optional_inputs = {"speed": "rad/s", "inflow": "m/s", "supply_voltage": "V"}
-    states = {"speed": "rad/s"}
-    outputs = {"speed": "rad/s", "thrust": "N"}
-    ports = {
+    options: ClassVar[tuple[str, ...]] = ("command",)
+    inputs: ClassVar[Mapping[str, str]] = {"command": "effort"}
+    commands: tuple[str, ...] = ("effort", "V", "rad/s")
+    commanded: tuple[str, ...] = ("command",)
+    optional_inputs: ClassVar[Mapping[str, str]] = {
+        "speed": "rad/s",
+        "inflow": "m/s",
+        "supply_voltage": "V",
+    }
+    states: ClassVar[Mapping[str, str]] = {"speed": "rad/s"}
+    outputs: ClassVar[Mapping[str, str]] = {"speed": "rad/s", "thrust": "N"}
+    ports: ClassVar[Mapping[str, str]] = {
         "target": "speed that the controller aims at [rad/s]",
         "loop": "acceleration of the shaft by the controller [rad/s^2]",
         "propeller": "thrust of the propeller [N]",
     }
-    time_scales = (0.005, 4.0)
+    time_scales: ClassVar[tuple[float, float]] = (0.005, 4.0)
 
     gain: float = parameter(
         300.0, "rad/({command} s)", bounds=(0, None), doc="speed at full command"

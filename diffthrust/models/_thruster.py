@@ -1,5 +1,8 @@
 """The torque-driven thruster."""
 
+from collections.abc import Mapping
+from typing import ClassVar
+
 import jax.numpy as jnp
 
 from diffthrust.models._base.component import registered
@@ -27,25 +30,30 @@ class Thruster(Model):
     Jason thruster, figure 10.
 
     Example:
-        >>> model = dft.Thruster(alpha=0.03)
-        >>> speed = dft.simulate(model, log)["speed"]
+        >>> speed = dft.simulate(dft.Thruster(alpha=0.03), log)["speed"]
+        >>> speed.shape
+        (240,)
     """
 
     name = "thruster"
-    options = ("command",)
-    inputs = {"command": "V"}
-    commands = ("V", "effort", "rad/s", "A", "N m", "N")
-    commanded = ("command",)
-    optional_inputs = {"speed": "rad/s", "inflow": "m/s", "supply_voltage": "V"}
-    states = {"speed": "rad/s"}
-    outputs = {"speed": "rad/s", "thrust": "N"}
-    ports = {
+    options: ClassVar[tuple[str, ...]] = ("command",)
+    inputs: ClassVar[Mapping[str, str]] = {"command": "V"}
+    commands: tuple[str, ...] = ("V", "effort", "rad/s", "A", "N m", "N")
+    commanded: tuple[str, ...] = ("command",)
+    optional_inputs: ClassVar[Mapping[str, str]] = {
+        "speed": "rad/s",
+        "inflow": "m/s",
+        "supply_voltage": "V",
+    }
+    states: ClassVar[Mapping[str, str]] = {"speed": "rad/s"}
+    outputs: ClassVar[Mapping[str, str]] = {"speed": "rad/s", "thrust": "N"}
+    ports: ClassVar[Mapping[str, str]] = {
         "drive": "acceleration of the shaft by the motor's torque [rad/s^2]",
         "load": "deceleration of the shaft by the propeller's torque [rad/s^2]",
         "shaft": "net acceleration of the shaft [rad/s^2]",
         "propeller": "thrust of the propeller [N]",
     }
-    time_scales = (0.005, 4.0)
+    time_scales: ClassVar[tuple[float, float]] = (0.005, 4.0)
 
     alpha: float = parameter(0.037, "1/rad", bounds=(0, None), doc="propeller load")
     beta: float = parameter(

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, Literal, Self
+from typing import Any, ClassVar, Literal, Self
 
 import jax.numpy as jnp
 
@@ -68,13 +68,19 @@ class Vessel(Model):
         command: "effort", or what the inputs are else: "rev/s" of a propeller, "N" of two forces.
         **parameters: values by name.
 
+    Raises:
+        InputError: another drive, a unit in which it is not commanded, a parameter that it does
+            not have, or a value outside its bounds.
+
     Example:
         >>> vessel = dft.Vessel(drive="twin").replace(lever_arm=0.285)
+        >>> vessel.inputs
+        {'left_force': 'N', 'right_force': 'N'}
     """
 
     name = "vessel"
-    options = ("drive", "command")
-    states = {
+    options: ClassVar[tuple[str, ...]] = ("drive", "command")
+    states: ClassVar[Mapping[str, str]] = {
         "surge": "m/s",
         "sway": "m/s",
         "yaw_rate": "rad/s",
@@ -82,11 +88,11 @@ class Vessel(Model):
         "east": "m",
         "heading": "rad",
     }
-    outputs = states
+    outputs: ClassVar[Mapping[str, str]] = states
     ports: Mapping[str, str] = _PORTS  # pyright: ignore[reportIncompatibleVariableOverride]
-    angles = ("heading",)
-    time_scales = (0.05, 20.0)
-    horizon = 20.0
+    angles: ClassVar[tuple[str, ...]] = ("heading",)
+    time_scales: ClassVar[tuple[float, float]] = (0.05, 20.0)
+    horizon: ClassVar[float | None] = 20.0
 
     m11: float = parameter(5.23, "kg", bounds=(0, None), doc="mass in surge, to A")
     m22: float = parameter(5.93, "kg", bounds=(0, None), doc="mass in sway, to A")
@@ -99,7 +105,7 @@ class Vessel(Model):
 
     drive: Literal["propeller", "twin"]
     inputs: Mapping[str, str]  # pyright: ignore[reportIncompatibleVariableOverride]
-    optional_inputs = {"wind_speed": "m/s", "wind_direction": "rad"}
+    optional_inputs: ClassVar[Mapping[str, str]] = {"wind_speed": "m/s", "wind_direction": "rad"}
 
     def __init__(
         self,

@@ -29,6 +29,8 @@ def staircase(
 
     Example:
         >>> time, command = dft.papers.staircase([1, 2, 3, 4], dwell=10.0, step=0.05)
+        >>> time.shape, float(command.max())
+        ((801,), 4.0)
     """
     finite("staircase, dwell", dwell, lambda x: x > 0, "seconds, above zero")
     finite("staircase, step", step, lambda x: 0 < x <= dwell, "seconds, above zero, up to dwell")
@@ -64,6 +66,11 @@ def lowpass_noise(
         InputError: a number that is not positive, a cut-off beyond half the sample rate.
 
     Source: Yoerger, Cooke & Slotine 1990, section III.
+
+    Example:
+        >>> time, command = dft.papers.lowpass_noise(duration=10.0, step=0.05, peak=3.0, cutoff=1.0)
+        >>> time.shape, float(np.abs(command).max())
+        ((201,), 3.0)
     """
     from scipy.signal import butter, sosfilt  # takes a while
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import ClassVar
 
 import jax.numpy as jnp
 
@@ -29,15 +31,17 @@ class DepthPlant(Model):
     Source: Aras et al. 2013, equation 12 and section 4.2.
 
     Example:
-        >>> fit = dft.fit(dft.papers.aras.DepthPlant(), record)
+        >>> plant = dft.papers.aras.DepthPlant()
+        >>> plant.inputs, plant.outputs
+        ({'command': 'V'}, {'reading': 'V'})
     """
 
     name = "depth_plant"
-    inputs = {"command": "V"}
-    states = {"slow": "V s^2", "fast": "V s"}
-    outputs = {"reading": "V"}
-    ports = {"drive": "voltage at the thruster [V]"}
-    time_scales = (0.005, 10.0)
+    inputs: ClassVar[Mapping[str, str]] = {"command": "V"}
+    states: ClassVar[Mapping[str, str]] = {"slow": "V s^2", "fast": "V s"}
+    outputs: ClassVar[Mapping[str, str]] = {"reading": "V"}
+    ports: ClassVar[Mapping[str, str]] = {"drive": "voltage at the thruster [V]"}
+    time_scales: ClassVar[tuple[float, float]] = (0.005, 10.0)
 
     s1: float = parameter(-28.77, "1/s", size=10.0)
     s0: float = parameter(16.28, "1/s^2", size=10.0)
@@ -57,6 +61,11 @@ class SensorRange(Effect):
 
     Acts on the reported reading [V], which stays within low and high. Null: low and high infinite.
     Source: Aras et al. 2013, table 2: 0.2 V at 20 kPa to 4.9 V at 250 kPa.
+
+    Example:
+        >>> model = dft.papers.aras.DepthPlant() + dft.papers.aras.SensorRange()
+        >>> print(model)
+        depth_plant + sensor_range
     """
 
     name = "sensor_range"
@@ -82,8 +91,8 @@ def depth_loop(gain: float = 1.0, *, limit: float = SUPPLY) -> Loop:
 
     Example:
         >>> run = dft.papers.aras.depth_loop().simulate(dft.control.Step(3.0), 10.0)
-        >>> run["measured.reading"][-1]
-        2.42...
+        >>> round(float(run["measured.reading"][-1]), 2)
+        2.42
     """
     controller = PID(of="reading", kp=gain, limit=limit)
     return Loop(thruster=DepthPlant() + SensorRange(), controller=controller, rate=_SAMPLING)

@@ -27,6 +27,10 @@ class Datasheet:
     Args:
         slope: [V/m].
         intercept: [V].
+
+    Example:
+        >>> round(dft.papers.aras.Datasheet().depth(0.4729), 3)  # metres, from a reading in V
+        2.999
     """
 
     slope: float = 0.1901
@@ -85,6 +89,17 @@ class Calibration(Brief):
         tests: of the datasheet's line by reading, and "together" (against a line for each).
         same: of one line for all readings.
         datasheet: the line that was tested.
+
+    Example:
+        >>> depth = np.linspace(0.0, 3.0, 7)
+        >>> found = dft.papers.aras.calibrate(
+        ...     depth, {"down": 0.19 * depth - 0.1 + 0.001 * depth**2, "up": 0.19 * depth - 0.09}
+        ... )
+        >>> found.slope.unit, found.offset.unit, abs(found.depth(0.2) - 1.5) < 0.1
+        ('V/m', 'V', True)
+        >>> found.fits, "datasheet" in found.sentence
+        (False, True)
+        >>> figure = found.plot()
     """
 
     lines: Mapping[str, FittedLine]
@@ -166,8 +181,12 @@ def calibrate(
     Smith 1998, Applied Regression Analysis, chapter 1.
 
     Example:
-        >>> found = dft.papers.aras.calibrate(depth, {"reading 1": first, "reading 2": second})
-        >>> print(found.sentence)
+        >>> depth = np.linspace(0.0, 3.0, 7)
+        >>> found = dft.papers.aras.calibrate(
+        ...     depth, {"down": 0.19 * depth - 0.1, "up": 0.19 * depth - 0.09}
+        ... )
+        >>> round(found.slope.value, 2)
+        0.19
     """
     line = datasheet or Datasheet()
     if not isinstance(readings, Mapping) or not readings:

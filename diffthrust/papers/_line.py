@@ -25,6 +25,11 @@ class FittedLine:
         intercept_error: likewise; zero where the line goes through the origin.
         x: the points, ``(n,)``.
         y: ``(n,)``.
+
+    Example:
+        >>> line = dft.papers.fit_line([0.0, 1.0, 2.0], [1.0, 3.0, 5.1], "test")
+        >>> round(line.slope, 2), line.quantity("N").unit, line.unexplained < 0.1
+        (2.05, 'N', True)
     """
 
     slope: float
@@ -77,6 +82,13 @@ def fit_line(
 
     Raises:
         InputError: fewer points than coefficients, or points that lie above each other.
+
+    Example:
+        >>> line = dft.papers.fit_line(
+        ...     [1.0, 2.0, 3.0], [2.0, 4.0, 6.0], "test", through_origin=True
+        ... )
+        >>> round(line.slope, 6), line.intercept
+        (2.0, 0.0)
     """
     x, y = np.asarray(x, float), np.asarray(y, float)
     columns = [x] if through_origin else [x, np.ones_like(x)]

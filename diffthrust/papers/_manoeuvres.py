@@ -22,6 +22,13 @@ class Manoeuvres(Brief):
         steady: straight on, at a speed that hardly changes.
         accelerating: straight on, while the speed changes.
         turning: all else that lasts.
+
+    Example:
+        >>> found = dft.papers.manoeuvres(boat_log, least=2.0)
+        >>> len(found.steady), len(found.turning) > 0
+        (0, True)
+        >>> print(found.summary)
+        0 steady (0 s), 0 accelerating (0 s), 4 turning (18 s)
     """
 
     steady: tuple[Log, ...] = field(repr=False)
@@ -66,8 +73,9 @@ def manoeuvres(
         InputError: no record, a channel that is missing, or a length that is not positive.
 
     Example:
-        >>> found = dft.papers.manoeuvres(logs, least=10.0)
-        >>> print(found.summary)
+        >>> found = dft.papers.manoeuvres(boat_log, least=2.0)
+        >>> len(found.turning) > 0
+        True
     """
     for name, value in (("least", least), ("smoothing", smoothing)):
         finite(f"manoeuvres, {name}", value, lambda x: x > 0, "seconds, more than zero")

@@ -25,6 +25,13 @@ class Steady(Brief):
         log: the record.
         first: its first sample, after what the inputs changed had settled.
         end: the sample behind its last one.
+
+    Example:
+        >>> part = dft.papers.steady_portions(held, settle=3.0)[0]
+        >>> round(part.start, 2), round(part.stop, 2), round(part.mean("speed", "rad/s"), 1)
+        (3.0, 5.95, 33.7)
+        >>> part.std_error("speed", "rad/s") < 0.1, abs(part.drift("speed", "rad/s")) < 0.1
+        (True, True)
     """
 
     log: Log = field(repr=False)
@@ -92,8 +99,10 @@ def steady_portions(
             negative.
 
     Example:
-        >>> for part in dft.papers.steady_portions(logs, settle=2.0):
-        ...     print(part.mean("command", "V"), part.mean("speed", "rad/s"))
+        >>> for part in dft.papers.steady_portions(held, settle=3.0):
+        ...     print(part.mean("command", "V"), round(part.mean("speed", "rad/s"), 1))
+        1.0 33.7
+        2.0 47.6
     """
     logs = records("steady_portions", logs)
     for name, value in (("settle", settle), ("least", least)):

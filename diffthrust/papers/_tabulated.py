@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -33,17 +33,19 @@ class TabulatedVessel(Model):
     tabulated versus the vessel's speed").
 
     Example:
-        >>> boat = dft.papers.TabulatedVessel([0.4, 0.75], [slow_fit.model, fast_fit.model])
+        >>> boat = dft.papers.TabulatedVessel([0.4, 0.75], [dft.Vessel(), dft.Vessel(d11=5.0)])
+        >>> boat.inputs
+        {'propeller_speed': 'rev/s', 'rudder_angle': 'rad'}
     """
 
     name = "tabulated_vessel"
-    options = ("speeds", "table", "vessel")
-    optional_inputs = Vessel.optional_inputs
-    states = Vessel.states
-    outputs = Vessel.outputs
-    angles = Vessel.angles
-    time_scales = Vessel.time_scales
-    horizon = Vessel.horizon
+    options: ClassVar[tuple[str, ...]] = ("speeds", "table", "vessel")
+    optional_inputs: ClassVar[Mapping[str, str]] = Vessel.optional_inputs
+    states: ClassVar[Mapping[str, str]] = Vessel.states
+    outputs: ClassVar[Mapping[str, str]] = Vessel.outputs
+    angles: ClassVar[tuple[str, ...]] = Vessel.angles
+    time_scales: ClassVar[tuple[float, float]] = Vessel.time_scales
+    horizon: ClassVar[float | None] = Vessel.horizon
 
     speeds: tuple[float, ...]
     table: tuple[tuple[str, tuple[float, ...]], ...]

@@ -28,6 +28,11 @@ class Transient(Brief):
         time_constant: [s].
         runs: ``(time, measured, fitted)`` of the runs it was fitted to, from the step on.
         others: the same of the runs it was verified on.
+
+    Example:
+        >>> found = dft.papers.siramdasu.sequential(*manoeuvred)
+        >>> found.yaw.time_constant > 0
+        True
     """
 
     time_constant: float

@@ -48,7 +48,11 @@ def undisturbed(
     Source: Siramdasu & Fahimi 2013, section 5.
 
     Example:
-        >>> dft.compare(vessel, dft.papers.undisturbed(logs)).errors
+        >>> try:  # a zigzag never holds its inputs for so long
+        ...     dft.papers.undisturbed(boat_log, least=10.0)
+        ... except dft.InputError as error:
+        ...     print(error.mend)
+        Hold each level longer, or lower settle.
     """
     portions = []
     for held in steady_portions(

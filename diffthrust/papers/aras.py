@@ -30,6 +30,22 @@ from diffthrust.papers._line import numbers
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+__all__ = [
+    "SUPPLY",
+    "Calibration",
+    "Datasheet",
+    "DepthPlant",
+    "SensorRange",
+    "SteadyMap",
+    "calibrate",
+    "depth_loop",
+    "load_from",
+    "plant",
+    "speed_loop",
+    "steady_map",
+    "thruster",
+]
+
 
 def plant() -> Transfer:
     """G(s) = (-28.77 s + 16.28) / (s^2 + 45.09 s + 16.33), from a voltage to the depth sensor's.
@@ -41,8 +57,8 @@ def plant() -> Transfer:
     Source: Aras et al. 2013, equation 12.
 
     Example:
-        >>> dft.papers.aras.plant().poles
-        array([-44.7...,  -0.365...])
+        >>> dft.papers.aras.plant().poles.round(2)
+        array([-44.72,  -0.37])
     """
     return transfer_of(((-28.77, 16.28), (1.0, 45.09, 16.33)))
 
@@ -59,8 +75,8 @@ def thruster(*, load: float = 1e-6, thrust: float = 1e-4) -> DCMotorThruster:
         thrust: thrust over speed squared, KT [N s^2/rad^2], not printed.
 
     Example:
-        >>> dft.papers.aras.thruster().parameters["resistance"].value
-        2.560403088365053
+        >>> round(dft.papers.aras.thruster().parameters["resistance"].value, 3)
+        2.56
     """
     return DCMotorThruster(
         inductance=0.004690891710127,
@@ -83,8 +99,9 @@ def speed_loop(motor: DCMotorThruster | None = None, *, limit: float = SUPPLY) -
         limit: largest voltage [V]; the supply's, as the paper prints none.
 
     Example:
-        >>> from diffthrust.control import Step
-        >>> run = dft.papers.aras.speed_loop().simulate(Step(180.0), 5.0)
+        >>> run = dft.papers.aras.speed_loop().simulate(dft.control.Step(180.0), 5.0)
+        >>> round(float(run["speed"][-1]))
+        180
     """
     controller = PID(kp=5.0, ki=15.0, limit=limit, unwinding=5.0 / 15.0)
     return Loop(thruster=motor or thruster(), controller=controller, rate=200.0)
@@ -99,6 +116,12 @@ class SteadyMap(Brief):
         speed: of the propeller [rad/s].
         printed: by equation 7 of the paper, V = R T / Km + Ke sqrt(T / KT) [V].
         own: of the model's steady state, with its friction [V].
+
+    Example:
+        >>> found = dft.papers.aras.steady_map(dft.papers.aras.thruster(), [1.0, 5.0, 10.0])
+        >>> found.printed.round(2), found.friction.round(2)
+        (array([ 3.23, 11.09, 19.8 ]), array([1.33, 2.91, 4.1 ]))
+        >>> figure = found.plot()
     """
 
     thrust: np.ndarray
@@ -136,8 +159,8 @@ def steady_map(motor: DCMotorThruster, thrust: ArrayLike) -> SteadyMap:
     Source: Aras et al. 2013, equations 2 to 7.
 
     Example:
-        >>> found = dft.papers.aras.steady_map(dft.papers.aras.thruster(), [1.0, 5.0, 10.0])
-        >>> found.printed, found.friction
+        >>> dft.papers.aras.steady_map(dft.papers.aras.thruster(), [1.0, 5.0, 10.0]).own.shape
+        (3,)
     """
     thrust = np.atleast_1d(numbers("steady_map, thrust", thrust))
     if not np.isfinite(thrust).all():
@@ -168,6 +191,10 @@ def load_from(speed: float, voltage: float = SUPPLY) -> float:
 
     Raises:
         InputError: a speed that the motor does not reach at this voltage without any load.
+
+    Example:
+        >>> dft.papers.aras.load_from(280.4) > 0
+        True
     """
     v = _values(thruster(), "load_from")
     current = (voltage - v["back_emf"] * speed) / v["resistance"]

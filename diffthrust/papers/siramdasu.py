@@ -41,6 +41,8 @@ from diffthrust.simulation._simulate import simulate
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+__all__ = ["Sensitivity", "Sequential", "Transient", "sensitivity", "sequential"]
+
 _INPUTS = (SCREW[0], ANGLE[0])
 
 
@@ -58,6 +60,12 @@ class Sequential(Brief):
         yaw: how the yaw rate turns in: i33 / d33 (figure 10).
         verification: by parameter, the points of the circles that were not fitted, ``(x, y)``.
         notes: what speaks against the values, also given out as a warning.
+
+    Example:
+        >>> found = dft.papers.siramdasu.sequential(*manoeuvred)
+        >>> round(found.vessel.d11, 1), found.surge.time_constant > 0
+        (4.0, True)
+        >>> figure = found.plot()
     """
 
     vessel: Vessel
@@ -117,8 +125,9 @@ def sequential(
     Source: Siramdasu & Fahimi 2013, section 3, equations (9) to (20).
 
     Example:
-        >>> found = dft.papers.siramdasu.sequential(straight, circles)
-        >>> found.vessel, found.plot()
+        >>> found = dft.papers.siramdasu.sequential(*manoeuvred)
+        >>> round(found.vessel.d11, 1), round(dft.Vessel().d11, 1)
+        (4.0, 4.0)
     """
     straight = records("sequential, straight", straight)
     first = np.inf
@@ -190,6 +199,11 @@ class Sensitivity(Brief):
         vessels: what was found with each; the first with all speeds.
         paths: simulated ``(north, east)`` [m] of each, ``(2, n)``.
         spread: the largest distance between two of the paths at one instant [m].
+
+    Example:
+        >>> found = dft.papers.siramdasu.sensitivity(*manoeuvred)
+        >>> len(found.vessels), found.spread >= 0
+        (4, True)
     """
 
     speeds: tuple[tuple[float, ...], ...]
@@ -225,6 +239,10 @@ def sensitivity(
         InputError: fewer than three propeller speeds, or what `sequential` refuses.
 
     Source: Siramdasu & Fahimi 2013, section 4, table 3 and figure 11.
+
+    Example:
+        >>> dft.papers.siramdasu.sensitivity(*manoeuvred).speeds
+        ((69.2, 98.0, 120.0), (69.2, 98.0), (69.2, 120.0), (98.0, 120.0))
     """
     straight = listed(straight)
     levels = np.array([_last(log, settle).mean(*SCREW) for log in straight])

@@ -26,6 +26,8 @@ from diffthrust.uncertainty._prediction.physical import Quantity
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+__all__ = ["DynamicTest", "StaticTest", "dynamic_test", "static_test"]
+
 CommandDirection = Literal["forward", "reverse", "both"]
 _SPEED, _THRUST, _COMMAND = ("speed", "rad/s"), ("thrust", "N"), ("command", "V")
 
@@ -39,6 +41,12 @@ class StaticTest(Brief):
         speed: speed |speed| against command [V], through the origin.
         portions: the portions that the points are from.
         direction: of the commands that were used.
+
+    Example:
+        >>> static = dft.papers.yoerger.static_test(held, settle=3.0)
+        >>> round(static.ct.value, 4), static.ratio.unit, static.direction
+        (0.02, 'rad^2/(V s^2)', 'forward')
+        >>> figure = static.plot()
     """
 
     thrust: FittedLine
@@ -73,6 +81,14 @@ class DynamicTest(Brief):
         beta: [rad/(V s^2)].
         ct: [N s^2/rad^2]; ``None`` where the record has no thrust.
         log: the record.
+
+    Example:
+        >>> dynamic = dft.papers.yoerger.dynamic_test(log)
+        >>> dynamic.alpha.unit, dynamic.beta.unit
+        ('1/rad', 'rad/(V s^2)')
+        >>> print(dynamic.model)
+        thruster
+        >>> figure = dynamic.plot()
     """
 
     alpha: Quantity
@@ -126,8 +142,8 @@ def static_test(
     Source: Yoerger, Cooke & Slotine 1990, section III, figures 8 and 9.
 
     Example:
-        >>> static = dft.papers.yoerger.static_test(log, settle=3.0)
-        >>> print(static.ct, static.ratio)
+        >>> round(dft.papers.yoerger.static_test(held, settle=3.0).ct.value, 4)
+        0.02
     """
     _check_direction(direction)
     portions = steady_portions(logs, settle=settle, least=least, inputs=["command"])
@@ -182,7 +198,8 @@ def dynamic_test(
 
     Example:
         >>> dynamic = dft.papers.yoerger.dynamic_test(log)
-        >>> print(dynamic.alpha, dynamic.beta, dynamic.ct)
+        >>> dynamic.beta.unit
+        'rad/(V s^2)'
     """
     from scipy.signal import butter, sosfiltfilt  # takes a while
 

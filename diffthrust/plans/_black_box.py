@@ -64,7 +64,9 @@ def black_box(
     phases: Schroeder 1970, IEEE Transactions on Information Theory 16, 85 to 89.
 
     Example:
-        >>> dft.plans.black_box(dft.papers.aras.plant(), limits=(-13, 13)).save("plans")
+        >>> plan = dft.plans.black_box(dft.papers.aras.plant(), limits=(-13, 13))
+        >>> list(plan.runs)
+        ['black_box_prbs']
     """
     if signal not in ("prbs", "multisine"):
         raise InputError(

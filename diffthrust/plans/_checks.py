@@ -50,6 +50,10 @@ def settling_time(
 
     Raises:
         InputError: the model does not settle within 10 000 s.
+
+    Example:
+        >>> round(dft.plans.settling_time(dft.Thruster(), ["speed"], {"command": 2.0}), 1)
+        1.5
     """
     span = 20.0 * first
     while span <= MAX_REST:

@@ -33,6 +33,11 @@ class Level(NamedTuple):
         start: when it begins [s].
         stop: when it ends [s].
         inputs: what they are to be, in the model's units.
+
+    Example:
+        >>> plan = dft.plans.static_test(dft.Thruster(), limits=(0, 5), levels=2, hold=1.0)
+        >>> plan.levels[0].inputs
+        {'command': 2.5}
     """
 
     run: str
@@ -49,6 +54,12 @@ class Finding(NamedTuple):
         what: the level, or the input.
         found: in words.
         good: whether it is as planned.
+
+    Example:
+        >>> plan = dft.plans.static_test(dft.Thruster(), limits=(0, 5), levels=2, hold=1.0)
+        >>> finding = plan.check(held).findings[0]
+        >>> finding.run, finding.good
+        ('static_test', False)
     """
 
     run: str
@@ -63,6 +74,12 @@ class PlanCheck(Result):
 
     Args:
         findings: by run and level, in the order of the plan.
+
+    Example:
+        >>> plan = dft.plans.static_test(dft.Thruster(), limits=(0, 5), levels=2, hold=1.0)
+        >>> checked = plan.check(held)
+        >>> checked.good, len(checked.missing)
+        (False, 3)
     """
 
     findings: tuple[Finding, ...]
@@ -102,9 +119,11 @@ class Plan(Brief):
         band: lowest and highest frequency that runs without levels are to excite [Hz].
 
     Example:
-        >>> plan = dft.plans.static_test(dft.Thruster(), limits=(0, 5))
-        >>> plan.save("plans")
-        >>> print(plan.check(dft.read_log("staircase.csv")).report())
+        >>> plan = dft.plans.static_test(dft.Thruster(), limits=(0, 5), levels=2, hold=1.0)
+        >>> plan.duration > 2.0, len(plan.levels)
+        (True, 3)
+        >>> [path.name for path in plan.save("plans")]
+        ['static_test.csv']
     """
 
     name: str
@@ -159,6 +178,11 @@ class Plan(Brief):
 
         Raises:
             InputError: a log without an input of the plan.
+
+        Example:
+            >>> plan = dft.plans.static_test(dft.Thruster(), limits=(0, 5), levels=2, hold=1.0)
+            >>> plan.check(held).good
+            False
         """
         logs = [logs] if isinstance(logs, Log) else list(logs)
         for log in logs:

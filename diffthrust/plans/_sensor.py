@@ -49,6 +49,8 @@ def depth_calibration(
     Example:
         >>> sensor = dft.LinearSensor(slope=0.16, offset=1.6)
         >>> plan = dft.plans.depth_calibration((0, 3.6576), sensor=sensor, readable=(0.2, 4.9))
+        >>> plan.measure
+        ('reading',)
     """
     low, high = checked_limits("depth_calibration", limits, "depth")
     finite("depth_calibration, limits", low, lambda x: x >= 0, "a least depth [m], zero or more")

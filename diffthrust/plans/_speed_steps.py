@@ -46,8 +46,9 @@ def speed_steps(
     Source: Aras et al. 2013, section 3.1 and figures 11 and 17.
 
     Example:
-        >>> loop = dft.papers.aras.speed_loop()
-        >>> dft.plans.speed_steps(loop, limits=(0, 180)).save("plans")
+        >>> plan = dft.plans.speed_steps(dft.papers.aras.speed_loop(), limits=(0, 180))
+        >>> list(plan.runs)
+        ['speed_steps']
     """
     if not isinstance(loop, Loop) or loop.vehicle is not None:
         raise InputError(

@@ -50,7 +50,9 @@ def static_test(
     Source: Yoerger, Cooke & Slotine 1990, section III.
 
     Example:
-        >>> dft.plans.static_test(dft.Thruster(), limits=(-5, 5)).save("plans")
+        >>> plan = dft.plans.static_test(dft.Thruster(), limits=(-5, 5))
+        >>> len(plan.levels)
+        18
     """
     checked_thruster("static_test", model)
     low, high = checked_limits("static_test", limits)
@@ -87,7 +89,9 @@ def dynamic_test(
     Source: Yoerger, Cooke & Slotine 1990, section III.
 
     Example:
-        >>> dft.plans.dynamic_test(dft.Thruster(), limits=(-5, 5)).save("plans")
+        >>> plan = dft.plans.dynamic_test(dft.Thruster(), limits=(-5, 5), duration=20.0)
+        >>> [path.name for path in plan.save("plans")]
+        ['dynamic_test.csv']
     """
     checked_thruster("dynamic_test", model)
     low, high = checked_limits("dynamic_test", limits)
@@ -133,7 +137,9 @@ def steady_map(
 
     Example:
         >>> motor = dft.papers.aras.thruster(load=dft.papers.aras.load_from(280.4))
-        >>> dft.plans.steady_map(motor, limits=(-13, 13)).save("plans")
+        >>> plan = dft.plans.steady_map(motor, limits=(-13, 13))
+        >>> len(plan.levels)
+        18
     """
     checked_thruster("steady_map", model)
     low, high = checked_limits("steady_map", limits)

@@ -52,8 +52,10 @@ def sequential(
     Source: Siramdasu & Fahimi 2013, sections 3.1 and 3.2.
 
     Example:
-        >>> angles = np.radians([-24, -16, 8, 16, 24])
-        >>> dft.plans.sequential(dft.Vessel(), speeds=[69.2, 98, 120], angles=angles).save("plans")
+        >>> angles = np.radians([-24, 24])
+        >>> plan = dft.plans.sequential(dft.Vessel(), speeds=[69.2, 98], angles=angles)
+        >>> list(plan.runs)
+        ['straight_69.2', 'straight_98', 'circle_-24', 'circle_+24']
     """
     if not isinstance(model, Vessel) or model.drive != "propeller":
         raise InputError(

@@ -47,8 +47,10 @@ def load(path: str | PathLike[str], *, classes: Classes = ()) -> Any:
             class of your own is missing, or has changed.
 
     Example:
-        >>> fit = dft.load("run1.fit.json")
-        >>> dft.compare(fit, unseen).errors.nrmse
+        >>> fit.save("run1.fit.json")
+        >>> again = dft.load("run1.fit.json")
+        >>> again.parameters["alpha"].value == fit.parameters["alpha"].value
+        True
     """
     file = Path(path)
     if what := oddity(file):

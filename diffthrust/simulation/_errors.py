@@ -48,7 +48,15 @@ class ChannelError:
 
 @dataclass(frozen=True, repr=False)
 class Errors(Brief):
-    """Errors by channel; ``nrmse`` is the root mean square of the channels' NRMSE."""
+    """Errors by channel; ``nrmse`` is the root mean square of the channels' NRMSE.
+
+    Example:
+        >>> errors = dft.compare(fit, unseen).errors
+        >>> sorted(errors.channels), errors.channels["speed"].samples
+        (['speed', 'thrust'], 240)
+        >>> list(errors.to_json())
+        ['nrmse', 'channels']
+    """
 
     nrmse: float
     channels: Mapping[str, ChannelError]

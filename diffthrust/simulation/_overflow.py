@@ -11,7 +11,12 @@ from diffthrust.models._base.model import Model
 
 
 class SimulationFailedWarning(RuntimeWarning):
-    """A simulation left the finite numbers."""
+    """A simulation left the finite numbers.
+
+    Example:
+        >>> issubclass(dft.simulation.SimulationFailedWarning, Warning)
+        True
+    """
 
 
 def overflow(model: Model, log: Log, modelled: Mapping[str, np.ndarray]) -> str:

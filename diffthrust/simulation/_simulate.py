@@ -38,7 +38,8 @@ def simulate(
         InputError: the log lacks an input, or a unit has the wrong dimension.
 
     Example:
-        >>> thrust = dft.simulate(dft.Thruster(), log)["thrust"]
+        >>> dft.simulate(dft.Thruster(), log)["thrust"].shape
+        (240,)
     """
     if substeps is None:
         substeps = choose_substeps(model, log, initial=initial)

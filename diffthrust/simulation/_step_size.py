@@ -15,7 +15,14 @@ MOST_SUBSTEPS = 32
 
 
 class CoarseStepWarning(UserWarning):
-    """The integration step is too coarse for the model at these parameters."""
+    """The integration step is too coarse for the model at these parameters.
+
+    Example:
+        >>> import warnings
+        >>> with warnings.catch_warnings():
+        ...     warnings.simplefilter("error", dft.CoarseStepWarning)
+        ...     found = dft.simulate(dft.Thruster(), log)
+    """
 
 
 @np.errstate(over="ignore", invalid="ignore")  # numbers of wrong units are told
@@ -54,8 +61,9 @@ def step_error(
         Channel name to error over noise.
 
     Example:
-        >>> dft.simulation.step_error(fit.model, log)
-        {'speed': 0.0004, 'thrust': 0.0001}
+        >>> errors = dft.simulation.step_error(fit.model, log)
+        >>> errors["speed"] < 0.01
+        True
     """
     coarse = simulate_fixed(model, log, initial, substeps)
     return _beside_half_the_step(model, log, substeps, initial, coarse)
@@ -99,6 +107,10 @@ def choose_substeps(
 
     Returns:
         1, 2, 4, ... up to 32; 1 for a model without states.
+
+    Example:
+        >>> dft.simulation.choose_substeps(fit.model, log, tolerance=0.01)
+        1
     """
     substeps, errors = fewest_steps(model, log, initial, tolerance=tolerance)
     if max(errors.values(), default=0.0) > tolerance and warn:

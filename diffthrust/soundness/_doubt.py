@@ -31,6 +31,14 @@ class Doubt:
             ``saturated``, ``sentinel``, ``outliers``, ``gap``, ``odd_log``, ``silent``.
         evidence: what was seen, with its figures; names the log.
         mend: a line to copy, or what to look at.
+
+    Example:
+        >>> reversed_sign = dft.Log(
+        ...     log.time, log.inputs, {**log.measured, "thrust": -log.measured["thrust"]}
+        ... )
+        >>> doubt = dft.soundness.doubts(reversed_sign, dft.Thruster())[0]
+        >>> doubt.channel, doubt.kind, sorted(doubt.to_json())
+        ('thrust', 'sign', ['channel', 'evidence', 'kind', 'mend'])
     """
 
     channel: str

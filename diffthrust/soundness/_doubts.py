@@ -41,8 +41,8 @@ def doubts(logs: Log | Sequence[Log], model: Model | None = None) -> tuple[Doubt
         is no proof: a real effect may look like a mistake.
 
     Example:
-        >>> for doubt in dft.soundness.doubts(log, dft.Thruster()):
-        ...     print(doubt)
+        >>> dft.soundness.doubts(log, dft.Thruster())
+        ()
     """
     logs = (logs,) if isinstance(logs, Log) else tuple(logs)
     found: list[Found] = []

@@ -9,8 +9,8 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
 from diffthrust.logs._columns import Column
 from diffthrust.models._base.model import Model
-from diffthrust.specs._file import ChannelPart, SpecFile
 from diffthrust.specs._lines import line_of
+from diffthrust.specs._parts import ChannelPart, SpecFile
 
 
 def roles_of(model: Model, file: SpecFile, text: str, path: Path) -> dict[str, str]:

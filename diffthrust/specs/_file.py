@@ -1,4 +1,4 @@
-"""What a spec file may hold, and messages for what it may not."""
+"""The text of a spec file becomes its keys, and messages for what it may not hold."""
 
 from __future__ import annotations
 
@@ -7,218 +7,20 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, Union, get_args, get_origin
 
-from pydantic import (
-    AllowInfNan,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    ValidationError,
-    field_validator,
-)
+from pydantic import BaseModel, ValidationError
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import oddity
 from diffthrust._support.names import listing, nearest, shortly
-from diffthrust.estimation._limits import STARTS_LIMIT, SUBSTEPS_LIMIT
-from diffthrust.logs._columns import Column
 from diffthrust.logs._kinds import is_log, kind_of
-from diffthrust.logs._written import PWM
 from diffthrust.specs._extent import check_extent, check_keys, too_deep, too_long
 from diffthrust.specs._lines import line_of
+from diffthrust.specs._parts import ExpectedNumber, ParameterPart, SpecFile
 
 NAME = "fit.toml"
 """The name of a spec file inside a folder."""
-
-
-def _as_list(value: Any) -> Any:
-    return [value] if isinstance(value, str) else value
-
-
-def _as_effects(value: Any) -> Any:
-    entries = [value] if isinstance(value, str | dict) else value
-    if not (isinstance(entries, list) and all(isinstance(e, str | dict) for e in entries)):
-        raise ValueError('a list of names and tables: ["actuator_lag", { formula = "...", ... }]')
-    return entries
-
-
-def _as_column(value: Any) -> Any:
-    return {"column": value} if isinstance(value, str) else value
-
-
-def _as_noise_model(value: Any) -> Any:
-    from diffthrust.estimation._registry import NOISE_MODELS  # late: it loads JAX
-
-    if value not in tuple(NOISE_MODELS):
-        raise ValueError(f"Input should be {' or '.join(map(repr, NOISE_MODELS))}")
-    return value
-
-
-def _as_time(value: Any) -> Any:
-    step = isinstance(value, int | float) and not isinstance(value, bool)
-    if value is False:
-        return None
-    if not isinstance(value, str | dict) and not (step and 0 < value < float("inf")):
-        raise ValueError("a column, a step in seconds above zero, or false")
-    return _as_column(value)
-
-
-def _as_value(value: Any) -> Any:
-    return {"value": value} if isinstance(value, int | float) else value
-
-
-def _stage(value: Any) -> float | None:
-    if value == "whole":
-        return None
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not number or not 0 < value < float("inf"):
-        raise ValueError("seconds above zero, 'auto', 'whole', or a list of seconds and 'whole'")
-    return float(value)
-
-
-class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
-
-
-class TimePart(_Part):
-    """The time column; ``dates`` is the format of dates that do not begin with the year."""
-
-    column: str
-    unit: str = ""
-    dates: str = ""
-
-
-class LogsPart(_Part):
-    """``[logs]``: which files, and how they are read; ``base`` and below are of robots' logs.
-
-    ``time`` is a column, a step [s], or false; ``sheet`` is of Excel files.
-    """
-
-    train: Annotated[list[str], BeforeValidator(_as_list), Field(min_length=1)]
-    holdout: Annotated[list[str], BeforeValidator(_as_list)] = []
-    time: Annotated[TimePart | float | None, BeforeValidator(_as_time)] = TimePart(column="time")
-    sheet: str | None = None
-    missing_values: Annotated[list[str | float], BeforeValidator(_as_list)] = []
-    interpolate_inputs: bool = False
-    start: float | None = None
-    stop: float | None = None
-    base: str | float | None = None
-    gap: Annotated[float, Field(ge=0)] | None = None
-    faster: Annotated[float, Field(ge=1)] = 2.0
-    stamps: Literal["recorder", "header"] = "recorder"
-
-
-class PWMPart(_Part):
-    """``pwm = { stop = 1500, full = 1900 }``: what widths of pulses mean."""
-
-    stop: float
-    full: float
-    reverse: float | None = None
-
-
-_Bound = Annotated[float, AllowInfNan(True)]
-
-
-class ChannelPart(_Part):
-    """``[channels.NAME]``: the column of a channel."""
-
-    column: str
-    unit: str = ""
-    role: Literal["input", "measured"] | None = None
-    unsigned: bool | None = None
-    noise: Annotated[float, Field(gt=0)] | None = None
-    hold: Literal["zero", "linear"] | None = None
-    scale: float = 1.0
-    offset: float = 0.0
-    pwm: PWMPart | None = None
-    effort: bool = False
-    rails: Annotated[list[_Bound], Field(min_length=2, max_length=2)] | None = None
-    censored: bool = False
-
-    def as_column(self) -> Column:
-        """The column that it describes."""
-        given = {key: getattr(self, key) for key in self.model_fields_set if key != "role"}
-        if self.pwm is not None:
-            given["pwm"] = PWM(**self.pwm.model_dump())
-        return Column(**{key: value for key, value in given.items() if value is not None})
-
-
-class PriorPart(_Part):
-    """A Gaussian prior, in the parameter's unit."""
-
-    mean: float
-    std: Annotated[float, Field(gt=0)]
-
-
-class ParameterPart(_Part):
-    """``[parameters]``: what differs from the model's own description."""
-
-    value: float | None = None
-    bounds: Annotated[list[_Bound], Field(min_length=2, max_length=2)] | None = None
-    fixed: bool | None = None
-    prior: PriorPart | None = None
-
-
-class FitPart(_Part):
-    """``[fit]``: the arguments of `fit`; only those that are given are passed on."""
-
-    starts: Annotated[int, Field(ge=1, le=STARTS_LIMIT)] = 8
-    seed: Annotated[int, Field(ge=0)] = 0
-    horizon: Any = "auto"
-    likelihood: Literal["simulation", "innovations"] = "simulation"
-    loss: Literal["gaussian", "student_t"] = "gaussian"
-    noise_model: Annotated[str, BeforeValidator(_as_noise_model)] = "white"
-    initial: Literal["auto", "estimate", "measured"] = "auto"
-    substeps: Annotated[int, Field(ge=1, le=SUBSTEPS_LIMIT)] | None = None
-
-    @field_validator("horizon")
-    @classmethod
-    def _stages(cls, value: Any) -> Any:
-        if value == "auto":
-            return value
-        return tuple(map(_stage, value)) if isinstance(value, list) and value else _stage(value)
-
-
-class ExpectedNumber(_Part):
-    """A value, its standard error, and how far it may move."""
-
-    value: float
-    std_error: Annotated[float, Field(ge=0)] | None = None
-    tolerance: Annotated[float, Field(ge=0)] | None = None
-
-
-class ExpectedPart(_Part):
-    """``[expected]``: what `diffthrust check` compares with, and of what it was found."""
-
-    library: str | None = None
-    spec: str | None = None
-    data: dict[str, str] = {}
-    status: str | None = None
-    train_nrmse: Annotated[ExpectedNumber | None, BeforeValidator(_as_value)] = None
-    holdout_nrmse: Annotated[ExpectedNumber | None, BeforeValidator(_as_value)] = None
-    parameters: dict[str, Annotated[ExpectedNumber, BeforeValidator(_as_value)]] = {}
-
-
-class SpecFile(_Part):
-    """A whole spec file."""
-
-    model: str
-    effects: Annotated[list[Any], BeforeValidator(_as_effects)] = []
-    options: dict[str, str | bool | int | float] = {}
-    logs: LogsPart
-    channels: Annotated[
-        dict[str, Annotated[ChannelPart, BeforeValidator(_as_column)]], Field(min_length=1)
-    ]
-    parameters: dict[str, Annotated[ParameterPart, BeforeValidator(_as_value)]] = {}
-    fit: FitPart = FitPart()
-    expected: ExpectedPart | None = None
-
-    @property
-    def words(self) -> tuple[str, ...]:
-        """The model and those effects that are named by a word, which may be a script's."""
-        return (self.model, *(entry for entry in self.effects if isinstance(entry, str)))
 
 
 def read_spec_text(path: Path) -> str:

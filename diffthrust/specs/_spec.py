@@ -27,16 +27,9 @@ from diffthrust.models._base.parameter import Normal
 from diffthrust.simulation._commands import command_kind
 from diffthrust.specs._channels import columns_of, roles_of
 from diffthrust.specs._effects import effect_of
-from diffthrust.specs._file import (
-    NAME,
-    ParameterPart,
-    SpecFile,
-    TimePart,
-    parse_spec,
-    parse_toml,
-    read_spec_text,
-)
+from diffthrust.specs._file import NAME, parse_spec, parse_toml, read_spec_text
 from diffthrust.specs._lines import line_of
+from diffthrust.specs._parts import ParameterPart, SpecFile, TimePart
 from diffthrust.specs._scripts import (
     check_place,
     effect_class,
@@ -63,6 +56,13 @@ class Spec(Brief):
         measured: the columns of the channels that are compared.
         train: files of the training logs.
         holdout: files of the unseen logs.
+
+    Example:
+        >>> spec = dft.load_spec("fit.toml")
+        >>> len(spec.sha256), spec.train_logs()[0].name, len(spec.holdout_logs())
+        (64, 'run1.csv', 1)
+        >>> spec.fit().status
+        <Status.CONVERGED: 'converged'>
     """
 
     path: Path
@@ -215,6 +215,11 @@ class Spec(Brief):
 
         Raises:
             InputError: an effect that is not known, or logs that cannot be diagnosed.
+
+        Example:
+            >>> spec = dft.load_spec("fit.toml")
+            >>> spec.diagnose(candidates=["command_deadband"]).verdict
+            'adequate'
         """
         from diffthrust.diagnosis._candidates import candidates_of
         from diffthrust.diagnosis._diagnose import diagnose
@@ -249,8 +254,11 @@ def load_spec(path: Path | str, *, trust: Path | str | Iterable[Path | str] = ()
             and key, what was expected and found, and the mend. A script lies elsewhere, or fails.
 
     Example:
-        >>> spec = load_spec("fits/jason_thruster/fit.toml")
-        >>> fit = spec.fit()
+        >>> spec = dft.load_spec("fit.toml")
+        >>> print(spec.model)
+        thruster
+        >>> len(spec.train_logs())
+        1
     """
     path = Path(path)
     if path.is_dir():

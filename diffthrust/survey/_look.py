@@ -39,8 +39,15 @@ class Look(Result):
 
     Example:
         >>> seen = dft.look("run1.csv")
-        >>> print(seen.report())  # doctest: +SKIP
-        >>> seen.save_spec("fit.toml")  # doctest: +SKIP
+        >>> seen.kind, seen.model, len(seen.doubts)
+        ('CSV table', 'thruster', 3)
+        >>> seen.save_spec("drafted.toml").name
+        'drafted.toml'
+        >>> print(seen.report().splitlines()[0])
+        run1.csv: CSV table, 240 rows of 4 columns, 11.95 s at 20.0 Hz, largest gap 0.0500 s.
+        >>> "[channels" in seen.spec, sorted(seen.to_json())[:2]
+        (True, ['columns', 'doubts'])
+        >>> figure = seen.plot()
     """
 
     path: Path
@@ -168,7 +175,7 @@ def look(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Look:
         InputError: there is no such file, nobody reads it, or it is a DataFrame.
 
     Example:
-        >>> dft.look("run1.csv").model  # doctest: +SKIP
+        >>> dft.look("run1.csv").model
         'thruster'
     """
     if hasattr(path, "columns"):

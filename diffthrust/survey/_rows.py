@@ -34,6 +34,11 @@ class ColumnRow:
         rate: samples a second, by its own stamps or those of the table; NaN where not known.
         gap: largest step between two stamps [s].
         remarks: what is odd about it, in words.
+
+    Example:
+        >>> row = dft.look("run1.csv").columns[1]
+        >>> row.name, row.role, row.samples, "unit" in row.to_json()
+        ('command', 'input', 240, True)
     """
 
     name: str

@@ -77,6 +77,13 @@ class Directions(Result):
     Args:
         directions: in the order of their standard errors.
         held: parameters at a bound, which take no part.
+
+    Example:
+        >>> found = dft.uncertainty.directions(fit, log)
+        >>> len(found.directions), len(found.sentences)
+        (3, 3)
+        >>> len(found.to_json()), found.table() is not None
+        (3, True)
     """
 
     directions: tuple[Direction, ...]
@@ -140,7 +147,8 @@ def directions(fit: Fit, logs: Log | Sequence[Log]) -> Directions:
     Source: Brown & Sethna 2003, Physical Review E 68, 021904 (stiff and sloppy directions).
 
     Example:
-        >>> print(dft.uncertainty.directions(fit, log).report())
+        >>> len(dft.uncertainty.directions(fit, log).directions)
+        3
     """
     converged(fit, "directions")
     return directions_of(*problem_of(fit, logs))

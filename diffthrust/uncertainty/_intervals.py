@@ -61,9 +61,9 @@ def intervals(
             that lacks a parameter, or a level outside (0, 1).
 
     Example:
-        >>> found = dft.intervals(fit, log, dft.sample(fit, log))
-        >>> print(found.report())
-        >>> found["alpha"].best.low
+        >>> found = dft.intervals(fit, log)
+        >>> found["alpha"].best.low < fit.parameters["alpha"].value < found["alpha"].best.high
+        True
     """
     converged(fit, "intervals")
     check_level(level, "intervals")

@@ -31,6 +31,14 @@ class Intervals(Result):
         notes: what holds for all of them, the recommendation first.
         directions: which combinations of parameters the logs know well.
         profiles: the profiles behind the intervals.
+
+    Example:
+        >>> found = dft.intervals(fit, log)
+        >>> found.methods, found.level, len(found.sentences), found.table() is not None
+        (('covariance', 'sandwich', 'profile'), 0.95, 1, True)
+        >>> list(found.to_json())
+        ['schema', 'level', 'correlation', 'notes', 'parameters', 'directions']
+        >>> figure = found.plot()
     """
 
     rows: Mapping[str, Row]

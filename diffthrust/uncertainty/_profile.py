@@ -79,9 +79,9 @@ def profile(
     25, 1923.
 
     Example:
-        >>> gain = lambda p: {"gain": p["beta"] / p["alpha"]}
-        >>> found = dft.uncertainty.profile(fit, log, quantities=gain)
-        >>> print(found.report())
+        >>> found = dft.uncertainty.profile(fit, log, "alpha")
+        >>> found["alpha"].low < fit.parameters["alpha"].value
+        True
     """
     converged(fit, "profile")
     check_level(level, "profile")

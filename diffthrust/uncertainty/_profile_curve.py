@@ -36,6 +36,13 @@ class Profile(Brief):
         bounds: lower and upper bound of the parameter where the profile reaches it, else ``None``.
         per: how many of ``shown_unit`` make one of ``unit``.
         shown_unit: the unit for people; ``unit`` where it is empty.
+
+    Example:
+        >>> alpha = dft.uncertainty.profile(fit, log, "alpha")["alpha"]
+        >>> alpha.low < alpha.value < alpha.high, alpha.unit, alpha.lopsided < 1.1
+        (True, '1/rad', True)
+        >>> alpha.shown.unit, "alpha" in alpha.sentence, sorted(alpha.to_json())[:3]
+        ('1/rad', True, ['drop', 'grid', 'high'])
     """
 
     name: str

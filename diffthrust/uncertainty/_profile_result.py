@@ -37,6 +37,12 @@ class Profiles(Result):
         profiles: by name.
         level: of their intervals.
         better: a better optimum found on the way, to which the profiles then belong, or ``None``.
+
+    Example:
+        >>> found = dft.uncertainty.profile(fit, log, "alpha")
+        >>> found["alpha"].level, len(found.sentences), list(found.to_json())
+        (0.95, 1, ['schema', 'level', 'profiles', 'better'])
+        >>> figure = found.plot()
     """
 
     profiles: Mapping[str, Profile]

@@ -23,7 +23,7 @@ from diffthrust.checks._marks import Marks  # private: what a block says of its 
 from diffthrust.checks._run import run_again  # private: one fit, in another order
 from diffthrust.checks._tables import check_table  # private: what a terminal shows
 from diffthrust.specs import Spec, load_spec
-from diffthrust.specs._file import ExpectedNumber  # private: what a block holds
+from diffthrust.specs._parts import ExpectedNumber  # private: what a block holds
 
 
 @pytest.fixture

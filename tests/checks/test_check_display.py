@@ -13,7 +13,7 @@ from diffthrust.checks._expected import CheckRow, compared  # private: outcomes 
 from diffthrust.checks._result import FitRun  # private: outcomes made by hand
 from diffthrust.checks._tables import check_table, sentence  # private: what the command prints
 from diffthrust.cli._check import error_lines  # private: what GitHub is told
-from diffthrust.specs._file import ExpectedNumber, ExpectedPart  # private: what a block holds
+from diffthrust.specs._parts import ExpectedNumber, ExpectedPart  # private: what a block holds
 
 ROWS = (
     CheckRow("one", "alpha", 1.0, 1.0, 0.1, True),

@@ -29,7 +29,7 @@ from diffthrust.estimation._one_step import with_clip  # private: its limits of 
 from diffthrust.estimation._registry import likelihood_of  # private: words become objects
 from diffthrust.estimation._solver import solve  # private: the solver alone
 from diffthrust.estimation._status import examine  # private: the checks alone
-from diffthrust.specs._file import FitPart  # private: the words that a spec takes
+from diffthrust.specs._parts import FitPart  # private: the words that a spec takes
 
 compiled = jax.jit(evaluate, static_argnums=0)
 GUESS = dft.Thruster(alpha=0.045, beta=38.0, ct=0.022)

@@ -46,7 +46,12 @@ for the model, there may be none."""
 
 
 class Reason(IntEnum):
-    """Why a lane has no answer."""
+    """Why a lane has no answer.
+
+    Example:
+        >>> [reason.name for reason in dft.describing.Reason][:2]
+        ['SETTLED', 'DIVERGES']
+    """
 
     SETTLED = 0
     DIVERGES = 1
@@ -59,7 +64,12 @@ class Reason(IntEnum):
 
     @property
     def words(self) -> str:
-        """The reason in words."""
+        """The reason in words.
+
+        Example:
+            >>> [reason.words for reason in dft.describing.Reason][:2]
+            ['settled', 'the response diverges']
+        """
         return _WORDS[self]
 
 

@@ -83,12 +83,11 @@ def read_robot_log(
             that reads it is not installed. The message names them, what was found, and the mend.
 
     Example:
-        >>> log = read_robot_log(
-        ...     "00000042.bin",
-        ...     base="messages",
-        ...     inputs={"command": Column("RCOU.C1", pwm={"stop": 1500, "full": 1900})},
-        ...     measured={"speed": Column("ESC[0].RPM", unit="rpm", unsigned=True)},
-        ... )  # doctest: +SKIP
+        >>> try:
+        ...     dft.read_robot_log("run1.csv", inputs={"command": "RCOU.C1"})
+        ... except dft.InputError as error:
+        ...     print(error.mend)
+        give base="messages" for all stamps, base="speed" for those of that channel, or ...
     """
     file = Path(path)
     if base is None:

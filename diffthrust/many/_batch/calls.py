@@ -62,8 +62,9 @@ def fit(
         InputError: lists of different length, or arguments that cannot be meant.
 
     Example:
-        >>> found = dft.many.fit(dft.Thruster(), logs)
-        >>> found.table()[["name", "fit_status", "alpha", "alpha_std_error"]]
+        >>> found = dft.many.fit(dft.Thruster(), [log, unseen], names=["one", "two"], starts=2)
+        >>> found.table()["name"].tolist(), found["one"].status
+        (['one', 'two'], <Status.CONVERGED: 'converged'>)
     """
     check_options(fit_one, options)
     members = [listed(one) for one in _records(logs)]
@@ -126,7 +127,9 @@ def compare(
         InputError: lists of different length, or arguments that cannot be meant.
 
     Example:
-        >>> dft.many.compare(fit, logs).table().sort_values("nrmse")
+        >>> held_against = dft.many.compare(fit, [log, unseen], names=["one", "two"])
+        >>> held_against.table().shape[0]
+        2
     """
     check_options(compare_one, options)
     members = [listed(one) for one in _records(logs)]
@@ -172,7 +175,9 @@ def sample(
         InputError: lists of different length, or arguments that cannot be meant.
 
     Example:
-        >>> posteriors = dft.many.sample(dft.many.fit(model, logs), logs, method="nuts")
+        >>> posteriors = dft.many.sample([fit], [log], draws=100, warmup=50)
+        >>> len(posteriors.results)
+        1
     """
     if "file" in options:
         raise InputError(

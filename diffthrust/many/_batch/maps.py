@@ -56,8 +56,11 @@ def describing_function(
         InputError: no list of models, or names that are not one of each.
 
     Example:
-        >>> maps = dft.many.describing_function(fits, np.geomspace(0.1, 10, 16), 2.0)
-        >>> max(abs(m.at(2.0, 2.0)) for m in maps)
+        >>> maps = dft.many.describing_function(
+        ...     [fit], [0.5, 2.0], [0.5, 2.0], method="harmonic_balance"
+        ... )
+        >>> maps[0].gain.shape
+        (2, 2)
     """
     if not isinstance(models, Sequence | Many):
         raise InputError(

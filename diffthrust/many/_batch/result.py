@@ -36,6 +36,12 @@ class Many(Result):
         errors: of each, or ``None``.
         seconds: from the begin to the end of each; many are under way at a time.
         wall: seconds for all.
+
+    Example:
+        >>> fits.names[:2], fits.failed, fits.units["alpha"]
+        (('auv0/0', 'auv0/1'), {}, '1/rad')
+        >>> fits.table().shape[0], fits["auv0/0"].status
+        (6, <Status.CONVERGED: 'converged'>)
     """
 
     names: tuple[str, ...]

@@ -42,6 +42,14 @@ class Campaign(Result):
         rows: one for each spec, in the order of their names, as plain data.
         kept: how many of them an earlier campaign had done already.
         seconds: time that this one took.
+
+    Example:
+        >>> done.ok, done.counts, done.table.shape[0], done.path.name
+        (True, {'ok': 1}, 1, 'campaign.parquet')
+        >>> done.summary.startswith("1 spec")
+        True
+        >>> sorted(done.to_json())[:3]
+        ['counts', 'kept', 'rows']
     """
 
     output: Path
@@ -155,10 +163,13 @@ def campaign(
         KeyboardInterrupt: stopped; what was done is kept, and the message says so.
 
     Example:
-        >>> done = dft.many.campaign("dives", task="diagnose", output="results", time_limit=600)
-        >>> done.counts
-        {'ok': 198, 'failed': 2}
-        >>> done.table.groupby("added").size()
+        >>> done.counts  # of dft.many.campaign("fit.toml", output="results", jobs=1)
+        {'ok': 1}
+        >>> try:
+        ...     dft.many.campaign("no_such_folder")
+        ... except dft.InputError as error:
+        ...     print(type(error).__name__)
+        InputError
     """
     begun = time.monotonic()
     options = {name: plain(value) for name, value in options.items() if value is not None}

@@ -42,6 +42,16 @@ class Fleet(Result):
         axes: the coordinate of each parameter that some fit estimated.
         time_unit: of the time stamps; "day" where they were dates.
         notes: what the user should know besides.
+
+    Example:
+        >>> fleet.vehicles, fleet.times
+        (('auv0', 'auv1', 'auv2'), array([0., 1., 0., 1., 0., 1.]))
+        >>> fleet.table.shape[0], len(fleet.series("auv0", "ct"))
+        (6, 3)
+        >>> fleet.spread().shape[0], list(fleet.spread())[:1]
+        (3, ['parameter'])
+        >>> figure = fleet.plot_spread()
+        >>> figure = fleet.plot_drift()
     """
 
     entries: tuple[Entry, ...] = field(repr=False)
@@ -115,6 +125,10 @@ class Fleet(Result):
 
         Raises:
             InputError: no times were given.
+
+        Example:
+            >>> drift = fleet.drift(false_alarms=0.05)
+            >>> figure = fleet.plot_drift()
         """
         from diffthrust.many._fleet.views import drift_table
 
@@ -131,6 +145,14 @@ class Fleet(Result):
         Returns:
             A row for each vehicle: how many ``fits`` it has, and for each effect the share of them
             that have it.
+
+        Example:
+            >>> fleet.effects()
+                     fits
+            vehicle
+            auv0        2
+            auv1        2
+            auv2        2
         """
         from diffthrust.many._fleet.views import effects_table
 
@@ -150,6 +172,10 @@ class Fleet(Result):
 
         Returns:
             A row for each vehicle and parameter that four vehicles have, farthest first.
+
+        Example:
+            >>> fleet.outliers(false_alarms=0.05).shape[0]
+            0
         """
         from diffthrust.many._fleet.views import outlier_table
 
@@ -205,11 +231,9 @@ class Fleet(Result):
                 fit, a parameter with a prior of its own, or arguments out of range.
 
         Example:
-            >>> pooled = dft.many.fleet(fits, vehicle=names).pool(logs={"auv7": short_log})
-            >>> pooled.table.query("vehicle == 'auv7'")
-            >>> model = dft.Thruster().replace(
-            ...     {n: {"prior": p} for n, p in pooled.predict_new().items()}
-            ... )
+            >>> pooled = fleet.pool(["ct"])
+            >>> pooled.table.shape[0]
+            3
         """
         from diffthrust.many._fleet.pool import pool_vehicles  # slow to import
 
@@ -242,7 +266,12 @@ class Fleet(Result):
 
     @showing
     def plot_effects(self) -> Figure:
-        """Which effects were found where."""
+        """Which effects were found where.
+
+        Example:
+            >>> fleet.effects().shape
+            (3, 1)
+        """
         from diffthrust.many._fleet.figures import effects_figure
 
         return effects_figure(self.effects())
@@ -278,9 +307,11 @@ def fleet(source: Any, *, vehicle: Labels = None, time: Labels = None) -> Fleet:
             that do not match the fits.
 
     Example:
-        >>> found = dft.many.fit(dft.Thruster(), logs, names=dives)
-        >>> fleet = dft.many.fleet(found, vehicle=lambda dive: dive.split("/")[0])
-        >>> print(fleet.report())
+        >>> fleet = dft.many.fleet(
+        ...     fits, vehicle=lambda name: name.split("/")[0], time=[0.0, 1.0] * 3
+        ... )
+        >>> fleet.vehicles
+        ('auv0', 'auv1', 'auv2')
     """
     entries, notes = entries_of(source, vehicle, time)
     left = [entry.name for entry in entries if not entry.usable]

@@ -39,6 +39,14 @@ class Pooled(Result):
         weight: share of the fleet in each estimate, ``(vehicles, parameters)``.
         level: probability of the intervals.
         notes: what the user should know besides.
+
+    Example:
+        >>> pooled = fleet.pool(["ct"])
+        >>> pooled.table.shape[0], pooled.population.shape[0]
+        (3, 1)
+        >>> pooled.convergence.status.value, pooled.exact
+        ('converged', ())
+        >>> figure = pooled.plot()
     """
 
     fleet: Estimates = field(repr=False)
@@ -144,6 +152,11 @@ class Pooled(Result):
 
         Returns:
             Values by parameter, ``(draws,)``.
+
+        Example:
+            >>> pooled = fleet.pool(["ct"])
+            >>> pooled.new_vehicle(seed=0)["ct"].ndim
+            1
         """
         posterior = self.post.posterior
         p = len(self.ruler.axes)
@@ -173,9 +186,9 @@ class Pooled(Result):
         vehicles.
 
         Example:
-            >>> prior = pooled.predict_new()
-            >>> model = dft.Thruster().replace({n: {"prior": p} for n, p in prior.items()})
-            >>> fit = dft.fit(model, first_minute)
+            >>> pooled = fleet.pool(["ct"])
+            >>> list(pooled.predict_new(seed=0))
+            ['ct']
         """
         out = {}
         for name, values in self.new_vehicle(seed=seed).items():

@@ -24,14 +24,17 @@ class Effect(Component):
     `at` instead of ``__call__``.
 
     Example:
-        >>> class ViscousFriction(Effect):
+        >>> class ViscousFriction(dft.Effect):
         ...     '''Friction of the seals, proportional to speed.'''
+        ...
         ...     name = "viscous_friction"
         ...     port = "shaft"
-        ...     rate: float = parameter(0.1, unit="1/s", bounds=(0, None), null=0.0)
+        ...     rate: float = dft.parameter(0.1, unit="1/s", bounds=(0, None), null=0.0)
+        ...
         ...     def __call__(self, value, s):
         ...         return value - self.rate * s.speed
-        >>> model = dft.Thruster() + ViscousFriction()
+        >>> print(dft.Thruster() + ViscousFriction())
+        thruster + viscous_friction
     """
 
     library: ClassVar[dict[str, type[Effect]]] = {}
@@ -71,22 +74,45 @@ class Effect(Component):
         )
 
     def at(self, port: str, value: Signal, s: Signals) -> Signal:
-        """The value that leaves one of ``ports``: that of ``__call__`` where there is one."""
+        """The value that leaves one of ``ports``: that of ``__call__`` where there is one.
+
+        Example:
+            >>> s = dft.models.Signals({"command": jnp.array([0.3, 1.0])})
+            >>> dft.effects.CommandOffset(offset=0.1).at("command", s.command, s)
+            Array([0.4, 1.1], dtype=float64)
+        """
         return self(value, s)
 
     def rates(self, value: Signal, s: Signals) -> Mapping[str, Rate]:
-        """Time derivatives of the effect's own states (a number or `Relaxing` for each)."""
+        """Time derivatives of the effect's own states (a number or `Relaxing` for each).
+
+        Example:
+            >>> s = dft.models.Signals({"actuator_lag": 0.0, "speed": 0.0, "time": 0.0})
+            >>> dft.effects.ActuatorLag(time_constant=0.1).states
+            {'response': ''}
+        """
         raise InputError(
             f"Effect '{self.name}' has states but no rates.",
             "Define def rates(self, value, s): return {state: derivative}.",
         )
 
     def initial(self, value: Signal, s: Signals) -> Mapping[str, Signal | float]:
-        """States at the start of a log, from the value that arrives there; zero by default."""
+        """States at the start of a log, from the value that arrives there; zero by default.
+
+        Example:
+            >>> dft.effects.CommandOffset().initial(0.0, dft.models.Signals({}))
+            {}
+        """
         return {}
 
     def unread(self, name: str, port: str, known: Sequence[str]) -> InputError:
-        """The error for a signal that it reads and that the model does not have there."""
+        """The error for a signal that it reads and that the model does not have there.
+
+        Example:
+            >>> error = dft.effects.CommandDeadband().unread("rpm", "command", ("time", "command"))
+            >>> isinstance(error, dft.InputError)
+            True
+        """
         near = nearest(name, known)
         return InputError(
             f"Effect '{self.name}' reads the signal {name!r}, which is not known at the port "
@@ -96,7 +122,12 @@ class Effect(Component):
 
     @property
     def form(self) -> dict[str, float]:
-        """Fixed parameters that are not as declared, and so choose another form of the effect."""
+        """Fixed parameters that are not as declared, and so choose another form of the effect.
+
+        Example:
+            >>> dft.effects.CommandDeadband().form
+            {}
+        """
         return {
             name: getattr(self, name)
             for name, p in self._parameters.items()
@@ -109,11 +140,20 @@ class Effect(Component):
         Args:
             levels: gives how large the signals of the model are, the ports' among them: the 90th
                 percentile of the absolute value.
+
+        Example:
+            >>> dft.effects.CommandDeadband().scaled(lambda: {"command": 3.0}).name
+            'command_deadband'
         """
         return self
 
     def at_null(self) -> Effect:
-        """The same effect with every parameter that has a null value set to it."""
+        """The same effect with every parameter that has a null value set to it.
+
+        Example:
+            >>> dft.effects.CommandDeadband(width=0.4).at_null().width
+            0.0
+        """
         nulls = {k: p.null for k, p in self._parameters.items() if p.null is not None}
         described = {k: self._parameters[k].with_value(v) for k, v in nulls.items()}
         return self._copy(_parameters={**self._parameters, **described}, **nulls)
@@ -129,6 +169,13 @@ class Ports:
     One instance serves one evaluation of a model's equations; it collects the rates of the
     effects' own states on the way. With ``starting=True`` those states are set to their initial
     values instead, as the value arrives.
+
+    Example:
+        >>> s = dft.models.Signals({"command": 1.0, "speed": 10.0})
+        >>> port = dft.models.Ports((), s)
+        >>> port("drive", 42.0)
+        42.0
+        >>> port.tell(swept=100.0)
     """
 
     def __init__(self, effects: Sequence[Effect], signals: Signals, starting: bool = False) -> None:

@@ -26,9 +26,9 @@ class MadeEffect(Effect):
     equations, and its constructor ends with `_make`.
     """
 
-    told = ()
+    told: ClassVar[tuple[str, ...]] = ()
     library: ClassVar[dict[str, type[MadeEffect]]] = {}  # pyright: ignore[reportIncompatibleVariableOverride]
-    options = ("name", "port")
+    options: ClassVar[tuple[str, ...]] = ("name", "port")
     main: ClassVar[str] = ""
     given: Mapping[str, Any] = {}
     """Parameters as they were asked for, as plain data; see `plain_description`."""

@@ -38,7 +38,10 @@ class Model(Component):
 
     Example:
         >>> model = dft.Thruster(alpha=0.04) + dft.effects.CommandDeadband()
-        >>> model = model - "command_deadband"
+        >>> print(model, "|", model - "command_deadband")
+        thruster + command_deadband | thruster
+        >>> model.inputs, model.states
+        ({'command': 'V'}, {'speed': 'rad/s'})
     """
 
     library: ClassVar[dict[str, type[Model]]] = {}
@@ -98,7 +101,12 @@ class Model(Component):
 
     @property
     def channel_units(self) -> dict[str, str]:
-        """The unit of each input and output."""
+        """The unit of each input and output.
+
+        Example:
+            >>> dft.Thruster().channel_units["thrust"]
+            'N'
+        """
         return {**self.outputs, **self.optional_inputs, **self.inputs}
 
     def equations(self, s: Signals, port: Ports) -> RatesAndOutputs:
@@ -106,6 +114,12 @@ class Model(Component):
 
         It is evaluated with numbers inside the integration and with whole arrays for the outputs,
         so it may use only elementwise operations (``jnp.where`` rather than ``if``).
+
+        Example:
+            >>> s = dft.models.Signals({"command": 1.0, "speed": 10.0})
+            >>> rates, outputs = dft.Thruster().equations(s, dft.models.Ports((), s))
+            >>> round(float(rates["speed"]), 2)
+            38.3
         """
         raise InputError(
             f"Model '{self.name}' has no equations.",
@@ -118,6 +132,10 @@ class Model(Component):
         Where a log does not measure a state, a value here is the first guess of where it begins;
         one that depends on a free parameter is where it begins, in every log, and the parameter
         is estimated from that.
+
+        Example:
+            >>> dft.Thruster().initial(dft.models.Signals({}))
+            {}
         """
         return {}
 
@@ -125,7 +143,12 @@ class Model(Component):
 
     @property
     def parameters(self) -> dict[str, Parameter]:
-        """All parameters by full name: ``alpha``, and ``effect.parameter`` for the effects."""
+        """All parameters by full name: ``alpha``, and ``effect.parameter`` for the effects.
+
+        Example:
+            >>> list((dft.Thruster() + "actuator_lag").parameters)
+            ['alpha', 'beta', 'ct', 'actuator_lag.time_constant']
+        """
         named = {k: p.with_value(getattr(self, k)) for k, p in self._parameters.items()}
         for effect in self.effects:
             for k, p in effect._parameters.items():
@@ -150,7 +173,9 @@ class Model(Component):
                 outside its bounds.
 
         Example:
-            >>> dft.Thruster().replace(alpha={"value": 0.03, "fixed": True}, ct=0.02)
+            >>> model = dft.Thruster().replace(alpha={"value": 0.03, "fixed": True}, ct=0.02)
+            >>> model.parameters["alpha"].fixed
+            True
         """
         named = self.parameters
         for name, new in {**(parameters or {}), **more}.items():
@@ -175,15 +200,30 @@ class Model(Component):
         )
 
     def fix(self, *names: str) -> Self:
-        """The model with these parameters held at their values."""
+        """The model with these parameters held at their values.
+
+        Example:
+            >>> dft.Thruster().fix("ct").parameters["ct"].fixed
+            True
+        """
         return self.replace({name: {"fixed": True} for name in names})
 
     def free(self, *names: str) -> Self:
-        """The model with these parameters to be estimated."""
+        """The model with these parameters to be estimated.
+
+        Example:
+            >>> dft.Vessel().free("lever_arm").parameters["lever_arm"].fixed
+            False
+        """
         return self.replace({name: {"fixed": False} for name in names})
 
     def bind(self, values: Mapping[str, ArrayLike]) -> Self:
-        """The model reading (possibly traced) values by full name; unnamed ones stay."""
+        """The model reading (possibly traced) values by full name; unnamed ones stay.
+
+        Example:
+            >>> dft.Thruster().bind({"ct": 0.03}).ct
+            0.03
+        """
         base = {k: values[k] for k in self._parameters if k in values}
         effects = tuple(
             effect._bound(
@@ -274,17 +314,32 @@ class Model(Component):
         return self._copy(effects=kept)
 
     def as_plain(self) -> dict[str, Any]:
-        """What it takes to make the model again, as data, with its effects."""
+        """What it takes to make the model again, as data, with its effects.
+
+        Example:
+            >>> list(dft.Thruster().as_plain())
+            ['name', 'own', 'arguments', 'parameters', 'effects']
+        """
         return {**super().as_plain(), "effects": [effect.as_plain() for effect in self.effects]}
 
     @property
     def structure(self) -> tuple[Hashable, ...]:
-        """What fixes the compiled code: classes and options of the model and its effects."""
+        """What fixes the compiled code: classes and options of the model and its effects.
+
+        Example:
+            >>> dft.Thruster().structure == dft.Thruster(alpha=0.03).structure
+            True
+        """
         return (*super().structure, *(effect.structure for effect in self.effects))
 
     @property
     def all_states(self) -> dict[str, str]:
-        """The model's states and those of its effects (``effect.state``), with their units."""
+        """The model's states and those of its effects (``effect.state``), with their units.
+
+        Example:
+            >>> (dft.Thruster() + "actuator_lag").all_states
+            {'speed': 'rad/s', 'actuator_lag.response': ''}
+        """
         effect_states = {
             f"{effect.name}.{name}": unit
             for effect in self.effects

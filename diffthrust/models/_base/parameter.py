@@ -22,7 +22,9 @@ class Normal:
     """A Gaussian prior on a parameter, in the parameter's own unit.
 
     Example:
-        >>> dft.Thruster().replace(ct={"prior": dft.Normal(mean=0.02, std=0.002)})
+        >>> model = dft.Thruster().replace(ct={"prior": dft.Normal(mean=0.02, std=0.002)})
+        >>> model.parameters["ct"].prior
+        Normal(mean=0.02, std=0.002)
     """
 
     mean: float
@@ -58,9 +60,9 @@ def relative_to(signal: str, *factors: float, power: float = 1.0) -> Relative:
         power: exponent of the level; -1 for a parameter that multiplies the signal.
 
     Example:
-        >>> level: float = parameter(
-        ...     1.0, "rad/s^2", null=0.0, probes=relative_to("drive", 0.02, 0.1)
-        ... )
+        >>> probes = dft.models.relative_to("drive", 0.02, 0.1)
+        >>> probes.signal, probes.factors
+        ('drive', (0.02, 0.1))
     """
     return Relative(signal, factors, power)
 
@@ -91,8 +93,9 @@ class Parameter:
             the wrong order, a "log" parameter that is not positive, a field of the wrong kind.
 
     Example:
-        >>> Parameter(0.037, unit="1/rad", bounds=(0, None), transform="log").with_value(0.04).value
-        0.04
+        >>> alpha = dft.Parameter(0.037, unit="1/rad", bounds=(0, None), transform="log")
+        >>> alpha.limits, alpha.range_text()
+        ((0.0, inf), '[0, inf) 1/rad')
     """
 
     value: float
@@ -108,7 +111,12 @@ class Parameter:
     pattern: str = ""
 
     def in_units(self, units: Mapping[str, str]) -> Parameter:
-        """The same parameter with its unit spelt out, given those of the channels it follows."""
+        """The same parameter with its unit spelt out, given those of the channels it follows.
+
+        Example:
+            >>> dft.Parameter(0.4, unit="{command}").in_units({"command": "V"}).unit
+            'V'
+        """
         pattern = self.pattern or self.unit
         if "{" not in pattern:
             return self
@@ -116,12 +124,21 @@ class Parameter:
 
     @property
     def channel(self) -> str:
-        """The channel in whose unit, or whose unit per something, it is; empty if none."""
+        """The channel in whose unit, or whose unit per something, it is; empty if none.
+
+        Example:
+            >>> dft.Parameter(0.4, unit="{command}").in_units({"command": "V"}).channel
+            'command'
+        """
         above = self.pattern.partition("/")[0]
         return above[1:-1] if above.startswith("{") else ""
 
     def check(self, name: str) -> None:
-        """Raise `InputError` where the description contradicts itself."""
+        """Raise `InputError` where the description contradicts itself.
+
+        Example:
+            >>> dft.Parameter(0.037, bounds=(0, 1)).check("alpha")
+        """
         ends = self.bounds if isinstance(self.bounds, tuple | list) else ()
         known = isinstance(self.prior, Normal) or self.prior is None
         size = self.size is None or (_number(self.size) and 0 < self.size < math.inf)
@@ -161,13 +178,23 @@ class Parameter:
 
     @property
     def limits(self) -> tuple[float, float]:
-        """The bounds as numbers, infinite where there is none."""
+        """The bounds as numbers, infinite where there is none.
+
+        Example:
+            >>> dft.Parameter(0.037, bounds=(0, None)).limits
+            (0.0, inf)
+        """
         low, high = self.bounds
         return (-math.inf if low is None else float(low), math.inf if high is None else float(high))
 
     @property
     def scale(self) -> float:
-        """The unit length of a linear coordinate: what counts as a moderate change."""
+        """The unit length of a linear coordinate: what counts as a moderate change.
+
+        Example:
+            >>> dft.Parameter(0.5, size=0.2).scale
+            0.2
+        """
         if self.size is not None:
             return self.size
         low, high = self.limits
@@ -176,17 +203,32 @@ class Parameter:
         return abs(self.value) or 1.0
 
     def with_value(self, value: float) -> Parameter:
-        """The same parameter at another value."""
+        """The same parameter at another value.
+
+        Example:
+            >>> dft.Parameter(0.037, unit="1/rad").with_value(0.04).value
+            0.04
+        """
         return self if value is self.value else replace(self, value=float(value))
 
     def to_coordinate(self, value: _Numbers) -> _Numbers:
-        """The optimiser's coordinate of a value: its logarithm, or the value over the scale."""
+        """The optimiser's coordinate of a value: its logarithm, or the value over the scale.
+
+        Example:
+            >>> dft.Parameter(2.0, size=4.0).to_coordinate(2.0)
+            0.5
+        """
         if self.transform == "log":
             return _of(value).log(value)
         return value / self.scale  # pyright: ignore[reportReturnType]
 
     def from_coordinate(self, coordinate: _Numbers) -> _Numbers:
-        """The value at a coordinate."""
+        """The value at a coordinate.
+
+        Example:
+            >>> dft.Parameter(2.0, size=4.0).from_coordinate(0.5)
+            2.0
+        """
         if self.transform == "log":
             return _of(coordinate).exp(coordinate)
         return coordinate * self.scale
@@ -196,6 +238,10 @@ class Parameter:
 
         A logarithm has no zero: where a "log" parameter may fall to zero, the optimiser is
         stopped fifteen decades below the start, and `at_bound` says so.
+
+        Example:
+            >>> dft.Parameter(2.0, bounds=(0, 8), size=4.0).coordinate_limits()
+            (0.0, 2.0)
         """
         low, high = self.limits
         if self.transform == "linear":
@@ -206,7 +252,12 @@ class Parameter:
         )
 
     def range_text(self) -> str:
-        """The bounds for people, such as ``[0, inf) 1/rad``."""
+        """The bounds for people, such as ``[0, inf) 1/rad``.
+
+        Example:
+            >>> dft.Parameter(0.037, unit="1/rad", bounds=(0, None)).range_text()
+            '[0, inf) 1/rad'
+        """
         low, high = self.limits
         left = "(-inf" if low == -math.inf else f"[{low:g}"
         right = "inf)" if high == math.inf else f"{high:g}]"
@@ -255,8 +306,13 @@ def parameter(
     by its bounds and has no null value is moved by its logarithm.
 
     Example:
-        >>> class Damped(Model):
-        ...     damping: float = parameter(1.0, unit="1/s", bounds=(0.0, None))
+        >>> class Damped(dft.Effect):
+        ...     '''Friction in proportion to speed.'''
+        ...
+        ...     name, port = "damped", "shaft"
+        ...     damping: float = dft.parameter(1.0, unit="1/s", bounds=(0.0, None), null=0.0)
+        >>> Damped(damping=2.0).damping
+        2.0
     """
     if transform is None:
         low = bounds[0] if isinstance(bounds, tuple | list) and bounds else None

@@ -28,7 +28,9 @@ class Relaxing(NamedTuple):
             nor lies.
 
     Example:
-        >>> Relaxing(rate=(target - current) / tau, decay=1 / tau)
+        >>> rate = dft.models.Relaxing(rate=(1.0 - 0.2) / 0.1, decay=1 / 0.1)
+        >>> rate.decay
+        10.0
     """
 
     rate: Signal
@@ -44,6 +46,11 @@ class Signals(Mapping[str, Signal]):
     """Named signals at one instant (numbers) or over a whole log (arrays).
 
     Signals are read as attributes: ``s.speed``, ``s.command``, ``s.time``.
+
+    Example:
+        >>> s = dft.models.Signals({"command": 1.0, "speed": 10.0})
+        >>> s.speed, "thrust" in s, s.also({"thrust": 2.0})["thrust"]
+        (10.0, False, 2.0)
     """
 
     def __init__(self, values: Mapping[str, Signal | ArrayLike]) -> None:

@@ -21,6 +21,13 @@ class Quantity:
     """A derived quantity: value and standard error in ``unit``.
 
     ``std_error`` is ``None`` where a parameter that the quantity depends on has none.
+
+    Example:
+        >>> gain = dft.uncertainty.derived(
+        ...     fit, lambda p: {"gain": p["beta"] / p["alpha"]}, {"gain": "V"}
+        ... )
+        >>> gain["gain"].unit, gain["gain"].std_error > 0
+        ('V', True)
     """
 
     value: float
@@ -61,9 +68,9 @@ def physical(
     Source: Yoerger, Cooke & Slotine 1990, section II B.
 
     Example:
-        >>> for name, quantity in dft.uncertainty.physical(fit, pitch=0.101, area=0.0527).items():
-        ...     print(name, quantity)
-        efficiency 0.1929 ± 0.0002
+        >>> found = dft.uncertainty.physical(fit, pitch=0.101, area=0.0527)
+        >>> sorted(found)
+        ['efficiency', 'torque_constant', 'volume']
     """
     check_sizes("physical", pitch, area, density)
     check_torque_driven("physical", fit.model, fit.parameters)
@@ -126,7 +133,9 @@ def derived(
 
     Example:
         >>> gain = lambda p: {"gain": p["beta"] / p["alpha"]}
-        >>> dft.uncertainty.derived(fit, gain, {"gain": "1/(V s^2)"})
+        >>> found = dft.uncertainty.derived(fit, gain, {"gain": "1/(V s^2)"})
+        >>> found["gain"].unit
+        '1/(V s^2)'
     """
     values = {name: jnp.asarray(e.value) for name, e in fit.parameters.items()}
     values_of = function(values)

@@ -43,6 +43,16 @@ class Prediction(Result):
         noise: the coverage counts the band with noise.
         random_forces: the band with noise includes the random forces of an "innovations" fit.
         notes: what the user should know besides.
+
+    Example:
+        >>> band = dft.predict(fit, fit, unseen, draws=50)
+        >>> sorted(band.coverage), band.level, band.table() is not None
+        (['speed', 'thrust'], 0.95, True)
+        >>> print(band.sentence[:30])
+        run2.csv: the 95 % band holds
+        >>> list(band.to_json())
+        ['log', 'level', 'draws', 'channels']
+        >>> figure = band.plot()
     """
 
     log: str
@@ -166,8 +176,9 @@ def predict(
             be simulated with or that measures nothing that it puts out.
 
     Example:
-        >>> print(dft.predict(post, fit, unseen).sentence)
-        holdout.csv: the 95 % band holds 95 % of speed, 94 % of thrust. ...
+        >>> band = dft.predict(post, fit, unseen, draws=50)
+        >>> band.coverage["speed"] > 0.8
+        True
     """
     if isinstance(model, Log) and log is None:
         model, log = None, model

@@ -37,6 +37,11 @@ class Quantities(Result, Mapping[str, DerivedQuantity]):
         level: probability of the intervals: equal tails, point by point.
         kind: "posterior" or "covariance": where the draws are from.
         notes: what the user should know besides.
+
+    Example:
+        >>> found = dft.uncertainty.quantities(fit, pitch=0.101, area=0.0527)
+        >>> sorted(found.by_name)[:2], list(found.to_json())
+        (['efficiency', 'torque_constant'], ['level', 'draws_from', 'quantities'])
     """
 
     by_name: Mapping[str, DerivedQuantity]
@@ -71,6 +76,10 @@ class Quantities(Result, Mapping[str, DerivedQuantity]):
 
         Raises:
             InputError: there is no curve.
+
+        Example:
+            >>> found = dft.uncertainty.quantities(fit, steps=[1.0, 2.0])
+            >>> figure = found.plot()
         """
         from diffthrust.uncertainty._prediction.figures import curves_figure
 
@@ -136,9 +145,9 @@ def quantities(
     III and figure 6 (steps), IV (break frequency).
 
     Example:
-        >>> sizes = {"pitch": 0.101, "area": 0.0527}
-        >>> found = dft.uncertainty.quantities(post, fit, **sizes, steps=[0.5, 1, 2, 4])
-        >>> print(found.report())
+        >>> found = dft.uncertainty.quantities(fit, pitch=0.101, area=0.0527)
+        >>> sorted(found.by_name)
+        ['efficiency', 'torque_constant', 'volume']
     """
     drawn = draws_of(source, model, count=draws, seed=seed, level=level)
     if (pitch is None) != (area is None):

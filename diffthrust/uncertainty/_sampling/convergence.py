@@ -52,6 +52,11 @@ class Convergence:
         autocorrelation: integrated autocorrelation time, in draws.
         divergences: draws at which NUTS lost the path; zero for emcee.
         draws: draws of all chains.
+
+    Example:
+        >>> told = dft.uncertainty.convergence(post)
+        >>> told.status.value, sorted(told.r_hat)[:3]
+        ('converged', ['alpha', 'beta', 'ct'])
     """
 
     status: Mixing
@@ -82,8 +87,9 @@ def convergence(post: Any) -> Convergence:
         InputError: something without a posterior.
 
     Example:
-        >>> told = dft.uncertainty.convergence(dft.sample(fit, logs))
-        >>> print(told.message)
+        >>> told = dft.uncertainty.convergence(post)
+        >>> told.draws > 0
+        True
     """
     from emcee.autocorr import integrated_time
 

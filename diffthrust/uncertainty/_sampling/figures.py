@@ -110,6 +110,9 @@ def plot_trace(post: Any, *, names: Sequence[str] | None = None) -> Figure:
 
     Raises:
         InputError: an empty posterior, or a parameter that it does not have.
+
+    Example:
+        >>> dft.uncertainty.plot_trace(post, names=["alpha"]).savefig("trace.png")
     """
     from matplotlib.figure import Figure
 

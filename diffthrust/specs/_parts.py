@@ -1,0 +1,263 @@
+"""The keys that a spec file may hold, each with its meaning below it: the reference shows them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import AllowInfNan, BaseModel, BeforeValidator, ConfigDict, Field, field_validator
+
+from diffthrust.estimation._limits import STARTS_LIMIT, SUBSTEPS_LIMIT
+from diffthrust.logs._columns import Column
+from diffthrust.logs._written import PWM
+
+
+def _as_list(value: Any) -> Any:
+    return [value] if isinstance(value, str) else value
+
+
+def _as_effects(value: Any) -> Any:
+    entries = [value] if isinstance(value, str | dict) else value
+    if not (isinstance(entries, list) and all(isinstance(e, str | dict) for e in entries)):
+        raise ValueError('a list of names and tables: ["actuator_lag", { formula = "...", ... }]')
+    return entries
+
+
+def _as_column(value: Any) -> Any:
+    return {"column": value} if isinstance(value, str) else value
+
+
+def _as_noise_model(value: Any) -> Any:
+    from diffthrust.estimation._registry import NOISE_MODELS  # late: it loads JAX
+
+    if value not in tuple(NOISE_MODELS):
+        raise ValueError(f"Input should be {' or '.join(map(repr, NOISE_MODELS))}")
+    return value
+
+
+def _as_time(value: Any) -> Any:
+    step = isinstance(value, int | float) and not isinstance(value, bool)
+    if value is False:
+        return None
+    if not isinstance(value, str | dict) and not (step and 0 < value < float("inf")):
+        raise ValueError("a column, a step in seconds above zero, or false")
+    return _as_column(value)
+
+
+def _as_value(value: Any) -> Any:
+    return {"value": value} if isinstance(value, int | float) else value
+
+
+def _stage(value: Any) -> float | None:
+    if value == "whole":
+        return None
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not number or not 0 < value < float("inf"):
+        raise ValueError("seconds above zero, 'auto', 'whole', or a list of seconds and 'whole'")
+    return float(value)
+
+
+class _Part(BaseModel):
+    model_config: ClassVar[ConfigDict] = ConfigDict(
+        extra="forbid", strict=True, frozen=True, allow_inf_nan=False
+    )
+
+
+class TimePart(_Part):
+    """The time column; ``dates`` is the format of dates that do not begin with the year."""
+
+    column: str
+    """The column of time."""
+    unit: str = ""
+    """Its unit: s, ms, us, ...; dates need none."""
+    dates: str = ""
+    """The format of dates that do not begin with the year, as in ``strptime``."""
+
+
+class LogsPart(_Part):
+    """``[logs]``: which files, and how they are read; ``base`` and below are of robots' logs.
+
+    ``time`` is a column, a step [s], or false; ``sheet`` is of Excel files.
+    """
+
+    train: Annotated[list[str], BeforeValidator(_as_list), Field(min_length=1)]
+    """Files to fit to, relative to the spec; patterns such as ``run*.csv`` are allowed."""
+    holdout: Annotated[list[str], BeforeValidator(_as_list)] = []
+    """Files that the fit does not see."""
+    time: Annotated[TimePart | float | None, BeforeValidator(_as_time)] = TimePart(column="time")
+    """The time column, a step [s] where there is none, or false for samples without time."""
+    sheet: str | None = None
+    """The sheet of an Excel file."""
+    missing_values: Annotated[list[str | float], BeforeValidator(_as_list)] = []
+    """What stands for a missing sample, such as ``"n/a"`` or -999."""
+    interpolate_inputs: bool = False
+    """Fill missing samples of inputs instead of refusing them."""
+    start: float | None = None
+    """Leave out what comes before [s]."""
+    stop: float | None = None
+    """Leave out what comes after [s]."""
+    base: str | float | None = None
+    """Time stamps of a robot's log: ``"messages"``, a channel, or a step [s]."""
+    gap: Annotated[float, Field(ge=0)] | None = None
+    """Largest gap of a robot's channel to interpolate across [s]; three of its periods if none."""
+    faster: Annotated[float, Field(ge=1)] = 2.0
+    """How many times faster than an interpolated channel the base may be."""
+    stamps: Literal["recorder", "header"] = "recorder"
+    """Whose stamps of a bag count: of the recorder, or of the messages' headers."""
+
+
+class PWMPart(_Part):
+    """``pwm = { stop = 1500, full = 1900 }``: what widths of pulses mean."""
+
+    stop: float
+    """Width at which the motor stands [us]."""
+    full: float
+    """Width at full ahead [us]."""
+    reverse: float | None = None
+    """Width at full astern [us]; as far below stop as full is above where not given."""
+
+
+_Bound = Annotated[float, AllowInfNan(True)]
+
+
+class ChannelPart(_Part):
+    """``[channels.NAME]``: the column of a channel."""
+
+    column: str
+    """The column, or ``TOPIC.FIELD`` of a robot's log."""
+    unit: str = ""
+    """The column's unit; without one the numbers are taken to be in the model's."""
+    role: Literal["input", "measured"] | None = None
+    """Whether it is an input or measured, where the model has the name as both."""
+    unsigned: bool | None = None
+    """The sensor reports the absolute value."""
+    noise: Annotated[float, Field(gt=0)] | None = None
+    """Known standard deviation of the sensor, in the column's unit."""
+    hold: Literal["zero", "linear"] | None = None
+    """How an input runs between samples: it keeps its value, or straight to the next."""
+    scale: float = 1.0
+    """value = scale * column + offset."""
+    offset: float = 0.0
+    """See ``scale``."""
+    pwm: PWMPart | None = None
+    """The column holds widths of pulses."""
+    effort: bool = False
+    """The column is a share of the full command, such as per cent."""
+    rails: Annotated[list[_Bound], Field(min_length=2, max_length=2)] | None = None
+    """Where the range of the sensor ends, low and high; ``inf`` where it does not."""
+    censored: bool = False
+    """Samples at a rail count as "at least" or "at most" it."""
+
+    def as_column(self) -> Column:
+        """The column that it describes."""
+        given = {key: getattr(self, key) for key in self.model_fields_set if key != "role"}
+        if self.pwm is not None:
+            given["pwm"] = PWM(**self.pwm.model_dump())
+        return Column(**{key: value for key, value in given.items() if value is not None})
+
+
+class PriorPart(_Part):
+    """A Gaussian prior, in the parameter's unit."""
+
+    mean: float
+    """Its mean, in the parameter's unit."""
+    std: Annotated[float, Field(gt=0)]
+    """Its standard deviation."""
+
+
+class ParameterPart(_Part):
+    """``[parameters]``: what differs from the model's own description."""
+
+    value: float | None = None
+    """Where the search begins, or where the parameter is held."""
+    bounds: Annotated[list[_Bound], Field(min_length=2, max_length=2)] | None = None
+    """Lowest and highest value; ``-inf`` and ``inf`` for none."""
+    fixed: bool | None = None
+    """Hold it at its value."""
+    prior: PriorPart | None = None
+    """What is known of it beforehand."""
+
+
+class FitPart(_Part):
+    """``[fit]``: the arguments of `fit`; only those that are given are passed on."""
+
+    starts: Annotated[int, Field(ge=1, le=STARTS_LIMIT)] = 8
+    """How many starts the search makes."""
+    seed: Annotated[int, Field(ge=0)] = 0
+    """Of the draws of the starts."""
+    horizon: Any = "auto"
+    """Length of segments [s], ``"auto"``, ``"whole"``, or a list of stages."""
+    likelihood: Literal["simulation", "innovations"] = "simulation"
+    """Of whole runs, or of the next sample under random forces."""
+    loss: Literal["gaussian", "student_t"] = "gaussian"
+    """The law of the errors."""
+    noise_model: Annotated[str, BeforeValidator(_as_noise_model)] = "white"
+    """``"white"``, or ``"ar1"`` where errors last."""
+    initial: Literal["auto", "estimate", "measured"] = "auto"
+    """Where states begin: estimated, or as measured."""
+    substeps: Annotated[int, Field(ge=1, le=SUBSTEPS_LIMIT)] | None = None
+    """Integrator steps per sample; found where not given."""
+
+    @field_validator("horizon")
+    @classmethod
+    def _stages(cls, value: Any) -> Any:
+        if value == "auto":
+            return value
+        return tuple(map(_stage, value)) if isinstance(value, list) and value else _stage(value)
+
+
+class ExpectedNumber(_Part):
+    """A value, its standard error, and how far it may move."""
+
+    value: float
+    """What was found."""
+    std_error: Annotated[float, Field(ge=0)] | None = None
+    """Its standard error, by which a move is measured."""
+    tolerance: Annotated[float, Field(ge=0)] | None = None
+    """Largest difference allowed, where it is not to follow from the standard error."""
+
+
+class ExpectedPart(_Part):
+    """``[expected]``: what `diffthrust check` compares with, and of what it was found."""
+
+    library: str | None = None
+    """The versions with which it was written."""
+    spec: str | None = None
+    """Hash of the spec without this block."""
+    data: dict[str, str] = {}
+    """Hash of each file of data."""
+    status: str | None = None
+    """The status of the fit."""
+    train_nrmse: Annotated[ExpectedNumber | None, BeforeValidator(_as_value)] = None
+    """The error on the training logs."""
+    holdout_nrmse: Annotated[ExpectedNumber | None, BeforeValidator(_as_value)] = None
+    """The error on the unseen logs."""
+    parameters: dict[str, Annotated[ExpectedNumber, BeforeValidator(_as_value)]] = {}
+    """The estimates by name."""
+
+
+class SpecFile(_Part):
+    """A whole spec file."""
+
+    model: str
+    """Name of a model, or ``script.py:Class``."""
+    effects: Annotated[list[Any], BeforeValidator(_as_effects)] = []
+    """Names of effects, ``script.py:Class``, or tables of a formula."""
+    options: dict[str, str | bool | int | float] = {}
+    """Arguments of the model, such as ``drive = "twin"``."""
+    logs: LogsPart
+    """Which files, and how they are read."""
+    channels: Annotated[
+        dict[str, Annotated[ChannelPart, BeforeValidator(_as_column)]], Field(min_length=1)
+    ]
+    """The column of each channel, by its name in the model."""
+    parameters: dict[str, Annotated[ParameterPart, BeforeValidator(_as_value)]] = {}
+    """What differs from the model's own description, by name."""
+    fit: FitPart = FitPart()
+    """Arguments of the fit."""
+    expected: ExpectedPart | None = None
+    """What ``diffthrust check`` compares with; written by ``check --update``."""
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """The model and those effects that are named by a word, which may be a script's."""
+        return (self.model, *(entry for entry in self.effects if isinstance(entry, str)))
