@@ -121,6 +121,16 @@ def test_every_form_is_one_that_a_spec_file_may_hold():
     assert len({form.name for form in FORMS}) == len(FORMS)
 
 
+@pytest.mark.parametrize("signal", ["value", "value - play(value, half_width)"])
+def test_a_form_of_what_arrives_is_added_to_it(signal):
+    own = {"half_width": {"unit": "rad/s^2", "value": 3.0, "bounds": (0.1, 30.0)}}
+    curve = Curve("drive", signal, -40.0, 40.0, **(own if "play" in signal else {}))
+    for match in matches({"": judged(LAWS["dead zone"])}):
+        formula = formula_of(match, curve, "rad/s^2", "rad/s^2")
+        assert formula.declared["a"].null == 0.0
+        assert formula.adds or formula.expression.startswith("value + ")
+
+
 @pytest.fixture(scope="module")
 def hump():
     """A thruster with a hump in its load, beside a few known effects that are none of it."""

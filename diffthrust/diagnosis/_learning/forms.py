@@ -124,6 +124,8 @@ def formula_of(match: Match, curve: Curve, unit: str, signal_unit: str) -> Formu
     law = f"{match.times} * ({text})" if match.times else text
     if match.times == ARRIVING:
         law = f"value * (1 + {text})"
+    elif ARRIVING in expression_of(law).places:  # else it would stand in the place of what arrives
+        law = f"value + {law}"
     amplitude = product_unit((unit, 1), (signal_unit, -form.per))
     span = curve.high - curve.low
     told = {

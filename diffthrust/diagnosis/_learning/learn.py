@@ -34,8 +34,9 @@ from diffthrust.models._base.model import Model
 
 _LIKELY = 8
 """The signals of so many of the likeliest laws are tried times another."""
-_TRIED = 2
-"""So many laws are fitted to whole runs, if the likeliest does not make them better."""
+_CLOSE = 0.8
+"""Another law is fitted to whole runs as well, where its evidence is no less than so much of the
+likeliest's."""
 _ALIKE = 1.0
 """Of laws whose evidence is no further apart than this the plainer one is taken."""
 _CLEAR = 10.0
@@ -86,9 +87,23 @@ def learned_laws(tools: Tools, known: SearchState, first: TrialFit) -> tuple[Lea
 def _learned_beside(
     tools: Tools, before: Fit, trial: TrialFit, place: DrivingPort
 ) -> LearnedLaw | None:
-    """The likeliest law beside a model that makes whole runs better."""
-    likely = _likeliest(tools, trial, place)[:_TRIED]
-    return next(filter(None, (_fitted(tools, before, one) for one in likely)), None)
+    """The law beside a model that makes whole runs better: the likeliest, or its rival."""
+    likely = _likeliest(tools, trial, place)
+    if not likely:
+        return None
+    found = [_fitted(tools, before, likely[0])]
+    if rival := _rival(likely):
+        found.append(_fitted(tools, before, rival))
+    better = [law for law in found if law is not None]
+    return min(better, key=lambda law: law.fit.train.nrmse, default=None)
+
+
+def _rival(likely: list[LikelyCurve]) -> LikelyCurve | None:
+    """The likeliest law of another signal, where one-step errors can hardly choose."""
+    first = likely[0]
+    others = (one for one in likely[1:] if one.law.signal != first.law.signal)
+    rival = next(others, None)
+    return rival if rival and rival.evidence > _CLOSE * first.evidence else None
 
 
 def _place(tools: Tools, left: Remaining) -> DrivingPort:
