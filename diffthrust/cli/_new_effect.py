@@ -12,6 +12,7 @@ from diffthrust.cli._session import session, show, written
 
 if TYPE_CHECKING:
     from diffthrust.effects import Formula
+    from diffthrust.models import Model
 
 
 def new_effect_command(
@@ -58,17 +59,19 @@ def new_effect_command(
                     f"--learned {learned}: expected it alone, found another law beside it.",
                     "Leave out --formula, --port and --parameter.",
                 )
-            law, told = _learned(learned)
-            formula, port, asked, doc = law.expression, law.port, law.given, doc or told
-        else:
+            law, told, model = _learned(learned)
+            named = Formula(law.port, law.expression, name=name, **law.given)
+            effect, doc = (model + named).effects[-1], doc or told
+            assert isinstance(effect, Formula)
+        elif formula and port:
             asked = dict(map(parameter_asked, parameter or []))
-        if not (formula and port):
+            effect = at_home(Formula(port, formula, name=name, **asked))
+        else:
             raise InputError(
                 "new-effect: expected a law and where it acts, found neither or one of them.",
                 'Give --formula "-a * speed" --port shaft --parameter a=1/s, '
                 "or --learned DIAG.json.",
             )
-        effect = at_home(Formula(port, formula, name=name, **asked))
         files = new_effect(effect, doc=doc, directory=directory)
     written(*files)
     show(
@@ -77,8 +80,8 @@ def new_effect_command(
     )
 
 
-def _learned(path: Path) -> tuple[Formula, str]:
-    """The law that a diagnosis learned, from the file that it is saved in, and how it goes."""
+def _learned(path: Path) -> tuple[Formula, str, Model]:
+    """The law that a diagnosis learned, how it goes, and the model, from the file of it."""
     from diffthrust._support.words import capitalised
     from diffthrust.diagnosis import Diagnosis
     from diffthrust.diagnosis._learned_words import form_words
@@ -99,4 +102,5 @@ def _learned(path: Path) -> tuple[Formula, str]:
         )
     law, form = named[0]
     goes, _, _ = form_words(law, form).partition(":")
-    return form.formula, f"{capitalised(goes.removeprefix('it goes '))}, as learned from logs."
+    told = f"{capitalised(goes.removeprefix('it '))}, as learned from logs."
+    return form.formula, told, diag.model

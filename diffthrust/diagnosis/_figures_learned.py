@@ -9,7 +9,8 @@ import numpy as np
 from diffthrust._support.figures import BLUE, GREY
 from diffthrust.diagnosis._figures import BAND, COLOURS, plainly
 from diffthrust.diagnosis._learned_words import manner_words, signal_words
-from diffthrust.diagnosis._learning.forms import FORMS
+from diffthrust.diagnosis._learning.closed_forms import FORMS
+from diffthrust.diagnosis._learning.forms import values_of
 from diffthrust.models._base.made_effect import ARRIVING
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ def _curve(panel: Axes, law: LearnedLaw) -> None:
                 label=f"{tried.name}{' (its name)' if chosen else ''}",
             )  # fmt: skip
     panel.legend(fontsize=8, framealpha=0.9)
-    unit = law.port_unit if not law.curve.times else ""
+    unit = law.curve.unit
     panel.set_ylabel(f"curve [{unit}]" if unit else "curve [-]", fontsize=9)
     panel.set_title(f"at '{law.curve.port}' {manner_words(law)}", loc="left", fontsize=10)
     plainly(panel)
@@ -65,10 +66,11 @@ def _curve(panel: Axes, law: LearnedLaw) -> None:
 def _formed(law: LearnedLaw, tried: TriedForm, x: np.ndarray) -> np.ndarray | None:
     """A form over the signal, as what the curve is; ``None`` where it is that of no one curve."""
     form = next(one for one in FORMS if one.name == tried.name)
-    values = {n: getattr(tried.formula, n) for n in ("a", *form.parameters)}
-    found = form.over(x, {**values, "r": tried.reference})
+    found = form.over(x, {**values_of(form, tried.formula), "r": tried.reference})
     if tried.times != law.curve.times:
-        factor = None if law.factors is None else _following(x, law.samples, law.factors)
+        if tried.times or law.factors is None:
+            return None
+        factor = _following(x, law.samples, law.factors)
         if factor is None:
             return None
         seen = np.abs(factor) > _LEAST * np.abs(factor).max()

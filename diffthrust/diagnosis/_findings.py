@@ -296,7 +296,11 @@ class Findings(Brief):
 
     @property
     def learned(self) -> tuple[Curve, ...]:
-        """The learned laws as effects: ``model + diag.best + diag.learned`` has them all."""
+        """The learned laws as effects.
+
+        ``diag.model + diag.best + diag.learned`` has all that was found, but for effects that only
+        imitated a law (``superfluous`` of `laws`).
+        """
         return tuple(law.curve for law in self.laws)
 
     @property

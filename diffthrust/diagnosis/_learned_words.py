@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from diffthrust._support.tables import number
 from diffthrust._support.words import capitalised, joined, spelt
-from diffthrust.diagnosis._learning.forms import FORMS
+from diffthrust.diagnosis._learning.closed_forms import FORMS
 from diffthrust.diagnosis._matter_words import share_words
 from diffthrust.diagnosis._ports import place_words
 from diffthrust.effects._grammar import expression_of
@@ -16,6 +16,8 @@ from diffthrust.models._base.made_effect import ARRIVING
 if TYPE_CHECKING:
     from diffthrust.diagnosis._findings import Findings
     from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
+    from diffthrust.effects._curve import Curve
+    from diffthrust.effects._formula import Formula
     from diffthrust.models._base.effect import Effect
 
 
@@ -56,39 +58,41 @@ def manner_words(law: LearnedLaw) -> str:
     return f"a curve of {of}{times} is added"
 
 
-def signal_words(law: LearnedLaw) -> str:
-    """What a curve is a function of: "the last 2 s of command**2"."""
-    curve = law.curve
-    expression = expression_of(curve.signal)
-    if not expression.memories:
-        return "what arrives" if curve.signal == ARRIVING else curve.signal
-    (memory,) = expression.memories
+def signal_words(law: LearnedLaw, effect: Curve | Formula | None = None) -> str:
+    """What a law is a function of, "the last 2 s of command**2", as an effect estimates it."""
+    memories = expression_of(law.curve.signal).memories
+    if not memories:
+        return "what arrives" if law.curve.signal == ARRIVING else law.curve.signal
+    (memory,) = memories
     of = ast.unparse(memory.of).replace(ARRIVING, "what arrives")
     if memory.kind == "integral":
         return "the time since the log began" if of == "1" else f"the integral of {of}"
     assert memory.size is not None
-    size = number(getattr(curve, ast.unparse(memory.size)), 2)
+    size = number(getattr(effect or law.curve, ast.unparse(memory.size)), 2)
     if memory.kind == "lag":
         return f"the last {size} s of {of}{', from none on' if memory.start else ''}"
-    return f"how far {of} has gone since it turned, up to {size} {law.signal_unit}".rstrip()
+    return f"how far {of} has gone since it turned, {size} {law.signal_unit}".rstrip() + " at most"
 
 
 def form_words(law: LearnedLaw, tried: TriedForm) -> str:
     """A closed form as a person would say it, with its sizes.
 
     Example:
-        >>> form_words(law, law.form)
-        'it goes in a hump about 21 rad/s, 4.6 rad/s wide: ...'
+        >>> form_words(law, law.form)  # doctest: +SKIP
+        'it is a hump of speed about 21 rad/s, 4.6 rad/s to either side: ...'
     """
     form = next(one for one in FORMS if one.name == tried.name)
-    sizes = {
-        name.rpartition(".")[2]: f"{number(e.shown[0], 2)} {e.shown[2]}".rstrip()
-        for name, e in tried.fit.parameters.items()
-        if name.startswith(f"{tried.formula.name}.")
-    }
-    told = form.words.format(x=signal_words(law), **sizes)
-    return f"it goes {told}: {tried.formula.expression}, with " + joined(
-        f"{name} = {size}" for name, size in sizes.items()
+    told = [name for name in tried.fit.parameters if name.startswith(f"{tried.formula.name}.")]
+    shown = [tried.fit.parameters[name].shown for name in told]
+    sizes = [f"{number(value, 2)} {unit}".rstrip() for value, _, unit in shown]
+    own = dict(zip(("a", *form.parameters), sizes, strict=False))
+    goes = form.words.format(x=signal_words(law, tried.formula), **own)
+    subject = "its factor" if tried.times == ARRIVING else "it"
+    times = f", times {tried.times}" if tried.times not in ("", ARRIVING) else ""
+    back = " (a play or backlash)" if "play(" in law.curve.signal else ""
+    names = (name.rpartition(".")[2] for name in told)
+    return f"{subject} {goes}{times}{back}: {tried.formula.expression}, with " + joined(
+        f"{name} = {size}" for name, size in zip(names, sizes, strict=True)
     )
 
 

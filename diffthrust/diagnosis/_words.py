@@ -83,7 +83,8 @@ def summary(diag: Findings) -> str:
         sentences += [remaining_words(diag), *learned_words(diag), *possible_words(diag)]
     if not diag.best and diag.verdict != "undecided":
         told = gain_words if diag.held else level_words
-        sentences.append(f"{capitalised(told(diag))}.")
+        without = "without what was learned " if diag.laws else ""
+        sentences.append(f"{capitalised(without + told(diag))}.")
     if diag.verdict != "undecided":
         sentences += forced_words(diag)
     sentences += much_words(diag)

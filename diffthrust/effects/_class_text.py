@@ -125,10 +125,10 @@ def _field(name: str, value: Any) -> str:
 
 
 def _rounded(value: Any) -> Any:
-    """Four digits of what was worked out from logs."""
+    """Without the noise of the last digits."""
     if isinstance(value, tuple):
         return tuple(map(_rounded, value))
-    return float(f"{value:.4g}") if isinstance(value, float) else value
+    return float(f"{value:.10g}") if isinstance(value, float) else value
 
 
 def _memory(formula: Formula) -> str:

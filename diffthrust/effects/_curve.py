@@ -13,6 +13,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Float
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.names import nearest
 from diffthrust.effects._grammar import expression_of
 from diffthrust.effects._memory import memory_rates, memory_starts
 from diffthrust.models._base.component import registered
@@ -25,7 +26,7 @@ _FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 6.0
 """A cubic B-spline on a grid of unit step in truncated third powers, from where it begins."""
 _BEYOND = 3.0
 """So many pieces beyond its grid a spline is zero."""
-_LEAST_PIECES = 3
+_LEAST_PIECES, _MOST_PIECES = 3, 200
 
 
 @registered
@@ -96,6 +97,7 @@ class Curve(MadeEffect):
 
     def __init__(
         self,
+        /,
         port: str,
         signal: str,
         low: float,
@@ -111,19 +113,26 @@ class Curve(MadeEffect):
         name: str = "curve",
         **parameters: Any,
     ) -> None:
-        number, law, factor = pieces + 3, expression_of(signal), expression_of(times or "1")
+        told = f"curve of {signal!r:.60} at {port!r:.60}"
+        _check_kinds(
+            told,
+            {"low": low, "high": high, "size": size, "bend": bend, "pieces": pieces},
+            {"signal": signal, "times": times},
+        )
+        number, law, factor = int(pieces) + 3, expression_of(signal), expression_of(times or "1")
         for right, expected, found in (
-            (low < high, "low < high", f"{low!r} and {high!r}"),
-            (pieces >= _LEAST_PIECES, f"{_LEAST_PIECES} pieces or more", repr(pieces)),
+            (-np.inf < low < high < np.inf, "low < high, both finite", f"{low!r} and {high!r}"),
+            (
+                _LEAST_PIECES <= pieces <= _MOST_PIECES and pieces == int(pieces),
+                f"{_LEAST_PIECES} to {_MOST_PIECES} pieces",
+                repr(pieces),
+            ),
             (size > 0 and bend > 0, "a positive size and bend", f"{size!r} and {bend!r}"),
             (not factor.memories, "times of what does not remember", repr(times)),
             (len(shape) <= number, f"a shape of at most {number} numbers", str(len(shape))),
         ):
             if not right:
-                raise InputError(
-                    f"curve of {signal!r:.60} at {port!r:.60}: expected {expected}, found {found}.",
-                    "Correct it.",
-                )
+                raise InputError(f"{told}: expected {expected}, found {found}.", "Correct it.")
         begin = [*map(float, shape), *[0.0] * (number - len(shape))]
         widths = [1.0, 2.0, *[bend] * (pieces + 1)]
         names = ("level", "slope", *(f"bend{k + 1}" for k in range(pieces + 1)))
@@ -134,7 +143,18 @@ class Curve(MadeEffect):
             )
             for n, value, width in zip(names, begin, widths, strict=True)
         }  # fmt: skip
+        for name_held in (each for each in held if each not in names):
+            near = nearest(str(name_held), names)
+            raise InputError(
+                f"{told}: {name_held!r} to be held is no coefficient{'; ' + near if near else ''}.",
+                "Correct the name.",
+            )
         places = {**law.places, **factor.places}
+        for taken in (name for name in parameters if name in names):
+            raise InputError(
+                f"{told}: a parameter cannot be called {taken!r}, as a coefficient is.",
+                "Give it another name.",
+            )
         self._check_parameters(parameters, places, signal)
         given = {n: plain_description(f"curve, {n}", each) for n, each in parameters.items()}
         declared |= {n: _own(n, each, n in law.sizes) for n, each in given.items()}
@@ -206,6 +226,16 @@ def truncated_powers(x: Signal, *weights: Signal) -> Signal:
     starts = jnp.arange(float(len(weights))).reshape(-1, *[1] * x.ndim)
     along = jnp.stack([jnp.broadcast_to(jnp.asarray(weight, float), x.shape) for weight in weights])
     return jnp.sum(along * jnp.maximum(x[None] - starts, 0.0) ** 3, axis=0)
+
+
+def _check_kinds(told: str, numbers: Mapping[str, Any], texts: Mapping[str, Any]) -> None:
+    """Raise `InputError` for what is no number, or no text."""
+    for name, given in numbers.items():
+        if isinstance(given, bool) or not isinstance(given, int | float | np.number):
+            raise InputError(f"{told}: expected a number as {name}, found {given!r}.", "Give one.")
+    for name, given in texts.items():
+        if not isinstance(given, str):
+            raise InputError(f"{told}: expected text as {name}, found {given!r}.", "Quote it.")
 
 
 def _own(name: str, given: str | Mapping[str, Any], size: bool) -> Parameter:

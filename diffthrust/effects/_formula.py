@@ -242,6 +242,10 @@ def _change(law: Expression, at: Mapping[str, Any]) -> np.ndarray:
 
 
 def _does_nothing(law: Expression, at: Mapping[str, Any]) -> bool:
+    at = dict(at)
+    for one in law.memories:  # a lag of no time is what it follows
+        if one.kind == "lag" and one.size is not None and np.all(valued(one.size, at.get, np) == 0):
+            at[one.state] = valued(one.of, at.get, np)
     change, size = _change(law, at), np.abs(at[ARRIVING])
     seen = np.isfinite(change)
     return bool(seen.any() and np.all(np.abs(change[seen]) <= 1e-12 * size[seen]))

@@ -74,8 +74,7 @@ def expression_of(text: str) -> Expression:
             text, places[taken], f"'{taken}' is the state of what remembers here",
             "Give it another name.",
         )  # fmt: skip
-    named = (ast.walk(one.size) for one in memories if one.size is not None)
-    sizes = frozenset(n.id for nodes in named for n in nodes if isinstance(n, ast.Name))
+    sizes = frozenset(one.size.id for one in memories if isinstance(one.size, ast.Name))
     return Expression(text, left, places, frozenset(exponents), sizes, memories)
 
 
@@ -144,6 +143,10 @@ def _check_call(node: ast.Call, text: str, at: int) -> None:
             text, at, f"expected {count} in the brackets of '{name}', found {found}",
             f"Write {name}({', '.join('xyz'[:count])}).",
         )  # fmt: skip
+    if name in REMEMBERS and count > 1 and isinstance(node.args[1], ast.UnaryOp):
+        raise with_mark(
+            text, at, f"the time or width of '{name}' has a sign", "Write it without one."
+        )
 
 
 def _mend(first: str = "Write it otherwise") -> str:

@@ -45,6 +45,8 @@ class _Apart(ast.NodeTransformer):
         if kind not in REMEMBERS:
             return self.generic_visit(node)
         parts = [self.visit(part) for part in node.args]
+        if len(parts) > 1 and not isinstance(parts[1], ast.Name | ast.Constant):
+            parts[1] = ast.Call(ast.Name("maximum"), [parts[1], ast.Constant(0.0)], [])
         alike = [one for one in self.memories if one.kind == kind]
         for one in alike:
             if list(map(_text, one[2:])) == list(map(_text, [*parts, None, None][:3])):
@@ -68,11 +70,14 @@ def _now(memory: Memory) -> ast.expr:
 
 
 def _pushed(memory: Memory, state: ast.expr) -> ast.expr:
-    assert memory.size is not None
-    low = ast.BinOp(memory.of, ast.Sub(), memory.size)
-    high = ast.BinOp(memory.of, ast.Add(), memory.size)
-    inner = ast.Call(ast.Name("maximum"), [state, low], [])
-    return ast.Call(ast.Name("minimum"), [inner, high], [])
+    """Where a play is now: in a form whose slope by the width is right also where that is zero."""
+    of, width = memory.of, memory.size
+    assert width is not None
+    apart = ast.BinOp(of, ast.Sub(), state)
+    behind = ast.Compare(apart, [ast.Gt()], [width])
+    ahead = ast.Compare(apart, [ast.Lt()], [ast.UnaryOp(ast.USub(), width)])
+    pulled = ast.Call(ast.Name("where"), [ahead, ast.BinOp(of, ast.Add(), width), state], [])
+    return ast.Call(ast.Name("where"), [behind, ast.BinOp(of, ast.Sub(), width), pulled], [])
 
 
 def rate_parts(memory: Memory) -> tuple[ast.expr, ast.expr | None]:
@@ -144,9 +149,16 @@ def _with(states: Mapping[str, Any], names: Callable[[str], Any]) -> Callable[[s
 def _lagging(series: np.ndarray, size: float, time: np.ndarray, first: float) -> np.ndarray:
     from scipy.signal import lfilter  # slow to import
 
-    kept = float(np.exp(-np.median(np.diff(time)) / max(size, 1e-12)))
-    later = lfilter([1.0 - kept], [1.0, -kept], series[:-1], zi=[kept * first])[0]
-    return np.concatenate([[first], later])
+    steps = np.diff(time)
+    kept = np.exp(-steps / max(size, 1e-12))
+    if np.ptp(steps) < 1e-3 * steps.max():
+        every = float(np.median(kept))
+        later = lfilter([1.0 - every], [1.0, -every], series[:-1], zi=[every * first])[0]
+        return np.concatenate([[first], later])
+    out = [first]
+    for value, share in zip(series[:-1].tolist(), kept.tolist(), strict=True):
+        out.append(value + share * (out[-1] - value))
+    return np.array(out)
 
 
 def _played(series: np.ndarray, size: float, time: np.ndarray, first: float) -> np.ndarray:

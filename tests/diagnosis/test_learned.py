@@ -14,10 +14,11 @@ from diffthrust.diagnosis._learning import (  # private: figures that no result 
     evidence,
     ground,
 )
+from diffthrust.diagnosis._learning.closed_forms import FORMS  # private: as above
 from diffthrust.diagnosis._learning.forms import (  # private: forms without a diagnosis
-    FORMS,
     formula_of,
     matches,
+    values_of,
 )
 from diffthrust.effects import Curve
 
@@ -63,6 +64,9 @@ LAWS = {
     "hump": lambda x: 2.0 * np.exp(-(((x - 12.0) / 9.0) ** 2)),
     "step": lambda x: 0.5 * (1.0 + np.tanh((x + 14.0) / 6.0)),
     "exponential": lambda x: np.exp(x / 15.0) - 1.0,
+    "levelling": lambda x: 1.0 - np.exp(-x / 18.0),
+    "square below": lambda x: np.maximum(-5.0 - x, 0.0) ** 2,
+    "ripple": lambda x: np.sin(0.5 * (x - 3.0)),
 }
 
 
@@ -129,6 +133,27 @@ def test_a_form_of_what_arrives_is_added_to_it(signal):
         formula = formula_of(match, curve, "rad/s^2", "rad/s^2")
         assert formula.declared["a"].null == 0.0
         assert formula.adds or formula.expression.startswith("value + ")
+
+
+@pytest.mark.parametrize("signal", ["a", "b", "c", "p", "k"])
+def test_parameters_of_forms_are_told_from_signals_of_their_names(signal):
+    curve = Curve("load", signal, -40.0, 40.0)
+    for match in matches({"": judged(LAWS["hump"])}):
+        formula = formula_of(match, curve, "rad/s^2", "rad/s")
+        assert formula.reads == ((signal,) if match.form.name != "constant" else ())
+        own = values_of(match.form, formula)
+        assert own == pytest.approx({n: match.values[n] for n in own})
+
+
+def test_a_place_for_both_signs_is_positive_and_a_ripple_is_more_than_a_flank():
+    for law in (lambda x: 0.2 * x + 3.0 * np.sign(x), lambda x: 0.2 * (x + 60.0)):
+        for match in matches({"": judged(law)}):
+            assert match.form.even <= (match.values.get("b", 1.0) >= 0.0)
+    line = min(
+        matches({"": judged(lambda x: 0.2 * (x + 60.0))}),
+        key=lambda one: np.log(4000.0) * len(one.form.parameters) - one.gain,
+    )
+    assert (line.form.name, line.values["b"]) == ("line", pytest.approx(-60.0, abs=0.5))
 
 
 @pytest.fixture(scope="module")

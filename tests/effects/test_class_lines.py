@@ -37,7 +37,7 @@ class TipLoss(dft.Effect):
         probes=(0.5, 1.0, 2.0),
         transform="linear",
     )
-    b: float = dft.parameter(0.1235, unit="", null=0.0)
+    b: float = dft.parameter(0.12345678, unit="", null=0.0)
 
     def __call__(self, value, s):
         """What leaves the port where `value` arrives, with the signals `s`."""

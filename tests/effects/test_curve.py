@@ -105,7 +105,14 @@ def test_a_fit_finds_a_hump_that_the_reference_simulator_has_hidden():
     ("wrong", "told"),
     [
         ({"high": -50.0}, "low < high"),
-        ({"pieces": 2}, "3 pieces or more"),
+        ({"pieces": 2}, "3 to 200 pieces, found 2"),
+        ({"pieces": 10**7}, "3 to 200 pieces"),
+        ({"high": np.inf}, "both finite"),
+        ({"low": "a"}, "expected a number as low, found 'a'"),
+        ({"times": 2}, "expected text as times, found 2"),
+        ({"held": ["slop"]}, "'slop' to be held is no coefficient; the nearest is 'slope'"),
+        ({"signal": "lag(speed, level)", "level": {"unit": "s", "value": 1.0}}, "as a coefficient"),
+        ({"signal": "speed * size", "pieces": 8, "coefficients": "1"}, "does not occur"),
         ({"size": 0.0}, "a positive size"),
         ({"shape": (0.0,) * 12}, "a shape of at most 11 numbers"),
         ({"signal": "speed.__class__"}, "not allowed"),
@@ -119,6 +126,12 @@ def test_what_makes_no_curve_is_told(wrong, told):
     given = {"port": "load", "signal": "speed", "low": -40.0, "high": 40.0, **wrong}
     with pytest.raises(dft.InputError, match=told):
         Curve(**given)
+
+
+def test_a_signal_that_is_called_like_a_coefficient_is_the_signal():
+    curve = Curve("drive", "level", 0.0, 10.0, shape=(1.0, 2.0))
+    s = dft.models.Signals({"level": np.array([0.0, 10.0])})
+    np.testing.assert_allclose(curve(np.zeros(2), s), [0.0, 2.0], atol=1e-12)
 
 
 def test_a_signal_that_the_model_does_not_have_is_told_with_the_nearest():

@@ -1,5 +1,7 @@
 """Expressions that remember: lags, plays and integrals, in formulas, curves, files and exports."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -115,6 +117,31 @@ def test_what_is_cold_when_a_log_begins_warms_up():
     np.testing.assert_allclose(seen, TIME - 4 * (1 - np.exp(-TIME / 4)), atol=1e-6)
 
 
+def test_along_an_uneven_log_a_lag_takes_each_step_as_it_is():
+    time = np.cumsum(np.random.default_rng(2).choice([0.01, 0.2], 300))
+    u = np.sign(np.sin(time))
+    seen = value_along(expression_of("lag(u, 0.5)"), {"u": u}.__getitem__, time)
+    expected = [u[0]]
+    for k in range(299):
+        kept = np.exp(-(time[k + 1] - time[k]) / 0.5)
+        expected.append(u[k] + kept * (expected[-1] - u[k]))
+    np.testing.assert_allclose(seen, expected, atol=1e-12)
+
+
+def test_the_plainest_lag_and_play_do_nothing_at_zero():
+    for text in ("lag(value, T)", "play(value, T)"):
+        law = Formula("drive", text, T={"unit": "s", "value": 0.2})
+        assert (law.declared["T"].null, law.declared["T"].bounds) == (0.0, (0.0, None))
+
+
+def test_the_slope_by_the_width_of_a_play_is_right_where_it_is_zero():
+    law = Formula("drive", "play(value, b)", b={"unit": "rad/s^2", "value": 0.0})
+    value = jnp.array([2.0, -2.0, 1.0])
+    s = dft.models.Signals({"play": jnp.array([1.0, -1.0, 1.0])})  # rising, falling, at rest
+    moved = jax.jacfwd(lambda b: law._bound({"b": b})(value, s))(0.0)
+    np.testing.assert_array_equal(moved, [-1.0, 1.0, 0.0])
+
+
 def test_what_occurs_twice_is_remembered_once():
     law = expression_of("lag(u, T) + lag(u, T, 0) - lag(u, T, 0)")
     assert [one.state for one in law.memories] == ["lag", "lag2"]
@@ -129,6 +156,7 @@ def test_what_occurs_twice_is_remembered_once():
         ("lag(speed)", "expected 2 in the brackets of 'lag', found 1"),
         ("play(speed, b, 0)", "expected 2 in the brackets of 'play', found 3"),
         ("lag * speed", "'lag' is a function"),
+        ("lag(speed, -1)", "the time or width of 'lag' has a sign"),
         ("lag(lag2, T) + lag(speed, T)", "'lag2' is the state of what remembers here"),
     ],
 )

@@ -1,17 +1,15 @@
-"""Closed forms that a learned curve may have: a table, and how likely each is.
-
-Each is a `Formula` of one signal with an amplitude ``a``, and as far as it has them a place ``b``,
-a width ``c`` in the signal's unit, an exponent ``p``, and a wave number ``k``.
-"""
+"""Closed forms of a learned law: how likely each is, and as an effect."""
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Mapping, Sequence
 from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
+from diffthrust.diagnosis._learning.closed_forms import FORMS, Form
 from diffthrust.diagnosis._learning.ground import Ground
 from diffthrust.effects._curve import Curve
 from diffthrust.effects._formula import Formula
@@ -20,67 +18,9 @@ from diffthrust.logs._units import product_unit
 from diffthrust.models._base.made_effect import ARRIVING
 
 _PLACES, _WIDTHS, _EXPONENTS = 17, (0.05, 0.1, 0.2, 0.4), (0.5, 1.5, 2.5, 3.5)
-_LEAST_WIDTH = 0.01
+_LEAST_WIDTH, _FAR = 0.01, 4.0
 _WAVES = 9
 """A ripple is looked for with fewer waves than this over the range of the signal."""
-
-
-class Form(NamedTuple):
-    """A closed form.
-
-    Args:
-        name: in words.
-        text: the expression, of ``x``, ``a`` and further parameters; ``r`` is a typical size of x.
-        per: by which power of the signal's unit that of the amplitude is divided.
-        words: what it means, for people; ``{a}``, ``{b}``, ``{c}``, ``{p}`` are told with units.
-    """
-
-    name: str
-    text: str
-    per: int = 0
-    words: str = ""
-
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        """Its parameters besides the amplitude."""
-        return tuple(n for n in expression_of(self.text).places if n in ("b", "c", "p", "k"))
-
-    def over(self, x: np.ndarray, values: Mapping[str, float]) -> np.ndarray:
-        """The form over a signal, at values of its parameters and of ``r``; its shape is that."""
-        law = expression_of(self.text)
-        with np.errstate(all="ignore"):
-            found = law({"x": x, **values}.__getitem__, np)
-        return np.broadcast_to(np.asarray(found, float), x.shape)
-
-
-FORMS = (
-    Form("constant", "a", 0, "a constant"),
-    Form("linear", "a * x", 1, "in proportion to {x}"),
-    Form("even square", "a * x**2", 2, "with the square of {x}"),
-    Form("square with sign", "a * x * abs(x)", 2, "with {x} times its size"),
-    Form("cubic", "a * x**3", 3, "with the cube of {x}"),
-    Form("power", "a * sign(x) * (abs(x) / r)**p", 0, "with {x} to the power of {p}"),
-    Form("even power", "a * (abs(x) / r)**p", 0, "with the size of {x} to the power of {p}"),
-    Form("dry", "a * tanh(x / (0.02 * r))", 0, "of constant size, with the sign of {x}"),
-    Form("saturating", "a * tanh(x / c)", 0, "with {x}, and saturates beyond {c}"),
-    Form("dead zone", "a * sign(x) * max(abs(x) - b, 0)", 1, "in proportion to {x} beyond {b}"),
-    Form("ramp above", "a * max(x - b, 0)", 1, "in proportion to {x} above {b}"),
-    Form("ramp below", "a * max(b - x, 0)", 1, "in proportion to {x} below {b}"),
-    Form("square beyond", "a * max(abs(x) - b, 0)**2", 2, "by the square of {x} beyond {b}"),
-    Form("square above", "a * max(x - b, 0)**2", 2, "by the square of {x} above {b}"),
-    Form("exponential", "a * (exp(x / c) - 1)", 0, "exponentially with {x} over {c}"),
-    Form("hump", "a * exp(-((x - b) / c)**2)", 0, "in a hump about {b}, {c} wide"),
-    Form(
-        "hump of both signs", "a * exp(-((abs(x) - b) / c)**2)", 0,
-        "in a hump about {b} and its opposite, {c} wide",
-    ),
-    Form(
-        "odd humps", "a * (exp(-((x - b) / c)**2) - exp(-((x + b) / c)**2))", 0,
-        "in a hump about {b} and one of the other sign about its opposite, {c} wide",
-    ),
-    Form("ripple", "a * sin(k * (x - b))", 0, "in waves along {x}, {k} in angle"),
-    Form("step", "a * (1 + tanh((x - b) / c)) / 2", 0, "in a step at {b}, {c} wide"),
-)  # fmt: skip
 
 
 class Match(NamedTuple):
@@ -120,7 +60,7 @@ def matches(grounds: Mapping[str, Ground]) -> list[Match]:
 def formula_of(match: Match, curve: Curve, unit: str, signal_unit: str) -> Formula:
     """A form as an effect at the place of a curve, beginning where it is likeliest."""
     form = match.form
-    text = _spelt(form.text, curve.signal, match.reference)
+    text = _spelt(form, curve.signal, match)
     law = f"{match.times} * ({text})" if match.times else text
     if match.times == ARRIVING:
         law = f"value * (1 + {text})"
@@ -128,16 +68,19 @@ def formula_of(match: Match, curve: Curve, unit: str, signal_unit: str) -> Formu
         law = f"value + {law}"
     amplitude = product_unit((unit, 1), (signal_unit, -form.per))
     span = curve.high - curve.low
+    reach = 2.0 * _FAR * span if form.far else span
+    lowest = 0.0 if form.even else curve.low - reach
     told = {
         "a": {"unit": amplitude, "value": match.values["a"], "null": 0.0,
               "size": abs(match.values["a"]) or 1.0},
-        "b": {"unit": signal_unit, "bounds": _short(curve.low - span, curve.high + span)},
+        "b": {"unit": signal_unit, "bounds": _short(lowest, curve.high + reach)},
         "c": {"unit": signal_unit, "bounds": _short(_LEAST_WIDTH * span, 10.0 * span)},
         "p": {"unit": "", "bounds": (0.1, 6.0)},
         "k": {"unit": product_unit(("rad", 1), (signal_unit, -1)),
               "bounds": _short(1.0 / span, 10.0 * _WAVES / span)},
     }  # fmt: skip
-    own = {n: {**told[n], "value": match.values[n]} for n in ("a", *form.parameters)}
+    names = _names(form, curve.signal, match.times)
+    own = {names[n]: {**told[n], "value": match.values[n]} for n in names}
     kept = [n for n in curve.given if n in expression_of(law).places]
     own |= {n: {**curve.given[n], "value": getattr(curve, n)} for n in kept}
     return Formula(curve.port, law, name=f"{curve.name}_form", **own)
@@ -158,12 +101,29 @@ def _short(*numbers: float) -> tuple[float, ...]:
     return tuple(float(f"{number:.5g}") for number in numbers)
 
 
-def _spelt(text: str, signal: str, reference: float) -> str:
+def values_of(form: Form, formula: Formula) -> dict[str, float]:
+    """The parameters of a form, by its own names, in the formula that was made of it."""
+    own = ("a", *form.parameters)
+    return {n: getattr(formula, told) for n, told in zip(own, formula.given, strict=False)}
+
+
+def _names(form: Form, *expressions: str) -> dict[str, str]:
+    """What a form's parameters are called beside the names of some expressions."""
+    taken = {name for text in expressions if text for name in expression_of(text).places}
+    return {n: n if n not in taken else f"{n}_form" for n in ("a", *form.parameters)}
+
+
+def _spelt(form: Form, signal: str, match: Match) -> str:
     """A form's expression of a signal, in place of ``x`` and ``r``."""
     import re
 
-    words = {"x": signal if signal.isidentifier() else f"({signal})", "r": f"{reference:.4g}"}
-    return re.sub(r"\b[xr]\b", lambda word: words[word[0]], text)
+    words = {
+        "x": signal if signal.isidentifier() else f"({signal})",
+        "r": f"{match.reference:.4g}",
+        **_names(form, signal, match.times),
+    }
+    spelt = re.sub(r"\b[xrabcpk]\b", lambda word: words[word[0]], form.text)
+    return ast.unparse(ast.parse(spelt, mode="eval").body)
 
 
 def _best(form: Form, ground: Ground) -> Match:
@@ -172,14 +132,18 @@ def _best(form: Form, ground: Ground) -> Match:
 
     x, names = ground.x, form.parameters
     span = x[-1] - x[0]
-    waves = 2.0 * np.pi / span
+    waves, low, high = 2.0 * np.pi / span, x[0], x[-1]
+    if form.even:
+        low, high = 0.0, max(abs(low), abs(high))
+    elif form.far:
+        low, high = low - _FAR * span, high + _FAR * span
     grids = {
-        "b": np.linspace(x[0], x[-1], _PLACES + 2)[1:-1], "c": span * np.array(_WIDTHS),
-        "p": np.array(_EXPONENTS), "k": waves * np.arange(1.0, _WAVES),
+        "b": np.linspace(low, high, _PLACES + 2)[1:-1], "c": span * np.array(_WIDTHS),
+        "p": np.array(_EXPONENTS), "k": waves * np.arange(2.0, _WAVES),
     }  # fmt: skip
     ends = {
-        "b": (x[0], x[-1]), "c": (_LEAST_WIDTH * span, 3.0 * span), "p": (0.2, 5.0),
-        "k": (0.5 * waves, _WAVES * waves),
+        "b": (low, high), "c": (_LEAST_WIDTH * span, 3.0 * span), "p": (0.2, 5.0),
+        "k": (1.5 * waves, _WAVES * waves),
     }  # fmt: skip
     unit = {"b": span, "c": span, "p": 1.0, "k": 1.0 / span}
 

@@ -15,7 +15,6 @@ from diffthrust.effects._grammar import expression_of
 from diffthrust.effects._memory import value_along
 from diffthrust.logs._units import product_unit
 from diffthrust.models._base.made_effect import ARRIVING
-from diffthrust.simulation._inputs import inputs_of
 
 CLOCK = "integral(1)"
 """The time since the log began."""
@@ -69,14 +68,16 @@ def products(
     likely = {law.signal for law in best}
     for times in (expression for name in names for expression in (name, f"abs({name})")):
         for law in _of_each_signal(trials, place, seen, port, times, {*names, *likely}):
-            if law.parameters or law.signal not in times:  # one of one signal is had already
+            if (
+                law.parameters or law.signal not in expression_of(times).places
+            ):  # one of one signal is had already
                 yield law
 
 
 def units_at(trials: Trials, port: str) -> dict[str, str]:
     """The units of what an effect may read at a port, as far as they are known."""
-    model, log = trials.model, trials.logs[0]
-    known = {**inputs_of(model, log), **model.all_states, **model.channel_units}
+    model = trials.model
+    known = {**model.inputs, **model.optional_inputs, **model.all_states, **model.channel_units}
     return {**known, ARRIVING: words_and_unit(model, port)[1]}
 
 
@@ -150,8 +151,8 @@ def _expressions(
             if width > 0:
                 unit = units.get(name, "")
                 yield f"{name} - play({name}, {WIDTH})", {WIDTH: _guessed(width, unit)}
-    for name in (n for n in names if n in trials.model.states):
-        yield f"integral({name})", {}
+        if name in names:
+            yield f"integral({name})", {}
     if port == place.port and arriving:
         yield ARRIVING, {}
     yield CLOCK, {}

@@ -41,11 +41,13 @@ _ALIKE = 1.0
 """Of laws whose evidence is no further apart than this the plainer one is taken."""
 _CLEAR = 10.0
 """Less evidence than this is not worth a fit."""
+_MOVED, _POINTS = 0.05, 241
+"""A curve is laid anew where its signal's range is off by more than such a share of it."""
 _NEAR = 0.7
 """A closed form that promises no less than this of what the curve does may be its law (effects
 beside it that only imitated the law have bent the curve),"""
 _FORMS = 3
-"""and so many are fitted in its place, and of the others the plainest."""
+"""and so many are fitted in its place, with the plain forms that they come near to."""
 _ALIKE_RUNS = 1.02
 """Of forms whose whole runs err by no more than so many times as much as the best the plainest is
 named."""
@@ -91,9 +93,9 @@ def _learned_beside(
     likely = _likeliest(tools, trial, place)
     if not likely:
         return None
-    found = [_fitted(tools, before, likely[0])]
+    found = [_fitted(tools, before, trial, likely[0])]
     if rival := _rival(likely):
-        found.append(_fitted(tools, before, rival))
+        found.append(_fitted(tools, before, trial, rival))
     better = [law for law in found if law is not None]
     return min(better, key=lambda law: law.fit.train.nrmse, default=None)
 
@@ -132,28 +134,48 @@ def _plainness(law: Hypothesis) -> tuple[int, int]:
     return ("", ARRIVING, law.times).index(law.times), len(law.signal)
 
 
-def _fitted(tools: Tools, before: Fit, likely: LikelyCurve) -> LearnedLaw | None:
+def _fitted(tools: Tools, before: Fit, trial: TrialFit, likely: LikelyCurve) -> LearnedLaw | None:
     """A law fitted to whole runs beside a model; ``None`` where these are no better."""
-    model, law, curve = before.model, likely.law, likely.curve
-    units = units_at(tools.trials, curve.port)
-    port_unit, signal_unit = units[ARRIVING], unit_of(curve.signal, units)
-    unit = "" if curve.times else port_unit
-    fit = tools.refit(
-        model + Curve(**{**curve.arguments, "unit": unit, "name": _free_name(model)}), starts=1
-    )
+    model, law = before.model, likely.law
+    unit = _unit(tools, law.port, law.times)
+    own = {**likely.curve.arguments, "unit": unit, "name": _free_name(model)}
+    fit, curve = _with(tools, model, Curve(**own))
+    if curve.given:  # what it remembers has another range than at the first guess
+        told = {n: {**curve.given[n], "value": getattr(curve, n)} for n in curve.given}
+        law = hypothesis(observed(tools.trials, trial), law.port, law.signal, law.times, told)
+        ends = float(min(map(np.min, law.over))), float(max(map(np.max, law.over)))
+        moved = max(abs(ends[0] - curve.low), abs(ends[1] - curve.high))
+        if ends[0] < ends[1] and moved > _MOVED * (ends[1] - ends[0]):
+            fit, curve = _with(tools, model, _laid_over(curve, *ends))
     worth = _worth(tools, before, fit)
     if not worth.sure or not fit.train.nrmse < before.train.nrmse:
         return None
+    units = units_at(tools.trials, curve.port)
     return LearnedLaw(
-        curve=fit.model.effects[-1],  # pyright: ignore[reportArgumentType]
+        curve=curve,
         fit=fit,
         worth=worth,
         evidence=likely.evidence,
         samples=np.concatenate(law.over),
         factors=None if law.factor is None else np.concatenate(law.factor),
-        signal_unit=signal_unit,
-        port_unit=port_unit,
+        signal_unit=unit_of(curve.signal, units),
+        port_unit=units[ARRIVING],
     )
+
+
+def _with(tools: Tools, model: Model, curve: Curve) -> tuple[Fit, Curve]:
+    """A model with a curve, fitted to whole runs, and the curve as it is then."""
+    fit = tools.refit(model + curve, starts=1)
+    return fit, fit.model.effects[-1]  # pyright: ignore[reportReturnType]
+
+
+def _laid_over(curve: Curve, low: float, high: float) -> Curve:
+    """The same curve on another range."""
+    own = {n: {**curve.given[n], "value": getattr(curve, n)} for n in curve.given}
+    there = Curve(**{**curve.arguments, "low": low, "high": high, **own})
+    x = np.linspace(low, high, _POINTS)
+    shape = np.linalg.lstsq(there.basis(x).T, np.asarray(curve.at_signal(x)), rcond=None)[0]
+    return Curve(**{**there.arguments, "shape": tuple(map(float, shape))})
 
 
 def _worth(tools: Tools, before: Fit, after: Fit) -> Worth:
@@ -163,8 +185,8 @@ def _worth(tools: Tools, before: Fit, after: Fit) -> Worth:
 
 def _free_name(model: Model) -> str:
     taken = {effect.name for effect in model.effects}
-    names = ("curve", *(f"curve{k}" for k in range(2, len(taken) + 3)))
-    return next(name for name in names if name not in taken)
+    names = ("curve", *(f"curve{k}" for k in range(2, 2 * len(taken) + 3)))
+    return next(name for name in names if not {name, f"{name}_form"} & taken)
 
 
 def _named(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> LearnedLaw:
@@ -179,13 +201,13 @@ def _named(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> Learn
     curve, price = law.curve, math.log(tools.trials.samples)
     tried: list[TriedForm] = []
     for match in _close(tools, trial, curve):
-        formula = formula_of(match, curve, _unit(tools, law, match.times), law.signal_unit)
+        formula = formula_of(match, curve, _unit(tools, curve.port, match.times), law.signal_unit)
         fit = tools.refit(law.fit.model - curve.name + formula, starts=1)
         if not math.isfinite(fit.train.nrmse):
             continue
         gain = 2.0 * (fit.log_likelihood - before.log_likelihood)
         effect = as_estimated(fit.model.effects[-1])  # pyright: ignore[reportArgumentType]
-        bic = price * (1 + len(match.form.parameters)) - gain
+        bic = price * len(formula.declared) - gain
         told = TriedForm(match.form.name, effect, fit, bic, match.times, match.reference)
         tried.append(told)
     tried.sort(key=lambda one: one.bic)
@@ -212,22 +234,20 @@ def _close(tools: Tools, trial: TrialFit, curve: Curve) -> list[Match]:
     near = [one for one in matches(grounds) if one.gain > max(least, 0.0)]
     near.sort(key=lambda one: price * _parameters(one) - one.gain)
     first, rest = near[:_FORMS], near[_FORMS:]
-    plain = min(rest, key=_parameters, default=None)
-    if plain and _parameters(plain) < min(map(_parameters, first)):
-        first.append(plain)
-    return first
+    plain = {(one.form.plain, one.times) for one in first}
+    return [*first, *(one for one in rest if (one.form.name, one.times) in plain)]
 
 
 def _parameters(match: Match) -> int:
     return len(match.form.parameters)
 
 
-def _unit(tools: Tools, law: LearnedLaw, times: str) -> str:
-    """The unit of a form that is multiplied by something."""
+def _unit(tools: Tools, port: str, times: str) -> str:
+    """The unit of what is added at a port when it is multiplied by something."""
     if times == ARRIVING:
         return ""
-    per = unit_of(times, units_at(tools.trials, law.curve.port)) if times else ""
-    return product_unit((law.port_unit, 1), (per, -1))
+    units = units_at(tools.trials, port)
+    return product_unit((units[ARRIVING], 1), (unit_of(times, units) if times else "", -1))
 
 
 def _as_good(fit: Fit, other: Fit, times: float = _AS_GOOD) -> bool:

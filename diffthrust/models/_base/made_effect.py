@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from inspect import get_annotations
 from typing import Any, ClassVar
 
 from diffthrust._support.errors import InputError
@@ -58,7 +59,8 @@ class MadeEffect(Effect):
                     "Correct the name, or remove it.",
                 )
             self._check_word("parameter", name)
-            if hasattr(type(self), name) or name in _MEANT or name.startswith("_"):
+            taken = hasattr(type(self), name) or name in get_annotations(type(self))
+            if taken or name in _MEANT or name.startswith("_"):
                 raise InputError(
                     f"{word}: a parameter cannot be called {name!r}, which means something else.",
                     "Give it another name.",
@@ -70,7 +72,7 @@ class MadeEffect(Effect):
         def named(name: str) -> Any:
             if name == ARRIVING:
                 return value
-            return getattr(self if name in self.declared else s, name)
+            return getattr(self if name in self.given else s, name)
 
         return named
 
