@@ -6,9 +6,10 @@ Thrust that overshoots and kicks back: open-loop runs of a thruster, speed as th
 A voltage is switched on and off again; the thrust overshoots at the run-up and turns negative at
 the stop, which a law of the speed alone cannot do. The measured speed drives the model, so that
 only the thrust is on trial; the file name tells the sign of the speed, and the load cell's tare is
-taken from the rest before the start. The diagnosis finds what makes overshoot and kick. Out come
-the error with and without, and a figure of an unseen run. Data: J. Boehm, MSc thesis, University of
-Maryland, 2019.
+taken from the rest before the start. From one sample to the next the diagnosis is sure of axial
+flow, which makes overshoot and kick; over whole runs it removes nothing that surely matters: the
+verdict is "undecided", with the record that would decide. Out come the report and a figure of the
+stages. Data: J. Boehm, MSc thesis, University of Maryland, 2019.
 
     python examples/open_loop_thrust.py [FOLDER FOR REPORT AND FIGURE]
 """

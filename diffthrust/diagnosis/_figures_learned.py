@@ -10,7 +10,7 @@ from diffthrust._support.figures import BLUE, GREY
 from diffthrust.diagnosis._figures import BAND, COLOURS, plainly
 from diffthrust.diagnosis._learned_words import manner_words, signal_words
 from diffthrust.diagnosis._learning.closed_forms import FORMS
-from diffthrust.diagnosis._learning.forms import values_of
+from diffthrust.diagnosis._learning.forms import form_values
 from diffthrust.models._base.made_effect import ARRIVING
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def _curve(panel: Axes, law: LearnedLaw) -> None:
 def _formed(law: LearnedLaw, tried: TriedForm, x: np.ndarray) -> np.ndarray | None:
     """A form over the signal, as what the curve is; ``None`` where it is that of no one curve."""
     form = next(one for one in FORMS if one.name == tried.name)
-    found = form.over(x, {**values_of(form, tried.formula), "r": tried.reference})
+    found = form.over(x, {**form_values(form, tried.formula), "r": tried.reference})
     if tried.times != law.curve.times:
         if tried.times or law.factors is None:
             return None

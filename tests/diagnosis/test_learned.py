@@ -16,9 +16,9 @@ from diffthrust.diagnosis._learning import (  # private: figures that no result 
 )
 from diffthrust.diagnosis._learning.closed_forms import FORMS  # private: as above
 from diffthrust.diagnosis._learning.forms import (  # private: forms without a diagnosis
+    form_values,
     formula_of,
     matches,
-    values_of,
 )
 from diffthrust.effects import Curve
 
@@ -141,7 +141,7 @@ def test_parameters_of_forms_are_told_from_signals_of_their_names(signal):
     for match in matches({"": judged(LAWS["hump"])}):
         formula = formula_of(match, curve, "rad/s^2", "rad/s")
         assert formula.reads == ((signal,) if match.form.name != "constant" else ())
-        own = values_of(match.form, formula)
+        own = form_values(match.form, formula)
         assert own == pytest.approx({n: match.values[n] for n in own})
 
 

@@ -101,7 +101,7 @@ def _short(*numbers: float) -> tuple[float, ...]:
     return tuple(float(f"{number:.5g}") for number in numbers)
 
 
-def values_of(form: Form, formula: Formula) -> dict[str, float]:
+def form_values(form: Form, formula: Formula) -> dict[str, float]:
     """The parameters of a form, by its own names, in the formula that was made of it."""
     own = ("a", *form.parameters)
     return {n: getattr(formula, told) for n, told in zip(own, formula.given, strict=False)}
