@@ -155,6 +155,7 @@ def test_open_loop_thrust(tmp_path):
     text = run("open_loop_thrust", tmp_path)
     assert "Verdict: undecided" in text
     assert re.search(r"These logs also show axial flow \([^)]*\)", text)
+    assert "while the logs prescribe 'speed'" in text
     figure(tmp_path, "open_loop_stages.png")
 
 
