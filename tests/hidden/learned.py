@@ -36,7 +36,6 @@ NAMES: Mapping[str, frozenset[str]] = {
     "reverse_stall": frozenset({"step"}),
     "resistance_hump": frozenset({"odd humps"}),
     "bow_wave_turning": frozenset({"hump"}),
-    "tether_pull": frozenset({"ripple"}),
 }
 """The closed forms that are right."""
 

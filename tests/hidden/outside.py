@@ -81,12 +81,6 @@ def bow_wave_turning(forces, s, *, moment=0.0, middle=0.5, width=0.12):
     return x, y, n + moment * math.exp(-(((s.surge - middle) / width) ** 2))
 
 
-def tether_pull(forces, s, *, moment=0.0, heading=0.0):
-    """A stiff tether turns the hull with ``moment`` to the ``heading`` [rad] it was laid in."""
-    x, y, n = forces
-    return x, y, n - moment * math.sin(s.heading - heading)
-
-
 def _ports(*names: str) -> frozenset[str]:
     return frozenset(names)
 
@@ -124,9 +118,6 @@ VESSEL_OUTSIDE: dict[str, Outside] = {
     ),
     "bow_wave_turning": Outside(
         Effect("hull", bow_wave_turning), _ports("yaw_moment", "yaw_acceleration"), _ports("surge")
-    ),
-    "tether_pull": Outside(
-        Effect("hull", tether_pull), _ports("yaw_moment", "yaw_acceleration"), _ports("heading")
     ),
 }
 

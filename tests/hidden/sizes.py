@@ -166,7 +166,6 @@ VESSEL_OUTSIDE: dict[str, Size] = {
         0.3,
         lambda x, k: {"moment": x * k["moment"], **_bump(0.75, 0.12, k["surge"])},
     ),
-    "tether_pull": Size(0.2, None, 0.2, lambda x, k: {"moment": x * k["moment"], "heading": 0.5}),
 }
 
 
