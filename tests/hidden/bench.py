@@ -62,7 +62,7 @@ def examine(kind: str, seed: int, diagnose: Callable[..., Any], ratio: bool = Tr
         "why": outcome.why,
         "ratio": close,
         "seconds": round(seconds, 2),
-        "unseen": [] if diag is None else [stage.holdout.nrmse for stage in diag.stages],
+        "unseen": [] if diag is None else _unseen(diag.to_json()),
         "diagnosis": None if diag is None else _brief(diag),
     }
 
@@ -76,6 +76,11 @@ def drawn(kind: str, seed: int) -> HiddenSet:
 def _brief(diag: Any) -> Row:
     """What a diagnosis says, and on what it rests, without the errors of its stages."""
     return {key: value for key, value in diag.to_json().items() if key != "stages"}
+
+
+def _unseen(told: Row) -> list[float]:
+    """NRMSE of the unseen log, stage by stage."""
+    return [stage["holdout"]["nrmse"] for stage in told.get("stages", []) if stage["holdout"]]
 
 
 def _work(task: Task) -> Row:

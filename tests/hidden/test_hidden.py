@@ -14,7 +14,7 @@ from reference.vessel_hidden import VESSEL
 from rich.console import Console
 
 import diffthrust as dft
-from hidden import bench, further, outside, score, sets, sizes
+from hidden import bench, further, learned, outside, score, sets, sizes
 from hidden.visibility import visibility
 
 #: What the reference can hide, but the catalogue does not have.
@@ -232,6 +232,25 @@ def test_a_bench_that_was_cut_goes_on_and_reports(tmp_path, monkeypatch):
         assert row["right"] == (row["group"] == "none_ar")
         assert row["right"] or "no convergence" in row["why"]
     assert sum(line.count for line in score.confusion(rows)) == 3
+
+
+def test_what_was_learned_is_held_against_the_plant():
+    error = learned.plant_error(sets.draw("outside/load_hump", 5))
+    law = {"port": "load", "signals": ["speed", "value"], "form": "odd humps",
+           "holdout": {"nrmse": 1.05 * error}}  # fmt: skip
+    wrong = {**law, "port": "drive", "form": None, "holdout": {"nrmse": 1.2 * error}}
+    said = {"kind": "outside/load_hump", "seed": 5, "unseen": [5 * error]}
+    rows = [{**said, "diagnosis": {"learned": laws}} for laws in ([law], [wrong], [])]
+    near, far, none = map(learned.judged, rows)
+    assert (near.halves, near.close, near.port, near.form) == (True, True, True, True)
+    assert near.ratio == pytest.approx(1.05)
+    assert (far.close, far.port, far.form) == (False, False, False)
+    assert (none.close, none.port, none.form, none.told) == (False, None, None, "nothing")
+    shown = io.StringIO()
+    empty = {"kind": "field-none", "seed": 1, "unseen": [0.1], "diagnosis": {"learned": [law]}}
+    learned.report([*rows, empty], Console(file=shown, width=200))
+    assert "close to the plant, where it halves the error: 1 of 3" in shown.getvalue()
+    assert "learned where nothing is hidden: 1 of 1" in shown.getvalue()
 
 
 def test_quick_subset():
