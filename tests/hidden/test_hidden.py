@@ -249,7 +249,7 @@ def test_what_was_learned_is_held_against_the_plant():
     shown = io.StringIO()
     empty = {"kind": "field-none", "seed": 1, "unseen": [0.1], "diagnosis": {"learned": [law]}}
     learned.report([*rows, empty], Console(file=shown, width=200))
-    assert "close to the plant, where it halves the error: 1 of 3" in shown.getvalue()
+    assert "close to the plant, where it would halve the error: 1 of 3" in shown.getvalue()
     assert "learned where nothing is hidden: 1 of 1" in shown.getvalue()
 
 

@@ -53,9 +53,12 @@ _ALIKE_RUNS = 1.02
 named."""
 _AS_GOOD = 1.1
 """It is, where whole runs err by no more than so many times as much with it."""
+_IMITATED = 0.5
+"""A law may be what effects only imitated where one-step errors ask for it with at least so much of
+what these effects gained,"""
 _BETTER = 0.95
-"""Effects that were added before a law was learned only imitated it, where whole runs err by no
-more than so many times as much with the law in their place."""
+"""and it is, where whole runs err by no more than so many times as much with the law in their
+place."""
 
 
 def learned_laws(tools: Tools, known: SearchState, first: TrialFit) -> tuple[LearnedLaw, ...]:
@@ -76,7 +79,8 @@ def learned_laws(tools: Tools, known: SearchState, first: TrialFit) -> tuple[Lea
     place, last = _place(tools, left), known.stages[-1]
     if last.effects:
         begun = known.stages[0]
-        law = _learned_beside(tools, begun.fit, first, place)
+        gained = first.cost - known.present.trial.cost
+        law = _learned_beside(tools, begun.fit, first, place, least=_IMITATED * gained)
         if law and _as_good(law.fit, last.fit, _BETTER):
             return (_named(tools, begun.fit, first, replace(law, superfluous=last.effects)),)
     law = _learned_beside(tools, last.fit, known.present.trial, place)
@@ -87,11 +91,11 @@ def learned_laws(tools: Tools, known: SearchState, first: TrialFit) -> tuple[Lea
 
 
 def _learned_beside(
-    tools: Tools, before: Fit, trial: TrialFit, place: DrivingPort
+    tools: Tools, before: Fit, trial: TrialFit, place: DrivingPort, least: float = 0.0
 ) -> LearnedLaw | None:
     """The law beside a model that makes whole runs better: the likeliest, or its rival."""
     likely = _likeliest(tools, trial, place)
-    if not likely:
+    if not likely or likely[0].evidence < least:
         return None
     found = [_fitted(tools, before, trial, likely[0])]
     if rival := _rival(likely):
@@ -216,7 +220,8 @@ def _named(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> Learn
     law = replace(law, forms=tuple(tried))
     if not tried or not _as_good(tried[0].fit, law.fit):
         return law
-    return replace(law, named=True, worth=_worth(tools, before, tried[0].fit))
+    worth = _worth(tools, before, tried[0].fit)
+    return replace(law, named=True, worth=worth) if worth.sure else law
 
 
 def _close(tools: Tools, trial: TrialFit, curve: Curve) -> list[Match]:
