@@ -32,7 +32,6 @@ INNER = {
     "dft.cycles.Backlash.passage",
     "dft.cycles.Relay.passage",
     # what models and files ask of effects and widths
-    "dft.effects.Curve.read",
     "dft.effects.Formula.adds",
     "dft.logs.PWM.read",
 }

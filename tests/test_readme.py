@@ -80,7 +80,8 @@ def test_every_verdict_is_explained(verdict):
 def test_links_lead_somewhere(page):
     text = page.read_text(encoding="utf-8")
     for target in re.findall(r"\]\((?!http)([^)#]+)\)", text):
-        assert (page.parent / target).exists(), target
+        made = target.endswith(("atlas/index.md", "reference/index.md"))
+        assert made or (page.parent / target).exists(), target  # a build of the site makes these
 
 
 def test_the_first_commands_install_what_they_need():
