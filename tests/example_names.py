@@ -130,6 +130,12 @@ def mpc() -> dft.control.MPC:
     )
 
 
+def sighted() -> dict[str, float]:
+    """What the sensors of a vessel at rest say, half a metre to starboard of its path."""
+    still = dict.fromkeys(("surge", "sway", "yaw_rate", "north", "heading"), 0.0)
+    return {**still, "east": 0.5}
+
+
 @cache
 def track() -> dft.control.TrackRun:
     """A vessel under `mpc` along a straight path, 4 s."""
@@ -192,7 +198,7 @@ MADE: dict[str, Callable[[], Any]] = {
     f.__name__: f
     for f in (
         *(log, unseen, fit, post, lacking, diag, boat_log),
-        *(loop, run, mpc, track, fits, fleet, held, manoeuvred, done),
+        *(loop, run, mpc, sighted, track, fits, fleet, held, manoeuvred, done),
     )
 }
 

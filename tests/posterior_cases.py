@@ -6,10 +6,31 @@ import numpy as np
 from reference import inputs, thruster
 
 import diffthrust as dft
+from diffthrust.uncertainty._profile_curve import Profile  # private: a profile of one's own
 
 NOISE = 0.2
 PRIORS = {"slope": dft.Normal(0.25, 0.05), "offset": dft.Normal(-0.2, 0.1)}
 TRUE = {"alpha": 0.037, "beta": 42.0, "ct": 0.02}
+
+
+PROFILE = Profile(
+    name="a",
+    unit="V",
+    value=2.0,
+    low=1.5,
+    high=2.6,
+    open_low=None,
+    open_high=None,
+    level=0.9,
+    threshold=2.7,
+    grid=np.array([1.4, 2.0, 2.7]),
+    drop=np.array([2.0, 0.0, 1.9]),
+    std_error=0.3,
+    bounds=(0.5, None),
+    per=1000.0,
+    shown_unit="mV",
+)
+"""A profile of one's own, in volts and told in millivolts."""
 
 
 def line(known: bool = True, count: int = 40, seed: int = 0) -> tuple[dft.Fit, dft.Log]:

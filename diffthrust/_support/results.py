@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
@@ -29,12 +30,12 @@ class Brief:
         return ", ".join(f"{f.name}={_brief(getattr(self, f.name))}" for f in shown)
 
 
-class Result(Brief):
+class Result(Brief, ABC):
     """The outcome of some work, told in one way to terminals and notebooks."""
 
+    @abstractmethod
     def _told(self) -> RenderableType:
         """All there is to tell."""
-        raise NotImplementedError
 
     def report(self) -> str:
         """What there is to tell, as text for people."""

@@ -144,15 +144,7 @@ class MPC:
             InputError: a measurement that is missing or not finite.
 
         Example:
-            >>> measured = {
-            ...     "surge": 0.0,
-            ...     "sway": 0.0,
-            ...     "yaw_rate": 0.0,
-            ...     "north": 0.0,
-            ...     "east": 0.5,
-            ...     "heading": 0.0,
-            ... }
-            >>> plan = mpc.start(measured)
+            >>> plan = mpc.start(sighted)
             >>> sorted(plan.inputs)
             ['propeller_speed', 'rudder_angle']
         """
@@ -181,16 +173,8 @@ class MPC:
             InputError: a path of another length, or with numbers that are not finite.
 
         Example:
-            >>> measured = {
-            ...     "surge": 0.0,
-            ...     "sway": 0.0,
-            ...     "yaw_rate": 0.0,
-            ...     "north": 0.0,
-            ...     "east": 0.5,
-            ...     "heading": 0.0,
-            ... }
             >>> path = dft.control.StraightPath(0.8)
-            >>> plan = mpc.step(mpc.start(measured), measured, path.at(mpc.ahead))
+            >>> plan = mpc.step(mpc.start(sighted), sighted, path.at(mpc.ahead))
             >>> float(plan.inputs["propeller_speed"]) > 0
             True
         """

@@ -51,15 +51,7 @@ class Plan(NamedTuple):
         unseen: samples since the speeds were measured, for the estimate of ``push``.
 
     Example:
-        >>> measured = {
-        ...     "surge": 0.0,
-        ...     "sway": 0.0,
-        ...     "yaw_rate": 0.0,
-        ...     "north": 0.0,
-        ...     "east": 0.5,
-        ...     "heading": 0.0,
-        ... }
-        >>> plan = mpc.start(measured)
+        >>> plan = mpc.start(sighted)
         >>> plan._fields
         ('inputs', 'planned', 'state', 'push', 'cost', 'iterations', 'settled', 'unseen')
     """

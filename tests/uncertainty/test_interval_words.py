@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from posterior_cases import PROFILE
 from scipy.stats import chi2, f, norm
 from scipy.stats import t as student
 
@@ -18,7 +19,6 @@ from diffthrust.uncertainty._interval_words import (  # private: the sentences a
 )
 from diffthrust.uncertainty._intervals_row import Interval  # private: told by a call
 from diffthrust.uncertainty._profile import threshold_of  # private: the threshold alone
-from diffthrust.uncertainty._profile_curve import Profile  # private: a profile of one's own
 
 
 def problem(known=(False,), counts=(40.0, 23.0), closed=True, lasts=False, independent=30.0):
@@ -93,25 +93,6 @@ def test_draws_leave_out_equal_shares():
     ]
 
 
-CURVE = Profile(
-    name="a",
-    unit="V",
-    value=2.0,
-    low=1.5,
-    high=2.6,
-    open_low=None,
-    open_high=None,
-    level=0.9,
-    threshold=2.7,
-    grid=np.array([1.4, 2.0, 2.7]),
-    drop=np.array([2.0, 0.0, 1.9]),
-    std_error=0.3,
-    bounds=(0.5, None),
-    per=1000.0,
-    shown_unit="mV",
-)
-
-
 # Sentences on disagreement.
 
 
@@ -119,7 +100,7 @@ def evidence(profile=None, std_error=0.25, at_bound=False, **more):
     estimate = SimpleNamespace(at_bound=at_bound, std_error=std_error)
     given = {
         "fit": SimpleNamespace(parameters={"a": estimate}),
-        "profile": replace(CURVE, **{"high": 2.5, "bounds": (None, None), **(profile or {})}),
+        "profile": replace(PROFILE, **{"high": 2.5, "bounds": (None, None), **(profile or {})}),
         "intervals": {"profile": Interval(1.5, 2.5)},
         "inflation": 1.0,
         "chance": 0.0,
@@ -153,7 +134,7 @@ def test_open_ends():
     )
     e = Evidence(
         fit=SimpleNamespace(parameters={"a": SimpleNamespace(at_bound=False, std_error=1.0)}),
-        profile=replace(CURVE, low=None, open_low="reaches the bound 0.5"),
+        profile=replace(PROFILE, low=None, open_low="reaches the bound 0.5"),
         intervals={"profile": Interval(None, 2.6)},
         inflation=None,
         chance=0.0,
@@ -169,7 +150,7 @@ def test_open_ends():
 
 
 def arms(low, high, **more):
-    profile = replace(CURVE, low=low, high=high, bounds=(None, None))
+    profile = replace(PROFILE, low=low, high=high, bounds=(None, None))
     fit = SimpleNamespace(parameters={"a": SimpleNamespace(at_bound=False, std_error=0.2)})
     told = {"inflation": None, "chance": 0.0, "correlation": 0.0, "prior": False}
     told |= {"recommended": "profile", "intervals": {"profile": Interval(low, high)}, **more}

@@ -4,37 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from posterior_cases import PROFILE
 
 from diffthrust.uncertainty._intervals_row import Interval, Row, scaled  # private: told by a call
-from diffthrust.uncertainty._profile_curve import Profile  # private: a profile of one's own
-
-CURVE = Profile(
-    name="a",
-    unit="V",
-    value=2.0,
-    low=1.5,
-    high=2.6,
-    open_low=None,
-    open_high=None,
-    level=0.9,
-    threshold=2.7,
-    grid=np.array([1.4, 2.0, 2.7]),
-    drop=np.array([2.0, 0.0, 1.9]),
-    std_error=0.3,
-    bounds=(0.5, None),
-    per=1000.0,
-    shown_unit="mV",
-)
 
 
 def test_the_unit_for_people():
-    told = CURVE.shown
+    told = PROFILE.shown
     assert (told.unit, told.value, told.low, told.high) == ("mV", 2000.0, 1500.0, 2600.0)
     assert (told.std_error, told.bounds, told.per) == (300.0, (500.0, None), 1.0)
     np.testing.assert_array_equal(told.grid, [1400.0, 2000.0, 2700.0])
     assert told.shown is told
-    assert replace(CURVE, std_error=None).shown.std_error is None
-    written = CURVE.to_json()["written"]
+    assert replace(PROFILE, std_error=None).shown.std_error is None
+    written = PROFILE.to_json()["written"]
     ends = {"value": 2000.0, "unit": "mV", "low": 1500.0, "high": 2600.0, "std_error": 300.0}
     assert written == ends
     assert scaled((2.0, None), 3.0) == (6.0, None)
@@ -65,11 +47,11 @@ def test_what_lies_within():
 
 
 def test_the_arms_of_a_profile():
-    assert CURVE.lopsided == pytest.approx(0.6 / 0.5)
-    assert replace(CURVE, low=None).lopsided is None
-    assert replace(CURVE, high=None).lopsided is None
-    assert replace(CURVE, low=2.0).lopsided is None
-    even = replace(CURVE, high=2.5, shown_unit="")
+    assert PROFILE.lopsided == pytest.approx(0.6 / 0.5)
+    assert replace(PROFILE, low=None).lopsided is None
+    assert replace(PROFILE, high=None).lopsided is None
+    assert replace(PROFILE, low=2.0).lopsided is None
+    even = replace(PROFILE, high=2.5, shown_unit="")
     assert even.sentence == "a lies between 1.50 and 2.50 V (90 %)."
     assert replace(even, high=2.57).sentence.endswith("(90 %).")  # 1.14 times as far
     told = "reaching 1.2 times as far up as the other way."

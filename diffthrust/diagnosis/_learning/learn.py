@@ -215,8 +215,9 @@ def _named(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> Learn
         told = TriedForm(match.form.name, effect, fit, bic, match.times, match.reference)
         tried.append(told)
     tried.sort(key=lambda one: one.bic)
-    alike = [one for one in tried if _as_good(one.fit, tried[0].fit, _ALIKE_RUNS)]
-    tried.sort(key=lambda one: one is not min(alike, key=lambda one: len(one.formula.declared)))
+    if alike := [one for one in tried if _as_good(one.fit, tried[0].fit, _ALIKE_RUNS)]:
+        plainest = min(alike, key=lambda one: len(one.formula.declared))
+        tried.sort(key=lambda one: one is not plainest)
     law = replace(law, forms=tuple(tried))
     if not tried or not _as_good(tried[0].fit, law.fit):
         return law
