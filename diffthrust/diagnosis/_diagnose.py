@@ -11,26 +11,23 @@ from diffthrust._support.progress import ProgressOption, progressing, teller
 from diffthrust.comparison._compare import Comparison, compare
 from diffthrust.diagnosis._candidates import Candidates
 from diffthrust.diagnosis._findings import Missing
-from diffthrust.diagnosis._groups import groups_of, proposal
+from diffthrust.diagnosis._groups import Grouped, grouped, proposal
 from diffthrust.diagnosis._held_values import held_values
-from diffthrust.diagnosis._learning.learn import learned_laws
+from diffthrust.diagnosis._learning.learn import learned
 from diffthrust.diagnosis._missing import missing_signals
 from diffthrust.diagnosis._odd_logs import odd_logs
 from diffthrust.diagnosis._result import Diagnosis
+from diffthrust.diagnosis._rounds import searched
 from diffthrust.diagnosis._search import LEARNING, SOUGHT, SearchState, Tools, begun
 from diffthrust.diagnosis._set_aside import set_aside
-from diffthrust.diagnosis._stages import next_stage
 from diffthrust.diagnosis._trials import TrialFit
 from diffthrust.diagnosis._verdict import verdict_of
-from diffthrust.diagnosis._whole_runs import from_whole_runs
 from diffthrust.estimation._arguments import by_input, check_arguments, listed
 from diffthrust.estimation._origin import origin_of, same_logs
 from diffthrust.estimation._result import Fit
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._remembered import simulated_once
-
-_MOST_STAGES = 5
 
 
 @progressing
@@ -99,13 +96,7 @@ def diagnose(
     with simulated_once():
         tools, known = begun(fit, train, unseen, candidates, seed, say)
         first = known.present.trial
-        while max(known.number, len(known.detectable)) < _MOST_STAGES:
-            before, known = known, next_stage(tools, known)
-            if known.found == before.found:
-                known = from_whole_runs(tools, known)
-            if known.found == before.found:
-                break
-        found = _reported(tools, known, first, unseen, limits, experiment)
+        found = _reported(tools, searched(tools, known), first, limits, experiment)
     say("done", 1.0)
     before = fit.origin if isinstance(fit, Fit) else None
     origin, notes = origin_of(train, unseen, before.spec if before else None), ()
@@ -118,17 +109,39 @@ def _reported(
     tools: Tools,
     known: SearchState,
     first: TrialFit,
-    unseen: Sequence[Log],
     limits: Mapping[str, tuple[float, float]] | None,
     experiment: bool,
 ) -> Diagnosis:
     """All that is told at the end of a search."""
-    trials, present = tools.trials, known.present.trial
     # what the first model lacks is seen with errors limited as they are at the end
-    first = replace(first, limit=present.limit)
-    groups = groups_of(tools, known, first, known.stages[-1].effects)
-    beside = groups_of(tools, known, first, known.detectable)
+    first = replace(first, limit=known.present.trial.limit)
+    effects = grouped(tools, known, first)
     tools.say("what no known effect explains", SOUGHT)
+    found = _findings(tools, effects, first)
+    if found.verdict == "unexplained":
+        tools.say("learning what no known effect explains", LEARNING)
+        with tools.clock("learned"):
+            answer = learned(tools, effects, first)
+        if answer is not None:
+            beside, law = answer
+            if beside is not effects:
+                effects = beside
+                found = replace(_findings(tools, beside, first), verdict="unexplained")
+            found = replace(found, laws=(law,))
+    if found.verdict in ("undecided", "unexplained"):
+        present = effects.known.present.trial.effects
+        possible = {n: w for n, w in known.possible.items() if n not in present}
+        found = replace(found, possible=possible)
+    if experiment:
+        rivals = [*effects.groups, *((None, name) for name in found.possible)]
+        found = replace(found, experiment=proposal(tools, effects.known, rivals, limits))
+    return found
+
+
+def _findings(tools: Tools, effects: Grouped, first: TrialFit) -> Diagnosis:
+    """What a search has found, and the verdict on it."""
+    trials, unseen, known = tools.trials, tools.unseen, effects.known
+    present = known.present.trial
     with tools.clock("missing"):
         missing = missing_signals(trials, first)
     with tools.clock("remaining"):
@@ -146,7 +159,7 @@ def _reported(
         verdict="adequate",
         model=tools.given,
         best=tuple(ends[1].model.effects[len(tools.given.effects) :]),
-        groups=groups,
+        groups=effects.groups,
         stages=known.stages,
         ranking=known.ranking,
         remaining=remaining,
@@ -170,22 +183,11 @@ def _reported(
             if n in (*known.stages[-1].effects, *known.detectable) and n not in trials.held
         },
         detectable=known.detectable,
-        detectable_groups=beside,
+        detectable_groups=effects.detectable_groups,
     )
     found = set_aside(tools, found)
     with tools.clock("headroom"):
-        found = replace(found, verdict=verdict_of(found))
-    if found.verdict == "unexplained":
-        tools.say("learning what no known effect explains", LEARNING)
-        with tools.clock("learned"):
-            found = replace(found, laws=learned_laws(tools, known, first))
-    if found.verdict in ("undecided", "unexplained"):
-        possible = {n: w for n, w in known.possible.items() if n not in present.effects}
-        found = replace(found, possible=possible)
-    if experiment:
-        rivals = [*groups, *((None, name) for name in found.possible)]
-        found = replace(found, experiment=proposal(tools, known, rivals, limits))
-    return found
+        return replace(found, verdict=verdict_of(found))
 
 
 def _held_against(

@@ -298,8 +298,7 @@ class Findings(Brief):
     def learned(self) -> tuple[Curve, ...]:
         """The learned laws as effects.
 
-        ``diag.model + diag.best + diag.learned`` has all that was found, but for effects that only
-        imitated a law (``superfluous`` of `laws`).
+        ``diag.model + diag.best + diag.learned`` has all that was found.
         """
         return tuple(law.curve for law in self.laws)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from typing import NamedTuple
 
 from diffthrust._support.errors import InputError
 from diffthrust.diagnosis._admit import MARGIN
@@ -28,7 +29,27 @@ _NAMED = 2
 """so many of them are named, the best."""
 
 
-def groups_of(
+class Grouped(NamedTuple):
+    """What a search has found, and what the logs cannot tell apart.
+
+    Args:
+        known: what it knows.
+        groups: for each effect of its last stage those that explain as much in its place.
+        detectable_groups: the same for each that is only detectable.
+    """
+
+    known: SearchState
+    groups: tuple[tuple[str, ...], ...]
+    detectable_groups: tuple[tuple[str, ...], ...]
+
+
+def grouped(tools: Tools, known: SearchState, first: TrialFit) -> Grouped:
+    """What a search has found with what the logs cannot tell apart; see `_groups_of`."""
+    added = _groups_of(tools, known, first, known.stages[-1].effects)
+    return Grouped(known, added, _groups_of(tools, known, first, known.detectable))
+
+
+def _groups_of(
     tools: Tools, known: SearchState, first: TrialFit, names: Sequence[str]
 ) -> tuple[tuple[str, ...], ...]:
     """For each of some effects of the present model those that, in its place, explain as much.

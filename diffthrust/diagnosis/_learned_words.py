@@ -41,10 +41,9 @@ def learned_words(diag: Findings) -> list[str]:
             words.append(f"{capitalised(form_words(law, law.form))}.")
         if law.superfluous:
             names = joined(spelt(name) for name in law.superfluous)
-            one = len(law.superfluous) == 1
             words.append(
-                f"{capitalised(names)} only imitated it: the model as given with this law alone is "
-                f"better than with {'it' if one else 'them'}."
+                f"{capitalised(names)} only imitated it: beside this law nothing asks for "
+                f"{'it' if len(law.superfluous) == 1 else 'them'}."
             )
     return words
 
@@ -98,6 +97,4 @@ def form_words(law: LearnedLaw, tried: TriedForm) -> str:
 
 def effects_of(diag: Findings) -> tuple[Effect, ...]:
     """What a model would have of all that was found: named effects, and what was learned."""
-    gone = {name for law in diag.laws for name in law.superfluous}
-    kept = tuple(effect for effect in diag.best if effect.name not in gone)
-    return (*kept, *(law.form.formula if law.form else law.curve for law in diag.laws))
+    return (*diag.best, *(law.form.formula if law.form else law.curve for law in diag.laws))

@@ -16,6 +16,7 @@ from diffthrust.diagnosis._learning import (  # private: figures that no result 
 )
 from diffthrust.diagnosis._learning.closed_forms import FORMS  # private: as above
 from diffthrust.diagnosis._learning.forms import (  # private: forms without a diagnosis
+    as_estimated,
     form_values,
     formula_of,
     matches,
@@ -133,6 +134,12 @@ def test_a_form_of_what_arrives_is_added_to_it(signal):
         formula = formula_of(match, curve, "rad/s^2", "rad/s^2")
         assert formula.declared["a"].null == 0.0
         assert formula.adds or formula.expression.startswith("value + ")
+
+
+def test_a_value_at_its_bound_stays_within_it_when_it_is_rounded():
+    told = {"unit": "rad/s", "value": 0.149034, "bounds": (0.149034, 1490.34)}
+    law = dft.effects.Formula("load", "speed - play(speed, half_width)", half_width=told)
+    assert as_estimated(law).half_width == 0.149034
 
 
 @pytest.mark.parametrize("signal", ["a", "b", "c", "p", "k"])

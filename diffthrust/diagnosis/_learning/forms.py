@@ -90,8 +90,9 @@ def as_estimated(formula: Formula) -> Formula:
     """The same formula, which begins where its parameters are now; in numbers that are read."""
     own = {}
     for name, told in formula.given.items():
+        low, high = formula.declared[name].limits
         (value,) = _short(getattr(formula, name))
-        own[name] = {**told, "value": value}
+        own[name] = {**told, "value": min(max(value, low), high)}
         if "size" in told:
             own[name]["size"] = abs(value) or told["size"]
     return Formula(formula.port, formula.expression, name=formula.name, **own)

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
 
-from diffthrust.diagnosis._admit import errors_between, left_of
-from diffthrust.diagnosis._findings import Remaining, Stage
-from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
+from diffthrust.diagnosis._admit import left_of
+from diffthrust.diagnosis._findings import Remaining
+from diffthrust.diagnosis._groups import Grouped
+from diffthrust.diagnosis._learned import LearnedLaw
+from diffthrust.diagnosis._learning.beside import sought_beside
 from diffthrust.diagnosis._learning.evidence import LikelyCurve, likely_curves
-from diffthrust.diagnosis._learning.forms import Match, as_estimated, formula_of, matches
-from diffthrust.diagnosis._learning.ground import ground_of
+from diffthrust.diagnosis._learning.fits import as_good, unit_at, worth_between_fits
 from diffthrust.diagnosis._learning.hypotheses import (
     Hypothesis,
     hypothesis,
@@ -21,14 +21,13 @@ from diffthrust.diagnosis._learning.hypotheses import (
     unit_of,
     units_at,
 )
+from diffthrust.diagnosis._learning.naming import named
 from diffthrust.diagnosis._ports import DrivingPort
-from diffthrust.diagnosis._search import SearchState, Tools
+from diffthrust.diagnosis._search import Tools
 from diffthrust.diagnosis._structure import behind, observed
 from diffthrust.diagnosis._trials import TrialFit
-from diffthrust.diagnosis._worth import Worth, worth_of
 from diffthrust.effects._curve import Curve
 from diffthrust.estimation._result import Fit
-from diffthrust.logs._units import product_unit
 from diffthrust.models._base.made_effect import ARRIVING
 from diffthrust.models._base.model import Model
 
@@ -43,16 +42,6 @@ _CLEAR = 10.0
 """Less evidence than this is not worth a fit."""
 _MOVED, _POINTS = 0.05, 241
 """A curve is laid anew where its signal's range is off by more than such a share of it."""
-_NEAR = 0.7
-"""A closed form that promises no less than this of what the curve does may be its law (effects
-beside it that only imitated the law have bent the curve),"""
-_FORMS = 3
-"""and so many are fitted in its place, with the plain forms that they come near to."""
-_ALIKE_RUNS = 1.02
-"""Of forms whose whole runs err by no more than so many times as much as the best the plainest is
-named."""
-_AS_GOOD = 1.1
-"""It is, where whole runs err by no more than so many times as much with it."""
 _IMITATED = 0.5
 """A law may be what effects only imitated where one-step errors ask for it with at least so much of
 what these effects gained,"""
@@ -61,33 +50,48 @@ _BETTER = 0.95
 place."""
 
 
-def learned_laws(tools: Tools, known: SearchState, first: TrialFit) -> tuple[LearnedLaw, ...]:
-    """The law that no known effect expresses, where structure is proven; empty if none is sure.
+def learned(tools: Tools, found: Grouped, first: TrialFit) -> tuple[Grouped, LearnedLaw] | None:
+    """The law that no known effect expresses, where structure is proven; ``None`` if none is sure.
 
     It must make whole unseen runs surely better (training runs, where no log is unseen). Effects
-    that were added may only have imitated it: where the model as given with the law is better than
-    the last stage, they are superfluous.
+    that were found without it may only have imitated it: they are sought again beside it.
 
     Args:
         tools: what the search worked with.
-        known: what it knows at its end.
+        found: what it found without a law.
         first: the trial of the model as given.
+
+    Returns:
+        The law, and what else is missing.
     """
-    left = known.present.remaining
-    if left is None:
-        return ()
-    place, last = _place(tools, left), known.stages[-1]
-    if last.effects:
-        begun = known.stages[0]
-        gained = first.cost - known.present.trial.cost
-        law = _learned_beside(tools, begun.fit, first, place, least=_IMITATED * gained)
-        if law and _as_good(law.fit, last.fit, _BETTER):
-            return (_named(tools, begun.fit, first, replace(law, superfluous=last.effects)),)
-    law = _learned_beside(tools, last.fit, known.present.trial, place)
+    known = found.known
+    if known.present.remaining is None:
+        return None
+    place, trial, before = _place(tools, known.present.remaining), known.present.trial, known.stages
+    law, base = None, before[0]
+    if trial.effects:
+        least = _IMITATED * (first.cost - trial.cost)
+        law = _learned_beside(tools, base.fit, first, place, least)
+        law = law if law and as_good(law.fit, before[-1].fit, _BETTER) else None
     if law is None:
-        return ()
-    law = _named(tools, last.fit, known.present.trial, law)
-    return (replace(law, worth=law.worth.of(left_of(known, last))),)
+        base = before[-1]
+        law = _learned_beside(tools, base.fit, trial, place)
+    if law is None:
+        return None
+    law = named(tools, base.fit, first if base is before[0] else trial, law)
+    if trial.effects:
+        found, law = sought_beside(tools, found, first, law)
+    last = found.known.stages[-1]
+    if {*last.effects} != {*base.effects}:
+        law = _beside_others(tools, last.fit, found.known.present.trial, law)
+    return found, replace(law, worth=law.worth.of(left_of(found.known, last)))
+
+
+def _beside_others(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> LearnedLaw:
+    """A law beside other effects than those beside which it was learned."""
+    fit, curve = _with(tools, before.model, law.curve)
+    worth = worth_between_fits(tools, before, fit)
+    return named(tools, before, trial, replace(law, curve=curve, fit=fit, worth=worth))
 
 
 def _learned_beside(
@@ -141,7 +145,7 @@ def _plainness(law: Hypothesis) -> tuple[int, int]:
 def _fitted(tools: Tools, before: Fit, trial: TrialFit, likely: LikelyCurve) -> LearnedLaw | None:
     """A law fitted to whole runs beside a model; ``None`` where these are no better."""
     model, law = before.model, likely.law
-    unit = _unit(tools, law.port, law.times)
+    unit = unit_at(tools, law.port, law.times)
     own = {**likely.curve.arguments, "unit": unit, "name": _free_name(model)}
     fit, curve = _with(tools, model, Curve(**own))
     if curve.given:  # what it remembers has another range than at the first guess
@@ -151,7 +155,7 @@ def _fitted(tools: Tools, before: Fit, trial: TrialFit, likely: LikelyCurve) -> 
         moved = max(abs(ends[0] - curve.low), abs(ends[1] - curve.high))
         if ends[0] < ends[1] and moved > _MOVED * (ends[1] - ends[0]):
             fit, curve = _with(tools, model, _laid_over(curve, *ends))
-    worth = _worth(tools, before, fit)
+    worth = worth_between_fits(tools, before, fit)
     if not worth.sure or not fit.train.nrmse < before.train.nrmse:
         return None
     units = units_at(tools.trials, curve.port)
@@ -182,83 +186,7 @@ def _laid_over(curve: Curve, low: float, high: float) -> Curve:
     return Curve(**{**there.arguments, "shape": tuple(map(float, shape))})
 
 
-def _worth(tools: Tools, before: Fit, after: Fit) -> Worth:
-    logs, trained = (tools.unseen, False) if tools.unseen else (tools.trials.logs, True)
-    return worth_of(errors_between(Stage((), before), Stage((), after), logs, trained=trained))
-
-
 def _free_name(model: Model) -> str:
     taken = {effect.name for effect in model.effects}
     names = ("curve", *(f"curve{k}" for k in range(2, 2 * len(taken) + 3)))
     return next(name for name in names if not {name, f"{name}_form"} & taken)
-
-
-def _named(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> LearnedLaw:
-    """A learned law with the closed forms that were tried in its place.
-
-    Args:
-        tools: what the search worked with.
-        before: the fit without the law.
-        trial: the trial beside which it was learned.
-        law: the law.
-    """
-    curve, price = law.curve, math.log(tools.trials.samples)
-    tried: list[TriedForm] = []
-    for match in _close(tools, trial, curve):
-        formula = formula_of(match, curve, _unit(tools, curve.port, match.times), law.signal_unit)
-        fit = tools.refit(law.fit.model - curve.name + formula, starts=1)
-        if not math.isfinite(fit.train.nrmse):
-            continue
-        gain = 2.0 * (fit.log_likelihood - before.log_likelihood)
-        effect = as_estimated(fit.model.effects[-1])  # pyright: ignore[reportArgumentType]
-        bic = price * len(formula.declared) - gain
-        told = TriedForm(match.form.name, effect, fit, bic, match.times, match.reference)
-        tried.append(told)
-    tried.sort(key=lambda one: one.bic)
-    if alike := [one for one in tried if _as_good(one.fit, tried[0].fit, _ALIKE_RUNS)]:
-        plainest = min(alike, key=lambda one: len(one.formula.declared))
-        tried.sort(key=lambda one: one is not plainest)
-    law = replace(law, forms=tuple(tried))
-    if not tried or not _as_good(tried[0].fit, law.fit):
-        return law
-    worth = _worth(tools, before, tried[0].fit)
-    return replace(law, named=True, worth=worth) if worth.sure else law
-
-
-def _close(tools: Tools, trial: TrialFit, curve: Curve) -> list[Match]:
-    """The closed forms that one-step errors ask for as they ask for a curve."""
-    trials = tools.trials
-    own = {n: {"value": getattr(curve, n)} for n in curve.given}
-    seen = observed(trials, trial)
-    grounds = {
-        times: ground_of(trials, trial, hypothesis(seen, curve.port, curve.signal, times, own))
-        for times in dict.fromkeys((curve.times, "", ARRIVING))
-        if times != ARRIVING or curve.signal != ARRIVING
-    }
-    ground, price = grounds[curve.times], math.log(trials.samples)
-    least = _NEAR * ground.gain(np.asarray(curve.at_signal(ground.x)))[0]
-    near = [one for one in matches(grounds) if one.gain > max(least, 0.0)]
-    near.sort(key=lambda one: price * _parameters(one) - one.gain)
-    first, rest = near[:_FORMS], near[_FORMS:]
-    plain = {(one.form.plain, one.times) for one in first}
-    return [*first, *(one for one in rest if (one.form.name, one.times) in plain)]
-
-
-def _parameters(match: Match) -> int:
-    return len(match.form.parameters)
-
-
-def _unit(tools: Tools, port: str, times: str) -> str:
-    """The unit of what is added at a port when it is multiplied by something."""
-    if times == ARRIVING:
-        return ""
-    units = units_at(tools.trials, port)
-    return product_unit((units[ARRIVING], 1), (unit_of(times, units) if times else "", -1))
-
-
-def _as_good(fit: Fit, other: Fit, times: float = _AS_GOOD) -> bool:
-    """Whether whole runs err by no more than so many times as much, on unseen logs as well."""
-    pairs = [(fit.train, other.train)]
-    if fit.holdout and other.holdout:
-        pairs.append((fit.holdout, other.holdout))
-    return all(one.nrmse <= times * than.nrmse for one, than in pairs)

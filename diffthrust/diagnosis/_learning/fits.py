@@ -1,0 +1,34 @@
+"""Fits of a model with a learned law: whether whole runs are as good, what a law is worth there."""
+
+from __future__ import annotations
+
+from diffthrust.diagnosis._admit import errors_between
+from diffthrust.diagnosis._findings import Stage
+from diffthrust.diagnosis._learning.hypotheses import unit_of, units_at
+from diffthrust.diagnosis._search import Tools
+from diffthrust.diagnosis._worth import Worth, worth_of
+from diffthrust.estimation._result import Fit
+from diffthrust.logs._units import product_unit
+from diffthrust.models._base.made_effect import ARRIVING
+
+
+def worth_between_fits(tools: Tools, before: Fit, after: Fit) -> Worth:
+    """What one fit removes of the whole-run errors of another, on unseen logs if there are any."""
+    logs, trained = (tools.unseen, False) if tools.unseen else (tools.trials.logs, True)
+    return worth_of(errors_between(Stage((), before), Stage((), after), logs, trained=trained))
+
+
+def as_good(fit: Fit, other: Fit, times: float = 1.0) -> bool:
+    """Whether whole runs err by no more than so many times as much, on unseen logs as well."""
+    pairs = [(fit.train, other.train)]
+    if fit.holdout and other.holdout:
+        pairs.append((fit.holdout, other.holdout))
+    return all(one.nrmse <= times * than.nrmse for one, than in pairs)
+
+
+def unit_at(tools: Tools, port: str, times: str) -> str:
+    """The unit of what is added at a port when it is multiplied by something."""
+    if times == ARRIVING:
+        return ""
+    units = units_at(tools.trials, port)
+    return product_unit((units[ARRIVING], 1), (unit_of(times, units) if times else "", -1))
