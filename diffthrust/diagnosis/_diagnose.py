@@ -17,17 +17,20 @@ from diffthrust.diagnosis._learning.learn import learned
 from diffthrust.diagnosis._missing import missing_signals
 from diffthrust.diagnosis._odd_logs import odd_logs
 from diffthrust.diagnosis._result import Diagnosis
-from diffthrust.diagnosis._rounds import searched
 from diffthrust.diagnosis._search import LEARNING, SOUGHT, SearchState, Tools, begun
 from diffthrust.diagnosis._set_aside import set_aside
+from diffthrust.diagnosis._stages import next_stage
 from diffthrust.diagnosis._trials import TrialFit
 from diffthrust.diagnosis._verdict import verdict_of
+from diffthrust.diagnosis._whole_runs import from_whole_runs
 from diffthrust.estimation._arguments import by_input, check_arguments, listed
 from diffthrust.estimation._origin import origin_of, same_logs
 from diffthrust.estimation._result import Fit
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._remembered import simulated_once
+
+_MOST_STAGES = 5
 
 
 @progressing
@@ -96,7 +99,13 @@ def diagnose(
     with simulated_once():
         tools, known = begun(fit, train, unseen, candidates, seed, say)
         first = known.present.trial
-        found = _reported(tools, searched(tools, known), first, limits, experiment)
+        while max(known.number, len(known.detectable)) < _MOST_STAGES:
+            before, known = known, next_stage(tools, known)
+            if known.found == before.found:
+                known = from_whole_runs(tools, known)
+            if known.found == before.found:
+                break
+        found = _reported(tools, known, first, limits, experiment)
     say("done", 1.0)
     before = fit.origin if isinstance(fit, Fit) else None
     origin, notes = origin_of(train, unseen, before.spec if before else None), ()

@@ -14,6 +14,8 @@ from diffthrust.effects._formula import Formula
 from diffthrust.estimation._result import Fit
 
 _POINTS = 121
+_ALIKE = 8.0
+"""Forms whose criteria differ by less than this cannot be told apart (odds of some 50 to 1)."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -45,7 +47,7 @@ class LearnedLaw(Brief):
         curve: the effect, at its estimated coefficients.
         fit: the last stage's model with it, fitted to the logs.
         worth: what it removes of the squared whole-run error of unseen logs, of all that the model
-            as given leaves.
+            as given leaves; of its closed form, where that is named.
         evidence: logarithm of the likelihood ratio by which one-step errors ask for it, with its
             coefficients integrated out.
         forms: closed forms that were tried in its place, the likeliest first.
@@ -75,6 +77,20 @@ class LearnedLaw(Brief):
         return self.forms[0] if self.named else None
 
     @property
+    def alike(self) -> tuple[TriedForm, ...]:
+        """Other closed forms, of no more parameters, that these logs cannot tell from it."""
+        if self.form is None:
+            return ()
+        first, size = self.form, len(self.form.formula.declared)
+        near = (one for one in self.forms[1:] if one.bic < first.bic + _ALIKE)
+        return tuple(one for one in near if len(one.formula.declared) <= size)
+
+    @property
+    def told(self) -> Fit:
+        """The model with the law as it is told: in its closed form, or as a curve."""
+        return self.form.fit if self.form else self.fit
+
+    @property
     def signals(self) -> tuple[str, ...]:
         """What the curve is a function of, and what it is multiplied by."""
         return tuple(filter(None, (self.curve.signal, self.curve.times)))
@@ -93,11 +109,11 @@ class LearnedLaw(Brief):
 
     def to_json(self) -> dict[str, Any]:
         """The law as plain data."""
-        told = self.form.fit if self.form else self.fit
         return {
             "port": self.curve.port,
             "signals": list(self.signals),
             "form": self.form.name if self.form else None,
+            "alike": [one.name for one in self.alike],
             "worth": self.worth.to_json(),
-            "holdout": told.holdout.to_json() if told.holdout else None,
+            "holdout": self.told.holdout.to_json() if self.told.holdout else None,
         }

@@ -25,7 +25,7 @@ def learned_words(diag: Findings) -> list[str]:
     """Of each learned law: where it acts, what it is worth, its form, and what it replaces."""
     words = []
     for law in diag.laws:
-        before, after = diag.stages[0].fit, (law.form or law).fit
+        before, after = diag.stages[0].fit, law.told
         unseen = before.holdout is not None and after.holdout is not None
         logs = "unseen logs" if unseen else "the training logs"
         old, new = (f.holdout if unseen and f.holdout else f.train for f in (before, after))
@@ -39,6 +39,8 @@ def learned_words(diag: Findings) -> list[str]:
         )
         if law.form:
             words.append(f"{capitalised(form_words(law, law.form))}.")
+        for one in law.alike:
+            words.append(f"These logs cannot tell this from another form: {form_words(law, one)}.")
         if law.superfluous:
             names = joined(spelt(name) for name in law.superfluous)
             words.append(

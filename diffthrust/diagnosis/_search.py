@@ -199,6 +199,8 @@ def begun(
                 fitted = fit_model(model, logs[0], holdout=logs[1] or None, **told, **begun_with)
                 if not any(issubclass(one.category, CoarseStepWarning) for one in seen):
                     return fitted
+                if math.isfinite(fitted.train.nrmse):  # finer steps end near where coarse ones do
+                    model, told = fitted.model, {**told, "starts": 1, "guesses": ()}
             return fit_model(model, logs[0], holdout=logs[1] or None, **told)
 
     tell = part(say, 0.0, FITTED)

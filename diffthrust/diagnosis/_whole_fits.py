@@ -6,7 +6,7 @@ does to whole runs before the model is fitted anew with it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from copy import copy
 from typing import NamedTuple
 
@@ -33,12 +33,23 @@ def over_whole_runs(trials: Trials) -> Trials:
 
 def fitted_whole(trials: Trials, last: Stage, effects: Sequence[str] | None = None) -> TrialFit:
     """The model of a stage, or with fewer effects, fitted to whole runs from its values."""
-    values = _values_of(trials, last)
     names = last.effects if effects is None else tuple(effects)
-    for name in {*last.effects} - {*names}:
+    return _whole(trials, names, {*last.effects} - {*names}, _values_of(trials, last))
+
+
+def whole_of(trials: Trials, trial: TrialFit, effects: Sequence[str]) -> TrialFit:
+    """The model of a trial, or with fewer effects, fitted to whole runs from its values."""
+    values = {**trial.values, **_still(trials)}
+    return _whole(trials, effects, {*trial.effects} - {*effects}, values)
+
+
+def _whole(
+    trials: Trials, effects: Sequence[str], absent: Collection[str], values: Mapping[str, float]
+) -> TrialFit:
+    for name in absent:
         values = trials.absent(name, values)
     whole = over_whole_runs(trials)
-    return whole.further(whole.solve(names, values, None, _free(trials)))
+    return whole.further(whole.solve(effects, values, None, _free(trials)))
 
 
 def beside_whole(trials: Trials, last: Stage, trial: TrialFit, effects: Sequence[str]) -> TrialFit:

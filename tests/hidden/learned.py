@@ -50,6 +50,7 @@ class Learned(NamedTuple):
         close: whether that is close enough.
         port: whether it acts at a right port; ``None`` where nothing was learned.
         form: whether the first closed form is right; ``None`` where nothing was learned.
+        told_form: whether it, or one that is told to be as likely, is right.
         told: what was learned, in short.
     """
 
@@ -59,6 +60,7 @@ class Learned(NamedTuple):
     close: bool
     port: bool | None
     form: bool | None
+    told_form: bool | None
     told: str
 
 
@@ -90,6 +92,7 @@ def judged(row: Mapping[str, Any]) -> Learned:
         after <= CLOSE[name in REMEMBERING] * truth,
         laws[0]["port"] in hidden.ports if laws else None,
         laws[0]["form"] in NAMES[name] if laws else None,
+        bool(NAMES[name] & {laws[0]["form"], *laws[0]["alike"]}) if laws else None,
         told or "nothing",
     )
 
@@ -119,6 +122,7 @@ def report(rows: Sequence[Mapping[str, Any]], console: Console) -> None:
         ),
         ("right port, of those learned", sum(bool(o.port) for o in some), some),
         ("right form, of those learned", sum(bool(o.form) for o in some), some),
+        ("or told as alike", sum(bool(o.told_form) for o in some), some),
         ("learned where nothing is hidden", len(false), empty),
     ):
         console.print(f"{text}: {right} of {len(of)}")

@@ -1,29 +1,27 @@
-"""The search once more with a learned law in the model: which effects are missing beside it.
-
-What was found without the law may only have imitated it.
-"""
+"""Which effects are missing beside a learned law: those found without it may only imitate it."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
 from diffthrust._support.errors import InputError
-from diffthrust.diagnosis._admit import refitted
+from diffthrust.diagnosis._admit import drop, refitted
 from diffthrust.diagnosis._findings import Stage
-from diffthrust.diagnosis._groups import Grouped, grouped
-from diffthrust.diagnosis._held import of_effect
+from diffthrust.diagnosis._groups import Grouped
 from diffthrust.diagnosis._learned import LearnedLaw
-from diffthrust.diagnosis._rounds import searched
 from diffthrust.diagnosis._search import LEARNING, Present, SearchState, Tools, compiled
-from diffthrust.diagnosis._trials import TrialFit
+from diffthrust.diagnosis._trials import TrialFit, Trials
+from diffthrust.diagnosis._whole_fits import change_between, whole_of
+from diffthrust.diagnosis._worth import Worth, matters
 
 
-def sought_beside(
+def kept_beside(
     tools: Tools, found: Grouped, first: TrialFit, law: LearnedLaw
 ) -> tuple[Grouped, LearnedLaw]:
     """The effects that are missing beside a law, and the law, told which only imitated it.
 
-    Sought are those that were found without it, and those that the logs could not tell from them.
+    All that were found without it are put beside it, and those taken out that the information
+    criterion does not ask for. Of the others those are added that matter for whole runs.
 
     Args:
         tools: what the search worked with.
@@ -31,23 +29,34 @@ def sought_beside(
         first: the trial of the model as given.
         law: as it was learned, beside the model as given or beside all that was found.
     """
-    names = {*found.known.present.trial.effects}.union(*found.groups, *found.detectable_groups)
     tools.say("what is missing beside what was learned", LEARNING)
-    begun = _begun(tools, law, sorted(names))
+    known = found.known
+    names = known.present.trial.effects
+    begun = _begun(tools, law, names)
     if begun is None:
         return found, law
-    again, beside = begun
-    with_law = beside.present.trial
-    beside = searched(again, beside)
-    left = _without_law(tools, found.known, first, beside)
-    kept = {*beside.present.trial.effects}
-    gone = tuple(n for n in found.known.present.trial.effects if n not in kept)
-    return grouped(again, beside, with_law)._replace(known=left), replace(law, superfluous=gone)
+    trials, present = begun
+    present = drop(trials, SearchState(present, known.stages[:1], {})).present
+    worth, added = {}, set[str]()
+    for name in present.trial.effects:
+        worth[name], does = _worth_of(trials, present.trial, name, known.stages[0])
+        if does or name in trials.held:
+            added.add(name)
+    beside = [n for n in names if n in worth]
+    left = _without_law(tools, replace(known, worth=worth), first, beside, added)
+    told = {g[0]: g for g in (*found.groups, *found.detectable_groups)}
+
+    def groups(names: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:
+        return tuple(told[n] for n in names if n in told)
+
+    gone = tuple(n for n in names if n not in worth)
+    grouped = Grouped(left, groups(left.stages[-1].effects), groups(left.detectable))
+    return grouped, replace(law, superfluous=gone)
 
 
-def _begun(tools: Tools, law: LearnedLaw, names: list[str]) -> tuple[Tools, SearchState] | None:
-    """The search for some effects beside a law; ``None`` where no trial can be begun."""
-    trials, told = tools.trials, law.form.fit if law.form else law.fit
+def _begun(tools: Tools, law: LearnedLaw, names: tuple[str, ...]) -> tuple[Trials, Present] | None:
+    """Some effects put beside a law, fitted together; ``None`` where no trial can be begun."""
+    trials, told = tools.trials, law.told
     model = tools.given + told.model.effects[-1]
     own = [n for n, p in model.parameters.items() if not p.fixed]
     if {*told.free} != {*own}:  # it was learned beside effects
@@ -58,32 +67,39 @@ def _begun(tools: Tools, law: LearnedLaw, names: list[str]) -> tuple[Tools, Sear
         alone, trial = compiled(told, effects, held, trials.logs, tools.unseen)
     except InputError:  # the law goes with effects alone
         return None
-    again = replace(tools, given=told.model, trials=alone)
-    return again, SearchState(Present(alone, trial), (Stage((), told),), {})
+    together = alone.settled(names, trial.values, trial.begin, trial.limit)
+    return alone, Present(alone, together)
+
+
+def _worth_of(trials: Trials, trial: TrialFit, name: str, given: Stage) -> tuple[Worth, bool]:
+    """What an effect of a trial removes of the errors of the model as given, and if it matters."""
+    rest = tuple(n for n in trial.effects if n != name)
+    after = whole_of(trials, trial, trial.effects)
+    change = change_between(trials, whole_of(trials, after, rest), after)
+    begun = given.holdout or given.train
+    now = change.before.holdout or change.before.train
+    part = (now.nrmse / begun.nrmse) ** 2 if begun.nrmse > 0 else 1.0
+    return change.worth.of(part), matters(change.worth, change.everywhere)
 
 
 def _without_law(
-    tools: Tools, known: SearchState, first: TrialFit, beside: SearchState
+    tools: Tools, known: SearchState, first: TrialFit, names: list[str], added: set[str]
 ) -> SearchState:
-    """What is known, with those effects alone that are missing beside a law."""
+    """What is known, with some of the effects alone."""
     trials, present = tools.trials, known.present.trial
-    effects, kept = beside.present.trial.effects, {*beside.stages[-1].effects}
-    gone = tuple(n for n in present.effects if n not in effects)
+    gone = tuple(n for n in present.effects if n not in names)
     trial, values = first, dict(present.values)
-    if effects:
+    if names:
         for name in gone:
             values = trials.absent(name, values)
-        theirs = beside.present.trial.values
-        values |= {n: v for n, v in theirs.items() if any(of_effect(n, one) for one in effects)}
-        trial = trials.settled(effects, values, present.begin, present.limit)
+        trial = trials.settled(names, values, present.begin, present.limit)
     known = replace(
         known,
         present=Present(trials, trial),
-        stages=tuple(s for s in known.stages if {*s.effects} <= kept),
-        detectable=beside.detectable,
+        stages=tuple(s for s in known.stages if {*s.effects} <= added),
+        detectable=tuple(n for n in names if n not in added),
         dropped=(*known.dropped, *gone),
-        worth=beside.worth,
     )
-    if {*known.stages[-1].effects} == kept:
+    if {*known.stages[-1].effects} == added:
         return known
     return replace(known, stages=(*known.stages, refitted(tools, known)))

@@ -18,6 +18,13 @@ def worth_between_fits(tools: Tools, before: Fit, after: Fit) -> Worth:
     return worth_of(errors_between(Stage((), before), Stage((), after), logs, trained=trained))
 
 
+def surely_better(tools: Tools, fit: Fit, other: Fit) -> bool:
+    """Whether whole runs of training and unseen logs together are surely better with a fit."""
+    stages = Stage((), other), Stage((), fit)
+    trained = errors_between(*stages, tools.trials.logs, trained=True)
+    return worth_of([*trained, *errors_between(*stages, tools.unseen)]).low > 0
+
+
 def as_good(fit: Fit, other: Fit, times: float = 1.0) -> bool:
     """Whether whole runs err by no more than so many times as much, on unseen logs as well."""
     pairs = [(fit.train, other.train)]

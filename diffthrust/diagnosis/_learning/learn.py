@@ -10,7 +10,7 @@ from diffthrust.diagnosis._admit import left_of
 from diffthrust.diagnosis._findings import Remaining
 from diffthrust.diagnosis._groups import Grouped
 from diffthrust.diagnosis._learned import LearnedLaw
-from diffthrust.diagnosis._learning.beside import sought_beside
+from diffthrust.diagnosis._learning.beside import kept_beside
 from diffthrust.diagnosis._learning.evidence import LikelyCurve, likely_curves
 from diffthrust.diagnosis._learning.fits import as_good, unit_at, worth_between_fits
 from diffthrust.diagnosis._learning.hypotheses import (
@@ -67,24 +67,24 @@ def learned(tools: Tools, found: Grouped, first: TrialFit) -> tuple[Grouped, Lea
     known = found.known
     if known.present.remaining is None:
         return None
-    place, trial, before = _place(tools, known.present.remaining), known.present.trial, known.stages
-    law, base = None, before[0]
+    place, trial = _place(tools, known.present.remaining), known.present.trial
+    begun, last = known.stages[0], known.stages[-1]
+    base, law = begun, None
     if trial.effects:
-        least = _IMITATED * (first.cost - trial.cost)
-        law = _learned_beside(tools, base.fit, first, place, least)
-        law = law if law and as_good(law.fit, before[-1].fit, _BETTER) else None
+        law = _learned_beside(tools, begun.fit, first, place, _IMITATED * (first.cost - trial.cost))
+        law = law if law and as_good(law.told, last.fit, _BETTER) else None
     if law is None:
-        base = before[-1]
-        law = _learned_beside(tools, base.fit, trial, place)
+        base, law = last, _learned_beside(tools, last.fit, trial, place)
     if law is None:
         return None
-    law = named(tools, base.fit, first if base is before[0] else trial, law)
     if trial.effects:
-        found, law = sought_beside(tools, found, first, law)
-    last = found.known.stages[-1]
-    if {*last.effects} != {*base.effects}:
-        law = _beside_others(tools, last.fit, found.known.present.trial, law)
-    return found, replace(law, worth=law.worth.of(left_of(found.known, last)))
+        found, law = kept_beside(tools, found, first, law)
+    now = found.known.stages[-1]
+    if {*now.effects} != {*base.effects}:
+        law = _beside_others(tools, now.fit, found.known.present.trial, law)
+    if not law.worth.sure:
+        return None
+    return found, replace(law, worth=law.worth.of(left_of(found.known, now)))
 
 
 def _beside_others(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> LearnedLaw:
@@ -97,7 +97,10 @@ def _beside_others(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) 
 def _learned_beside(
     tools: Tools, before: Fit, trial: TrialFit, place: DrivingPort, least: float = 0.0
 ) -> LearnedLaw | None:
-    """The law beside a model that makes whole runs better: the likeliest, or its rival."""
+    """The likeliest law beside a model, or its rival, with its name; if whole runs surely improve.
+
+    Unseen logs may go where the training logs tell nothing of a curve, and its form all the same.
+    """
     likely = _likeliest(tools, trial, place)
     if not likely or likely[0].evidence < least:
         return None
@@ -105,7 +108,10 @@ def _learned_beside(
     if rival := _rival(likely):
         found.append(_fitted(tools, before, trial, rival))
     better = [law for law in found if law is not None]
-    return min(better, key=lambda law: law.fit.train.nrmse, default=None)
+    if not better:
+        return None
+    law = named(tools, before, trial, min(better, key=lambda law: law.fit.train.nrmse))
+    return law if law.worth.sure else None
 
 
 def _rival(likely: list[LikelyCurve]) -> LikelyCurve | None:
@@ -156,7 +162,7 @@ def _fitted(tools: Tools, before: Fit, trial: TrialFit, likely: LikelyCurve) -> 
         if ends[0] < ends[1] and moved > _MOVED * (ends[1] - ends[0]):
             fit, curve = _with(tools, model, _laid_over(curve, *ends))
     worth = worth_between_fits(tools, before, fit)
-    if not worth.sure or not fit.train.nrmse < before.train.nrmse:
+    if not fit.train.nrmse < before.train.nrmse:
         return None
     units = units_at(tools.trials, curve.port)
     return LearnedLaw(

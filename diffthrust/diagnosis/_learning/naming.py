@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
-from diffthrust.diagnosis._learning.fits import as_good, unit_at, worth_between_fits
+from diffthrust.diagnosis._learning.fits import as_good, surely_better, unit_at, worth_between_fits
 from diffthrust.diagnosis._learning.forms import Match, as_estimated, formula_of, matches
 from diffthrust.diagnosis._learning.ground import ground_of
 from diffthrust.diagnosis._learning.hypotheses import hypothesis
@@ -24,11 +24,8 @@ _NEAR = 0.7
 beside it that only imitated the law have bent the curve),"""
 _FORMS = 3
 """and so many are fitted in its place, with the plain forms that they come near to."""
-_ALIKE_RUNS = 1.02
-"""Of forms whose whole runs err by no more than so many times as much as the best the plainest is
-named."""
 _AS_GOOD = 1.1
-"""It is, where whole runs err by no more than so many times as much with it."""
+"""A form is a law's name where whole runs err by no more than so many times as much with it."""
 
 
 def named(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> LearnedLaw:
@@ -53,7 +50,8 @@ def named(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> Learne
         told = TriedForm(match.form.name, effect, fit, bic, match.times, match.reference)
         tried.append(told)
     tried.sort(key=lambda one: one.bic)
-    if alike := [one for one in tried if as_good(one.fit, tried[0].fit, _ALIKE_RUNS)]:
+    alike = [one for one in tried if not surely_better(tools, tried[0].fit, one.fit)]
+    if alike:  # errors that last make the criterion surer than it should be
         plainest = min(alike, key=lambda one: len(one.formula.declared))
         tried.sort(key=lambda one: one is not plainest)
     law = replace(law, forms=tuple(tried), named=False)
