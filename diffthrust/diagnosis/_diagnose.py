@@ -135,7 +135,8 @@ def _reported(
             beside, law = answer
             if beside is not effects:
                 effects = beside
-                found = replace(_findings(tools, beside, first), verdict="unexplained")
+                told = _findings(tools, beside, first)  # what remains is what the law explains
+                found = replace(told, verdict="unexplained", remaining=found.remaining)
             found = replace(found, laws=(law,))
     if found.verdict in ("undecided", "unexplained"):
         present = effects.known.present.trial.effects

@@ -52,7 +52,7 @@ class LearnedLaw(Brief):
             coefficients integrated out.
         forms: closed forms that were tried in its place, the likeliest first.
         named: whether the first of them is as good as the curve.
-        superfluous: effects that only imitated it: found without it, and not missing beside it.
+        superfluous: effects that were found without it, and do nothing that matters beside it.
         samples: values of the signal in the training logs, ``(N,)``.
         factors: what the curve was multiplied by there; ``None`` for nothing.
         signal_unit: the unit of the signal; "" where it is not that of a channel.

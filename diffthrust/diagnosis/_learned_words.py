@@ -44,8 +44,8 @@ def learned_words(diag: Findings) -> list[str]:
         if law.superfluous:
             names = joined(spelt(name) for name in law.superfluous)
             words.append(
-                f"{capitalised(names)} only imitated it: beside this law nothing asks for "
-                f"{'it' if len(law.superfluous) == 1 else 'them'}."
+                f"{capitalised(names)} only imitated it, or change"
+                f"{'s' if len(law.superfluous) == 1 else ''} nothing beside it."
             )
     return words
 

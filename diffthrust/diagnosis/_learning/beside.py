@@ -18,10 +18,11 @@ from diffthrust.diagnosis._worth import Worth, matters
 def kept_beside(
     tools: Tools, found: Grouped, first: TrialFit, law: LearnedLaw
 ) -> tuple[Grouped, LearnedLaw]:
-    """The effects that are missing beside a law, and the law, told which only imitated it.
+    """The effects that are missing beside a law, and the law, told which are not.
 
     All that were found without it are put beside it, and those taken out that the information
-    criterion does not ask for. Of the others those are added that matter for whole runs.
+    criterion does not ask for, or that change nothing over whole runs: the law is only learned, and
+    small errors of it look like small effects.
 
     Args:
         tools: what the search worked with.
@@ -37,21 +38,17 @@ def kept_beside(
         return found, law
     trials, present = begun
     present = drop(trials, SearchState(present, known.stages[:1], {})).present
-    worth, added = {}, set[str]()
+    worth = {}
     for name in present.trial.effects:
-        worth[name], does = _worth_of(trials, present.trial, name, known.stages[0])
+        told, does = _worth_of(trials, present.trial, name, known.stages[0])
         if does or name in trials.held:
-            added.add(name)
-    beside = [n for n in names if n in worth]
-    left = _without_law(tools, replace(known, worth=worth), first, beside, added)
-    told = {g[0]: g for g in (*found.groups, *found.detectable_groups)}
-
-    def groups(names: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:
-        return tuple(told[n] for n in names if n in told)
-
+            worth[name] = told
+    kept = tuple(n for n in names if n in worth)
     gone = tuple(n for n in names if n not in worth)
-    grouped = Grouped(left, groups(left.stages[-1].effects), groups(left.detectable))
-    return grouped, replace(law, superfluous=gone)
+    left = _without_law(tools, replace(known, worth=worth), first, kept)
+    rivals = {g[0]: g for g in (*found.groups, *found.detectable_groups)}
+    groups = tuple(rivals[n] for n in left.stages[-1].effects if n in rivals)
+    return Grouped(left, groups, ()), replace(law, superfluous=gone)
 
 
 def _begun(tools: Tools, law: LearnedLaw, names: tuple[str, ...]) -> tuple[Trials, Present] | None:
@@ -83,23 +80,23 @@ def _worth_of(trials: Trials, trial: TrialFit, name: str, given: Stage) -> tuple
 
 
 def _without_law(
-    tools: Tools, known: SearchState, first: TrialFit, names: list[str], added: set[str]
+    tools: Tools, known: SearchState, first: TrialFit, kept: tuple[str, ...]
 ) -> SearchState:
     """What is known, with some of the effects alone."""
     trials, present = tools.trials, known.present.trial
-    gone = tuple(n for n in present.effects if n not in names)
+    gone = tuple(n for n in present.effects if n not in kept)
     trial, values = first, dict(present.values)
-    if names:
+    if kept:
         for name in gone:
             values = trials.absent(name, values)
-        trial = trials.settled(names, values, present.begin, present.limit)
+        trial = trials.settled(kept, values, present.begin, present.limit)
     known = replace(
         known,
         present=Present(trials, trial),
-        stages=tuple(s for s in known.stages if {*s.effects} <= added),
-        detectable=tuple(n for n in names if n not in added),
+        stages=tuple(s for s in known.stages if {*s.effects} <= {*kept}),
+        detectable=(),
         dropped=(*known.dropped, *gone),
     )
-    if {*known.stages[-1].effects} == added:
+    if {*known.stages[-1].effects} == {*kept}:
         return known
     return replace(known, stages=(*known.stages, refitted(tools, known)))
