@@ -41,6 +41,7 @@ class SignalForm:
         name: an input, a state, or "time", which begins with each log.
         rate: its rate of change.
         past: its mean over about so many seconds [s] up to now.
+        wave: waves along it, so long each, in its unit.
 
     Example:
         >>> str(SignalForm("speed", rate=True)), str(SignalForm("command", past=2.0))
@@ -50,8 +51,11 @@ class SignalForm:
     name: str
     rate: bool = False
     past: float | None = None
+    wave: float | None = None
 
     def __str__(self) -> str:
+        if self.wave is not None:
+            return f"waves of {self.name}, {self.wave:.2g} long"
         if self.past is not None:
             return f"the last {self.past:.2g} s of {self.name}"
         return f"d({self.name})/dt" if self.rate else self.name

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import ast
+import math
 from typing import TYPE_CHECKING
 
 from diffthrust._support.tables import number
 from diffthrust._support.words import capitalised, joined, spelt
 from diffthrust.diagnosis._learning.closed_forms import FORMS
+from diffthrust.diagnosis._learning.hypotheses import NUMBER
 from diffthrust.diagnosis._matter_words import share_words
 from diffthrust.diagnosis._ports import place_words
 from diffthrust.effects._grammar import expression_of
+from diffthrust.logs._units import product_unit
 from diffthrust.models._base.made_effect import ARRIVING
 
 if TYPE_CHECKING:
@@ -33,9 +36,7 @@ def learned_words(diag: Findings) -> list[str]:
             f"Learned: at {place_words(diag.model, law.curve.port)} {manner_words(law)}"
             f"{'' if law.form else ', as yet without a name'}. Of the squared error over whole "
             f"runs of {logs} it removes {share_words(law.worth)}; with it the NRMSE there is "
-            f"{number(new.nrmse, 2)}, as given {number(old.nrmse, 2)}. These logs tell of it from "
-            f"{number(law.curve.low, 2)} to {number(law.curve.high, 2)} {law.signal_unit}".rstrip()
-            + ", and no further."
+            f"{number(new.nrmse, 2)}, as given {number(old.nrmse, 2)}.{_reach_words(law)}"
         )
         if law.form:
             words.append(f"{capitalised(form_words(law, law.form))}.")
@@ -50,6 +51,14 @@ def learned_words(diag: Findings) -> list[str]:
     return words
 
 
+def _reach_words(law: LearnedLaw) -> str:
+    """How far these logs tell of it: a wave goes on as it is."""
+    if NUMBER in law.curve.given:
+        return ""
+    ends = f"{number(law.curve.low, 2)} to {number(law.curve.high, 2)} {law.signal_unit}".rstrip()
+    return f" These logs tell of it from {ends}, and no further."
+
+
 def manner_words(law: LearnedLaw) -> str:
     """What a curve does: "what passes is scaled by a curve of speed"."""
     curve, of = law.curve, signal_words(law)
@@ -61,15 +70,21 @@ def manner_words(law: LearnedLaw) -> str:
 
 def signal_words(law: LearnedLaw, effect: Curve | Formula | None = None) -> str:
     """What a law is a function of, "the last 2 s of command**2", as an effect estimates it."""
-    memories = expression_of(law.curve.signal).memories
-    if not memories:
+    now = effect or law.curve
+    expression = expression_of(law.curve.signal)
+    if NUMBER in expression.places:
+        (name,) = (n for n in expression.places if n not in now.given)
+        length = number(2 * math.pi / getattr(now, NUMBER), 2)
+        unit = product_unit(("rad", 1), (now.given[NUMBER]["unit"], -1))
+        return f"waves of {name}, {length} {unit}".rstrip() + " long"
+    if not expression.memories:
         return "what arrives" if law.curve.signal == ARRIVING else law.curve.signal
-    (memory,) = memories
+    (memory,) = expression.memories
     of = ast.unparse(memory.of).replace(ARRIVING, "what arrives")
     if memory.kind == "integral":
         return "the time since the log began" if of == "1" else f"the integral of {of}"
     assert memory.size is not None
-    size = number(getattr(effect or law.curve, ast.unparse(memory.size)), 2)
+    size = number(getattr(now, ast.unparse(memory.size)), 2)
     if memory.kind == "lag":
         return f"the last {size} s of {of}{', from none on' if memory.start else ''}"
     return f"how far {of} has gone since it turned, {size} {law.signal_unit}".rstrip() + " at most"

@@ -133,7 +133,7 @@ def _error_words(channel: str, ratio: float) -> str:
 def _parameter_words(trials: Trials, trial: TrialFit, one: Deviation) -> str:
     known = [n for n in trial.names if n not in trials.nuisance]
     name = known[one.parameter]
-    p, way = trials.problem.named[name], "higher" if one.size > 0 else "lower"
+    p, way = trial.problem.named[name], "higher" if one.size > 0 else "lower"
     there = trial.values[name]
     if p.transform == "log":
         part = np.exp(one.size) - 1

@@ -11,6 +11,7 @@ from diffthrust.diagnosis._findings import Remaining, SignalForm
 from diffthrust.diagnosis._ports import DrivingPort, hats, knots_of
 from diffthrust.diagnosis._score_test import score_test
 from diffthrust.diagnosis._trials import TrialFit, Trials, side_by_side
+from diffthrust.diagnosis._waves import waves_along
 from diffthrust.simulation._linearise import slopes_at
 
 _LEVEL = 0.01
@@ -124,8 +125,8 @@ def remaining_structure(trials: Trials, trial: TrialFit) -> Remaining | None:
     """The place and signal on which the errors still depend, if they do.
 
     At each place a sum with a function of one signal is tried, and at each port behind it a factor
-    that is one; of the signals as they are, and of their recent past, which tells of states that
-    the model lacks.
+    that is one; of the signals as they are, of their recent past, which tells of states that the
+    model lacks, and of waves along them.
     """
 
     def tested(suspect: Suspect) -> tuple[float, Remaining]:
@@ -150,16 +151,32 @@ def gain_of(trials: Trials, trial: TrialFit, left: Remaining) -> float:
 def _suspects(trials: Trials, trial: TrialFit) -> list[Suspect]:
     seen = observed(trials, trial)
     step = float(np.median(np.diff(seen.paths[0]["time"])))
-    suspects = []
+    suspects, waves = [], _waves(trials, trial, seen)
     for place in trials.places:
         signals = signals_at(trials, place, seen)
         factors = _factors(behind(trials, place), seen.ports)
-        for form, (series, _) in bases({**signals, **_past(signals, step)}).items():
+        shapes = {
+            form: one for form, (one, _) in bases({**signals, **_past(signals, step)}).items()
+        }
+        for form, series in {**shapes, **waves}.items():
             suspects.append(Suspect(place, place.port, form, "adds", series))
             for port, factor in factors.items():
                 scaled = [s * f for s, f in zip(series, factor, strict=True)]
                 suspects.append(Suspect(place, port, form, "scales", scaled))
     return suspects
+
+
+def _waves(trials: Trials, trial: TrialFit, seen: Observed) -> dict[SignalForm, list[np.ndarray]]:
+    """The waves that stand out along states: sine and cosine, log by log ``(2, T)``."""
+    names = [n for n in trials.model.states if all(n in path for path in seen.paths)]
+    return {
+        SignalForm(name, wave=wave.length): [
+            np.stack([np.sin(wave.number * path[name]), np.cos(wave.number * path[name])])
+            for path in seen.paths
+        ]
+        for name in names
+        for wave in waves_along(trial, name)
+    }
 
 
 def _gain(trials: Trials, trial: TrialFit, suspect: Suspect) -> tuple[float, float]:

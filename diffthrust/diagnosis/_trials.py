@@ -37,7 +37,7 @@ from diffthrust.estimation._observer import (
     observer_of,
     uncorrected,
 )
-from diffthrust.estimation._one_step import cost, passes, with_clip
+from diffthrust.estimation._one_step import Pass, cost, passes, with_clip
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._registry import NOISE_MODELS
 from diffthrust.estimation._residuals import Innovations
@@ -139,9 +139,14 @@ class TrialFit:
         return self.limit.on(problem.focus(self.names, self.values, self.begin))
 
     @cached_property
+    def passed(self) -> list[Pass]:
+        """Its pass over each training log."""
+        return passes(self.there)
+
+    @cached_property
     def path(self) -> list[dict[str, np.ndarray]]:
         """For each training log the series of inputs and states, predicted one step ahead."""
-        return [one.path for one in passes(self.there)]
+        return [one.path for one in self.passed]
 
     @cached_property
     def response(self) -> Response:

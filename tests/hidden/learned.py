@@ -36,6 +36,7 @@ NAMES: Mapping[str, frozenset[str]] = {
     "reverse_stall": frozenset({"step"}),
     "resistance_hump": frozenset({"odd humps"}),
     "bow_wave_turning": frozenset({"hump"}),
+    "heading_ripple": frozenset({"linear"}),  # of sin(wave_number * heading + phase)
 }
 """The closed forms that are right."""
 

@@ -81,6 +81,12 @@ def bow_wave_turning(forces, s, *, moment=0.0, middle=0.5, width=0.12):
     return x, y, n + moment * math.exp(-(((s.surge - middle) / width) ** 2))
 
 
+def heading_ripple(forces, s, *, moment=0.0, waves=4.0):
+    """A turntable's gear turns the hull to and fro with ``moment``, ``waves`` times per turn."""
+    x, y, n = forces
+    return x, y, n + moment * math.sin(waves * s.heading)
+
+
 def _ports(*names: str) -> frozenset[str]:
     return frozenset(names)
 
@@ -118,6 +124,9 @@ VESSEL_OUTSIDE: dict[str, Outside] = {
     ),
     "bow_wave_turning": Outside(
         Effect("hull", bow_wave_turning), _ports("yaw_moment", "yaw_acceleration"), _ports("surge")
+    ),
+    "heading_ripple": Outside(
+        Effect("hull", heading_ripple), _ports("yaw_moment", "yaw_acceleration"), _ports("heading")
     ),
 }
 

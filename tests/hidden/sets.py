@@ -84,7 +84,7 @@ EITHER = (
     "wind",
 )
 #: Effects whose sign or form only shows with the track or the heading measured.
-TRACKED = ("water_current", "wind")
+TRACKED = ("water_current", "wind", "heading_ripple")
 
 Classes = Mapping[str, tuple[tuple[str, ...], int]]
 #: Kinds of each class, with how many sets of each make one round of the bench.

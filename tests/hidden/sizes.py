@@ -166,6 +166,9 @@ VESSEL_OUTSIDE: dict[str, Size] = {
         0.3,
         lambda x, k: {"moment": x * k["moment"], **_bump(0.75, 0.12, k["surge"])},
     ),
+    "heading_ripple": Size(
+        0.15, None, 0.15, lambda x, k: {"moment": x * k["moment"], "waves": 5.0}
+    ),
 }
 
 

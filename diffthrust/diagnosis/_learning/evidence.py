@@ -28,6 +28,9 @@ _SHARED = 0.01
 """A coefficient of which the estimated parameters leave less than this does what they do already,
 and is held at nothing."""
 
+_SLOPE = 1
+"""Which of the coefficients of a curve is its slope."""
+
 
 class LikelyCurve(NamedTuple):
     """A curve that one-step errors ask for.
@@ -69,7 +72,8 @@ def _judged(
     rows = [plain.basis(over) for over in law.over]
     if law.factor is not None:
         rows = [row * factor for row, factor in zip(rows, law.factor, strict=True)]
-    best = _stiffness(*left_over(trials, trial, law.port, rows), level)
+    held = law.straight & (np.arange(len(plain.coefficients)) != _SLOPE)
+    best = _stiffness(*left_over(trials, trial, law.port, rows), level, held)
     own = zip(plain.coefficients, best.shared, strict=True)
     curve = Curve(
         law.port, law.signal, *ends, times=law.times, size=best.size, bend=best.bend,
@@ -92,8 +96,14 @@ class _Stiffness(NamedTuple):
     shared: np.ndarray
 
 
-def _stiffness(left: np.ndarray, clear: np.ndarray, alone: np.ndarray, level: float) -> _Stiffness:
-    shared = np.diagonal(left) < _SHARED * alone
+def _stiffness(
+    left: np.ndarray,
+    clear: np.ndarray,
+    alone: np.ndarray,
+    level: float,
+    held: np.ndarray | bool = False,
+) -> _Stiffness:
+    shared = held | (np.diagonal(left) < _SHARED * alone)
     left, clear = np.where(shared | shared[:, None], 0.0, left), np.where(shared, 0.0, clear)
     best = _Stiffness(-np.inf, 1.0, 1.0, np.zeros(len(left)), shared)
     for size in _SIZES * level:

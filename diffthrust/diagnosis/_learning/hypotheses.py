@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from diffthrust.diagnosis._ports import DrivingPort, words_and_unit
-from diffthrust.diagnosis._structure import Observed, behind
-from diffthrust.diagnosis._trials import Trials
+from diffthrust.diagnosis._structure import Observed, behind, observed
+from diffthrust.diagnosis._trials import TrialFit, Trials
+from diffthrust.diagnosis._waves import Wave, waves_along
 from diffthrust.effects._grammar import expression_of
 from diffthrust.effects._memory import value_along
 from diffthrust.logs._units import product_unit
@@ -19,7 +20,9 @@ from diffthrust.models._base.made_effect import ARRIVING
 CLOCK = "integral(1)"
 """The time since the log began."""
 TIME, WIDTH = "time_constant", "half_width"
-"""Parameters of what remembers."""
+"""Parameters of what remembers,"""
+NUMBER, PHASE = "wave_number", "phase"
+"""and of waves."""
 _PASTS = (20, 100, 500)
 """Samples over which the past of a signal is remembered."""
 _SLOW = (100, 250, 600)
@@ -49,25 +52,51 @@ class Hypothesis(NamedTuple):
     over: Sequence[np.ndarray]
     factor: Sequence[np.ndarray] | None
 
+    @property
+    def straight(self) -> bool:
+        """Whether its curve is a straight line: a wave has its shape already."""
+        return NUMBER in self.parameters
 
-def simple_laws(trials: Trials, place: DrivingPort, seen: Observed) -> Iterator[Hypothesis]:
+
+class Scene(NamedTuple):
+    """Of what laws may be made.
+
+    Args:
+        trials: the fits.
+        place: where something is missing.
+        seen: what the present trial sees of the logs.
+        waves: those that stand out along a state, by its name.
+    """
+
+    trials: Trials
+    place: DrivingPort
+    seen: Observed
+    waves: Mapping[str, Sequence[Wave]]
+
+
+def scene(trials: Trials, trial: TrialFit, place: DrivingPort) -> Scene:
+    """Of what a law may be made that is missing at a place beside a trial."""
+    seen = observed(trials, trial)
+    moving = [n for n in _readable(trials, seen) if n in trials.model.states]
+    return Scene(trials, place, seen, {name: waves_along(trial, name) for name in moving})
+
+
+def simple_laws(at: Scene) -> Iterator[Hypothesis]:
     """Functions of one signal at a place: added there, or scaling what passes a port behind it."""
-    for port in dict.fromkeys((place.port, *behind(trials, place))):
-        for times in ("", ARRIVING) if port == place.port else (ARRIVING,):
-            yield from _of_each_signal(trials, place, seen, port, times)
+    for port in dict.fromkeys((at.place.port, *behind(at.trials, at.place))):
+        for times in ("", ARRIVING) if port == at.place.port else (ARRIVING,):
+            yield from _of_each_signal(at, port, times)
 
 
-def products(
-    trials: Trials, place: DrivingPort, seen: Observed, best: Sequence[Hypothesis]
-) -> Iterator[Hypothesis]:
+def products(at: Scene, best: Sequence[Hypothesis]) -> Iterator[Hypothesis]:
     """Functions of a signal as it is, and of those of the likeliest laws, times another signal.
 
     They act where the likeliest does.
     """
-    names, port = _readable(trials, seen), best[0].port
+    names, port = _readable(at.trials, at.seen), best[0].port
     likely = {law.signal for law in best}
     for times in (expression for name in names for expression in (name, f"abs({name})")):
-        for law in _of_each_signal(trials, place, seen, port, times, {*names, *likely}):
+        for law in _of_each_signal(at, port, times, {*names, *likely}):
             if (
                 law.parameters or law.signal not in expression_of(times).places
             ):  # one of one signal is had already
@@ -96,22 +125,18 @@ def _unit(node: ast.AST, units: Mapping[str, str]) -> str:
     if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow):
         return product_unit((_unit(node.left, units), int(ast.unparse(node.right))))
     if isinstance(node, ast.Call):
-        return _unit(node.args[0], units)
+        wave = isinstance(node.func, ast.Name) and node.func.id == "sin"
+        return "" if wave else _unit(node.args[0], units)
     return _unit(node.left, units) if isinstance(node, ast.BinOp) else ""
 
 
 def _of_each_signal(
-    trials: Trials,
-    place: DrivingPort,
-    seen: Observed,
-    port: str,
-    times: str,
-    only: Collection[str] = (),
+    at: Scene, port: str, times: str, only: Collection[str] = ()
 ) -> Iterator[Hypothesis]:
-    for signal, parameters in _expressions(trials, place, seen, port, times):
+    for signal, parameters in _expressions(at, port, times):
         if only and signal not in only:
             continue
-        law = hypothesis(seen, port, signal, times, parameters)
+        law = hypothesis(at.seen, port, signal, times, parameters)
         pooled = np.concatenate(law.over)
         if np.ptp(pooled) > 1e-9 * (1.0 + np.abs(pooled).max()):  # no constant
             yield law
@@ -128,9 +153,10 @@ def hypothesis(
 
 
 def _expressions(
-    trials: Trials, place: DrivingPort, seen: Observed, port: str, times: str
+    at: Scene, port: str, times: str
 ) -> Iterator[tuple[str, Mapping[str, Mapping[str, Any]]]]:
     """Signals, and what they were, with first guesses of the time or the width that it takes."""
+    trials, place, seen, waves = at
     step = float(np.median(np.diff(seen.paths[0]["time"])))
     names, units = _readable(trials, seen), units_at(trials, port)
     for name in names:
@@ -141,6 +167,9 @@ def _expressions(
         ):
             for samples in pasts:
                 yield text, {TIME: _guessed(samples * step, "s")}
+    for name, found in waves.items():
+        for wave in found:
+            yield f"sin({NUMBER} * {name} + {PHASE})", _of_wave(wave, units.get(name, ""))
     arriving = [ARRIVING] if place.state and not times else []
     for name in (*names, *arriving):
         pooled = np.concatenate(
@@ -161,6 +190,17 @@ def _expressions(
 def _guessed(value: float, unit: str) -> dict[str, Any]:
     bounds = (value / _RANGE, value * _RANGE)
     return {"unit": unit, "value": value, "bounds": bounds, "transform": "log"}
+
+
+def _of_wave(wave: Wave, unit: str) -> dict[str, dict[str, Any]]:
+    """Whole runs must not take it for another wave: their errors have many false minima."""
+    (number, phase, off), turn = wave, 2.0 * np.pi
+    unit = product_unit(("rad", 1), (unit, -1))
+    of_phase = {"unit": "rad", "value": phase, "bounds": (phase - turn, phase + turn)}
+    return {
+        NUMBER: {"unit": unit, "value": number, "bounds": (number - off, number + off)},
+        PHASE: of_phase,
+    }
 
 
 def _along(

@@ -17,6 +17,7 @@ from diffthrust.diagnosis._learning.hypotheses import (
     Hypothesis,
     hypothesis,
     products,
+    scene,
     simple_laws,
     unit_of,
     units_at,
@@ -129,14 +130,11 @@ def _place(tools: Tools, left: Remaining) -> DrivingPort:
 
 
 def _likeliest(tools: Tools, trial: TrialFit, place: DrivingPort) -> list[LikelyCurve]:
-    trials = tools.trials
-    seen = observed(trials, trial)
-    found = likely_curves(trials, trial, simple_laws(trials, place, seen))
+    trials, at = tools.trials, scene(tools.trials, trial, place)
+    found = likely_curves(trials, trial, simple_laws(at))
     if not found:
         return []
-    found += likely_curves(
-        trials, trial, products(trials, place, seen, [one.law for one in found[:_LIKELY]])
-    )
+    found += likely_curves(trials, trial, products(at, [one.law for one in found[:_LIKELY]]))
     best = max(one.evidence for one in found)
     found.sort(key=lambda one: (one.evidence < best - _ALIKE, _plainness(one.law), -one.evidence))
     first = [one for one in found if one.evidence >= best - _ALIKE]

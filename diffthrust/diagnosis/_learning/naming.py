@@ -11,7 +11,7 @@ from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
 from diffthrust.diagnosis._learning.fits import as_good, surely_better, unit_at, worth_between_fits
 from diffthrust.diagnosis._learning.forms import Match, as_estimated, formula_of, matches
 from diffthrust.diagnosis._learning.ground import ground_of
-from diffthrust.diagnosis._learning.hypotheses import hypothesis
+from diffthrust.diagnosis._learning.hypotheses import NUMBER, hypothesis
 from diffthrust.diagnosis._search import Tools
 from diffthrust.diagnosis._structure import observed
 from diffthrust.diagnosis._trials import TrialFit
@@ -74,6 +74,8 @@ def _close(tools: Tools, trial: TrialFit, curve: Curve) -> list[Match]:
     ground, price = grounds[curve.times], math.log(trials.samples)
     least = _NEAR * ground.gain(np.asarray(curve.at_signal(ground.x)))[0]
     near = [one for one in matches(grounds) if one.gain > max(least, 0.0)]
+    if NUMBER in curve.given:  # a wave has its form already
+        near = [one for one in near if (one.form.name, one.times) == ("linear", curve.times)]
     near.sort(key=lambda one: price * _parameters(one) - one.gain)
     first, rest = near[:_FORMS], near[_FORMS:]
     plain = {(one.form.plain, one.times) for one in first}
