@@ -133,11 +133,12 @@ def _reported(
             answer = learned(tools, effects, first)
         if answer is not None:
             beside, law = answer
+            left = found.remaining
+            where = replace(left, port=law.curve.port, manner=law.manner) if left else None
             if beside is not effects:
                 effects = beside
-                told = _findings(tools, beside, first)  # what remains is what the law explains
-                found = replace(told, verdict="unexplained", remaining=found.remaining)
-            found = replace(found, laws=(law,))
+                found = replace(_findings(tools, beside, first), verdict="unexplained")
+            found = replace(found, laws=(law,), remaining=where)
     if found.verdict in ("undecided", "unexplained"):
         present = effects.known.present.trial.effects
         possible = {n: w for n, w in known.possible.items() if n not in present}

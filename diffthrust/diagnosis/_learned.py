@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from diffthrust.diagnosis._worth import Worth
 from diffthrust.effects._curve import Curve
 from diffthrust.effects._formula import Formula
 from diffthrust.estimation._result import Fit
+from diffthrust.models._base.made_effect import ARRIVING
 
 _POINTS = 121
 _ALIKE = 8.0
@@ -89,6 +90,11 @@ class LearnedLaw(Brief):
     def told(self) -> Fit:
         """The model with the law as it is told: in its closed form, or as a curve."""
         return self.form.fit if self.form else self.fit
+
+    @property
+    def manner(self) -> Literal["adds", "scales"]:
+        """Whether it adds to what passes its port, or scales that."""
+        return "scales" if self.curve.times == ARRIVING else "adds"
 
     @property
     def signals(self) -> tuple[str, ...]:

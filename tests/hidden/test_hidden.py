@@ -236,15 +236,16 @@ def test_a_bench_that_was_cut_goes_on_and_reports(tmp_path, monkeypatch):
 
 def test_what_was_learned_is_held_against_the_plant():
     error = learned.plant_error(sets.draw("outside/load_hump", 5))
-    law = {"port": "load", "signals": ["speed", "value"], "form": "odd humps",
+    law = {"port": "load", "signals": ["speed", "value"], "form": "odd humps", "alike": [],
            "holdout": {"nrmse": 1.05 * error}}  # fmt: skip
-    wrong = {**law, "port": "drive", "form": None, "holdout": {"nrmse": 1.2 * error}}
+    wrong = {**law, "port": "drive", "form": "hump", "holdout": {"nrmse": 1.2 * error}}
+    wrong["alike"] = ["odd humps"]
     said = {"kind": "outside/load_hump", "seed": 5, "unseen": [5 * error]}
     rows = [{**said, "diagnosis": {"learned": laws}} for laws in ([law], [wrong], [])]
     near, far, none = map(learned.judged, rows)
     assert (near.halves, near.close, near.port, near.form) == (True, True, True, True)
     assert near.ratio == pytest.approx(1.05)
-    assert (far.close, far.port, far.form) == (False, False, False)
+    assert (far.close, far.port, far.form, far.told_form) == (False, False, False, True)
     assert (none.close, none.port, none.form, none.told) == (False, None, None, "nothing")
     shown = io.StringIO()
     empty = {"kind": "field-none", "seed": 1, "unseen": [0.1], "diagnosis": {"learned": [law]}}
