@@ -28,7 +28,9 @@ _PASTS = (20, 100, 500)
 _SLOW = (100, 250, 600)
 """The same of its square, which heats what is cold at first."""
 _PLAYS = (0.02, 0.06, 0.18)
-"""Half the width of a play, over the range of its signal."""
+"""Half the width of a play, over the range of its signal;"""
+_WIDEST = 0.25
+"""a wider one would hardly be pushed at all."""
 _RANGE = 100.0
 """A time constant or a width is estimated within so many times its first guess."""
 
@@ -179,7 +181,8 @@ def _expressions(
             width = share * float(np.ptp(pooled))
             if width > 0:
                 unit = units.get(name, "")
-                yield f"{name} - play({name}, {WIDTH})", {WIDTH: _guessed(width, unit)}
+                own = _guessed(width, unit, _WIDEST * float(np.ptp(pooled)))
+                yield f"{name} - play({name}, {WIDTH})", {WIDTH: own}
         if name in names:
             yield f"integral({name})", {}
     if port == place.port and arriving:
@@ -187,8 +190,8 @@ def _expressions(
     yield CLOCK, {}
 
 
-def _guessed(value: float, unit: str) -> dict[str, Any]:
-    bounds = (value / _RANGE, value * _RANGE)
+def _guessed(value: float, unit: str, most: float = np.inf) -> dict[str, Any]:
+    bounds = (value / _RANGE, min(value * _RANGE, most))
     return {"unit": unit, "value": value, "bounds": bounds, "transform": "log"}
 
 

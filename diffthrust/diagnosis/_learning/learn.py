@@ -28,6 +28,7 @@ from diffthrust.diagnosis._search import Tools
 from diffthrust.diagnosis._structure import behind, observed
 from diffthrust.diagnosis._trials import TrialFit
 from diffthrust.effects._curve import Curve
+from diffthrust.effects._grammar import expression_of
 from diffthrust.estimation._result import Fit
 from diffthrust.models._base.made_effect import ARRIVING
 from diffthrust.models._base.model import Model
@@ -79,13 +80,15 @@ def learned(tools: Tools, found: Grouped, first: TrialFit) -> tuple[Grouped, Lea
     if law is None:
         return None
     if trial.effects:
-        found, law = kept_beside(tools, found, first, law)
-    now = found.known.stages[-1]
-    if {*now.effects} != {*base.effects}:
-        law = _beside_others(tools, now.fit, found.known.present.trial, law)
-    if not law.worth.sure:
-        return None
-    return found, replace(law, worth=law.worth.of(left_of(found.known, now)))
+        beside, told = kept_beside(tools, found, first, law)
+        now = beside.known
+        if {*now.stages[-1].effects} != {*base.effects}:
+            told = _beside_others(tools, now.stages[-1].fit, now.present.trial, told)
+        if told.worth.sure:
+            found, law = beside, told
+        elif base is not last:
+            return None  # else it goes with all of them alone
+    return found, replace(law, worth=law.worth.of(left_of(found.known, found.known.stages[-1])))
 
 
 def _beside_others(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> LearnedLaw:
@@ -142,8 +145,9 @@ def _likeliest(tools: Tools, trial: TrialFit, place: DrivingPort) -> list[Likely
     return [one for one in (*first, *rest) if one.evidence > _CLEAR]
 
 
-def _plainness(law: Hypothesis) -> tuple[int, int]:
-    return ("", ARRIVING, law.times).index(law.times), len(law.signal)
+def _plainness(law: Hypothesis) -> tuple[int, bool, int]:
+    times = ("", ARRIVING, law.times).index(law.times)
+    return times, ARRIVING in expression_of(law.signal).places, len(law.signal)
 
 
 def _fitted(tools: Tools, before: Fit, trial: TrialFit, likely: LikelyCurve) -> LearnedLaw | None:
