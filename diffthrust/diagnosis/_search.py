@@ -72,7 +72,8 @@ class Tools:
         trials: fits of it with any candidate.
         unseen: unseen logs.
         refit: fits a model to whole runs, with the first fit's options; given values are starts,
-            given ``logs``, training and unseen ones, take the place of all.
+            given ``logs``, training and unseen ones, take the place of all; with ``segments`` its
+            model may go through these first where the first fit had no need of them.
         guess: values from which the first fit began.
         say: told how far the work is.
         clock: times its parts.
@@ -190,13 +191,15 @@ def begun(
         tell: Progress | None = None,
         starts: int = 0,
         logs: tuple[Sequence[Log], Sequence[Log]] = (train, unseen),
+        segments: bool = False,
     ) -> Fit:
         starts = starts or _STARTS[bool(guesses)]
         told = {"starts": starts, "seed": seed, "guesses": guesses, "progress": tell, **options}
         with clock("refit"), warnings.catch_warnings(record=True) as seen:  # its notes say the same
             warnings.simplefilter("always", CoarseStepWarning)
             if begun_with:
-                fitted = fit_model(model, logs[0], holdout=logs[1] or None, **told, **begun_with)
+                alike = {n: v for n, v in begun_with.items() if not segments or n != "horizon"}
+                fitted = fit_model(model, logs[0], holdout=logs[1] or None, **told, **alike)
                 if not any(issubclass(one.category, CoarseStepWarning) for one in seen):
                     return fitted
                 if math.isfinite(fitted.train.nrmse):  # finer steps end near where coarse ones do

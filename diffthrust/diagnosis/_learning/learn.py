@@ -14,6 +14,7 @@ from diffthrust.diagnosis._learning.beside import kept_beside
 from diffthrust.diagnosis._learning.evidence import LikelyCurve, likely_curves
 from diffthrust.diagnosis._learning.fits import as_good, unit_at, worth_between_fits
 from diffthrust.diagnosis._learning.hypotheses import (
+    NUMBER,
     Hypothesis,
     hypothesis,
     products,
@@ -181,7 +182,8 @@ def _fitted(tools: Tools, before: Fit, trial: TrialFit, likely: LikelyCurve) -> 
 
 def _with(tools: Tools, model: Model, curve: Curve) -> tuple[Fit, Curve]:
     """A model with a curve, fitted to whole runs, and the curve as it is then."""
-    fit = tools.refit(model + curve, starts=1)
+    # whole runs have many false minima along a wave
+    fit = tools.refit(model + curve, starts=1, segments=NUMBER in curve.given)
     return fit, fit.model.effects[-1]  # pyright: ignore[reportReturnType]
 
 

@@ -41,7 +41,8 @@ def named(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> Learne
     tried: list[TriedForm] = []
     for match in _close(tools, trial, curve):
         formula = formula_of(match, curve, unit_at(tools, curve.port, match.times), law.signal_unit)
-        fit = tools.refit(law.fit.model - curve.name + formula, starts=1)
+        wave = NUMBER in curve.given
+        fit = tools.refit(law.fit.model - curve.name + formula, starts=1, segments=wave)
         if not math.isfinite(fit.train.nrmse):
             continue
         gain = 2.0 * (fit.log_likelihood - before.log_likelihood)
