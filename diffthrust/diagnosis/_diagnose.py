@@ -13,7 +13,7 @@ from diffthrust.diagnosis._candidates import Candidates
 from diffthrust.diagnosis._findings import Missing
 from diffthrust.diagnosis._groups import Grouped, grouped, proposal
 from diffthrust.diagnosis._held_values import held_values
-from diffthrust.diagnosis._learning.learn import learned
+from diffthrust.diagnosis._learning.learn import learned_law
 from diffthrust.diagnosis._missing import missing_signals
 from diffthrust.diagnosis._odd_logs import odd_logs
 from diffthrust.diagnosis._result import Diagnosis
@@ -130,7 +130,7 @@ def _reported(
     if found.verdict == "unexplained":
         tools.say("learning what no known effect explains", LEARNING)
         with tools.clock("learned"):
-            answer = learned(tools, effects, first)
+            answer = learned_law(tools, effects, first)
         if answer is not None:
             beside, law = answer
             left = found.remaining

@@ -53,7 +53,7 @@ _BETTER = 0.95
 place."""
 
 
-def learned(tools: Tools, found: Grouped, first: TrialFit) -> tuple[Grouped, LearnedLaw] | None:
+def learned_law(tools: Tools, found: Grouped, first: TrialFit) -> tuple[Grouped, LearnedLaw] | None:
     """The law that no known effect expresses, where structure is proven; ``None`` if none is sure.
 
     It must make whole unseen runs surely better (training runs, where no log is unseen). Effects
