@@ -38,9 +38,9 @@ def kept_beside(
         return found, law
     trials, present = begun
     present = drop(trials, SearchState(present, known.stages[:1], {})).present
-    worth = {}
-    for name in present.trial.effects:
-        told, does = _worth_of(trials, present.trial, name, known.stages[0])
+    worth, whole = {}, whole_of(trials, present.trial, present.trial.effects)
+    for name in whole.effects:
+        told, does = _worth_of(trials, whole, name, known.stages[0])
         if does or name in trials.held:
             worth[name] = told
     kept = tuple(n for n in names if n in worth)
@@ -68,11 +68,10 @@ def _begun(tools: Tools, law: LearnedLaw, names: tuple[str, ...]) -> tuple[Trial
     return alone, Present(alone, together)
 
 
-def _worth_of(trials: Trials, trial: TrialFit, name: str, given: Stage) -> tuple[Worth, bool]:
-    """What an effect of a trial removes of the errors of the model as given, and if it matters."""
-    rest = tuple(n for n in trial.effects if n != name)
-    after = whole_of(trials, trial, trial.effects)
-    change = change_between(trials, whole_of(trials, after, rest), after)
+def _worth_of(trials: Trials, whole: TrialFit, name: str, given: Stage) -> tuple[Worth, bool]:
+    """What an effect of a fit to whole runs removes of the first errors, and if it matters."""
+    rest = tuple(n for n in whole.effects if n != name)
+    change = change_between(trials, whole_of(trials, whole, rest), whole)
     begun = given.holdout or given.train
     now = change.before.holdout or change.before.train
     part = (now.nrmse / begun.nrmse) ** 2 if begun.nrmse > 0 else 1.0

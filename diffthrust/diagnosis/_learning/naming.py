@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
+from diffthrust.diagnosis._learning.closed_forms import FORMS
 from diffthrust.diagnosis._learning.fits import as_good, surely_better, unit_at, worth_between_fits
 from diffthrust.diagnosis._learning.forms import Match, as_estimated, formula_of, matches
 from diffthrust.diagnosis._learning.ground import ground_of
@@ -24,6 +25,8 @@ _NEAR = 0.7
 beside it that only imitated the law have bent the curve),"""
 _FORMS = 3
 """and so many are fitted in its place, with the plain forms that they come near to."""
+_SAME = 0.2
+"""Criteria no further apart are the same: of a signal of one sign two forms are one."""
 _AS_GOOD = 1.1
 """A form is a law's name where whole runs err by no more than so many times as much with it."""
 
@@ -53,13 +56,19 @@ def named(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> Learne
     tried.sort(key=lambda one: one.bic)
     alike = [one for one in tried if not surely_better(tools, tried[0].fit, one.fit)]
     if alike:  # errors that last make the criterion surer than it should be
-        plainest = min(alike, key=lambda one: len(one.formula.declared))
+        plainest = min(alike, key=lambda one: _plainness(one, tried[0].bic))
         tried.sort(key=lambda one: one is not plainest)
     law = replace(law, forms=tuple(tried), named=False)
     if not tried or not as_good(tried[0].fit, law.fit, _AS_GOOD):
         return law
     worth = worth_between_fits(tools, before, tried[0].fit)
     return replace(law, named=True, worth=worth) if worth.sure else law
+
+
+def _plainness(one: TriedForm, best: float) -> tuple[int, float, int]:
+    """By its parameters, its criterion, and where that is the same its place among the forms."""
+    names = [form.name for form in FORMS]
+    return len(one.formula.declared), (one.bic - best) // _SAME, names.index(one.name)
 
 
 def _close(tools: Tools, trial: TrialFit, curve: Curve) -> list[Match]:
