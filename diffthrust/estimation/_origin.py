@@ -98,7 +98,7 @@ def python_line(model: Model, more: Sequence[Effect] = ()) -> str:
         >>> python_line(dft.Vessel(drive="twin") + "wind")
         'model = dft.Vessel(drive="twin", command="N") + "wind"'
     """
-    usual = {} if model.own else type(model)().arguments
+    usual = {"command": ""} if model.own else type(model)().arguments  # one's own may need some
     chosen = {name: v for name, v in model.arguments.items() if usual.get(name) != v}
     told = ", ".join(f"{name}={_quoted(v)}" for name, v in chosen.items())
     made = f"{'' if model.own else 'dft.'}{type(model).__name__}({told})"
