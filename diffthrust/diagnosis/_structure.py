@@ -22,7 +22,9 @@ between two ways to integrate the same physics comes to as much."""
 _NAMED = 0.05
 """Once there is structure, it is told by the largest that a single test would find."""
 _PAST = (20, 100)
-"""Samples over which the past of a signal is remembered."""
+"""Samples over which the past of a signal is remembered;"""
+_SLOW = 300
+"""and over which that of its square is, which warms what is cold at first."""
 
 
 class Observed(NamedTuple):
@@ -210,13 +212,17 @@ def _factors(
 def _past(
     signals: Mapping[SignalForm, Sequence[np.ndarray]], step: float
 ) -> dict[SignalForm, list[np.ndarray]]:
-    """The running means of inputs and states over some recent samples, log by log."""
-    return {
-        SignalForm(form.name, past=samples * step): [recent(one, samples) for one in series]
-        for form, series in signals.items()
-        if form.name != "time" and not form.rate
+    """The running means of inputs and states, and of their squares, over some recent samples."""
+    plain = {f.name: s for f, s in signals.items() if f.name != "time" and not f.rate}
+    out = {
+        SignalForm(name, past=samples * step): [recent(one, samples) for one in series]
+        for name, series in plain.items()
         for samples in _PAST
     }
+    for name, series in plain.items():
+        warm = [recent(np.concatenate([[0.0], one**2]), _SLOW)[1:] for one in series]
+        out[SignalForm(f"{name}**2", past=_SLOW * step)] = warm
+    return out
 
 
 def recent(series: np.ndarray, samples: int) -> np.ndarray:
