@@ -11,7 +11,7 @@ from diffthrust.diagnosis._findings import Remaining, SignalForm
 from diffthrust.diagnosis._ports import DrivingPort, hats, knots_of
 from diffthrust.diagnosis._score_test import score_test
 from diffthrust.diagnosis._trials import TrialFit, Trials, side_by_side
-from diffthrust.diagnosis._waves import waves_along
+from diffthrust.diagnosis._waves import wave_along
 from diffthrust.simulation._linearise import slopes_at
 
 _LEVEL = 0.01
@@ -127,8 +127,8 @@ def remaining_structure(trials: Trials, trial: TrialFit) -> Remaining | None:
     """The place and signal on which the errors still depend, if they do.
 
     At each place a sum with a function of one signal is tried, and at each port behind it a factor
-    that is one; of the signals as they are, of their recent past, which tells of states that the
-    model lacks, and of waves along them.
+    that is one; of the signals as they are, of their recent past and that of their squares, which
+    tell of states that the model lacks, and of waves along them.
     """
 
     def tested(suspect: Suspect) -> tuple[float, Remaining]:
@@ -177,7 +177,7 @@ def _waves(trials: Trials, trial: TrialFit, seen: Observed) -> dict[SignalForm, 
             for path in seen.paths
         ]
         for name in names
-        for wave in waves_along(trial, name)
+        if (wave := wave_along(trial, name))
     }
 
 

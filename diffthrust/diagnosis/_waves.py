@@ -38,7 +38,7 @@ class Wave(NamedTuple):
         return 2.0 * math.pi / self.number
 
 
-def waves_along(trial: TrialFit, name: str) -> list[Wave]:
+def wave_along(trial: TrialFit, name: str) -> Wave | None:
     """The wave along a state that one-step errors show most, if any stands out.
 
     Args:
@@ -51,16 +51,16 @@ def waves_along(trial: TrialFit, name: str) -> list[Wave]:
     errors = [np.nan_to_num(one.errors[:, 1:] / sigma) for one in ran]
     numbers = _numbers(along)
     if not numbers.size:
-        return []
+        return None
     power, angle = _periodogram(along, errors, numbers)
     if power.max() < np.log(power.size) + _ABOVE:
-        return []
+        return None
     peak = numbers[int(np.argmax(power.max(axis=0)))]
     beside = 0.5 * np.pi / max(float(np.ptp(np.concatenate(along))), 1e-300)
     near = np.linspace(peak - beside, peak + beside, _FINER)
     power, angle = _periodogram(along, errors, near)
     at = np.unravel_index(int(np.argmax(power)), power.shape)
-    return [Wave(float(near[at[1]]), float(angle[at] + 0.5 * np.pi), beside)]
+    return Wave(float(near[at[1]]), float(angle[at] + 0.5 * np.pi), beside)
 
 
 def _periodogram(

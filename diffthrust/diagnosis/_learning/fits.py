@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from diffthrust.diagnosis._admit import errors_between
 from diffthrust.diagnosis._findings import Stage
-from diffthrust.diagnosis._learning.hypotheses import unit_of, units_at
 from diffthrust.diagnosis._search import Tools
 from diffthrust.diagnosis._worth import Worth, worth_of
 from diffthrust.estimation._result import Fit
-from diffthrust.logs._units import product_unit
-from diffthrust.models._base.made_effect import ARRIVING
 
 
 def worth_between_fits(tools: Tools, before: Fit, after: Fit) -> Worth:
@@ -31,11 +28,3 @@ def as_good(fit: Fit, other: Fit, times: float = 1.0) -> bool:
     if fit.holdout and other.holdout:
         pairs.append((fit.holdout, other.holdout))
     return all(one.nrmse <= times * than.nrmse for one, than in pairs)
-
-
-def unit_at(tools: Tools, port: str, times: str) -> str:
-    """The unit of what is added at a port when it is multiplied by something."""
-    if times == ARRIVING:
-        return ""
-    units = units_at(tools.trials, port)
-    return product_unit((units[ARRIVING], 1), (unit_of(times, units) if times else "", -1))

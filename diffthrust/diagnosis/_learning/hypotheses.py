@@ -11,7 +11,7 @@ import numpy as np
 from diffthrust.diagnosis._ports import DrivingPort, words_and_unit
 from diffthrust.diagnosis._structure import Observed, behind, observed
 from diffthrust.diagnosis._trials import TrialFit, Trials
-from diffthrust.diagnosis._waves import Wave, waves_along
+from diffthrust.diagnosis._waves import Wave, wave_along
 from diffthrust.effects._grammar import expression_of
 from diffthrust.effects._memory import value_along
 from diffthrust.logs._units import product_unit
@@ -67,20 +67,21 @@ class Scene(NamedTuple):
         trials: the fits.
         place: where something is missing.
         seen: what the present trial sees of the logs.
-        waves: those that stand out along a state, by its name.
+        waves: those that stand out along states, by name.
     """
 
     trials: Trials
     place: DrivingPort
     seen: Observed
-    waves: Mapping[str, Sequence[Wave]]
+    waves: Mapping[str, Wave]
 
 
 def scene(trials: Trials, trial: TrialFit, place: DrivingPort) -> Scene:
     """Of what a law may be made that is missing at a place beside a trial."""
     seen = observed(trials, trial)
     moving = [n for n in _readable(trials, seen) if n in trials.model.states]
-    return Scene(trials, place, seen, {name: waves_along(trial, name) for name in moving})
+    waves = {name: wave for name in moving if (wave := wave_along(trial, name))}
+    return Scene(trials, place, seen, waves)
 
 
 def simple_laws(at: Scene) -> Iterator[Hypothesis]:
@@ -110,6 +111,14 @@ def units_at(trials: Trials, port: str) -> dict[str, str]:
     model = trials.model
     known = {**model.inputs, **model.optional_inputs, **model.all_states, **model.channel_units}
     return {**known, ARRIVING: words_and_unit(model, port)[1]}
+
+
+def unit_at(trials: Trials, port: str, times: str) -> str:
+    """The unit of what is added at a port when it is multiplied by something."""
+    if times == ARRIVING:
+        return ""
+    units = units_at(trials, port)
+    return product_unit((units[ARRIVING], 1), (unit_of(times, units) if times else "", -1))
 
 
 def unit_of(signal: str, units: Mapping[str, str]) -> str:
@@ -169,9 +178,8 @@ def _expressions(
         ):
             for samples in pasts:
                 yield text, {TIME: _guessed(samples * step, "s")}
-    for name, found in waves.items():
-        for wave in found:
-            yield f"sin({NUMBER} * {name} + {PHASE})", _of_wave(wave, units.get(name, ""))
+    for name, wave in waves.items():
+        yield f"sin({NUMBER} * {name} + {PHASE})", _of_wave(wave, units.get(name, ""))
     arriving = [ARRIVING] if place.state and not times else []
     for name in (*names, *arriving):
         pooled = np.concatenate(

@@ -12,7 +12,7 @@ from diffthrust.diagnosis._groups import Grouped
 from diffthrust.diagnosis._learned import LearnedLaw
 from diffthrust.diagnosis._learning.beside import kept_beside
 from diffthrust.diagnosis._learning.evidence import LikelyCurve, likely_curves
-from diffthrust.diagnosis._learning.fits import as_good, unit_at, worth_between_fits
+from diffthrust.diagnosis._learning.fits import as_good, worth_between_fits
 from diffthrust.diagnosis._learning.hypotheses import (
     NUMBER,
     Hypothesis,
@@ -20,6 +20,7 @@ from diffthrust.diagnosis._learning.hypotheses import (
     products,
     scene,
     simple_laws,
+    unit_at,
     unit_of,
     units_at,
 )
@@ -154,7 +155,7 @@ def _plainness(law: Hypothesis) -> tuple[int, bool, int]:
 def _fitted(tools: Tools, before: Fit, trial: TrialFit, likely: LikelyCurve) -> LearnedLaw | None:
     """A law fitted to whole runs beside a model; ``None`` where these are no better."""
     model, law = before.model, likely.law
-    unit = unit_at(tools, law.port, law.times)
+    unit = unit_at(tools.trials, law.port, law.times)
     own = {**likely.curve.arguments, "unit": unit, "name": _free_name(model)}
     fit, curve = _with(tools, model, Curve(**own))
     if curve.given:  # what it remembers has another range than at the first guess

@@ -9,10 +9,10 @@ import numpy as np
 
 from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
 from diffthrust.diagnosis._learning.closed_forms import FORMS
-from diffthrust.diagnosis._learning.fits import as_good, surely_better, unit_at, worth_between_fits
+from diffthrust.diagnosis._learning.fits import as_good, surely_better, worth_between_fits
 from diffthrust.diagnosis._learning.forms import Match, as_estimated, formula_of, matches
 from diffthrust.diagnosis._learning.ground import ground_of
-from diffthrust.diagnosis._learning.hypotheses import NUMBER, hypothesis
+from diffthrust.diagnosis._learning.hypotheses import NUMBER, hypothesis, unit_at
 from diffthrust.diagnosis._search import Tools
 from diffthrust.diagnosis._structure import observed
 from diffthrust.diagnosis._trials import TrialFit
@@ -43,7 +43,9 @@ def named(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> Learne
     curve, price = law.curve, math.log(tools.trials.samples)
     tried: list[TriedForm] = []
     for match in _close(tools, trial, curve):
-        formula = formula_of(match, curve, unit_at(tools, curve.port, match.times), law.signal_unit)
+        formula = formula_of(
+            match, curve, unit_at(tools.trials, curve.port, match.times), law.signal_unit
+        )
         wave = NUMBER in curve.given
         fit = tools.refit(law.fit.model - curve.name + formula, starts=1, segments=wave)
         if not math.isfinite(fit.train.nrmse):
