@@ -73,7 +73,8 @@ class Tools:
         unseen: unseen logs.
         refit: fits a model to whole runs, with the first fit's options; given values are starts,
             given ``logs``, training and unseen ones, take the place of all; with ``segments`` its
-            model may go through these first where the first fit had no need of them.
+            model may go through these first where the first fit had no need of them; with so many
+            ``substeps`` nobody looks whether finer ones are needed.
         guess: values from which the first fit began.
         say: told how far the work is.
         clock: times its parts.
@@ -192,6 +193,7 @@ def begun(
         starts: int = 0,
         logs: tuple[Sequence[Log], Sequence[Log]] = (train, unseen),
         segments: bool = False,
+        substeps: int = 0,
     ) -> Fit:
         starts = starts or _STARTS[bool(guesses)]
         told = {"starts": starts, "seed": seed, "guesses": guesses, "progress": tell, **options}
@@ -199,8 +201,9 @@ def begun(
             warnings.simplefilter("always", CoarseStepWarning)
             if begun_with:
                 alike = {n: v for n, v in begun_with.items() if not segments or n != "horizon"}
+                alike |= {"substeps": substeps} if substeps else {}
                 fitted = fit_model(model, logs[0], holdout=logs[1] or None, **told, **alike)
-                if not any(issubclass(one.category, CoarseStepWarning) for one in seen):
+                if substeps or not any(issubclass(w.category, CoarseStepWarning) for w in seen):
                     return fitted
                 if math.isfinite(fitted.train.nrmse):  # finer steps end near where coarse ones do
                     model, told = fitted.model, {**told, "starts": 1, "guesses": ()}
@@ -242,11 +245,12 @@ def compiled(
     held: Sequence[str],
     train: Sequence[Log],
     unseen: Sequence[Log],
+    present: Sequence[str] = (),
 ) -> tuple[Trials, TrialFit]:
-    """The trials, and the first of them: the model as it is."""
+    """The trials, and the first of them: the model as it is, or with some effects ``present``."""
     for substeps in dict.fromkeys((_few_substeps(fit, train), fit.substeps)):
         trials = Trials(fit.model, effects, train, unseen, substeps, fit.noise_model, held)
-        first = trials.base()
+        first = trials.base(present)
         if math.isfinite(first.cost):
             return trials, first
     raise _not_finite(fit, effects, train)

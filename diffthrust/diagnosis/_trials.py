@@ -187,7 +187,7 @@ class Trials:
         held: Sequence[str] = (),
     ) -> None:
         self.model = model
-        self.logs = tuple(logs)
+        self.logs, self.substeps = tuple(logs), substeps
         self.channels = measured_outputs(model, logs)
         self.places = places_of(model, logs[0], self.channels)
         self.held = tuple(held)
@@ -336,13 +336,13 @@ class Trials:
             trial = replace(trial, limit=Limit(CLIP * trial.quadratic.sigma, limit.reach))
         return self.further(trial, budget=_LONG)
 
-    def base(self) -> TrialFit:
-        """The model as it is, from its own values.
+    def base(self, effects: Sequence[str] = ()) -> TrialFit:
+        """The model as it is, or with some effects, from its own values.
 
         Here it is seen at what size errors are limited.
         """
-        start = {n: p.value for n, p in self.problem.named.items()}
-        limited = self.settled((), start, None, Limit(np.full(len(self.channels), np.inf)))
+        start = {n: p.value for n, p in self.ready(effects).problem.named.items()}
+        limited = self.settled(effects, start, None, Limit(np.full(len(self.channels), np.inf)))
         widened = replace(limited, limit=replace(limited.limit, reach=WIDE))
         wide = self.further(widened, budget=_LONG)
         return wide if wide.cost < limited.cost - REAL else limited

@@ -9,8 +9,9 @@ from diffthrust.diagnosis._admit import drop, refitted
 from diffthrust.diagnosis._findings import Stage
 from diffthrust.diagnosis._groups import Grouped
 from diffthrust.diagnosis._learned import LearnedLaw
+from diffthrust.diagnosis._learning.fits import roughly
 from diffthrust.diagnosis._search import LEARNING, Present, SearchState, Tools, compiled
-from diffthrust.diagnosis._trials import TrialFit, Trials
+from diffthrust.diagnosis._trials import TrialFit, Trials, with_values
 from diffthrust.diagnosis._whole_fits import change_between, whole_of
 from diffthrust.diagnosis._worth import Worth, matters
 
@@ -38,7 +39,9 @@ def kept_beside(
         return found, law
     trials, present = begun
     present = drop(trials, SearchState(present, known.stages[:1], {})).present
-    worth, whole = {}, whole_of(trials, present.trial, present.trial.effects)
+    worth, whole = {}, present.trial
+    if whole.effects:
+        whole = whole_of(trials, whole, whole.effects)
     for name in whole.effects:
         told, does = _worth_of(trials, whole, name, known.stages[0])
         if does or name in trials.held:
@@ -57,14 +60,14 @@ def _begun(tools: Tools, law: LearnedLaw, names: tuple[str, ...]) -> tuple[Trial
     model = tools.given + told.model.effects[-1]
     own = [n for n, p in model.parameters.items() if not p.fixed]
     if {*told.free} != {*own}:  # it was learned beside effects
-        told = tools.refit(model, [{n: told.model.parameters[n].value for n in own}], starts=1)
+        values = {n: p.value for n, p in told.model.parameters.items()}
+        told = roughly(tools, with_values(model, values))
     effects = [trials.candidates[n] for n in names if n in trials.candidates]
     held = [n for n in names if n in trials.held]
     try:
-        alone, trial = compiled(told, effects, held, trials.logs, tools.unseen)
+        alone, together = compiled(told, effects, held, trials.logs, tools.unseen, names)
     except InputError:  # the law goes with effects alone
         return None
-    together = alone.settled(names, trial.values, trial.begin, trial.limit)
     return alone, Present(alone, together)
 
 

@@ -15,7 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from diffthrust.diagnosis._learning.ground import left_over
-from diffthrust.diagnosis._learning.hypotheses import Hypothesis
+from diffthrust.diagnosis._learning.hypotheses import Hypothesis, hypothesis
+from diffthrust.diagnosis._structure import observed
 from diffthrust.diagnosis._trials import TrialFit, Trials, side_by_side
 from diffthrust.effects._curve import Curve
 from diffthrust.models._base.made_effect import ARRIVING
@@ -28,6 +29,10 @@ _SHARED = 0.01
 """A coefficient of which the estimated parameters leave less than this does what they do already,
 and is held at nothing."""
 
+_APART = 5.0
+"""A time or a width is sought within so many times its first guess,"""
+_SEARCH = {"maxiter": 10, "xatol": 0.03}
+"""to such a share of itself."""
 _SLOPE = 1
 """Which of the coefficients of a curve is its slope."""
 
@@ -55,6 +60,32 @@ def likely_curves(trials: Trials, trial: TrialFit, laws: Iterable[Hypothesis]) -
 
     found = [one for one in side_by_side(judged, list(laws)) if one is not None]
     return sorted((one for one in found if one.evidence > 0), key=lambda one: -one.evidence)
+
+
+def sharpened(trials: Trials, trial: TrialFit, likely: LikelyCurve) -> LikelyCurve:
+    """A law that remembers over the time, or the width, that makes one-step errors likeliest."""
+    from scipy.optimize import minimize_scalar  # slow to import
+
+    law, own = likely.law, likely.law.parameters
+    if law.straight or len(own) != 1:
+        return likely
+    seen, (name,) = observed(trials, trial), own
+    passing = [one[law.port] for one in trials.readings(trial)]
+    begun, (low, high) = own[name]["value"], own[name]["bounds"]
+    tried = {begun: likely}
+
+    def loss(exponent: float) -> float:
+        value = float(np.exp(exponent))
+        told = {name: {**own[name], "value": value}}
+        at = hypothesis(seen, law.port, law.signal, law.times, told)
+        found = _judged(trials, trial, at, passing)
+        if found is not None:
+            tried[value] = found
+        return -found.evidence if found else 0.0
+
+    ends = max(low, begun / _APART), min(high, begun * _APART)
+    minimize_scalar(loss, bounds=np.log(ends), method="bounded", options=_SEARCH)
+    return max(tried.values(), key=lambda one: one.evidence)
 
 
 def _judged(

@@ -1,12 +1,23 @@
-"""Fits of a model with a learned law: whether whole runs are as good, what a law is worth there."""
+"""Fits to whole runs by which laws are compared, and what a law is worth there."""
 
 from __future__ import annotations
 
 from diffthrust.diagnosis._admit import errors_between
 from diffthrust.diagnosis._findings import Stage
 from diffthrust.diagnosis._search import Tools
+from diffthrust.diagnosis._trials import TrialFit
 from diffthrust.diagnosis._worth import Worth, worth_of
 from diffthrust.estimation._result import Fit
+from diffthrust.models._base.model import Model
+
+_FLOOR = 1.25
+"""Whole runs err as one-step predictions do where by no more than so many times these' size, which
+is that of a t-distribution: of Gaussian errors 0.87 of the standard deviation."""
+
+
+def roughly(tools: Tools, model: Model, segments: bool = False) -> Fit:
+    """A model fitted from its values on, with the integrator steps of the trials."""
+    return tools.refit(model, starts=1, segments=segments, substeps=tools.trials.substeps)
 
 
 def worth_between_fits(tools: Tools, before: Fit, after: Fit) -> Worth:
@@ -22,9 +33,18 @@ def surely_better(tools: Tools, fit: Fit, other: Fit) -> bool:
     return worth_of([*trained, *errors_between(*stages, tools.unseen)]).low > 0
 
 
-def as_good(fit: Fit, other: Fit, times: float = 1.0) -> bool:
+def as_good(fit: Fit, other: Fit, times: float) -> bool:
     """Whether whole runs err by no more than so many times as much, on unseen logs as well."""
-    pairs = [(fit.train, other.train)]
-    if fit.holdout and other.holdout:
-        pairs.append((fit.holdout, other.holdout))
-    return all(one.nrmse <= times * than.nrmse for one, than in pairs)
+    return fit.train.nrmse <= times * other.train.nrmse and as_good_unseen(fit, other, times)
+
+
+def as_good_unseen(fit: Fit, other: Fit, times: float) -> bool:
+    """The same of unseen logs alone; of training logs, where none is unseen."""
+    one, than = (fit.holdout, other.holdout) if other.holdout else (fit.train, other.train)
+    return one is not None and one.nrmse <= times * than.nrmse
+
+
+def all_explained(tools: Tools, trial: TrialFit, fit: Fit) -> bool:
+    """Whether whole runs err as the one-step predictions of a trial do: none can do better."""
+    sizes = dict(zip(tools.trials.channels, trial.quadratic.sigma, strict=True))
+    return all(fit.train.channels[n].rmse <= _FLOOR * size for n, size in sizes.items())

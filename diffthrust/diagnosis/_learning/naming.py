@@ -9,7 +9,13 @@ import numpy as np
 
 from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
 from diffthrust.diagnosis._learning.closed_forms import FORMS
-from diffthrust.diagnosis._learning.fits import as_good, surely_better, worth_between_fits
+from diffthrust.diagnosis._learning.fits import (
+    as_good,
+    as_good_unseen,
+    roughly,
+    surely_better,
+    worth_between_fits,
+)
 from diffthrust.diagnosis._learning.forms import Match, as_estimated, formula_of, matches
 from diffthrust.diagnosis._learning.ground import ground_of
 from diffthrust.diagnosis._learning.hypotheses import NUMBER, hypothesis, unit_at
@@ -27,8 +33,12 @@ _FORMS = 3
 """and so many are fitted in its place, with the plain forms that they come near to."""
 _SAME = 0.2
 """Criteria no further apart are the same: of a signal of one sign two forms are one."""
+_EQUAL = 1.002
+"""Where whole runs err by no more than so many times as much with a form as with the curve, none of
+more parameters is tried."""
 _AS_GOOD = 1.1
-"""A form is a law's name where whole runs err by no more than so many times as much with it."""
+"""A form is a law's name where whole unseen runs (training runs, where no log is unseen) err by no
+more than so many times as much with it: a curve may bend as noise does."""
 
 
 def named(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> LearnedLaw:
@@ -42,12 +52,15 @@ def named(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> Learne
     """
     curve, price = law.curve, math.log(tools.trials.samples)
     tried: list[TriedForm] = []
-    for match in _close(tools, trial, curve):
+    most = math.inf
+    for match in sorted(_close(tools, trial, curve), key=_parameters):
+        if _parameters(match) > most:
+            break
         formula = formula_of(
             match, curve, unit_at(tools.trials, curve.port, match.times), law.signal_unit
         )
         wave = NUMBER in curve.given
-        fit = tools.refit(law.fit.model - curve.name + formula, starts=1, segments=wave)
+        fit = roughly(tools, law.fit.model - curve.name + formula, segments=wave)
         if not math.isfinite(fit.train.nrmse):
             continue
         gain = 2.0 * (fit.log_likelihood - before.log_likelihood)
@@ -55,13 +68,15 @@ def named(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> Learne
         bic = price * len(formula.declared) - gain
         told = TriedForm(match.form.name, effect, fit, bic, match.times, match.reference)
         tried.append(told)
+        if as_good(fit, law.fit, _EQUAL) or not surely_better(tools, law.fit, fit):
+            most = _parameters(match)  # nothing is left for more of them
     tried.sort(key=lambda one: one.bic)
     alike = [one for one in tried if not surely_better(tools, tried[0].fit, one.fit)]
     if alike:  # errors that last make the criterion surer than it should be
         plainest = min(alike, key=lambda one: _plainness(one, tried[0].bic))
         tried.sort(key=lambda one: one is not plainest)
     law = replace(law, forms=tuple(tried), named=False)
-    if not tried or not as_good(tried[0].fit, law.fit, _AS_GOOD):
+    if not tried or not as_good_unseen(tried[0].fit, law.fit, _AS_GOOD):
         return law
     worth = worth_between_fits(tools, before, tried[0].fit)
     return replace(law, named=True, worth=worth) if worth.sure else law

@@ -1,0 +1,105 @@
+"""Learned laws fitted to whole runs, as curves and in the form in which they are told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from diffthrust.diagnosis._learned import LearnedLaw
+from diffthrust.diagnosis._learning.evidence import LikelyCurve
+from diffthrust.diagnosis._learning.fits import roughly, worth_between_fits
+from diffthrust.diagnosis._learning.forms import as_estimated
+from diffthrust.diagnosis._learning.hypotheses import (
+    NUMBER,
+    Hypothesis,
+    hypothesis,
+    unit_at,
+    unit_of,
+    units_at,
+)
+from diffthrust.diagnosis._search import Tools
+from diffthrust.diagnosis._structure import observed
+from diffthrust.diagnosis._trials import TrialFit
+from diffthrust.effects._curve import Curve
+from diffthrust.estimation._result import Fit
+from diffthrust.models._base.made_effect import ARRIVING
+from diffthrust.models._base.model import Model
+from diffthrust.simulation._step_size import choose_substeps
+
+_BEYOND, _EMPTY = 0.05, 0.4
+"""A curve is laid anew where its signal leaves its range by more than such a share of it, or leaves
+so much of it empty."""
+_POINTS = 241
+
+
+def law_of(tools: Tools, before: Fit, trial: TrialFit, likely: LikelyCurve) -> LearnedLaw | None:
+    """A law fitted to whole runs beside a model; ``None`` where these are no better."""
+    model, law = before.model, likely.law
+    unit = unit_at(tools.trials, law.port, law.times)
+    own = {**likely.curve.arguments, "unit": unit, "name": _free_name(model)}
+    fit, curve = with_curve(tools, model, Curve(**own))
+    if curve.given:  # what it remembers may have another range than at the first guess
+        told = {n: {**curve.given[n], "value": getattr(curve, n)} for n in curve.given}
+        law = hypothesis(observed(tools.trials, trial), law.port, law.signal, law.times, told)
+        if ends := _elsewhere(law, curve):
+            fit, curve = with_curve(tools, model, _laid_over(curve, *ends))
+    if not fit.train.nrmse < before.train.nrmse:
+        return None
+    units = units_at(tools.trials, curve.port)
+    return LearnedLaw(
+        curve=curve,
+        fit=fit,
+        worth=worth_between_fits(tools, before, fit),
+        evidence=likely.evidence,
+        samples=np.concatenate(law.over),
+        factors=None if law.factor is None else np.concatenate(law.factor),
+        signal_unit=unit_of(curve.signal, units),
+        port_unit=units[ARRIVING],
+    )
+
+
+def with_curve(tools: Tools, model: Model, curve: Curve) -> tuple[Fit, Curve]:
+    """A model with a curve, fitted to whole runs, and the curve as it is then."""
+    # whole runs have many false minima along a wave
+    fit = roughly(tools, model + curve, segments=NUMBER in curve.given)
+    return fit, fit.model.effects[-1]  # pyright: ignore[reportReturnType]
+
+
+def with_fine_steps(tools: Tools, before: Fit, law: LearnedLaw) -> LearnedLaw:
+    """A law with the model that is told fitted with as many integrator steps as that needs."""
+    told, logs = law.told, tools.trials.logs
+    k = max(range(len(logs)), key=lambda k: (logs[k].step, len(logs[k])))
+    if choose_substeps(told.model, logs[k], initial=told.initial[k], warn=False) <= told.substeps:
+        return law
+    fit = tools.refit(told.model, starts=1)
+    effect = fit.model.effects[-1]
+    if law.form:
+        first = replace(law.form, formula=as_estimated(effect), fit=fit)  # pyright: ignore[reportArgumentType]
+        law = replace(law, forms=(first, *law.forms[1:]))
+    else:
+        law = replace(law, curve=effect, fit=fit)
+    return replace(law, worth=worth_between_fits(tools, before, fit))
+
+
+def _elsewhere(law: Hypothesis, curve: Curve) -> tuple[float, float] | None:
+    """The range of a law's signal, where it is another one than that of its curve."""
+    low, high = float(min(map(np.min, law.over))), float(max(map(np.max, law.over)))
+    beyond, span = max(curve.low - low, high - curve.high), curve.high - curve.low
+    moved = beyond > _BEYOND * span or high - low < (1.0 - _EMPTY) * span
+    return (low, high) if moved and low < high else None
+
+
+def _laid_over(curve: Curve, low: float, high: float) -> Curve:
+    """The same curve on another range."""
+    own = {n: {**curve.given[n], "value": getattr(curve, n)} for n in curve.given}
+    there = Curve(**{**curve.arguments, "low": low, "high": high, **own})
+    x = np.linspace(low, high, _POINTS)
+    shape = np.linalg.lstsq(there.basis(x).T, np.asarray(curve.at_signal(x)), rcond=None)[0]
+    return Curve(**{**there.arguments, "shape": tuple(map(float, shape))})
+
+
+def _free_name(model: Model) -> str:
+    taken = {effect.name for effect in model.effects}
+    names = ("curve", *(f"curve{k}" for k in range(2, 2 * len(taken) + 3)))
+    return next(name for name in names if not {name, f"{name}_form"} & taken)
