@@ -248,7 +248,7 @@ def compiled(
     present: Sequence[str] = (),
 ) -> tuple[Trials, TrialFit]:
     """The trials, and the first of them: the model as it is, or with some effects ``present``."""
-    for substeps in dict.fromkeys((_few_substeps(fit, train), fit.substeps)):
+    for substeps in dict.fromkeys((few_substeps(fit, train), fit.substeps)):
         trials = Trials(fit.model, effects, train, unseen, substeps, fit.noise_model, held)
         first = trials.base(present)
         if math.isfinite(first.cost):
@@ -256,7 +256,7 @@ def compiled(
     raise _not_finite(fit, effects, train)
 
 
-def _few_substeps(fit: Fit, train: Sequence[Log]) -> int:
+def few_substeps(fit: Fit, train: Sequence[Log]) -> int:
     """The fewest integrator steps per sample with which whole runs err as with those of a fit."""
     substeps = min(_SUBSTEPS, fit.substeps)
     while substeps < fit.substeps:

@@ -187,7 +187,7 @@ class Trials:
         held: Sequence[str] = (),
     ) -> None:
         self.model = model
-        self.logs, self.substeps = tuple(logs), substeps
+        self.logs = tuple(logs)
         self.channels = measured_outputs(model, logs)
         self.places = places_of(model, logs[0], self.channels)
         self.held = tuple(held)

@@ -61,7 +61,7 @@ def _begun(tools: Tools, law: LearnedLaw, names: tuple[str, ...]) -> tuple[Trial
     own = [n for n, p in model.parameters.items() if not p.fixed]
     if {*told.free} != {*own}:  # it was learned beside effects
         values = {n: p.value for n, p in told.model.parameters.items()}
-        told = roughly(tools, with_values(model, values))
+        told = roughly(tools, told, with_values(model, values))
     effects = [trials.candidates[n] for n in names if n in trials.candidates]
     held = [n for n in names if n in trials.held]
     try:

@@ -35,15 +35,15 @@ _POINTS = 241
 
 def law_of(tools: Tools, before: Fit, trial: TrialFit, likely: LikelyCurve) -> LearnedLaw | None:
     """A law fitted to whole runs beside a model; ``None`` where these are no better."""
-    model, law = before.model, likely.law
+    law = likely.law
     unit = unit_at(tools.trials, law.port, law.times)
-    own = {**likely.curve.arguments, "unit": unit, "name": _free_name(model)}
-    fit, curve = with_curve(tools, model, Curve(**own))
+    own = {**likely.curve.arguments, "unit": unit, "name": _free_name(before.model)}
+    fit, curve = with_curve(tools, before, Curve(**own))
     if curve.given:  # what it remembers may have another range than at the first guess
         told = {n: {**curve.given[n], "value": getattr(curve, n)} for n in curve.given}
         law = hypothesis(observed(tools.trials, trial), law.port, law.signal, law.times, told)
         if ends := _elsewhere(law, curve):
-            fit, curve = with_curve(tools, model, _laid_over(curve, *ends))
+            fit, curve = with_curve(tools, before, _laid_over(curve, *ends))
     if not fit.train.nrmse < before.train.nrmse:
         return None
     units = units_at(tools.trials, curve.port)
@@ -59,10 +59,10 @@ def law_of(tools: Tools, before: Fit, trial: TrialFit, likely: LikelyCurve) -> L
     )
 
 
-def with_curve(tools: Tools, model: Model, curve: Curve) -> tuple[Fit, Curve]:
-    """A model with a curve, fitted to whole runs, and the curve as it is then."""
+def with_curve(tools: Tools, before: Fit, curve: Curve) -> tuple[Fit, Curve]:
+    """A fitted model with a curve, fitted to whole runs, and the curve as it is then."""
     # whole runs have many false minima along a wave
-    fit = roughly(tools, model + curve, segments=NUMBER in curve.given)
+    fit = roughly(tools, before, before.model + curve, segments=NUMBER in curve.given)
     return fit, fit.model.effects[-1]  # pyright: ignore[reportReturnType]
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 from diffthrust.diagnosis._admit import errors_between
 from diffthrust.diagnosis._findings import Stage
-from diffthrust.diagnosis._search import Tools
+from diffthrust.diagnosis._search import Tools, few_substeps
 from diffthrust.diagnosis._trials import TrialFit
 from diffthrust.diagnosis._worth import Worth, worth_of
 from diffthrust.estimation._result import Fit
@@ -15,9 +17,13 @@ _FLOOR = 1.25
 is that of a t-distribution: of Gaussian errors 0.87 of the standard deviation."""
 
 
-def roughly(tools: Tools, model: Model, segments: bool = False) -> Fit:
-    """A model fitted from its values on, with the integrator steps of the trials."""
-    return tools.refit(model, starts=1, segments=segments, substeps=tools.trials.substeps)
+def roughly(tools: Tools, before: Fit, model: Model, segments: bool = False) -> Fit:
+    """A model fitted from its values on, with the fewest integrator steps that do for another."""
+    few = few_substeps(before, tools.trials.logs)
+    fit = tools.refit(model, starts=1, segments=segments, substeps=few)
+    if math.isfinite(fit.train.nrmse):
+        return fit
+    return tools.refit(model, starts=1, segments=segments)
 
 
 def worth_between_fits(tools: Tools, before: Fit, after: Fit) -> Worth:

@@ -68,7 +68,7 @@ def learned_law(tools: Tools, found: Grouped, first: TrialFit) -> tuple[Grouped,
 
 def _beside_others(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> LearnedLaw:
     """A law beside other effects than those beside which it was learned."""
-    fit, curve = with_curve(tools, before.model, law.curve)
+    fit, curve = with_curve(tools, before, law.curve)
     law = replace(law, curve=curve, fit=fit, worth=worth_between_fits(tools, before, fit))
     return with_fine_steps(tools, before, named(tools, before, trial, law))
 

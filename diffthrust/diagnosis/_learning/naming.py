@@ -60,7 +60,7 @@ def named(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> Learne
             match, curve, unit_at(tools.trials, curve.port, match.times), law.signal_unit
         )
         wave = NUMBER in curve.given
-        fit = roughly(tools, law.fit.model - curve.name + formula, segments=wave)
+        fit = roughly(tools, before, law.fit.model - curve.name + formula, segments=wave)
         if not math.isfinite(fit.train.nrmse):
             continue
         gain = 2.0 * (fit.log_likelihood - before.log_likelihood)
