@@ -228,8 +228,9 @@ def _nulls(
     raise InputError(
         f"formula: {law.text!r} changes what passes its port whatever its parameters"
         f"{f', also where {zero}' if zero else ''}.",
-        "Multiply it by an amplitude (of what arrives: value * (1 + a)), or say at which value it "
-        'does nothing: limit={"unit": "rad/s^2", "value": 50.0, "null": float("inf")}.',
+        "Without 'value' in it, it is added to what arrives: multiply it by an amplitude, or write "
+        "what leaves: value * (1 + a), play(value, w). Or say at which value it does nothing: "
+        'limit={"unit": "rad/s^2", "value": 50.0, "null": float("inf")}.',
     )
 
 
