@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
 
 _BINS = 60
+_WIDE = 85
+"""Letters in a line of a title."""
 _FOLLOWS = 0.01
 """A factor follows from the signal where this share of its variance is left over the signal."""
 _LEAST = 0.05
@@ -59,7 +62,8 @@ def _curve(panel: Axes, law: LearnedLaw) -> None:
     panel.legend(fontsize=8, framealpha=0.9)
     unit = law.curve.unit
     panel.set_ylabel(f"curve [{unit}]" if unit else "curve [-]", fontsize=9)
-    panel.set_title(f"at '{law.curve.port}' {manner_words(law)}", loc="left", fontsize=10)
+    title = fill(f"at '{law.curve.port}' {manner_words(law)}", _WIDE)
+    panel.set_title(title, loc="left", fontsize=10)
     plainly(panel)
 
 

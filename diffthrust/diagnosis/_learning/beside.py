@@ -9,8 +9,14 @@ from diffthrust.diagnosis._admit import drop, refitted
 from diffthrust.diagnosis._findings import Stage
 from diffthrust.diagnosis._groups import Grouped
 from diffthrust.diagnosis._learned import LearnedLaw
-from diffthrust.diagnosis._learning.fits import roughly
-from diffthrust.diagnosis._search import LEARNING, Present, SearchState, Tools, compiled
+from diffthrust.diagnosis._search import (
+    LEARNING,
+    Present,
+    SearchState,
+    Tools,
+    compiled,
+    few_substeps,
+)
 from diffthrust.diagnosis._trials import TrialFit, Trials, with_values
 from diffthrust.diagnosis._whole_fits import change_between, whole_of
 from diffthrust.diagnosis._worth import Worth, matters
@@ -57,18 +63,17 @@ def kept_beside(
 def _begun(tools: Tools, law: LearnedLaw, names: tuple[str, ...]) -> tuple[Trials, Present] | None:
     """Some effects put beside a law, fitted together; ``None`` where no trial can be begun."""
     trials, told = tools.trials, law.told
-    model = tools.given + told.model.effects[-1]
-    own = [n for n, p in model.parameters.items() if not p.fixed]
-    if {*told.free} != {*own}:  # it was learned beside effects
-        values = {n: p.value for n, p in told.model.parameters.items()}
-        told = roughly(tools, told, with_values(model, values))
-    effects = [trials.candidates[n] for n in names if n in trials.candidates]
+    values = {n: p.value for n, p in told.model.parameters.items()}
+    alone = with_values(tools.given + told.model.effects[-1], values)
+    begun = replace(told, model=alone, substeps=few_substeps(told, trials.logs))
+    known = {**trials.candidates, **{effect.name: effect for effect in told.model.effects}}
+    effects = [known[n] for n in names if n in trials.candidates]
     held = [n for n in names if n in trials.held]
     try:
-        alone, together = compiled(told, effects, held, trials.logs, tools.unseen, names)
+        beside, together = compiled(begun, effects, held, trials.logs, tools.unseen, names)
     except InputError:  # the law goes with effects alone
         return None
-    return alone, Present(alone, together)
+    return beside, Present(beside, together)
 
 
 def _worth_of(trials: Trials, whole: TrialFit, name: str, given: Stage) -> tuple[Worth, bool]:

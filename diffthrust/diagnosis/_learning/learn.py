@@ -59,7 +59,7 @@ def learned_law(tools: Tools, found: Grouped, first: TrialFit) -> tuple[Grouped,
         now = beside.known
         if {*now.stages[-1].effects} != {*base.effects}:
             told = _beside_others(tools, now.stages[-1].fit, now.present.trial, told)
-        if told.worth.sure:
+        if told.worth.sure and as_good(told.told, last.fit, 1.0):
             found, law = beside, told
         elif base is not last:
             return None  # else it goes with all of them alone

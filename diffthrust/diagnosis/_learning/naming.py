@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,12 +35,22 @@ _FORMS = 3
 """and so many are fitted in its place, with the plain forms that they come near to."""
 _SAME = 0.2
 """Criteria no further apart are the same: of a signal of one sign two forms are one."""
+_CLEAR = 10.0
+"""Criteria of one-step errors that are further apart choose, where whole runs cannot (Kass and
+Raftery 1995, section 3.2: very strong)."""
 _EQUAL = 1.002
-"""Where whole runs err by no more than so many times as much with a form as with the curve, none of
-more parameters is tried."""
+"""Where whole runs err by no more than so many times as much with a form as with the curve, one of
+more parameters is tried only if one-step errors clearly ask for it."""
 _AS_GOOD = 1.1
 """A form is a law's name where whole unseen runs (training runs, where no log is unseen) err by no
 more than so many times as much with it: a curve may bend as noise does."""
+
+
+class _Asked(NamedTuple):
+    """A form that was fitted, and how far one-step errors ask for it: a criterion as well."""
+
+    told: TriedForm
+    criterion: float
 
 
 def named(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> LearnedLaw:
@@ -50,12 +62,28 @@ def named(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> Learne
         trial: the trial beside which it was learned.
         law: the law.
     """
+    tried = sorted(_tried(tools, before, trial, law), key=lambda one: one.told.bic)
+    if tried:
+        best = tried[0]
+        alike = [one for one in tried if _alike(tools, one, best)]
+        plainest = min(alike, key=lambda one: _plainness(one.told, best.told.bic))
+        tried.sort(key=lambda one: one is not plainest)
+    forms = tuple(one.told for one in tried)
+    law = replace(law, forms=forms, named=False)
+    if not forms or not as_good_unseen(forms[0].fit, law.fit, _AS_GOOD):
+        return law
+    worth = worth_between_fits(tools, before, forms[0].fit)
+    return replace(law, named=True, worth=worth) if worth.sure else law
+
+
+def _tried(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> Iterator[_Asked]:
+    """Closed forms fitted in the place of a curve, the plain ones first."""
     curve, price = law.curve, math.log(tools.trials.samples)
-    tried: list[TriedForm] = []
-    most = math.inf
+    enough, known = math.inf, math.inf
     for match in sorted(_close(tools, trial, curve), key=_parameters):
-        if _parameters(match) > most:
-            break
+        criterion = price * _parameters(match) - match.gain
+        if _parameters(match) > enough and criterion > known - _CLEAR:
+            continue
         formula = formula_of(
             match, curve, unit_at(tools.trials, curve.port, match.times), law.signal_unit
         )
@@ -67,19 +95,18 @@ def named(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> Learne
         effect = as_estimated(fit.model.effects[-1])  # pyright: ignore[reportArgumentType]
         bic = price * len(formula.declared) - gain
         told = TriedForm(match.form.name, effect, fit, bic, match.times, match.reference)
-        tried.append(told)
+        yield _Asked(told, criterion)
         if as_good(fit, law.fit, _EQUAL) or not surely_better(tools, law.fit, fit):
-            most = _parameters(match)  # nothing is left for more of them
-    tried.sort(key=lambda one: one.bic)
-    alike = [one for one in tried if not surely_better(tools, tried[0].fit, one.fit)]
-    if alike:  # errors that last make the criterion surer than it should be
-        plainest = min(alike, key=lambda one: _plainness(one, tried[0].bic))
-        tried.sort(key=lambda one: one is not plainest)
-    law = replace(law, forms=tuple(tried), named=False)
-    if not tried or not as_good_unseen(tried[0].fit, law.fit, _AS_GOOD):
-        return law
-    worth = worth_between_fits(tools, before, tried[0].fit)
-    return replace(law, named=True, worth=worth) if worth.sure else law
+            enough, known = _parameters(match), min(known, criterion)
+
+
+def _alike(tools: Tools, one: _Asked, best: _Asked) -> bool:
+    """Whether neither whole runs nor one-step errors surely tell a form from the likeliest.
+
+    Errors that last make the criterion of whole runs surer than it should be.
+    """
+    asked = one.criterion <= best.criterion + _CLEAR
+    return one is best or (asked and not surely_better(tools, best.told.fit, one.told.fit))
 
 
 def _plainness(one: TriedForm, best: float) -> tuple[int, float, int]:
