@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -38,12 +39,11 @@ def law_of(tools: Tools, before: Fit, trial: TrialFit, likely: LikelyCurve) -> L
     law = likely.law
     unit = unit_at(tools.trials, law.port, law.times)
     own = {**likely.curve.arguments, "unit": unit, "name": _free_name(before.model)}
-    fit, curve = with_curve(tools, before, Curve(**own))
+    fit, curve = _with_curve(tools, before, Curve(**own))
     if curve.given:  # what it remembers may have another range than at the first guess
-        told = {n: {**curve.given[n], "value": getattr(curve, n)} for n in curve.given}
-        law = hypothesis(observed(tools.trials, trial), law.port, law.signal, law.times, told)
+        law = hypothesis_of(tools, trial, curve)
         if ends := _elsewhere(law, curve):
-            fit, curve = with_curve(tools, before, _laid_over(curve, *ends))
+            fit, curve = _with_curve(tools, before, _laid_over(curve, *ends))
     if not fit.train.nrmse < before.train.nrmse:
         return None
     units = units_at(tools.trials, curve.port)
@@ -59,7 +59,18 @@ def law_of(tools: Tools, before: Fit, trial: TrialFit, likely: LikelyCurve) -> L
     )
 
 
-def with_curve(tools: Tools, before: Fit, curve: Curve) -> tuple[Fit, Curve]:
+def hypothesis_of(tools: Tools, trial: TrialFit, curve: Curve) -> Hypothesis:
+    """The law of a curve along the path of a trial, what it remembers being as in the curve."""
+    seen = observed(tools.trials, trial)
+    return hypothesis(seen, curve.port, curve.signal, curve.times, _parameters(curve))
+
+
+def _parameters(curve: Curve) -> dict[str, dict[str, Any]]:
+    """The parameters of a curve's signal, as they are now."""
+    return {n: {**curve.given[n], "value": getattr(curve, n)} for n in curve.given}
+
+
+def _with_curve(tools: Tools, before: Fit, curve: Curve) -> tuple[Fit, Curve]:
     """A fitted model with a curve, fitted to whole runs, and the curve as it is then."""
     # whole runs have many false minima along a wave
     fit = roughly(tools, before, before.model + curve, segments=NUMBER in curve.given)
@@ -92,8 +103,7 @@ def _elsewhere(law: Hypothesis, curve: Curve) -> tuple[float, float] | None:
 
 def _laid_over(curve: Curve, low: float, high: float) -> Curve:
     """The same curve on another range."""
-    own = {n: {**curve.given[n], "value": getattr(curve, n)} for n in curve.given}
-    there = Curve(**{**curve.arguments, "low": low, "high": high, **own})
+    there = Curve(**{**curve.arguments, "low": low, "high": high, **_parameters(curve)})
     x = np.linspace(low, high, _POINTS)
     shape = np.linalg.lstsq(there.basis(x).T, np.asarray(curve.at_signal(x)), rcond=None)[0]
     return Curve(**{**there.arguments, "shape": tuple(map(float, shape))})

@@ -9,8 +9,9 @@ from diffthrust.diagnosis._findings import Remaining
 from diffthrust.diagnosis._groups import Grouped
 from diffthrust.diagnosis._learned import LearnedLaw
 from diffthrust.diagnosis._learning.beside import kept_beside
-from diffthrust.diagnosis._learning.curves import law_of, with_curve, with_fine_steps
-from diffthrust.diagnosis._learning.fits import all_explained, as_good, worth_between_fits
+from diffthrust.diagnosis._learning.curves import hypothesis_of, law_of, with_fine_steps
+from diffthrust.diagnosis._learning.evidence import likely_curves
+from diffthrust.diagnosis._learning.fits import all_explained, as_good
 from diffthrust.diagnosis._learning.naming import named
 from diffthrust.diagnosis._learning.ranking import forgetful, likeliest, rival_law
 from diffthrust.diagnosis._ports import DrivingPort
@@ -59,18 +60,23 @@ def learned_law(tools: Tools, found: Grouped, first: TrialFit) -> tuple[Grouped,
         now = beside.known
         if {*now.stages[-1].effects} != {*base.effects}:
             told = _beside_others(tools, now.stages[-1].fit, now.present.trial, told)
-        if told.worth.sure and as_good(told.told, last.fit, 1.0):
+        if told and told.worth.sure and as_good(told.told, last.fit, 1.0):
             found, law = beside, told
         elif base is not last:
             return None  # else it goes with all of them alone
     return found, replace(law, worth=law.worth.of(left_of(found.known, found.known.stages[-1])))
 
 
-def _beside_others(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> LearnedLaw:
-    """A law beside other effects than those beside which it was learned."""
-    fit, curve = with_curve(tools, before, law.curve)
-    law = replace(law, curve=curve, fit=fit, worth=worth_between_fits(tools, before, fit))
-    return with_fine_steps(tools, before, named(tools, before, trial, law))
+def _beside_others(
+    tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw
+) -> LearnedLaw | None:
+    """A law learned anew beside other effects; ``None`` where errors do not ask for it there."""
+    likely = likely_curves(tools.trials, trial, [hypothesis_of(tools, trial, law.curve)])
+    again = law_of(tools, before, trial, likely[0]) if likely else None
+    if again is None:
+        return None
+    again = replace(again, superfluous=law.superfluous)
+    return with_fine_steps(tools, before, named(tools, before, trial, again))
 
 
 def _learned_beside(

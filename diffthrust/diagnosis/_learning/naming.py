@@ -40,7 +40,7 @@ _CLEAR = 10.0
 Raftery 1995, section 3.2: very strong)."""
 _EQUAL = 1.002
 """Where whole runs err by no more than so many times as much with a form as with the curve, one of
-more parameters is tried only if one-step errors clearly ask for it."""
+more parameters is tried only if one-step errors rather ask for it."""
 _AS_GOOD = 1.1
 """A form is a law's name where whole unseen runs (training runs, where no log is unseen) err by no
 more than so many times as much with it: a curve may bend as noise does."""
@@ -82,7 +82,7 @@ def _tried(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> Itera
     enough, known = math.inf, math.inf
     for match in sorted(_close(tools, trial, curve), key=_parameters):
         criterion = price * _parameters(match) - match.gain
-        if _parameters(match) > enough and criterion > known - _CLEAR:
+        if _parameters(match) > enough and criterion > known:
             continue
         formula = formula_of(
             match, curve, unit_at(tools.trials, curve.port, match.times), law.signal_unit
