@@ -103,15 +103,18 @@ class LearnedLaw(Brief):
 
     def drawn(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The curve over the range of the logs, and its standard error; ``(K,)`` each."""
-        curve = self.curve
-        x = np.linspace(curve.low, curve.high, _POINTS)
-        rows = curve.basis(x)
-        names = [f"{curve.name}.{n}" for n in curve.coefficients]
-        free = [(i, self.fit.free.index(n)) for i, n in enumerate(names) if n in self.fit.free]
-        own = rows[[i for i, _ in free]]
-        at = [j for _, j in free]
-        spread = np.einsum("kx,kl,lx->x", own, self.fit.covariance[np.ix_(at, at)], own)
-        return x, np.asarray(curve.at_signal(x)), np.sqrt(np.maximum(spread, 0.0))
+        x = np.linspace(self.curve.low, self.curve.high, _POINTS)
+        which, covariance = self.coefficients()
+        own = self.curve.basis(x)[which]
+        spread = np.einsum("kx,kl,lx->x", own, covariance, own)
+        return x, np.asarray(self.curve.at_signal(x)), np.sqrt(np.maximum(spread, 0.0))
+
+    def coefficients(self) -> tuple[list[int], np.ndarray]:
+        """Which coefficients of the curve are estimated, and their covariance."""
+        names = [f"{self.curve.name}.{n}" for n in self.curve.coefficients]
+        which = [i for i, name in enumerate(names) if name in self.fit.free]
+        at = [self.fit.free.index(names[i]) for i in which]
+        return which, self.fit.covariance[np.ix_(at, at)]
 
     def to_json(self) -> dict[str, Any]:
         """The law as plain data."""

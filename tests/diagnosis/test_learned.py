@@ -1,6 +1,7 @@
 """Learning what no known effect explains: evidence, closed forms, and a whole diagnosis."""
 
 import tomllib
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from typer.testing import CliRunner
 
 import diffthrust as dft
 from diffthrust.cli import _app  # private: the app that the command runs
+from diffthrust.diagnosis._learned import LearnedLaw  # private: a law without a diagnosis
 from diffthrust.diagnosis._learning import (  # private: figures that no result shows
     evidence,
     ground,
@@ -19,6 +21,7 @@ from diffthrust.diagnosis._learning.forms import (  # private: forms without a d
     as_estimated,
     form_values,
     formula_of,
+    likeliest_match,
     matches,
 )
 from diffthrust.effects import Curve
@@ -105,6 +108,29 @@ def test_the_gain_of_a_shape_is_the_likelihood_ratio_at_its_best_amplitude():
     weights = seen.onto @ shape
     assert gain == pytest.approx(weights @ seen.left @ weights, rel=0.02)
     assert seen.gain(np.zeros(241)) == (0.0, 0.0)
+
+
+def test_a_curve_fitted_to_whole_runs_tells_where_its_form_is_whatever_a_slope_of_it_is():
+    # an ordinary least-squares fit of a curve beside a slope that is the model's own: the curve may
+    # have any share of that, and the hump is found all the same
+    rng = np.random.default_rng(3)
+    curve = Curve("load", "speed", -40.0, 40.0)
+    samples = rng.uniform(-40.0, 40.0, 4000)
+    rows = curve.basis(samples)
+    hump = 2.0 * np.exp(-(((samples - 12.0) / 9.0) ** 2)) + 0.02 * rng.standard_normal(4000)
+    weak = 1e-4 * np.eye(len(rows))  # else the slope and the curve's own would be one
+    both = np.concatenate([rows, samples[None]])
+    information = both @ both.T / 0.02**2
+    information[: len(rows), : len(rows)] += weak
+    covariance = np.linalg.inv(information)
+    shape = (covariance @ both @ (hump + 0.3 * samples))[: len(rows)] / 0.02**2
+    names = tuple(f"curve.{n}" for n in curve.coefficients)
+    fit = SimpleNamespace(free=(*names, "slope"), covariance=covariance)
+    fitted = Curve("load", "speed", -40.0, 40.0, shape=tuple(shape))
+    law = LearnedLaw(curve=fitted, fit=fit, worth=None, evidence=0.0, samples=samples)
+    form = next(one for one in FORMS if one.name == "hump")
+    found = likeliest_match(form, ground.ground_of_fit(law))
+    assert found.values == pytest.approx({"a": 2.0, "b": 12.0, "c": 9.0}, rel=0.05)
 
 
 def test_a_form_is_a_formula_that_begins_where_it_is_likeliest():

@@ -14,7 +14,7 @@ from reference.vessel_hidden import VESSEL
 from rich.console import Console
 
 import diffthrust as dft
-from hidden import bench, further, learned, outside, score, sets, sizes
+from hidden import bench, further, learned, outside, score, sets, sizes, true_laws
 from hidden.visibility import visibility
 
 #: What the reference can hide, but the catalogue does not have.
@@ -89,6 +89,21 @@ def test_every_effect_of_the_catalogue_is_in_the_bench():
     for kind in sets.kinds():
         names = kind.partition("/")[2]
         assert all(name in sizes.ALL for name in names.split("+") if name)
+
+
+def test_every_effect_outside_the_catalogue_has_its_law_as_a_formula():
+    assert {*true_laws.TRUE_LAWS} == {*outside.OUTSIDE, *outside.VESSEL_OUTSIDE}
+    assert {*learned.NAMES} == {*true_laws.TRUE_LAWS}
+
+
+@pytest.mark.parametrize("name", [*outside.OUTSIDE, *outside.VESSEL_OUTSIDE])
+def test_a_true_law_does_over_whole_runs_what_the_plant_does(name):
+    group = "vessel_outside" if name in outside.VESSEL_OUTSIDE else "outside"
+    hidden = sets.draw(f"{group}/{name}", 1401002)
+    own = dft.compare(true_laws.true_model(hidden), hidden.unseen).errors.nrmse
+    # a heading that steers itself feels for long that it was read with noise when the log began
+    times = 1.5 if name == "heading_ripple" else 1.01
+    assert own < times * learned.plant_error(hidden)
 
 
 def test_a_plan_covers_every_class_and_repeats_no_set():
@@ -245,12 +260,15 @@ def test_what_was_learned_is_held_against_the_plant():
     near, far, none = map(learned.judged, rows)
     assert (near.halves, near.close, near.port, near.form) == (True, True, True, True)
     assert near.ratio == pytest.approx(1.05)
+    assert near.estimated is None
+    assert far.estimated == pytest.approx(1.2, rel=0.02)  # the true law estimated does as the plant
     assert (far.close, far.port, far.form, far.told_form) == (False, False, False, True)
     assert (none.close, none.port, none.form, none.told) == (False, None, None, "nothing")
     shown = io.StringIO()
     empty = {"kind": "field-none", "seed": 1, "unseen": [0.1], "diagnosis": {"learned": [law]}}
     learned.report([*rows, empty], Console(file=shown, width=200))
-    assert "close to the plant, where it would halve the error: 1 of 3" in shown.getvalue()
+    assert "close to the plant, where it halves the error: 1 of 3" in shown.getvalue()
+    assert "or to the true law, estimated: 1 of 3" in shown.getvalue()
     assert "learned where nothing is hidden: 1 of 1" in shown.getvalue()
 
 

@@ -49,7 +49,7 @@ def matches(grounds: Mapping[str, Ground]) -> list[Match]:
     """
     return sorted(
         (
-            _best(form, ground)._replace(times=times)
+            likeliest_match(form, ground)._replace(times=times)
             for times, ground in grounds.items()
             for form in FORMS
         ),
@@ -127,7 +127,7 @@ def _spelt(form: Form, signal: str, match: Match) -> str:
     return ast.unparse(ast.parse(spelt, mode="eval").body)
 
 
-def _best(form: Form, ground: Ground) -> Match:
+def likeliest_match(form: Form, ground: Ground) -> Match:
     """A form at the place, width, exponent that make one-step errors likeliest."""
     from scipy.optimize import minimize  # slow to import
 

@@ -1,4 +1,4 @@
-"""What one-step errors say of any shape of a law over its signal.
+"""What one-step errors, or whole runs, say of any shape of a law over its signal.
 
 The errors answer linearly to a law at a port, so those to a fine spline basis tell how much
 likelier any shape makes them, with nothing to be carried through the logs again.
@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from diffthrust.diagnosis._learned import LearnedLaw
 from diffthrust.diagnosis._learning.hypotheses import Hypothesis
 from diffthrust.diagnosis._trials import TrialFit, Trials
 from diffthrust.effects._curve import Curve
@@ -20,7 +21,7 @@ _POINTS = 241
 
 
 class Ground(NamedTuple):
-    """What one-step errors say of the shapes of a law.
+    """What errors say of the shapes of a law.
 
     Args:
         x: values of its signal, all over the range of the logs.
@@ -59,6 +60,16 @@ def ground_of(trials: Trials, trial: TrialFit, law: Hypothesis) -> Ground:
     x = np.linspace(low, high, _POINTS)
     onto = np.linalg.pinv(fine.basis(x).T)
     return Ground(x, onto, left, clear, float(np.sqrt(np.mean(pooled**2))))
+
+
+def ground_of_fit(law: LearnedLaw) -> Ground:
+    """What whole runs say of the shapes of a law, to which a curve has been fitted."""
+    curve, (which, covariance) = law.curve, law.coefficients()
+    x = np.linspace(curve.low, curve.high, _POINTS)
+    left = np.linalg.pinv(covariance, hermitian=True)
+    found = np.array([getattr(curve, curve.coefficients[i]) for i in which])
+    onto = np.linalg.pinv(curve.basis(x).T)[which]
+    return Ground(x, onto, left, -left @ found, float(np.sqrt(np.mean(law.samples**2))))
 
 
 def left_over(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -18,8 +18,14 @@ from diffthrust.diagnosis._learning.fits import (
     surely_better,
     worth_between_fits,
 )
-from diffthrust.diagnosis._learning.forms import Match, as_estimated, formula_of, matches
-from diffthrust.diagnosis._learning.ground import ground_of
+from diffthrust.diagnosis._learning.forms import (
+    Match,
+    as_estimated,
+    formula_of,
+    likeliest_match,
+    matches,
+)
+from diffthrust.diagnosis._learning.ground import Ground, ground_of, ground_of_fit
 from diffthrust.diagnosis._learning.hypotheses import NUMBER, hypothesis, unit_at
 from diffthrust.diagnosis._search import Tools
 from diffthrust.diagnosis._structure import observed
@@ -41,6 +47,8 @@ Raftery 1995, section 3.2: very strong)."""
 _EQUAL = 1.002
 """Where whole runs err by no more than so many times as much with a form as with the curve, one of
 more parameters is tried only if one-step errors rather ask for it."""
+_LIKE = 0.95
+"""A form that can be so much of what the curve is, is fitted from there first."""
 _AS_GOOD = 1.1
 """A form is a law's name where whole unseen runs (training runs, where no log is unseen) err by no
 more than so many times as much with it: a curve may bend as noise does."""
@@ -79,25 +87,45 @@ def named(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> Learne
 def _tried(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> Iterator[_Asked]:
     """Closed forms fitted in the place of a curve, the plain ones first."""
     curve, price = law.curve, math.log(tools.trials.samples)
+    grounds = _grounds(tools, trial, curve)
     enough, known = math.inf, math.inf
-    for match in sorted(_close(tools, trial, curve), key=_parameters):
+    for match in sorted(_close(tools, grounds, curve), key=_parameters):
         criterion = price * _parameters(match) - match.gain
         if _parameters(match) > enough and criterion > known:
             continue
-        formula = formula_of(
-            match, curve, unit_at(tools.trials, curve.port, match.times), law.signal_unit
-        )
-        wave = NUMBER in curve.given
-        fit = roughly(tools, before, law.fit.model - curve.name + formula, segments=wave)
+        fit = _in_place(tools, before, law, match)
         if not math.isfinite(fit.train.nrmse):
             continue
-        gain = 2.0 * (fit.log_likelihood - before.log_likelihood)
         effect = as_estimated(fit.model.effects[-1])  # pyright: ignore[reportArgumentType]
-        bic = price * len(formula.declared) - gain
+        gain = 2.0 * (fit.log_likelihood - before.log_likelihood)
+        bic = price * len(effect.declared) - gain
         told = TriedForm(match.form.name, effect, fit, bic, match.times, match.reference)
         yield _Asked(told, criterion)
         if as_good(fit, law.fit, _EQUAL) or not surely_better(tools, law.fit, fit):
             enough, known = _parameters(match), min(known, criterion)
+
+
+def _in_place(tools: Tools, before: Fit, law: LearnedLaw, match: Match) -> Fit:
+    """A closed form in the place of a law's curve, fitted from where it is like this or matches."""
+    curve, found = law.curve, []
+    unit = unit_at(tools.trials, curve.port, match.times)
+    for start in filter(None, (_nearest(law, match), match)):
+        formula = formula_of(start, curve, unit, law.signal_unit)
+        model = law.fit.model - curve.name + formula
+        found.append(roughly(tools, before, model, segments=NUMBER in curve.given))
+        if as_good(found[-1], law.fit, _EQUAL):
+            break
+    return min(found, key=lambda fit: fit.train.nrmse)
+
+
+def _nearest(law: LearnedLaw, match: Match) -> Match | None:
+    """A form where it is most like the curve, if it can be: whole runs may know better of it."""
+    if match.times != law.curve.times or not np.all(np.isfinite(law.fit.covariance)):
+        return None
+    ground = ground_of_fit(law)
+    near = likeliest_match(match.form, ground)._replace(times=match.times)
+    most, _ = ground.gain(np.asarray(law.curve.at_signal(ground.x)))
+    return near if near.gain > _LIKE * most else None
 
 
 def _alike(tools: Tools, one: _Asked, best: _Asked) -> bool:
@@ -115,17 +143,22 @@ def _plainness(one: TriedForm, best: float) -> tuple[int, float, int]:
     return len(one.formula.declared), (one.bic - best) // _SAME, names.index(one.name)
 
 
-def _close(tools: Tools, trial: TrialFit, curve: Curve) -> list[Match]:
-    """The closed forms that one-step errors ask for as they ask for a curve."""
-    trials = tools.trials
+def _grounds(tools: Tools, trial: TrialFit, curve: Curve) -> dict[str, Ground]:
+    """What one-step errors say of a curve's shapes, by what these are multiplied by."""
+    seen = observed(tools.trials, trial)
     own = {n: {"value": getattr(curve, n)} for n in curve.given}
-    seen = observed(trials, trial)
-    grounds = {
-        times: ground_of(trials, trial, hypothesis(seen, curve.port, curve.signal, times, own))
+    return {
+        times: ground_of(
+            tools.trials, trial, hypothesis(seen, curve.port, curve.signal, times, own)
+        )
         for times in dict.fromkeys((curve.times, "", ARRIVING))
         if times != ARRIVING or curve.signal != ARRIVING
     }
-    ground, price = grounds[curve.times], math.log(trials.samples)
+
+
+def _close(tools: Tools, grounds: Mapping[str, Ground], curve: Curve) -> list[Match]:
+    """The closed forms that one-step errors ask for as they ask for a curve."""
+    ground, price = grounds[curve.times], math.log(tools.trials.samples)
     least = _NEAR * ground.gain(np.asarray(curve.at_signal(ground.x)))[0]
     near = [one for one in matches(grounds) if one.gain > max(least, 0.0)]
     if NUMBER in curve.given:  # a wave has its form already
