@@ -18,7 +18,9 @@ from diffthrust.logs._units import product_unit
 from diffthrust.models._base.made_effect import ARRIVING
 
 _PLACES, _WIDTHS, _EXPONENTS = 17, (0.05, 0.1, 0.2, 0.4), (0.5, 1.5, 2.5, 3.5)
-_LEAST_WIDTH, _FAR = 0.01, 4.0
+_LEAST_WIDTH, _LARGEST_WIDTH, _BEYOND, _FAR = 0.01, 2.0, 0.1, 4.0
+"""Shares of the range of the signal: within which widths are, and how far beyond it places may lie:
+as estimated, and of forms whose place may be far."""
 _WAVES = 9
 """A ripple is looked for with fewer waves than this over the range of the signal."""
 
@@ -68,13 +70,13 @@ def formula_of(match: Match, curve: Curve, unit: str, signal_unit: str) -> Formu
         law = f"value + {law}"
     amplitude = product_unit((unit, 1), (signal_unit, -form.per))
     span = curve.high - curve.low
-    reach = 2.0 * _FAR * span if form.far else span
+    reach = 2.0 * _FAR * span if form.far else _BEYOND * span
     lowest = 0.0 if form.even else curve.low - reach
     told = {
         "a": {"unit": amplitude, "value": match.values["a"], "null": 0.0,
               "size": abs(match.values["a"]) or 1.0},
         "b": {"unit": signal_unit, "bounds": _short(lowest, curve.high + reach)},
-        "c": {"unit": signal_unit, "bounds": _short(_LEAST_WIDTH * span, 10.0 * span)},
+        "c": {"unit": signal_unit, "bounds": _short(_LEAST_WIDTH * span, _LARGEST_WIDTH * span)},
         "p": {"unit": "", "bounds": (0.1, 6.0)},
         "k": {"unit": product_unit(("rad", 1), (signal_unit, -1)),
               "bounds": _short(1.0 / span, 10.0 * _WAVES / span)},
@@ -143,7 +145,7 @@ def likeliest_match(form: Form, ground: Ground) -> Match:
         "p": np.array(_EXPONENTS), "k": waves * np.arange(2.0, _WAVES),
     }  # fmt: skip
     ends = {
-        "b": (low, high), "c": (_LEAST_WIDTH * span, 3.0 * span), "p": (0.2, 5.0),
+        "b": (low, high), "c": (_LEAST_WIDTH * span, _LARGEST_WIDTH * span), "p": (0.2, 5.0),
         "k": (1.5 * waves, _WAVES * waves),
     }  # fmt: skip
     unit = {"b": span, "c": span, "p": 1.0, "k": 1.0 / span}
