@@ -60,13 +60,18 @@ def test_pages_of_measured_numbers_are_as_the_script_writes_them(page):
 
 
 def test_results_of_a_bench_and_of_a_comparison_become_rows():
-    rows = [{"group": g, "right": g != "pairs", "ratio": r}
+    rows = [{"group": g, "kind": g, "right": g != "pairs", "ratio": r}
             for g, r in (("clear", 1.01), ("vessel", 1.2), ("pairs", None))]  # fmt: skip
-    run = pages.of_bench(rows, seed=7)
-    assert run["classes"] == {"clear": [2, 2], "pairs": [0, 1]}
+    missed = {"group": "outside", "kind": "outside/load_hump", "seed": 5, "right": False,
+              "ratio": None, "unseen": [1.0], "diagnosis": None}  # fmt: skip
+    run = pages.of_bench([*rows, missed], seed=7)
+    assert run["classes"] == {"clear": [2, 2], "pairs": [0, 1], "outside": [0, 1]}
+    assert run["learned"]["close to the plant, where it halves the error"] == [0, 1]
+    assert "learned" not in pages.of_bench(rows, seed=7)
     assert run["close"] == [1, 2]
     page = pages.bench_page({"notes": "None.", "runs": [run]})
     assert "| one effect, clear (thrusters, vessels) | 2 of 2 |" in page
+    assert "| learned where nothing is hidden | 0 of 0 | at most 5 % | 0 to 100 % |" in page
     same = {"job": "simulation", "platform": "cpu", "status": "ok", "size": 1000}
     cells = [{**same, "tool": t, "seconds": s} for t, s in (("diffthrust", 2e-3), ("numba", 1e-3))]
     settings = {"repeats": 3, "limit": 30.0}

@@ -48,6 +48,8 @@ class Learned(NamedTuple):
 
     Args:
         kind: of the set.
+        seed: of the set.
+        given: error of the unseen log with the model as given.
         halves: whether the plant itself would halve the error.
         ratio: error of the unseen log with what was learned, over that of the plant.
         close: whether that is close enough.
@@ -59,6 +61,8 @@ class Learned(NamedTuple):
     """
 
     kind: str
+    seed: int
+    given: float
     halves: bool
     ratio: float
     close: bool
@@ -93,6 +97,8 @@ def judged(row: Mapping[str, Any]) -> Learned:
     told = "; ".join(f"{one['port']}: {', '.join(one['signals'])}: {one['form']}" for one in laws)
     return Learned(
         row["kind"],
+        row["seed"],
+        given,
         truth < 0.5 * given,
         after / truth,
         after <= limit * truth,
@@ -104,19 +110,8 @@ def judged(row: Mapping[str, Any]) -> Learned:
     )
 
 
-def report(rows: Sequence[Mapping[str, Any]], console: Console) -> None:
-    """Print a line for each set with something hidden, then the shares."""
-    beyond = [row for row in rows if row["kind"].rpartition("/")[2] in NAMES and row["unseen"]]
-    table = Table("set", "as given", "with it / plant (/ law)", "port", "form", "learned")
-    found = []
-    for row in beyond:
-        one = judged(row)
-        found.append(one)
-        marks = [{None: "-", True: "right", False: "wrong"}[m] for m in (one.port, one.form)]
-        close = f"{one.ratio:.2f}{'' if one.close else f' ({one.estimated:.2f})'}"
-        name = f"{one.kind} {row['seed']}"
-        table.add_row(name, f"{row['unseen'][0]:.3f}", close, *marks, one.told)
-    console.print(table)
+def shares(rows: Sequence[Mapping[str, Any]], found: Sequence[Learned]) -> dict[str, list[int]]:
+    """How many are right of how many, in words, by the rows and what was learned of them."""
 
     def near(one: Learned) -> bool:
         name = one.kind.rpartition("/")[2]
@@ -126,15 +121,36 @@ def report(rows: Sequence[Mapping[str, Any]], console: Console) -> None:
     some = [one for one in found if one.port is not None]
     empty = [row for row in rows if row["kind"].rpartition("-")[2] in ("none", "vessel_none")]
     false = [row for row in empty if (row["diagnosis"] or {}).get("learned")]
-    for text, right, of in (
-        ("close to the plant, where it halves the error", sum(o.close for o in matter), matter),
-        ("or to the true law, estimated", sum(near(o) for o in matter), matter),
-        ("right port, of those learned", sum(bool(o.port) for o in some), some),
-        ("right form, of those learned", sum(bool(o.form) for o in some), some),
-        ("or told as alike", sum(bool(o.told_form) for o in some), some),
-        ("learned where nothing is hidden", len(false), empty),
-    ):
-        console.print(f"{text}: {right} of {len(of)}")
+    return {
+        "close to the plant, where it halves the error": [
+            sum(o.close for o in matter),
+            len(matter),
+        ],
+        "or to the true law, estimated": [sum(near(o) for o in matter), len(matter)],
+        "right port, of those learned": [sum(bool(o.port) for o in some), len(some)],
+        "right form, of those learned": [sum(bool(o.form) for o in some), len(some)],
+        "or told as alike": [sum(bool(o.told_form) for o in some), len(some)],
+        "learned where nothing is hidden": [len(false), len(empty)],
+    }
+
+
+def all_judged(rows: Sequence[Mapping[str, Any]]) -> list[Learned]:
+    """What was learned of each set that has something hidden beyond the catalogue."""
+    beyond = (row for row in rows if row["kind"].rpartition("/")[2] in NAMES and row["unseen"])
+    return [judged(row) for row in beyond]
+
+
+def report(rows: Sequence[Mapping[str, Any]], console: Console) -> None:
+    """Print a line for each set with something hidden, then the shares."""
+    table = Table("set", "as given", "with it / plant (/ law)", "port", "form", "learned")
+    found = all_judged(rows)
+    for one in found:
+        marks = [{None: "-", True: "right", False: "wrong"}[m] for m in (one.port, one.form)]
+        close = f"{one.ratio:.2f}{'' if one.close else f' ({one.estimated:.2f})'}"
+        table.add_row(f"{one.kind} {one.seed}", f"{one.given:.3f}", close, *marks, one.told)
+    console.print(table)
+    for text, (right, of) in shares(rows, found).items():
+        console.print(f"{text}: {right} of {of}")
 
 
 def main() -> None:
