@@ -18,6 +18,7 @@ from diffthrust.diagnosis._learning import (  # private: figures that no result 
 )
 from diffthrust.diagnosis._learning.closed_forms import FORMS  # private: as above
 from diffthrust.diagnosis._learning.forms import (  # private: forms without a diagnosis
+    Match,
     as_estimated,
     form_values,
     formula_of,
@@ -141,6 +142,16 @@ def test_a_form_is_a_formula_that_begins_where_it_is_likeliest():
     assert model.parameters["slack_form.a"].value == pytest.approx(0.3, rel=0.01)
     assert model.parameters["slack_form.b"].value == pytest.approx(15.0, abs=0.2)
     assert model.parameters["slack_form.a"].null == 0.0
+
+
+@pytest.mark.parametrize("end", [0.0001 / 3, 2e-4 / 3])
+def test_a_form_at_an_end_of_its_range_is_within_its_rounded_bounds(end):
+    curve = Curve("load", "speed", 0.0, end)
+    form = next(one for one in FORMS if one.name == "saturating")
+    for share in (0.01, 2.0):
+        match = Match(form, {"a": 1.0, "c": share * end}, 10.0, end)
+        made = formula_of(match, curve, "rad/s^2", "rad/s")
+        assert made.c == pytest.approx(share * end, rel=1e-4)
 
 
 def test_every_form_is_one_that_a_spec_file_may_hold():

@@ -82,7 +82,10 @@ def formula_of(match: Match, curve: Curve, unit: str, signal_unit: str) -> Formu
               "bounds": _short(1.0 / span, 10.0 * _WAVES / span)},
     }  # fmt: skip
     names = _names(form, curve.signal, match.times)
-    own = {names[n]: {**told[n], "value": match.values[n]} for n in names}
+    own = {}
+    for n in names:  # bounds are rounded
+        low, high = told[n].get("bounds", (-np.inf, np.inf))
+        own[names[n]] = {**told[n], "value": float(np.clip(match.values[n], low, high))}
     kept = [n for n in curve.given if n in expression_of(law).places]
     own |= {n: {**curve.given[n], "value": getattr(curve, n)} for n in kept}
     return Formula(curve.port, law, name=f"{curve.name}_form", **own)
