@@ -11,11 +11,12 @@ from diffthrust._support.progress import ProgressOption, progressing, teller
 from diffthrust.comparison._compare import Comparison, compare
 from diffthrust.diagnosis._candidates import Candidates
 from diffthrust.diagnosis._findings import Missing
+from diffthrust.diagnosis._given import OddLog
 from diffthrust.diagnosis._groups import Grouped, grouped, proposal
 from diffthrust.diagnosis._held_values import held_values
 from diffthrust.diagnosis._learning.learn import learned_law
 from diffthrust.diagnosis._missing import missing_signals
-from diffthrust.diagnosis._odd_logs import odd_logs
+from diffthrust.diagnosis._odd_logs import no_longer, odd_logs
 from diffthrust.diagnosis._result import Diagnosis
 from diffthrust.diagnosis._search import LEARNING, SOUGHT, SearchState, Tools, begun
 from diffthrust.diagnosis._set_aside import set_aside
@@ -127,18 +128,20 @@ def _reported(
     effects = grouped(tools, known, first)
     tools.say("what no known effect explains", SOUGHT)
     found = _findings(tools, effects, first)
-    if found.verdict == "unexplained":
+    left = known.present.remaining
+    if left is not None and (found.verdict == "unexplained" or found.apart):
         tools.say("learning what no known effect explains", LEARNING)
         with tools.clock("learned"):
             answer = learned_law(tools, effects, first)
-        if answer is not None:
+        odd = found.odd_logs if found.apart else ()
+        alike = answer is not None and _alike(tools, odd, answer[1].told)
+        if answer is not None and (alike or found.verdict == "unexplained"):
             beside, law = answer
-            left = found.remaining
-            where = replace(left, port=law.curve.port, manner=law.manner) if left else None
-            if beside is not effects:
+            if beside is not effects or (odd and alike):
                 effects = beside
-                found = replace(_findings(tools, beside, first), verdict="unexplained")
-            found = replace(found, laws=(law,), remaining=where)
+                found = _findings(tools, effects, first, odd=not (odd and alike))
+            where = replace(left, port=law.curve.port, manner=law.manner)
+            found = replace(found, verdict="unexplained", laws=(law,), remaining=where)
     if found.verdict in ("undecided", "unexplained"):
         present = effects.known.present.trial.effects
         possible = {n: w for n, w in known.possible.items() if n not in present}
@@ -149,8 +152,16 @@ def _reported(
     return found
 
 
-def _findings(tools: Tools, effects: Grouped, first: TrialFit) -> Diagnosis:
-    """What a search has found, and the verdict on it."""
+def _alike(tools: Tools, odd: Sequence[OddLog], fit: Fit) -> bool:
+    """Whether logs that were unlike the others are like them in what a fit leaves."""
+    if not odd:
+        return True
+    runs = compare(fit, tools.trials.logs, initial=fit.initial).runs
+    return no_longer(odd, (*runs, *(compare(fit, tools.unseen).runs if tools.unseen else ())))
+
+
+def _findings(tools: Tools, effects: Grouped, first: TrialFit, odd: bool = True) -> Diagnosis:
+    """What a search has found, and the verdict on it; with logs unlike the others, if ``odd``."""
     trials, unseen, known = tools.trials, tools.unseen, effects.known
     present = known.present.trial
     with tools.clock("missing"):
@@ -164,6 +175,7 @@ def _findings(tools: Tools, effects: Grouped, first: TrialFit) -> Diagnosis:
     ends = known.stages[0].fit, known.stages[-1].fit
     trained = _held_against(*ends, trials.logs, trained=True)
     held = _held_against(*ends, unseen) if unseen else trained
+    runs = (*trained[1].runs, *(held[1].runs if unseen else ()))
     tested = {candidate.effect for candidate in known.ranking}
     sizes = map(float, present.quadratic.sigma)
     found = Diagnosis(
@@ -185,7 +197,7 @@ def _findings(tools: Tools, effects: Grouped, first: TrialFit) -> Diagnosis:
         held=held_values(tools.given, present),
         one_step=dict(zip(trials.channels, sizes, strict=True)),
         trained=trained,
-        odd_logs=odd_logs(trials, present, (*trained[1].runs, *(held[1].runs if unseen else ()))),
+        odd_logs=odd_logs(trials, present, runs) if odd else (),
         experiment=None,
         seconds=tools.clock.seconds,
         worth={

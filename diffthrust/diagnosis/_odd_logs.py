@@ -64,6 +64,17 @@ def odd_logs(trials: Trials, trial: TrialFit, runs: Sequence[Run]) -> tuple[OddL
     return tuple(sorted(found, key=lambda odd: -odd.share))
 
 
+def no_longer(odd: Sequence[OddLog], runs: Sequence[Run]) -> bool:
+    """Whether none of some odd logs errs much more than the others in runs of another model."""
+    now = [
+        one.ratio
+        for each in odd
+        for one in beside_others(runs, each.channel)
+        if one.run == each.log
+    ]
+    return all(ratio <= _TOLD for ratio in now)
+
+
 def told_apart(trials: Trials, trial: TrialFit, count: int) -> list[Deviation]:
     """The logs whose parameters differ from those of the others by what matters in whole runs."""
     by_log = slopes(trials, trial)

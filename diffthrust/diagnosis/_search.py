@@ -245,12 +245,12 @@ def compiled(
     held: Sequence[str],
     train: Sequence[Log],
     unseen: Sequence[Log],
-    present: Sequence[str] = (),
+    present: TrialFit | None = None,
 ) -> tuple[Trials, TrialFit]:
-    """The trials, and the first of them: the model as it is, or with some effects ``present``."""
+    """The trials, and the first: the model as it is, or with what is ``present`` in another."""
     for substeps in dict.fromkeys((few_substeps(fit, train), fit.substeps)):
         trials = Trials(fit.model, effects, train, unseen, substeps, fit.noise_model, held)
-        first = trials.base(present)
+        first = trials.base(present.effects, present.values) if present else trials.base()
         if math.isfinite(first.cost):
             return trials, first
     raise _not_finite(fit, effects, train)

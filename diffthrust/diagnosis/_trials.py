@@ -336,12 +336,15 @@ class Trials:
             trial = replace(trial, limit=Limit(CLIP * trial.quadratic.sigma, limit.reach))
         return self.further(trial, budget=_LONG)
 
-    def base(self, effects: Sequence[str] = ()) -> TrialFit:
-        """The model as it is, or with some effects, from its own values.
+    def base(
+        self, effects: Sequence[str] = (), values: Mapping[str, float] | None = None
+    ) -> TrialFit:
+        """The model as it is, or with some effects, from its own values or from given ones.
 
         Here it is seen at what size errors are limited.
         """
-        start = {n: p.value for n, p in self.ready(effects).problem.named.items()}
+        known, named = values or {}, self.ready(effects).problem.named
+        start = {n: known.get(n, p.value) for n, p in named.items()}
         limited = self.settled(effects, start, None, Limit(np.full(len(self.channels), np.inf)))
         widened = replace(limited, limit=replace(limited.limit, reach=WIDE))
         wide = self.further(widened, budget=_LONG)

@@ -40,7 +40,7 @@ def kept_beside(
     tools.say("what is missing beside what was learned", LEARNING)
     known = found.known
     names = known.present.trial.effects
-    begun = _begun(tools, law, names)
+    begun = _begun(tools, law, known.present.trial)
     if begun is None:
         return found, law
     trials, present = begun
@@ -60,17 +60,17 @@ def kept_beside(
     return Grouped(left, groups, ()), replace(law, superfluous=gone)
 
 
-def _begun(tools: Tools, law: LearnedLaw, names: tuple[str, ...]) -> tuple[Trials, Present] | None:
-    """Some effects put beside a law, fitted together; ``None`` where no trial can be begun."""
-    trials, told = tools.trials, law.told
-    values = {n: p.value for n, p in told.model.parameters.items()}
-    alone = with_values(tools.given + told.model.effects[-1], values)
+def _begun(tools: Tools, law: LearnedLaw, found: TrialFit) -> tuple[Trials, Present] | None:
+    """The effects of a trial put beside a law, fitted together; ``None`` where that cannot be."""
+    trials, told, names = tools.trials, law.told, found.effects
+    own = {n: p.value for n, p in told.model.parameters.items()}
+    alone = with_values(tools.given + told.model.effects[-1], own)
     begun = replace(told, model=alone, substeps=few_substeps(told, trials.logs))
-    known = {**trials.candidates, **{effect.name: effect for effect in told.model.effects}}
-    effects = [known[n] for n in names if n in trials.candidates]
+    effects = [trials.candidates[n] for n in names if n in trials.candidates]
     held = [n for n in names if n in trials.held]
+    found = replace(found, values={**found.values, **own})
     try:
-        beside, together = compiled(begun, effects, held, trials.logs, tools.unseen, names)
+        beside, together = compiled(begun, effects, held, trials.logs, tools.unseen, found)
     except InputError:  # the law goes with effects alone
         return None
     return beside, Present(beside, together)
