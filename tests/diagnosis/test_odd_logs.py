@@ -12,7 +12,10 @@ from reference import thruster
 import diffthrust as dft
 from diffthrust.diagnosis._given import OddLog  # private: made by hand
 from diffthrust.diagnosis._log_slopes import Slopes, deviations  # private: the test alone
-from diffthrust.diagnosis._odd_logs import odd_logs  # private: without a search for effects
+from diffthrust.diagnosis._odd_logs import (
+    no_longer,
+    odd_logs,
+)  # private: without a search for effects
 from diffthrust.diagnosis._trials import Trials  # private: as a diagnosis makes them
 from diffthrust.diagnosis._words import caution_words  # private: each sentence alone
 
@@ -157,3 +160,20 @@ def test_the_only_unseen_log_is_not_left_out():
     assert diag.apart is None
     assert diag.verdict == "undecided"
     assert contradictions(diag) == []
+
+
+def test_a_log_is_odd_no_longer_where_another_model_errs_there_as_elsewhere():
+    t = np.linspace(0.0, 1.0, 50)
+    model = dft.Thruster()
+
+    def runs(*sizes):
+        logs = [
+            dft.Log(t, {"command": 0.0 * t}, {"speed": size * np.sin(20 * t)}, name=f"log {k}")
+            for k, size in enumerate(sizes)
+        ]
+        return dft.compare(model, logs).runs
+
+    odd = OddLog("log 2", "speed", "said", 0.5)
+    assert no_longer([odd], runs(1.0, 1.1, 1.4))
+    assert not no_longer([odd], runs(1.0, 1.1, 2.0))
+    assert no_longer([], runs(1.0, 1.1, 9.0))

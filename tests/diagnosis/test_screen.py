@@ -51,6 +51,14 @@ def trials():
     return made, made.base()
 
 
+def test_an_effect_whose_null_is_infinite_begins_at_the_value_that_is_given(trials):
+    made, base = trials
+    given = {"command_saturation.limit": 0.9 * np.abs(made.logs[0].inputs["command"]).max()}
+    there = made.base(("command_saturation",), {**base.values, **given})
+    assert np.isfinite(there.cost)
+    assert there.cost < base.cost + 1.0  # it ends at least as well as without it
+
+
 @pytest.mark.slow
 def test_next_to_a_null_is_promised_what_a_step_of_a_fit_from_there_promises(trials):
     made, base = trials
