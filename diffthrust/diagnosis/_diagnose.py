@@ -133,13 +133,14 @@ def _reported(
         tools.say("learning what no known effect explains", LEARNING)
         with tools.clock("learned"):
             answer = learned_law(tools, effects, first)
-        odd = found.odd_logs if found.apart else ()
-        alike = answer is not None and _alike(tools, odd, answer[1].told)
-        if answer is not None and (alike or found.verdict == "unexplained"):
+        odd = [one for one in found.odd_logs if one.much] if found.apart else []
+        alike = answer is not None and _alike(tools, odd, found, answer[1].told)
+        if answer is not None and (alike or found.remaining is not None):
             beside, law = answer
-            if beside is not effects or (odd and alike):
+            like = [one.log for one in odd if alike]
+            if beside is not effects or like:
                 effects = beside
-                found = _findings(tools, effects, first, odd=not (odd and alike))
+                found = _findings(tools, effects, first, like)
             where = replace(left, port=law.curve.port, manner=law.manner)
             found = replace(found, verdict="unexplained", laws=(law,), remaining=where)
     if found.verdict in ("undecided", "unexplained"):
@@ -152,16 +153,29 @@ def _reported(
     return found
 
 
-def _alike(tools: Tools, odd: Sequence[OddLog], fit: Fit) -> bool:
+def _alike(tools: Tools, odd: Sequence[OddLog], found: Diagnosis, fit: Fit) -> bool:
     """Whether logs that were unlike the others are like them in what a fit leaves."""
-    if not odd:
-        return True
-    runs = compare(fit, tools.trials.logs, initial=fit.initial).runs
-    return no_longer(odd, (*runs, *(compare(fit, tools.unseen).runs if tools.unseen else ())))
+    if not odd or found.trained is None:
+        return not odd
+    trained = compare(fit, tools.trials.logs, initial=fit.initial)
+    unseen = (found.after.runs, compare(fit, tools.unseen).runs) if tools.unseen else ((), ())
+    before, after = (
+        (*one.runs, *other) for one, other in zip((found.trained[1], trained), unseen, strict=True)
+    )
+    return no_longer(odd, before, after)
 
 
-def _findings(tools: Tools, effects: Grouped, first: TrialFit, odd: bool = True) -> Diagnosis:
-    """What a search has found, and the verdict on it; with logs unlike the others, if ``odd``."""
+def _findings(
+    tools: Tools, effects: Grouped, first: TrialFit, like: Sequence[str] = ()
+) -> Diagnosis:
+    """What a search has found, and the verdict on it.
+
+    Args:
+        tools: what it worked with.
+        effects: what it has found.
+        first: the trial of the model as given.
+        like: logs that a learned law has shown to be like the others.
+    """
     trials, unseen, known = tools.trials, tools.unseen, effects.known
     present = known.present.trial
     with tools.clock("missing"):
@@ -197,7 +211,7 @@ def _findings(tools: Tools, effects: Grouped, first: TrialFit, odd: bool = True)
         held=held_values(tools.given, present),
         one_step=dict(zip(trials.channels, sizes, strict=True)),
         trained=trained,
-        odd_logs=odd_logs(trials, present, runs) if odd else (),
+        odd_logs=tuple(one for one in odd_logs(trials, present, runs) if one.log not in like),
         experiment=None,
         seconds=tools.clock.seconds,
         worth={

@@ -64,15 +64,14 @@ def odd_logs(trials: Trials, trial: TrialFit, runs: Sequence[Run]) -> tuple[OddL
     return tuple(sorted(found, key=lambda odd: -odd.share))
 
 
-def no_longer(odd: Sequence[OddLog], runs: Sequence[Run]) -> bool:
-    """Whether none of some odd logs errs much more than the others in runs of another model."""
-    now = [
-        one.ratio
-        for each in odd
-        for one in beside_others(runs, each.channel)
-        if one.run == each.log
-    ]
-    return all(ratio <= _TOLD for ratio in now)
+def no_longer(odd: Sequence[OddLog], before: Sequence[Run], after: Sequence[Run]) -> bool:
+    """Whether odd logs that err more than the others with one model no longer do with another."""
+
+    def ratio(one: OddLog, runs: Sequence[Run]) -> float:
+        every = beside_others(runs, one.channel)
+        return next((found.ratio for found in every if found.run == one.log), np.nan)
+
+    return all(ratio(one, before) > _TOLD >= ratio(one, after) for one in odd)
 
 
 def told_apart(trials: Trials, trial: TrialFit, count: int) -> list[Deviation]:

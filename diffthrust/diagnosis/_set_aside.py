@@ -15,8 +15,9 @@ from diffthrust.logs._log import Log
 def set_aside(tools: Tools, found: Diagnosis) -> Diagnosis:
     """What was found, with all that is open judged by the other logs.
 
-    A log that is unlike the others says nothing of what all lack, and bends what they share: where
-    one is among the training logs the last stage is fitted without it, and asked anew what remains.
+    A log that is unlike the others may say nothing of what all lack, and bends what they share:
+    where one is among the training logs the last stage is fitted without it, and asked anew what
+    remains.
 
     Args:
         tools: what the search works with.

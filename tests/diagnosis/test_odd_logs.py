@@ -174,6 +174,7 @@ def test_a_log_is_odd_no_longer_where_another_model_errs_there_as_elsewhere():
         return dft.compare(model, logs).runs
 
     odd = OddLog("log 2", "speed", "said", 0.5)
-    assert no_longer([odd], runs(1.0, 1.1, 1.4))
-    assert not no_longer([odd], runs(1.0, 1.1, 2.0))
-    assert no_longer([], runs(1.0, 1.1, 9.0))
+    assert no_longer([odd], runs(1.0, 1.1, 1.9), runs(1.0, 1.1, 1.4))
+    assert not no_longer([odd], runs(1.0, 1.1, 1.9), runs(1.0, 1.1, 2.0))
+    # what is odd by a parameter alone is so with any law
+    assert not no_longer([odd], runs(1.0, 1.1, 1.3), runs(1.0, 1.1, 1.2))

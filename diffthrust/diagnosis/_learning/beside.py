@@ -64,7 +64,9 @@ def _begun(tools: Tools, law: LearnedLaw, found: TrialFit) -> tuple[Trials, Pres
     """The effects of a trial put beside a law, fitted together; ``None`` where that cannot be."""
     trials, told, names = tools.trials, law.told, found.effects
     own = {n: p.value for n, p in told.model.parameters.items()}
-    alone = with_values(tools.given + told.model.effects[-1], own)
+    alone = tools.given + told.model.effects[-1]
+    free = {n for n, p in alone.parameters.items() if not p.fixed}  # of others that is the null
+    alone = with_values(alone, {n: value for n, value in own.items() if n in free})
     begun = replace(told, model=alone, substeps=few_substeps(told, trials.logs))
     effects = [trials.candidates[n] for n in names if n in trials.candidates]
     held = [n for n in names if n in trials.held]

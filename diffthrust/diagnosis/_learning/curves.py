@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -84,6 +85,8 @@ def with_fine_steps(tools: Tools, before: Fit, law: LearnedLaw) -> LearnedLaw:
     if choose_substeps(told.model, logs[k], initial=told.initial[k], warn=False) <= told.substeps:
         return law
     fit = tools.refit(told.model, starts=1)
+    if not math.isfinite(fit.train.nrmse):
+        return law
     effect = fit.model.effects[-1]
     if law.form:
         first = replace(law.form, formula=as_estimated(effect), fit=fit)  # pyright: ignore[reportArgumentType]

@@ -91,18 +91,23 @@ def _learned_beside(
         return None
     found = [law_of(tools, before, trial, likely[0])]
     explained = found[0] is not None and all_explained(tools, trial, found[0].fit)
-    if not explained and (rival := rival_law(likely)):
+    rival = None if explained else rival_law(likely)
+    if rival:
         found.append(law_of(tools, before, trial, rival))
     better = [law for law in found if law is not None]
     if not better:
         return None
-    law = named(tools, before, trial, min(better, key=lambda law: law.fit.train.nrmse))
-    if not explained and (plain := forgetful(likely, law.curve)):
-        other = law_of(tools, before, trial, plain)
-        other = other and named(tools, before, trial, other)
-        law = other if other and other.told.train.nrmse < law.told.train.nrmse else law
+    law = named(tools, before, trial, min(better, key=_doubt))
+    plain = None if explained else forgetful(likely, law.curve)
+    if plain and plain is not rival and (other := law_of(tools, before, trial, plain)):
+        law = min(law, named(tools, before, trial, other), key=_doubt)
     law = with_fine_steps(tools, before, law)
     return law if law.worth.sure else None
+
+
+def _doubt(law: LearnedLaw) -> tuple[bool, float]:
+    """Whether a law is worth something surely, and then its error over whole runs."""
+    return not law.worth.sure, law.told.train.nrmse
 
 
 def _place(tools: Tools, left: Remaining) -> DrivingPort:

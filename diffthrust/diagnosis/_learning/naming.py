@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -73,7 +73,7 @@ def named(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> Learne
     tried = sorted(_tried(tools, before, trial, law), key=lambda one: one.told.bic)
     if tried:
         best = tried[0]
-        alike = [one for one in tried if _alike(tools, one, best)]
+        alike = _alike(tools, tried)
         plainest = min(alike, key=lambda one: _plainness(one.told, best.told.bic))
         tried.sort(key=lambda one: one is not plainest)
     forms = tuple(one.told for one in tried)
@@ -102,7 +102,7 @@ def _tried(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> Itera
         told = TriedForm(match.form.name, effect, fit, bic, match.times, match.reference)
         yield _Asked(told, criterion)
         if as_good(fit, law.fit, _EQUAL) or not surely_better(tools, law.fit, fit):
-            enough, known = _parameters(match), min(known, criterion)
+            enough, known = min(enough, _parameters(match)), min(known, criterion)
 
 
 def _in_place(tools: Tools, before: Fit, law: LearnedLaw, match: Match) -> Fit:
@@ -128,13 +128,15 @@ def _nearest(law: LearnedLaw, match: Match) -> Match | None:
     return near if near.gain > _LIKE * most else None
 
 
-def _alike(tools: Tools, one: _Asked, best: _Asked) -> bool:
-    """Whether neither whole runs nor one-step errors surely tell a form from the likeliest.
+def _alike(tools: Tools, tried: Sequence[_Asked]) -> list[_Asked]:
+    """The forms that neither whole runs nor one-step errors surely tell from the likeliest.
 
     Errors that last make the criterion of whole runs surer than it should be.
     """
-    asked = one.criterion <= best.criterion + _CLEAR
-    return one is best or (asked and not surely_better(tools, best.told.fit, one.told.fit))
+    best, *others = tried
+    near = [o for o in others if not surely_better(tools, best.told.fit, o.told.fit)]
+    least = min(one.criterion for one in (best, *near))
+    return [one for one in (best, *near) if one.criterion <= least + _CLEAR]
 
 
 def _plainness(one: TriedForm, best: float) -> tuple[int, float, int]:

@@ -49,9 +49,10 @@ def likeliest(tools: Tools, trial: TrialFit, place: DrivingPort) -> list[LikelyC
 def rival_law(likely: list[LikelyCurve]) -> LikelyCurve | None:
     """The likeliest law of another signal, where one-step errors can hardly choose."""
     first = likely[0]
-    least = first.evidence - _EQUAL  # the same law in other words is as likely
-    others = (one for one in likely[1:] if one.evidence < least)
-    rival = next((one for one in others if one.law.signal != first.law.signal), None)
+    others = (one for one in likely[1:] if one.law.signal != first.law.signal)
+    # the same law in other words is as likely
+    apart = [one for one in others if abs(one.evidence - first.evidence) >= _EQUAL]
+    rival = max(apart, key=lambda one: one.evidence, default=None)
     return rival if rival and rival.evidence > _CLOSE * first.evidence else None
 
 
