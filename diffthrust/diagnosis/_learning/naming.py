@@ -42,8 +42,8 @@ _FORMS = 3
 _SAME = 0.2
 """Criteria no further apart are the same: of a signal of one sign two forms are one."""
 _CLEAR = 10.0
-"""Criteria of one-step errors that are further apart choose, where whole runs cannot (Kass and
-Raftery 1995, section 3.2: very strong)."""
+"""A form whose criterion by one-step errors is so much worse than that of the likeliest is not like
+it, where whole runs cannot tell (Kass and Raftery 1995, section 3.2: very strong)."""
 _EQUAL = 1.002
 """Where whole runs err by no more than so many times as much with a form as with the curve, one of
 more parameters is tried only if one-step errors rather ask for it."""
@@ -101,7 +101,8 @@ def _tried(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> Itera
         bic = price * len(effect.declared) - gain
         told = TriedForm(match.form.name, effect, fit, bic, match.times, match.reference)
         yield _Asked(told, criterion)
-        if as_good(fit, law.fit, _EQUAL) or not surely_better(tools, law.fit, fit):
+        measured = as_good(law.fit, fit, _EQUAL)  # a curve that errs more is no measure of it
+        if measured and (as_good(fit, law.fit, _EQUAL) or not surely_better(tools, law.fit, fit)):
             enough, known = min(enough, _parameters(match)), min(known, criterion)
 
 
@@ -129,14 +130,13 @@ def _nearest(law: LearnedLaw, match: Match) -> Match | None:
 
 
 def _alike(tools: Tools, tried: Sequence[_Asked]) -> list[_Asked]:
-    """The forms that neither whole runs nor one-step errors surely tell from the likeliest.
+    """The likeliest form, and those that neither whole runs nor one-step errors surely set apart.
 
     Errors that last make the criterion of whole runs surer than it should be.
     """
     best, *others = tried
-    near = [o for o in others if not surely_better(tools, best.told.fit, o.told.fit)]
-    least = min(one.criterion for one in (best, *near))
-    return [one for one in (best, *near) if one.criterion <= least + _CLEAR]
+    near = (one for one in others if one.criterion <= best.criterion + _CLEAR)
+    return [best, *(one for one in near if not surely_better(tools, best.told.fit, one.told.fit))]
 
 
 def _plainness(one: TriedForm, best: float) -> tuple[int, float, int]:
