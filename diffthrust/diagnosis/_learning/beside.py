@@ -65,7 +65,8 @@ def _begun(tools: Tools, law: LearnedLaw, found: TrialFit) -> tuple[Trials, Pres
     trials, told, names = tools.trials, law.told, found.effects
     own = {n: p.value for n, p in told.model.parameters.items()}
     alone = tools.given + told.model.effects[-1]
-    free = {n for n, p in alone.parameters.items() if not p.fixed}  # of others that is the null
+    # a constant that effects freed keeps its given value, to which taking it out goes back
+    free = {n for n, p in alone.parameters.items() if not p.fixed}
     alone = with_values(alone, {n: value for n, value in own.items() if n in free})
     begun = replace(told, model=alone, substeps=few_substeps(told, trials.logs))
     effects = [trials.candidates[n] for n in names if n in trials.candidates]
