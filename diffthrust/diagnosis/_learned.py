@@ -15,8 +15,9 @@ from diffthrust.estimation._result import Fit
 from diffthrust.models._base.made_effect import ARRIVING
 
 _POINTS = 121
-_ALIKE = 8.0
-"""Forms whose criteria differ by less than this cannot be told apart (odds of some 50 to 1)."""
+CLEAR = 10.0
+"""Forms whose criteria differ by no more than this cannot be told apart (Kass and Raftery 1995,
+section 3.2: more is very strong evidence)."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -28,6 +29,7 @@ class TriedForm(Brief):
         formula: the effect at its estimated parameters.
         fit: the model with it, fitted to the logs.
         bic: Bayesian information criterion less that of the model without it; negative is better.
+        one_step: the same, as one-step errors promise it.
         times: what it is multiplied by; other than the curve's where it stands for the whole law.
         reference: the size of the signal to which its powers are related.
     """
@@ -36,6 +38,7 @@ class TriedForm(Brief):
     formula: Formula
     fit: Fit
     bic: float
+    one_step: float
     times: str = ""
     reference: float = 1.0
 
@@ -83,7 +86,8 @@ class LearnedLaw(Brief):
         if self.form is None:
             return ()
         first, size = self.form, len(self.form.formula.declared)
-        near = (one for one in self.forms[1:] if one.bic < first.bic + _ALIKE)
+        near = (one for one in self.forms[1:] if one.bic <= first.bic + CLEAR)
+        near = (one for one in near if one.one_step <= first.one_step + CLEAR)
         return tuple(one for one in near if len(one.formula.declared) <= size)
 
     @property

@@ -45,6 +45,7 @@ def law_of(tools: Tools, before: Fit, trial: TrialFit, likely: LikelyCurve) -> L
         law = hypothesis_of(tools, trial, curve)
         if ends := _elsewhere(law, curve):
             fit, curve = _with_curve(tools, before, _laid_over(curve, *ends))
+            law = hypothesis_of(tools, trial, curve)
     if not fit.train.nrmse < before.train.nrmse:
         return None
     units = units_at(tools.trials, curve.port)

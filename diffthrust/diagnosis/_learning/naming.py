@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
-from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
+from diffthrust.diagnosis._learned import CLEAR, LearnedLaw, TriedForm
 from diffthrust.diagnosis._learning.closed_forms import FORMS
 from diffthrust.diagnosis._learning.fits import (
     as_good,
@@ -41,9 +40,6 @@ _FORMS = 3
 """and so many are fitted in its place, with the plain forms that they come near to."""
 _SAME = 0.2
 """Criteria no further apart are the same: of a signal of one sign two forms are one."""
-_CLEAR = 10.0
-"""A form whose criterion by one-step errors is so much worse than that of the likeliest is not like
-it, where whole runs cannot tell (Kass and Raftery 1995, section 3.2: very strong)."""
 _EQUAL = 1.002
 """Where whole runs err by no more than so many times as much with a form as with the curve, one of
 more parameters is tried only if one-step errors rather ask for it."""
@@ -52,13 +48,6 @@ _LIKE = 0.95
 _AS_GOOD = 1.1
 """A form is a law's name where whole unseen runs (training runs, where no log is unseen) err by no
 more than so many times as much with it: a curve may bend as noise does."""
-
-
-class _Asked(NamedTuple):
-    """A form that was fitted, and how far one-step errors ask for it: a criterion as well."""
-
-    told: TriedForm
-    criterion: float
 
 
 def named(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> LearnedLaw:
@@ -70,21 +59,20 @@ def named(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> Learne
         trial: the trial beside which it was learned.
         law: the law.
     """
-    tried = sorted(_tried(tools, before, trial, law), key=lambda one: one.told.bic)
+    tried = sorted(_tried(tools, before, trial, law), key=lambda one: one.bic)
     if tried:
         best = tried[0]
         alike = _alike(tools, tried)
-        plainest = min(alike, key=lambda one: _plainness(one.told, best.told.bic))
+        plainest = min(alike, key=lambda one: _plainness(one, best.bic))
         tried.sort(key=lambda one: one is not plainest)
-    forms = tuple(one.told for one in tried)
-    law = replace(law, forms=forms, named=False)
-    if not forms or not as_good_unseen(forms[0].fit, law.fit, _AS_GOOD):
+    law = replace(law, forms=tuple(tried), named=False)
+    if not tried or not as_good_unseen(tried[0].fit, law.fit, _AS_GOOD):
         return law
-    worth = worth_between_fits(tools, before, forms[0].fit)
+    worth = worth_between_fits(tools, before, tried[0].fit)
     return replace(law, named=True, worth=worth) if worth.sure else law
 
 
-def _tried(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> Iterator[_Asked]:
+def _tried(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> Iterator[TriedForm]:
     """Closed forms fitted in the place of a curve, the plain ones first."""
     curve, price = law.curve, math.log(tools.trials.samples)
     grounds = _grounds(tools, trial, curve)
@@ -99,8 +87,7 @@ def _tried(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> Itera
         effect = as_estimated(fit.model.effects[-1])  # pyright: ignore[reportArgumentType]
         gain = 2.0 * (fit.log_likelihood - before.log_likelihood)
         bic = price * len(effect.declared) - gain
-        told = TriedForm(match.form.name, effect, fit, bic, match.times, match.reference)
-        yield _Asked(told, criterion)
+        yield TriedForm(match.form.name, effect, fit, bic, criterion, match.times, match.reference)
         measured = as_good(law.fit, fit, _EQUAL)  # a curve that errs more is no measure of it
         if measured and (as_good(fit, law.fit, _EQUAL) or not surely_better(tools, law.fit, fit)):
             enough, known = min(enough, _parameters(match)), min(known, criterion)
@@ -129,14 +116,14 @@ def _nearest(law: LearnedLaw, match: Match) -> Match | None:
     return near if near.gain > _LIKE * most else None
 
 
-def _alike(tools: Tools, tried: Sequence[_Asked]) -> list[_Asked]:
+def _alike(tools: Tools, tried: Sequence[TriedForm]) -> list[TriedForm]:
     """The likeliest form, and those that neither whole runs nor one-step errors surely set apart.
 
     Errors that last make the criterion of whole runs surer than it should be.
     """
     best, *others = tried
-    near = (one for one in others if one.criterion <= best.criterion + _CLEAR)
-    return [best, *(one for one in near if not surely_better(tools, best.told.fit, one.told.fit))]
+    near = (one for one in others if one.one_step <= best.one_step + CLEAR)
+    return [best, *(one for one in near if not surely_better(tools, best.fit, one.fit))]
 
 
 def _plainness(one: TriedForm, best: float) -> tuple[int, float, int]:
