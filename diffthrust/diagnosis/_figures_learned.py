@@ -45,18 +45,19 @@ def learned_figure(diag: Findings) -> Figure:
 
 def _curve(panel: Axes, law: LearnedLaw) -> None:
     x, mean, error = law.drawn()
+    over = law.shown.value * x
     panel.axhline(0.0, color="0.4", linewidth=0.8)
     panel.fill_between(
-        x, mean - BAND * error, mean + BAND * error, color=BLUE, alpha=0.22, linewidth=0,
+        over, mean - BAND * error, mean + BAND * error, color=BLUE, alpha=0.22, linewidth=0,
         label=f"±{BAND:g} standard errors",
     )  # fmt: skip
-    panel.plot(x, mean, color=BLUE, linewidth=1.8, label="learned curve")
+    panel.plot(over, mean, color=BLUE, linewidth=1.8, label="learned curve")
     for colour, tried in zip(COLOURS[1:], law.forms, strict=False):
         seen = _formed(law, tried, x)
         if seen is not None:
             chosen = tried is law.form
             panel.plot(
-                x, seen, color=colour, linewidth=1.8 if chosen else 1.0, linestyle="--",
+                over, seen, color=colour, linewidth=1.8 if chosen else 1.0, linestyle="--",
                 label=f"{tried.name}{' (its name)' if chosen else ''}",
             )  # fmt: skip
     panel.legend(fontsize=8, framealpha=0.9)
@@ -113,8 +114,8 @@ def _following(x: np.ndarray, samples: np.ndarray, factors: np.ndarray) -> np.nd
 
 
 def _density(panel: Axes, law: LearnedLaw) -> None:
-    panel.hist(law.samples, bins=_BINS, color=GREY)
+    per, unit = law.shown
+    panel.hist(per * law.samples, bins=_BINS, color=GREY)
     panel.set_ylabel("samples", fontsize=9)
-    unit = f" [{law.signal_unit}]" if law.signal_unit else ""
-    panel.set_xlabel(f"{signal_words(law)}{unit}", fontsize=9)
+    panel.set_xlabel(f"{signal_words(law)}{f' [{unit}]' if unit else ''}", fontsize=9)
     plainly(panel)

@@ -12,6 +12,7 @@ from diffthrust.diagnosis._worth import Worth
 from diffthrust.effects._curve import Curve
 from diffthrust.effects._formula import Formula
 from diffthrust.estimation._result import Fit
+from diffthrust.logs._written import ShownUnits, Size
 from diffthrust.models._base.made_effect import ARRIVING
 
 _POINTS = 121
@@ -59,7 +60,8 @@ class LearnedLaw(Brief):
         superfluous: effects that were found without it, and do nothing that matters beside it.
         samples: values of the signal in the training logs, ``(N,)``.
         factors: what the curve was multiplied by there; ``None`` for nothing.
-        signal_unit: the unit of the signal; "" where it is not that of a channel.
+        signal_unit: the unit of the signal; "" where it is not known.
+        channel: the channel of the model in whose unit the signal is; "" for none.
         port_unit: that of what passes the port.
     """
 
@@ -73,6 +75,7 @@ class LearnedLaw(Brief):
     samples: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
     factors: np.ndarray | None = field(default=None, repr=False)
     signal_unit: str = ""
+    channel: str = ""
     port_unit: str = ""
 
     @property
@@ -94,6 +97,11 @@ class LearnedLaw(Brief):
     def told(self) -> Fit:
         """The model with the law as it is told: in its closed form, or as a curve."""
         return self.form.fit if self.form else self.fit
+
+    @property
+    def shown(self) -> Size:
+        """How many of which unit, that in which the logs were written, make one of the signal's."""
+        return ShownUnits((self.fit.written,)).size(self.channel, 1.0, self.signal_unit)
 
     @property
     def manner(self) -> Literal["adds", "scales"]:

@@ -55,8 +55,9 @@ def _reach_words(law: LearnedLaw) -> str:
     """How far these logs tell of it: a wave goes on as it is."""
     if NUMBER in law.curve.given:
         return ""
-    ends = f"{number(law.curve.low, 2)} to {number(law.curve.high, 2)} {law.signal_unit}".rstrip()
-    return f" These logs tell of it from {ends}, and no further."
+    per, unit = law.shown
+    low, high = (number(per * end, 2) for end in (law.curve.low, law.curve.high))
+    return f" These logs tell of it from {low} to {high} {unit}".rstrip() + ", and no further."
 
 
 def manner_words(law: LearnedLaw) -> str:
@@ -84,10 +85,12 @@ def signal_words(law: LearnedLaw, effect: Curve | Formula | None = None) -> str:
     if memory.kind == "integral":
         return "the time since the log began" if of == "1" else f"the integral of {of}"
     assert memory.size is not None
-    size = number(getattr(now, ast.unparse(memory.size)), 2)
+    size = getattr(now, ast.unparse(memory.size))
     if memory.kind == "lag":
-        return f"the last {size} s of {of}{', from none on' if memory.start else ''}"
-    return f"how far {of} has gone since it turned, {size} {law.signal_unit}".rstrip() + " at most"
+        return f"the last {number(size, 2)} s of {of}{', from none on' if memory.start else ''}"
+    per, unit = law.shown
+    most = f"{number(per * size, 2)} {unit}".rstrip()
+    return f"how far {of} has gone since it turned, {most} at most"
 
 
 def form_words(law: LearnedLaw, tried: TriedForm) -> str:

@@ -1,6 +1,8 @@
 """Learning what no known effect explains: evidence, closed forms, and a whole diagnosis."""
 
+import re
 import tomllib
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -25,7 +27,9 @@ from diffthrust.diagnosis._learning.forms import (  # private: forms without a d
     likeliest_match,
     matches,
 )
+from diffthrust.diagnosis._learning.hypotheses import channel_of  # private: as above
 from diffthrust.effects import Curve
+from diffthrust.logs import Written
 
 
 def test_evidence_is_the_likelihood_ratio_with_the_coefficients_integrated_out():
@@ -137,11 +141,29 @@ def test_a_curve_fitted_to_whole_runs_tells_where_its_form_is_whatever_a_slope_o
 def test_a_form_is_a_formula_that_begins_where_it_is_likeliest():
     curve = Curve("load", "speed", -40.0, 40.0, name="slack")
     best = next(m for m in matches({"": judged(LAWS["dead zone"])}) if m.form.name == "dead zone")
-    model = dft.Thruster() + formula_of(best, curve, "rad/s^2", "rad/s")
+    model = dft.Thruster() + formula_of(best, curve, "rad/s^2", "rad/s", "speed")
     assert model.parameters["slack_form.a"].unit == "1/s"
+    assert model.parameters["slack_form.b"].channel == "speed"  # told as the logs write that
+    assert model.parameters["slack_form.b"].unit == "rad/s"
     assert model.parameters["slack_form.a"].value == pytest.approx(0.3, rel=0.01)
     assert model.parameters["slack_form.b"].value == pytest.approx(15.0, abs=0.2)
     assert model.parameters["slack_form.a"].null == 0.0
+
+
+@pytest.mark.parametrize(
+    ("signal", "channel"),
+    [
+        ("speed", "speed"),
+        ("lag(speed, time_constant)", "speed"),
+        ("command - play(command, half_width)", "command"),
+        ("lag(command**2, time_constant, 0)", ""),
+        ("integral(speed)", ""),
+        ("sin(wave_number * speed + phase)", ""),
+        ("value", ""),
+    ],
+)
+def test_a_signal_is_in_the_unit_of_the_channel_that_it_is(signal, channel):
+    assert channel_of(signal, dft.Thruster()) == channel
 
 
 @pytest.mark.parametrize("end", [0.0001 / 3, 2e-4 / 3])
@@ -257,6 +279,18 @@ def test_what_was_learned_is_told_in_words_json_and_a_figure(hump, tmp_path):
     assert "What was learned" in page
     figure = diag.plot_learned()
     assert {axes.get_ylabel() for axes in figure.axes} >= {"samples"}
+
+
+def test_a_law_is_told_in_the_units_of_the_logs(hump):
+    _, diag = hump
+    law = diag.laws[0]
+    in_rpm = replace(law, fit=replace(law.fit, written={"speed": Written("rpm")}))
+    assert in_rpm.shown.value == pytest.approx(30 / np.pi)
+    told = replace(diag, laws=(in_rpm,))
+    assert re.search(r"tell of it from -\d+ to \d+ rpm, and no further", told.summary)
+    curve, samples = told.plot_learned().axes
+    assert samples.get_xlabel().endswith("[rpm]")
+    assert curve.get_xlim()[1] > 30 / np.pi * law.curve.high
 
 
 def test_what_was_learned_is_copied_into_a_spec_file(hump):

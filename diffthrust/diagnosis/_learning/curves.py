@@ -15,6 +15,7 @@ from diffthrust.diagnosis._learning.forms import as_estimated
 from diffthrust.diagnosis._learning.hypotheses import (
     NUMBER,
     Hypothesis,
+    channel_of,
     hypothesis,
     unit_at,
     unit_of,
@@ -57,6 +58,7 @@ def law_of(tools: Tools, before: Fit, trial: TrialFit, likely: LikelyCurve) -> L
         samples=np.concatenate(law.over),
         factors=None if law.factor is None else np.concatenate(law.factor),
         signal_unit=unit_of(curve.signal, units),
+        channel=channel_of(curve.signal, before.model),
         port_unit=units[ARRIVING],
     )
 

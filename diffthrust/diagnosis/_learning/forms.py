@@ -11,6 +11,7 @@ import numpy as np
 
 from diffthrust.diagnosis._learning.closed_forms import FORMS, Form
 from diffthrust.diagnosis._learning.ground import Ground
+from diffthrust.diagnosis._learning.hypotheses import following
 from diffthrust.effects._curve import Curve
 from diffthrust.effects._formula import Formula
 from diffthrust.effects._grammar import expression_of
@@ -59,8 +60,18 @@ def matches(grounds: Mapping[str, Ground]) -> list[Match]:
     )
 
 
-def formula_of(match: Match, curve: Curve, unit: str, signal_unit: str) -> Formula:
-    """A form as an effect at the place of a curve, beginning where it is likeliest."""
+def formula_of(
+    match: Match, curve: Curve, unit: str, signal_unit: str, channel: str = ""
+) -> Formula:
+    """A form as an effect at the place of a curve, beginning where it is likeliest.
+
+    Args:
+        match: the form.
+        curve: the curve.
+        unit: of what the form adds, or scales by.
+        signal_unit: that of the curve's signal,
+        channel: which is that of a channel of the model; "" for none.
+    """
     form = match.form
     text = _spelt(form, curve.signal, match)
     law = f"{match.times} * ({text})" if match.times else text
@@ -72,11 +83,12 @@ def formula_of(match: Match, curve: Curve, unit: str, signal_unit: str) -> Formu
     span = curve.high - curve.low
     reach = 2.0 * _FAR * span if form.far else _BEYOND * span
     lowest = 0.0 if form.even else curve.low - reach
+    of_signal = following(channel, signal_unit)
     told = {
         "a": {"unit": amplitude, "value": match.values["a"], "null": 0.0,
               "size": abs(match.values["a"]) or 1.0},
-        "b": {"unit": signal_unit, "bounds": _short(lowest, curve.high + reach)},
-        "c": {"unit": signal_unit, "bounds": _short(_LEAST_WIDTH * span, _LARGEST_WIDTH * span)},
+        "b": {"unit": of_signal, "bounds": _short(lowest, curve.high + reach)},
+        "c": {"unit": of_signal, "bounds": _short(_LEAST_WIDTH * span, _LARGEST_WIDTH * span)},
         "p": {"unit": "", "bounds": (0.1, 6.0)},
         "k": {"unit": product_unit(("rad", 1), (signal_unit, -1)),
               "bounds": _short(1.0 / span, 10.0 * _WAVES / span)},

@@ -16,6 +16,7 @@ from diffthrust.effects._grammar import expression_of
 from diffthrust.effects._memory import value_along
 from diffthrust.logs._units import product_unit
 from diffthrust.models._base.made_effect import ARRIVING
+from diffthrust.models._base.model import Model
 
 CLOCK = "integral(1)"
 """The time since the log began."""
@@ -130,6 +131,26 @@ def unit_of(signal: str, units: Mapping[str, str]) -> str:
     return _unit(law.tree, known)
 
 
+def channel_of(signal: str, model: Model) -> str:
+    """The channel of a model in whose unit a signal of these hypotheses is; "" for none."""
+    law = expression_of(signal)
+    followed = {one.state: one.of for one in law.memories if one.kind != "integral"}
+    node = law.tree
+    while not isinstance(node, ast.Name) or node.id in followed:
+        if isinstance(node, ast.Name):
+            node = followed[node.id]
+        elif isinstance(node, ast.BinOp) and isinstance(node.op, ast.Sub):
+            node = node.left
+        else:
+            return ""
+    return node.id if node.id in model.channel_units else ""
+
+
+def following(channel: str, unit: str) -> str:
+    """The unit of a parameter that is in that of a channel, if there is one, and a unit if not."""
+    return f"{{{channel}}}" if channel else unit
+
+
 def _unit(node: ast.AST, units: Mapping[str, str]) -> str:
     if isinstance(node, ast.Name):
         return units.get(node.id, "")
@@ -188,7 +209,7 @@ def _expressions(
         for share in _PLAYS:
             width = share * float(np.ptp(pooled))
             if width > 0:
-                unit = units.get(name, "")
+                unit = following(channel_of(name, trials.model), units.get(name, ""))
                 own = _guessed(width, unit, _WIDEST * float(np.ptp(pooled)))
                 yield f"{name} - play({name}, {WIDTH})", {WIDTH: own}
         if name in names:

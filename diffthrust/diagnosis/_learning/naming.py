@@ -98,7 +98,7 @@ def _in_place(tools: Tools, before: Fit, law: LearnedLaw, match: Match) -> Fit:
     curve, found = law.curve, []
     unit = unit_at(tools.trials, curve.port, match.times)
     for start in filter(None, (_nearest(law, match), match)):
-        formula = formula_of(start, curve, unit, law.signal_unit)
+        formula = formula_of(start, curve, unit, law.signal_unit, law.channel)
         model = law.fit.model - curve.name + formula
         found.append(roughly(tools, before, model, segments=NUMBER in curve.given))
         if as_good(found[-1], law.fit, _EQUAL):
