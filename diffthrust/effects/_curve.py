@@ -22,6 +22,8 @@ from diffthrust.models._base.made_effect import ARRIVING, MadeEffect
 from diffthrust.models._base.parameter import Normal, Parameter, parameter
 from diffthrust.models._base.signals import Rate, Signal, Signals
 
+_DEGREE = 3
+"""Of the pieces; a curve has so many splines more than these."""
 _FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 6.0
 """A cubic B-spline on a grid of unit step in truncated third powers, from where it begins."""
 _BEYOND = 3.0
@@ -93,7 +95,7 @@ class Curve(MadeEffect):
     unit: str
     held: tuple[str, ...]
     coefficients: tuple[str, ...]
-    _weights: list[Any]
+    _powers: Any
 
     def __init__(
         self,
@@ -119,7 +121,8 @@ class Curve(MadeEffect):
             {"low": low, "high": high, "size": size, "bend": bend, "pieces": pieces},
             {"signal": signal, "times": times},
         )
-        number, law, factor = int(pieces) + 3, expression_of(signal), expression_of(times or "1")
+        number = int(pieces) + _DEGREE
+        law, factor = expression_of(signal), expression_of(times or "1")
         for right, expected, found in (
             (-np.inf < low < high < np.inf, "low < high, both finite", f"{low!r} and {high!r}"),
             (
@@ -163,7 +166,7 @@ class Curve(MadeEffect):
         self._set(given=given, states={one.state: "" for one in law.memories})
         reads = tuple(sorted({*places} - {*given, ARRIVING}))
         self._make(name, port, declared, reads)
-        self._set(_weights=self._weighed())
+        self._set(_powers=spline_weights(number) @ np.array(self.shape))
 
     @property
     def shape(self) -> tuple[float, ...]:
@@ -179,7 +182,7 @@ class Curve(MadeEffect):
         at = np.clip(self._on_grid(np.asarray(x, float)), -_BEYOND, self.pieces + _BEYOND)
         starts = np.arange(self.pieces + 7) - _BEYOND
         powers = np.maximum(at - starts.reshape(-1, *[1] * at.ndim), 0.0) ** 3
-        return np.tensordot(_weights(self.pieces).T, powers, 1)
+        return np.tensordot(spline_weights(len(self.coefficients)).T, powers, 1)
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
         """The signal of the port with the curve in it."""
@@ -198,33 +201,31 @@ class Curve(MadeEffect):
     def _copy(self, **attributes: Any) -> Curve:
         other = super()._copy(**attributes)
         # here, not in the loop over time, where they would be worked out at each step
-        other._set(_weights=other._weighed())
+        other._set(_powers=curve_weights(*other.shape))
         return other
-
-    def _weighed(self) -> list[Any]:
-        """The weight of each truncated power."""
-        return [
-            sum(float(w) * v for w, v in zip(row, self.shape, strict=True))
-            for row in _weights(self.pieces)
-        ]
 
     def _on_grid(self, x: Any) -> Any:
         return (x - self.low) * (self.pieces / (self.high - self.low))
 
     def _curve(self, x: Signal) -> Signal:
         at = jnp.clip(self._on_grid(x), -_BEYOND, self.pieces + _BEYOND)
-        return truncated_powers(at + _BEYOND, *self._weights)
+        return truncated_powers(at + _BEYOND, self._powers)
+
+
+# as arrays these two take half the time to compile that sums of their terms do; exported programs
+# spell them out (export._operations)
+@jax.jit
+def curve_weights(*coefficients: Signal) -> Signal:
+    """The weight of each truncated power in a curve with these coefficients."""
+    shape = jnp.stack([jnp.asarray(one, float) for one in coefficients])
+    return jnp.tensordot(jnp.asarray(spline_weights(len(coefficients))), shape, 1)
 
 
 @jax.jit
-def truncated_powers(x: Signal, *weights: Signal) -> Signal:
-    """The sum of weights times third powers of what ``x`` is above 0, 1, 2, ...; 0 below.
-
-    Side by side it takes half the time to compile that a sum of its terms does. Exported programs
-    spell it out (`export._operations`).
-    """
+def truncated_powers(x: Signal, weights: Signal) -> Signal:
+    """The sum of weights times third powers of what ``x`` is above 0, 1, 2, ...; 0 below."""
     starts = jnp.arange(float(len(weights))).reshape(-1, *[1] * x.ndim)
-    along = jnp.stack([jnp.broadcast_to(jnp.asarray(weight, float), x.shape) for weight in weights])
+    along = weights.reshape(-1, *[1] * (x.ndim - weights.ndim + 1), *weights.shape[1:])
     return jnp.sum(along * jnp.maximum(x[None] - starts, 0.0) ** 3, axis=0)
 
 
@@ -250,13 +251,13 @@ def _own(name: str, given: str | Mapping[str, Any], size: bool) -> Parameter:
 
 
 @lru_cache
-def _weights(pieces: int) -> Float[np.ndarray, "powers coefficients"]:
+def spline_weights(splines: int) -> Float[np.ndarray, "powers coefficients"]:
     """Weights of truncated powers by level, slope, and bends of unit prior.
 
     The bends are the eigenvectors of the penalty on second differences, each over the root of its
     eigenvalue; over the pieces to the power of 1.5 they mean as much on any grid.
     """
-    splines = pieces + 3
+    pieces = splines - _DEGREE
     second = np.diff(np.eye(splines), 2, axis=0)
     values, vectors = np.linalg.eigh(second.T @ second)
     bends = vectors[:, 2:] / np.sqrt(values[2:]) / pieces**1.5

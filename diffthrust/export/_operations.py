@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import reduce
 from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 
 from diffthrust._support.errors import InputError
+from diffthrust.effects._curve import spline_weights
 
 MEMORY = ("delayed", "rate_limited", "lagged")
 """What effects do to recorded series, by the functions of `effects._recorded` that do it."""
-_POWERS = "truncated_powers"
-"""The function of `effects._curve` by which splines are worked out."""
+_WEIGHTS, _POWERS = "curve_weights", "truncated_powers"
+"""The functions of `effects._curve` by which splines are worked out; a tuple stands for weights."""
 
 
 class Constant(NamedTuple):
@@ -138,6 +140,8 @@ def _walk(
         inner = eqn.params.get("jaxpr", eqn.params.get("call_jaxpr"))
         if name in _CALLS and eqn.params.get("name") in MEMORY:
             results = [operations.add(Operation(eqn.params["name"], tuple(operands)))]
+        elif name in _CALLS and eqn.params.get("name") == _WEIGHTS:
+            results = [_weights(operations, operands)]
         elif name in _CALLS and eqn.params.get("name") == _POWERS:
             results = [_powers(operations, *operands)]
         elif name in _CALLS and inner is not None:
@@ -167,16 +171,28 @@ def _walk(
     return [read(atom) for atom in jaxpr.outvars]
 
 
-def _powers(operations: Operations, x: Any, *weights: Any) -> Any:
+def _weights(operations: Operations, coefficients: Sequence[Any]) -> tuple[Any, ...]:
+    """The weight of each third power in a curve with such coefficients."""
+    return tuple(
+        _summed(operations, zip(map(Constant, row), coefficients, strict=True))
+        for row in spline_weights(len(coefficients)).tolist()
+    )
+
+
+def _powers(operations: Operations, x: Any, weights: Sequence[Any]) -> Any:
     """Third powers of what ``x`` is above 0, 1, 2, ..., each times its weight, and their sum."""
-    total: Any = Constant(0.0)
-    for k, weight in enumerate(weights):
+    powers = []
+    for k in range(len(weights)):
         above = operations.add(Operation("sub", (x, Constant(float(k)))))
         above = operations.add(Operation("max", (above, Constant(0.0))))
-        power = operations.add(Operation("integer_pow", (above,), 3))
-        term = operations.add(Operation("mul", (weight, power)))
-        total = term if k == 0 else operations.add(Operation("add", (total, term)))
-    return total
+        powers.append(operations.add(Operation("integer_pow", (above,), 3)))
+    return _summed(operations, zip(weights, powers, strict=True))
+
+
+def _summed(operations: Operations, pairs: Iterable[tuple[Any, Any]]) -> Any:
+    """The sum of products."""
+    terms = [operations.add(Operation("mul", pair)) for pair in pairs]
+    return reduce(lambda total, term: operations.add(Operation("add", (total, term))), terms)
 
 
 def _converted(operations: Operations, eqn: Any, operand: Any, where: str) -> Any:
