@@ -33,16 +33,28 @@ from diffthrust.simulation._step_size import choose_substeps
 _BEYOND, _EMPTY = 0.05, 0.4
 """A curve is laid anew where its signal leaves its range by more than such a share of it, or leaves
 so much of it empty."""
+_BEHIND = 1.1
+"""Whole runs err by more than so many times as much with a law that is far behind another."""
 _POINTS = 241
 
 
-def law_of(tools: Tools, before: Fit, trial: TrialFit, likely: LikelyCurve) -> LearnedLaw | None:
-    """A law fitted to whole runs beside a model; ``None`` where these are no better."""
+def law_of(
+    tools: Tools,
+    before: Fit,
+    trial: TrialFit,
+    likely: LikelyCurve,
+    other: LearnedLaw | None = None,
+) -> LearnedLaw | None:
+    """A law fitted to whole runs beside a model; ``None`` where these are no better.
+
+    One that is far behind ``other`` is fitted once.
+    """
     law = likely.law
     unit = unit_at(tools.trials, law.port, law.times)
     own = {**likely.curve.arguments, "unit": unit, "name": _free_name(before.model)}
     fit, curve = _with_curve(tools, before, Curve(**own))
-    if curve.given:  # what it remembers may have another range than at the first guess
+    behind = other is not None and fit.train.nrmse > _BEHIND * other.fit.train.nrmse
+    if curve.given and not behind:  # what it remembers may have left the range of the first guess
         law = hypothesis_of(tools, trial, curve)
         if ends := _elsewhere(law, curve):
             fit, curve = _with_curve(tools, before, _laid_over(curve, *ends))

@@ -9,7 +9,8 @@ that the estimated parameters could be themselves there is none.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,6 +34,8 @@ _APART = 5.0
 """A time or a width is sought within so many times its first guess,"""
 _SEARCH = {"maxiter": 10, "xatol": 0.03}
 """to such a share of itself."""
+_MOST, _SAMPLES = 11, 1e5
+"""So many laws are carried through the logs at a time, or as have no more samples together."""
 _SLOPE = 1
 """Which of the coefficients of a curve is its slope."""
 
@@ -53,13 +56,13 @@ class LikelyCurve(NamedTuple):
 
 def likely_curves(trials: Trials, trial: TrialFit, laws: Iterable[Hypothesis]) -> list[LikelyCurve]:
     """The laws for which there is evidence, with their curves, the likeliest first."""
-    ports = trials.readings(trial)
-
-    def judged(law: Hypothesis) -> LikelyCurve | None:
-        return _judged(trials, trial, law, [one[law.port] for one in ports])
-
-    found = [one for one in side_by_side(judged, list(laws)) if one is not None]
-    return sorted((one for one in found if one.evidence > 0), key=lambda one: -one.evidence)
+    passing = trials.readings(trial)
+    found = side_by_side(
+        lambda some: _judged(trials, trial, some, [log[some[0].port] for log in passing]),
+        list(_together(laws)),
+    )
+    likely = (one for some in found for one in some if one.evidence > 0)
+    return sorted(likely, key=lambda one: -one.evidence)
 
 
 def sharpened(trials: Trials, trial: TrialFit, likely: LikelyCurve) -> LikelyCurve:
@@ -78,19 +81,25 @@ def sharpened(trials: Trials, trial: TrialFit, likely: LikelyCurve) -> LikelyCur
         value = float(np.exp(exponent))
         told = {name: {**own[name], "value": value}}
         at = hypothesis(seen, law.port, law.signal, law.times, told)
-        found = _judged(trials, trial, at, passing)
-        if found is not None:
-            tried[value] = found
-        return -found.evidence if found else 0.0
+        found = _judged(trials, trial, [at], passing)
+        tried.update((value, one) for one in found)
+        return -found[0].evidence if found else 0.0
 
     ends = max(low, begun / _APART), min(high, begun * _APART)
     minimize_scalar(loss, bounds=np.log(ends), method="bounded", options=_SEARCH)
     return max(tried.values(), key=lambda one: one.evidence)
 
 
-def _judged(
-    trials: Trials, trial: TrialFit, law: Hypothesis, passing: Sequence[np.ndarray]
-) -> LikelyCurve | None:
+class _Drawn(NamedTuple):
+    """A law with the curve that it begins with, and what its coefficients add, log by log."""
+
+    law: Hypothesis
+    plain: Curve
+    level: float
+    rows: list[np.ndarray]
+
+
+def _drawn(law: Hypothesis, passing: Sequence[np.ndarray]) -> _Drawn | None:
     pooled = np.concatenate(law.over)
     ends = float(pooled.min()), float(pooled.max())
     level = _level(passing) if law.times != ARRIVING else 1.0
@@ -103,14 +112,39 @@ def _judged(
     rows = [plain.basis(over) for over in law.over]
     if law.factor is not None:
         rows = [row * factor for row, factor in zip(rows, law.factor, strict=True)]
-    held = law.straight & (np.arange(len(plain.coefficients)) != _SLOPE)
-    best = _stiffness(*left_over(trials, trial, law.port, rows), level, held)
-    own = zip(plain.coefficients, best.shared, strict=True)
-    curve = Curve(
-        law.port, law.signal, *ends, times=law.times, size=best.size, bend=best.bend,
-        shape=tuple(map(float, best.shape)), held=[n for n, out in own if out], **parameters,
-    )  # fmt: skip
-    return LikelyCurve(law, curve, best.evidence)
+    return _Drawn(law, plain, level, rows)
+
+
+def _together(laws: Iterable[Hypothesis]) -> Iterator[list[Hypothesis]]:
+    """Laws of one port, as many as are carried through the logs at a time."""
+    by_port = sorted(laws, key=lambda law: law.port)
+    for _, one_port in groupby(by_port, key=lambda law: law.port):
+        same = list(one_port)
+        samples = sum(over.size for over in same[0].over)
+        most = int(np.clip(_SAMPLES / samples, 1, _MOST))
+        yield from (same[at : at + most] for at in range(0, len(same), most))
+
+
+def _judged(
+    trials: Trials, trial: TrialFit, laws: Sequence[Hypothesis], passing: Sequence[np.ndarray]
+) -> list[LikelyCurve]:
+    drawn = [one for law in laws if (one := _drawn(law, passing))]
+    if not drawn:
+        return []
+    known = left_over(trials, trial, laws[0].port, [one.rows for one in drawn])
+    found = []
+    for (law, plain, level, _), known_of in zip(drawn, known, strict=True):
+        held = law.straight & (np.arange(len(plain.coefficients)) != _SLOPE)
+        best = _stiffness(*known_of, level, held)
+        own = zip(plain.coefficients, best.shared, strict=True)
+        parameters: dict[str, Any] = dict(law.parameters)
+        curve = Curve(
+            law.port, law.signal, plain.low, plain.high, times=law.times, size=best.size,
+            bend=best.bend, shape=tuple(map(float, best.shape)),
+            held=[n for n, out in own if out], **parameters,
+        )  # fmt: skip
+        found.append(LikelyCurve(law, curve, best.evidence))
+    return found
 
 
 def _level(series: Sequence[np.ndarray]) -> float:
@@ -136,14 +170,14 @@ def _stiffness(
 ) -> _Stiffness:
     shared = held | (np.diagonal(left) < _SHARED * alone)
     left, clear = np.where(shared | shared[:, None], 0.0, left), np.where(shared, 0.0, clear)
-    best = _Stiffness(-np.inf, 1.0, 1.0, np.zeros(len(left)), shared)
-    for size in _SIZES * level:
-        for bend in _BENDS:
-            widths = size * np.array([1.0, 2.0, *[bend] * (len(left) - 2)])
-            inner = np.eye(len(left)) + widths[:, None] * left * widths
-            slope = widths * clear
-            steps = -np.linalg.solve(inner, slope)
-            evidence = -0.5 * float(slope @ steps) - 0.5 * float(np.linalg.slogdet(inner)[1])
-            if evidence > best.evidence:
-                best = _Stiffness(evidence, float(size), float(bend), widths * steps, shared)
-    return best
+    sizes, bends = (grid.ravel() for grid in np.meshgrid(_SIZES * level, _BENDS, indexing="ij"))
+    widths = np.repeat(bends[:, None], len(left), axis=1)
+    widths[:, :2] = 1.0, 2.0
+    widths *= sizes[:, None]
+    inner = np.eye(len(left)) + widths[:, :, None] * left * widths[:, None, :]
+    slopes = widths * clear
+    steps = -np.linalg.solve(inner, slopes[..., None])[..., 0]
+    evidence = -0.5 * np.sum(slopes * steps, axis=1) - 0.5 * np.linalg.slogdet(inner)[1]
+    k = int(np.argmax(evidence))
+    shape = widths[k] * steps[k]
+    return _Stiffness(float(evidence[k]), float(sizes[k]), float(bends[k]), shape, shared)

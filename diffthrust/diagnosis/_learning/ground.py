@@ -6,6 +6,7 @@ likelier any shape makes them, with nothing to be carried through the logs again
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -56,7 +57,7 @@ def ground_of(trials: Trials, trial: TrialFit, law: Hypothesis) -> Ground:
     rows = [fine.basis(over) for over in law.over]
     if law.factor is not None:
         rows = [row * factor for row, factor in zip(rows, law.factor, strict=True)]
-    left, clear, _ = left_over(trials, trial, law.port, rows)
+    ((left, clear, _),) = left_over(trials, trial, law.port, [rows])
     x = np.linspace(low, high, _POINTS)
     onto = np.linalg.pinv(fine.basis(x).T)
     return Ground(x, onto, left, clear, float(np.sqrt(np.mean(pooled**2))))
@@ -73,23 +74,27 @@ def ground_of_fit(law: LearnedLaw) -> Ground:
 
 
 def left_over(
-    trials: Trials, trial: TrialFit, port: str, rows: list[np.ndarray]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    trials: Trials, trial: TrialFit, port: str, several: Sequence[Sequence[np.ndarray]]
+) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Information and gradient of series at a port, less what the model's own parameters do.
 
     Args:
         trials: the fits.
         trial: the present model.
         port: where the series are added.
-        rows: for each log ``(K, T)``.
+        several: of each set of series, for each log ``(K, T)``.
 
     Returns:
-        The information left ``(K, K)``; the gradient ``(K,)``; the information of each by itself.
+        Of each the information left ``(K, K)``; the gradient ``(K,)``; the information of each
+        series by itself.
     """
     response = trial.response
-    answers = response.to(port, response.batched(rows))
+    together = [np.concatenate(rows) for rows in zip(*several, strict=True)]
+    answers = response.to(port, response.batched(together))
     known = [i for i, name in enumerate(trial.names) if name not in trials.nuisance]
-    return beside_known(*response.scores(known, answers), len(known))
+    ends = np.cumsum([len(rows[0]) for rows in several])[:-1]
+    apart = zip(*(np.split(batch, ends, axis=1) for batch in answers), strict=True)
+    return [beside_known(*response.scores(known, own), len(known)) for own in apart]
 
 
 def beside_known(

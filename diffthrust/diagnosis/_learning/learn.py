@@ -93,7 +93,7 @@ def _learned_beside(
     explained = found[0] is not None and all_explained(tools, trial, found[0].fit)
     rival = None if explained else rival_law(likely)
     if rival:
-        found.append(law_of(tools, before, trial, rival))
+        found.append(law_of(tools, before, trial, rival, found[0]))
     better = [law for law in found if law is not None]
     if not better:
         return None

@@ -36,6 +36,8 @@ from diffthrust.models._base.made_effect import ARRIVING
 _NEAR = 0.7
 """A closed form that promises no less than this of what the curve does may be its law (effects
 beside it that only imitated the law have bent the curve),"""
+_HALF = 0.5
+"""and so much of what the likeliest form does,"""
 _FORMS = 3
 """and so many are fitted in its place, with the plain forms that they come near to."""
 _SAME = 0.2
@@ -148,8 +150,10 @@ def _grounds(tools: Tools, trial: TrialFit, curve: Curve) -> dict[str, Ground]:
 def _close(tools: Tools, grounds: Mapping[str, Ground], curve: Curve) -> list[Match]:
     """The closed forms that one-step errors ask for as they ask for a curve."""
     ground, price = grounds[curve.times], math.log(tools.trials.samples)
+    likely = matches(grounds)
     least = _NEAR * ground.gain(np.asarray(curve.at_signal(ground.x)))[0]
-    near = [one for one in matches(grounds) if one.gain > max(least, 0.0)]
+    least = max(least, _HALF * likely[0].gain, 0.0)
+    near = [one for one in likely if one.gain > least]
     if NUMBER in curve.given:  # a wave has its form already
         near = [one for one in near if (one.form.name, one.times) == ("linear", curve.times)]
     near.sort(key=lambda one: price * _parameters(one) - one.gain)
