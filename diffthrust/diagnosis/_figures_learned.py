@@ -114,8 +114,8 @@ def _following(x: np.ndarray, samples: np.ndarray, factors: np.ndarray) -> np.nd
 
 
 def _density(panel: Axes, law: LearnedLaw) -> None:
-    per, unit = law.shown
-    panel.hist(per * law.samples, bins=_BINS, color=GREY)
+    panel.hist(law.shown.value * law.samples, bins=_BINS, color=GREY)
     panel.set_ylabel("samples", fontsize=9)
-    panel.set_xlabel(f"{signal_words(law)}{f' [{unit}]' if unit else ''}", fontsize=9)
+    unit = f" [{law.place_unit}]" if law.place_unit else ""
+    panel.set_xlabel(f"{signal_words(law)}{unit}", fontsize=9)
     plainly(panel)

@@ -30,7 +30,7 @@ class TriedForm(Brief):
         formula: the effect at its estimated parameters.
         fit: the model with it, fitted to the logs.
         bic: Bayesian information criterion less that of the model without it; negative is better.
-        one_step: the same, as one-step errors promise it.
+        one_step: the same but for a constant, as one-step errors promise it.
         times: what it is multiplied by; other than the curve's where it stands for the whole law.
         reference: the size of the signal to which its powers are related.
     """
@@ -55,7 +55,8 @@ class LearnedLaw(Brief):
             as given leaves; of its closed form, where that is named.
         evidence: logarithm of the likelihood ratio by which one-step errors ask for it, with its
             coefficients integrated out.
-        forms: closed forms that were tried in its place, the likeliest first.
+        forms: closed forms that were tried in its place, first the one that is told, then by
+            their likelihood.
         named: whether the first of them is as good as the curve.
         superfluous: effects that were found without it, and do nothing that matters beside it.
         samples: values of the signal in the training logs, ``(N,)``.
@@ -101,7 +102,18 @@ class LearnedLaw(Brief):
     @property
     def shown(self) -> Size:
         """How many of which unit, that in which the logs were written, make one of the signal's."""
-        return ShownUnits((self.fit.written,)).size(self.channel, 1.0, self.signal_unit)
+        return self._units.size(self.channel, 1.0, self.signal_unit)
+
+    @property
+    def place_unit(self) -> str:
+        """The unit of a place on the curve, for people: widths of pulses count from the stop."""
+        way = self._units.written.get(self.channel)
+        counted = way is not None and way.pwm is not None and "play(" not in self.curve.signal
+        return f"{self.shown.unit} from the stop" if counted else self.shown.unit
+
+    @property
+    def _units(self) -> ShownUnits:
+        return ShownUnits((self.fit.written,))
 
     @property
     def manner(self) -> Literal["adds", "scales"]:

@@ -55,9 +55,9 @@ def _reach_words(law: LearnedLaw) -> str:
     """How far these logs tell of it: a wave goes on as it is."""
     if NUMBER in law.curve.given:
         return ""
-    per, unit = law.shown
-    low, high = (number(per * end, 2) for end in (law.curve.low, law.curve.high))
-    return f" These logs tell of it from {low} to {high} {unit}".rstrip() + ", and no further."
+    low, high = (number(law.shown.value * end, 2) for end in (law.curve.low, law.curve.high))
+    ends = f"{low} to {high} {law.place_unit}".rstrip()
+    return f" These logs tell of it from {ends}, and no further."
 
 
 def manner_words(law: LearnedLaw) -> str:

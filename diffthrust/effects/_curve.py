@@ -95,7 +95,7 @@ class Curve(MadeEffect):
     unit: str
     held: tuple[str, ...]
     coefficients: tuple[str, ...]
-    _powers: Any
+    _weights: Any
 
     def __init__(
         self,
@@ -166,7 +166,7 @@ class Curve(MadeEffect):
         self._set(given=given, states={one.state: "" for one in law.memories})
         reads = tuple(sorted({*places} - {*given, ARRIVING}))
         self._make(name, port, declared, reads)
-        self._set(_powers=spline_weights(number) @ np.array(self.shape))
+        self._set(_weights=_weighed(self.shape))
 
     @property
     def shape(self) -> tuple[float, ...]:
@@ -201,7 +201,7 @@ class Curve(MadeEffect):
     def _copy(self, **attributes: Any) -> Curve:
         other = super()._copy(**attributes)
         # here, not in the loop over time, where they would be worked out at each step
-        other._set(_powers=curve_weights(*other.shape))
+        other._set(_weights=_weighed(other.shape))
         return other
 
     def _on_grid(self, x: Any) -> Any:
@@ -209,7 +209,14 @@ class Curve(MadeEffect):
 
     def _curve(self, x: Signal) -> Signal:
         at = jnp.clip(self._on_grid(x), -_BEYOND, self.pieces + _BEYOND)
-        return truncated_powers(at + _BEYOND, self._powers)
+        return truncated_powers(at + _BEYOND, self._weights)
+
+
+def _weighed(shape: Sequence[Any]) -> Any:
+    """The weight of each truncated power; of plain numbers without a program of its own."""
+    if all(isinstance(one, int | float | np.number) for one in shape):
+        return spline_weights(len(shape)) @ np.array(shape, float)
+    return curve_weights(*shape)
 
 
 # as arrays these two take half the time to compile that sums of their terms do; exported programs
@@ -217,13 +224,14 @@ class Curve(MadeEffect):
 @jax.jit
 def curve_weights(*coefficients: Signal) -> Signal:
     """The weight of each truncated power in a curve with these coefficients."""
-    shape = jnp.stack([jnp.asarray(one, float) for one in coefficients])
+    shape = jnp.stack(jnp.broadcast_arrays(*(jnp.asarray(one, float) for one in coefficients)))
     return jnp.tensordot(jnp.asarray(spline_weights(len(coefficients))), shape, 1)
 
 
 @jax.jit
 def truncated_powers(x: Signal, weights: Signal) -> Signal:
     """The sum of weights times third powers of what ``x`` is above 0, 1, 2, ...; 0 below."""
+    x = jnp.broadcast_to(x, jnp.broadcast_shapes(x.shape, weights.shape[1:]))
     starts = jnp.arange(float(len(weights))).reshape(-1, *[1] * x.ndim)
     along = weights.reshape(-1, *[1] * (x.ndim - weights.ndim + 1), *weights.shape[1:])
     return jnp.sum(along * jnp.maximum(x[None] - starts, 0.0) ** 3, axis=0)

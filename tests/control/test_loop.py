@@ -290,6 +290,20 @@ def test_a_time_constant_may_change_in_a_fault():
     np.testing.assert_allclose(rate[late], (drive[:-1] - middle)[late] / 0.5, rtol=2e-3)
 
 
+def test_a_coefficient_of_a_curve_may_change_in_a_fault():
+    curve = effects.Curve("propeller", "speed", -60.0, 60.0, shape=(2.0, 1.0))
+    loop = Loop(
+        thruster=THRUSTER + curve,
+        controller=control.PID(kp=0.0, ki=0.1, limit=2.0),
+        faults=control.Change(at=1.0, factors={"thruster.curve.level": 3.0}),
+    )
+    run = loop.simulate(Step(20.0), 2.0)
+    ct = THRUSTER.parameters["ct"].value
+    added = run["thrust"] - ct * run["speed"] * np.abs(run["speed"])
+    level = np.where(run.time > 1.0 - 1e-6, 6.0, 2.0)
+    np.testing.assert_allclose(added, level + run["speed"] / 120.0, atol=1e-9)
+
+
 def test_commands_that_stick_and_limits():
     reference = there_and_back(0.05)
     for fault, value in ((control.Stuck(at=2.0, value=0.7), 0.7), (control.Stuck(at=2.0), None)):

@@ -27,9 +27,14 @@ from diffthrust.diagnosis._learning.forms import (  # private: forms without a d
     likeliest_match,
     matches,
 )
-from diffthrust.diagnosis._learning.hypotheses import channel_of  # private: as above
+from diffthrust.diagnosis._learning.hypotheses import (  # private: as above
+    channel_of,
+    hypothesis,
+)
+from diffthrust.diagnosis._search import compiled  # private: trials without a diagnosis
+from diffthrust.diagnosis._structure import observed  # private: as above
 from diffthrust.effects import Curve
-from diffthrust.logs import Written
+from diffthrust.logs import PWM, Written
 
 
 def test_evidence_is_the_likelihood_ratio_with_the_coefficients_integrated_out():
@@ -57,6 +62,13 @@ def test_what_the_estimated_parameters_do_is_no_evidence():
     best = evidence._stiffness(*ground.beside_known(rows.T @ rows, rows.T * errors, 1), 1.0)
     assert best.shared.tolist() == [True, False, False, False, False]
     assert best.evidence < 1.0
+
+
+def test_an_answer_that_overflows_is_no_evidence():
+    left, clear = np.diag([1.0, 2.0, np.nan]), np.array([1.0, np.nan, 0.0])
+    best = evidence._stiffness(left, clear, np.ones(3), 1.0)
+    assert best.evidence == -np.inf
+    assert not best.shape.any()
 
 
 LAWS = {
@@ -172,7 +184,7 @@ def test_a_form_at_an_end_of_its_range_is_within_its_rounded_bounds(end):
     form = next(one for one in FORMS if one.name == "saturating")
     for share in (0.01, 2.0):
         match = Match(form, {"a": 1.0, "c": share * end}, 10.0, end)
-        made = formula_of(match, curve, "rad/s^2", "rad/s")
+        made = formula_of(match, curve, "rad/s^2", "rad/s", "")
         assert made.c == pytest.approx(share * end, rel=1e-4)
 
 
@@ -180,7 +192,7 @@ def test_every_form_is_one_that_a_spec_file_may_hold():
     own = {"half_width": {"unit": "rad/s", "value": 3.0, "bounds": (0.1, 30.0)}}
     curve = Curve("load", "speed - play(speed, half_width)", -40.0, 40.0, **own)
     for match in matches({"": judged(LAWS["hump"]), "value": judged(LAWS["linear"])}):
-        table = formula_of(match, curve, "rad/s^2", "rad/s").as_table()
+        table = formula_of(match, curve, "rad/s^2", "rad/s", "").as_table()
         assert "play(speed, half_width)" in table["formula"] or match.form.name == "constant"
     assert len({form.name for form in FORMS}) == len(FORMS)
 
@@ -190,7 +202,7 @@ def test_a_form_of_what_arrives_is_added_to_it(signal):
     own = {"half_width": {"unit": "rad/s^2", "value": 3.0, "bounds": (0.1, 30.0)}}
     curve = Curve("drive", signal, -40.0, 40.0, **(own if "play" in signal else {}))
     for match in matches({"": judged(LAWS["dead zone"])}):
-        formula = formula_of(match, curve, "rad/s^2", "rad/s^2")
+        formula = formula_of(match, curve, "rad/s^2", "rad/s^2", "")
         assert formula.declared["a"].null == 0.0
         assert formula.adds or formula.expression.startswith("value + ")
 
@@ -205,7 +217,7 @@ def test_a_value_at_its_bound_stays_within_it_when_it_is_rounded():
 def test_parameters_of_forms_are_told_from_signals_of_their_names(signal):
     curve = Curve("load", signal, -40.0, 40.0)
     for match in matches({"": judged(LAWS["hump"])}):
-        formula = formula_of(match, curve, "rad/s^2", "rad/s")
+        formula = formula_of(match, curve, "rad/s^2", "rad/s", "")
         assert formula.reads == ((signal,) if match.form.name != "constant" else ())
         own = form_values(match.form, formula)
         assert own == pytest.approx({n: match.values[n] for n in own})
@@ -220,6 +232,25 @@ def test_a_place_for_both_signs_is_positive_and_a_ripple_is_more_than_a_flank():
         key=lambda one: np.log(4000.0) * len(one.form.parameters) - one.gain,
     )
     assert (line.form.name, line.values["b"]) == ("line", pytest.approx(-60.0, abs=0.5))
+
+
+def test_laws_that_go_through_the_logs_together_are_judged_as_alone():
+    hidden = sets.draw("outside/load_hump", 5001)
+    fit = dft.fit(hidden.model, hidden.train, starts=1)
+    trials, trial = compiled(fit, [], [], hidden.train, [])
+    seen = observed(trials, trial)
+    laws = [
+        hypothesis(seen, port, signal, "", {})
+        for signal in ("speed", "command", "integral(1)")
+        for port in ("load", "drive")
+    ]
+    together = evidence.likely_curves(trials, trial, laws)
+    alone = [one for law in laws for one in evidence.likely_curves(trials, trial, [law])]
+    alone.sort(key=lambda one: -one.evidence)
+    assert [one.law for one in together] == [one.law for one in alone]
+    for ours, theirs in zip(together, alone, strict=True):
+        assert ours.evidence == pytest.approx(theirs.evidence, rel=1e-8)
+        np.testing.assert_allclose(ours.curve.shape, theirs.curve.shape, rtol=1e-6, atol=1e-9)
 
 
 @pytest.fixture(scope="module")
@@ -306,6 +337,24 @@ def test_what_was_learned_is_copied_into_a_spec_file(hump):
     assert [getattr(again, n) for n in again.declared] == pytest.approx(
         [getattr(law.formula, n) for n in again.declared]
     )
+
+
+def test_a_form_that_one_step_errors_set_apart_is_not_told_as_alike(hump):
+    _, diag = hump
+    law = diag.laws[0]
+    near = replace(law.forms[0], name="hump", bic=law.forms[0].bic + 1.0)
+    assert [one.name for one in replace(law, forms=(law.forms[0], near)).alike] == ["hump"]
+    far = replace(near, one_step=near.one_step + 20.0)
+    assert replace(law, forms=(law.forms[0], far)).alike == ()
+
+
+def test_widths_of_pulses_are_told_from_the_stop(hump):
+    _, diag = hump
+    law = diag.laws[0]
+    way = Written("us", pwm=PWM(stop=1500, full=1900))
+    driven = replace(law, channel="command", signal_unit="effort")
+    driven = replace(driven, fit=replace(law.fit, written={"command": way}))
+    assert (driven.shown.value, driven.place_unit) == (400.0, "us from the stop")
 
 
 def test_what_was_learned_becomes_a_class_of_ones_own(hump, tmp_path):

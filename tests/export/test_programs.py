@@ -225,6 +225,17 @@ def test_formulas(law, tmp_path):
 
 
 @needs_compiler
+@pytest.mark.parametrize("signal", ["speed", "lag(command, T)"])
+def test_curves(signal, tmp_path):
+    shape = np.random.default_rng(6).normal(0.0, 5.0, 7)
+    lagged = {"T": {"unit": "s", "value": 0.4}} if "T" in signal else {}
+    curve = dft.effects.Curve(
+        "load", signal, -9.0, 30.0, pieces=4, shape=shape, held=["slope"], **lagged
+    )
+    check_both(dft.Thruster() + curve, tmp_path)
+
+
+@needs_compiler
 def test_effects_and_models_of_ones_own(tmp_path, monkeypatch):
     monkeypatch.setitem(SIZES, "u", 2.0)
     check_both(dft.Thruster() + Odd(), tmp_path)

@@ -53,10 +53,9 @@ def law_of(
     unit = unit_at(tools.trials, law.port, law.times)
     own = {**likely.curve.arguments, "unit": unit, "name": _free_name(before.model)}
     fit, curve = _with_curve(tools, before, Curve(**own))
-    behind = other is not None and fit.train.nrmse > _BEHIND * other.fit.train.nrmse
-    if curve.given and not behind:  # what it remembers may have left the range of the first guess
+    if curve.given:  # what it remembers may have another range than at the first guess
         law = hypothesis_of(tools, trial, curve)
-        if ends := _elsewhere(law, curve):
+        if (ends := _elsewhere(law, curve)) and not _behind(fit, other):
             fit, curve = _with_curve(tools, before, _laid_over(curve, *ends))
             law = hypothesis_of(tools, trial, curve)
     if not fit.train.nrmse < before.train.nrmse:
@@ -73,6 +72,11 @@ def law_of(
         channel=channel_of(curve.signal, before.model),
         port_unit=units[ARRIVING],
     )
+
+
+def _behind(fit: Fit, other: LearnedLaw | None) -> bool:
+    """Whether a fit is far behind another law that is worth something surely."""
+    return bool(other and other.worth.sure and fit.train.nrmse > _BEHIND * other.fit.train.nrmse)
 
 
 def hypothesis_of(tools: Tools, trial: TrialFit, curve: Curve) -> Hypothesis:

@@ -35,7 +35,8 @@ _APART = 5.0
 _SEARCH = {"maxiter": 10, "xatol": 0.03}
 """to such a share of itself."""
 _MOST, _SAMPLES = 11, 1e5
-"""So many laws are carried through the logs at a time, or as have no more samples together."""
+"""So many laws are carried through the logs at a time (of each the series are as many), or as have
+no more samples together."""
 _SLOPE = 1
 """Which of the coefficients of a curve is its slope."""
 
@@ -137,13 +138,9 @@ def _judged(
         held = law.straight & (np.arange(len(plain.coefficients)) != _SLOPE)
         best = _stiffness(*known_of, level, held)
         own = zip(plain.coefficients, best.shared, strict=True)
-        parameters: dict[str, Any] = dict(law.parameters)
-        curve = Curve(
-            law.port, law.signal, plain.low, plain.high, times=law.times, size=best.size,
-            bend=best.bend, shape=tuple(map(float, best.shape)),
-            held=[n for n, out in own if out], **parameters,
-        )  # fmt: skip
-        found.append(LikelyCurve(law, curve, best.evidence))
+        told = {"size": best.size, "bend": best.bend, "shape": tuple(map(float, best.shape))}
+        told["held"] = [n for n, out in own if out]
+        found.append(LikelyCurve(law, Curve(**{**plain.arguments, **told}), best.evidence))
     return found
 
 
@@ -170,6 +167,8 @@ def _stiffness(
 ) -> _Stiffness:
     shared = held | (np.diagonal(left) < _SHARED * alone)
     left, clear = np.where(shared | shared[:, None], 0.0, left), np.where(shared, 0.0, clear)
+    if not np.all(np.isfinite(left) & np.isfinite(clear)):  # answers that overflow are no evidence
+        return _Stiffness(-np.inf, 1.0, 1.0, np.zeros(len(left)), shared)
     sizes, bends = (grid.ravel() for grid in np.meshgrid(_SIZES * level, _BENDS, indexing="ij"))
     widths = np.repeat(bends[:, None], len(left), axis=1)
     widths[:, :2] = 1.0, 2.0

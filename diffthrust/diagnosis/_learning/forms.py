@@ -60,9 +60,7 @@ def matches(grounds: Mapping[str, Ground]) -> list[Match]:
     )
 
 
-def formula_of(
-    match: Match, curve: Curve, unit: str, signal_unit: str, channel: str = ""
-) -> Formula:
+def formula_of(match: Match, curve: Curve, unit: str, signal_unit: str, channel: str) -> Formula:
     """A form as an effect at the place of a curve, beginning where it is likeliest.
 
     Args:

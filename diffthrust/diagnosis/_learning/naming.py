@@ -151,11 +151,11 @@ def _close(tools: Tools, grounds: Mapping[str, Ground], curve: Curve) -> list[Ma
     """The closed forms that one-step errors ask for as they ask for a curve."""
     ground, price = grounds[curve.times], math.log(tools.trials.samples)
     likely = matches(grounds)
+    if NUMBER in curve.given:  # a wave has its form already
+        likely = [one for one in likely if (one.form.name, one.times) == ("linear", curve.times)]
     least = _NEAR * ground.gain(np.asarray(curve.at_signal(ground.x)))[0]
     least = max(least, _HALF * likely[0].gain, 0.0)
     near = [one for one in likely if one.gain > least]
-    if NUMBER in curve.given:  # a wave has its form already
-        near = [one for one in near if (one.form.name, one.times) == ("linear", curve.times)]
     near.sort(key=lambda one: price * _parameters(one) - one.gain)
     first, rest = near[:_FORMS], near[_FORMS:]
     plain = {(one.form.plain, one.times) for one in first}
