@@ -16,7 +16,7 @@ from diffthrust.logs._written import ShownUnits, Size
 from diffthrust.models._base.made_effect import ARRIVING
 
 _POINTS = 121
-CLEAR = 10.0
+FORMS_APART = 10.0
 """Forms whose criteria differ by no more than this cannot be told apart (Kass and Raftery 1995,
 section 3.2: more is very strong evidence)."""
 
@@ -90,8 +90,8 @@ class LearnedLaw(Brief):
         if self.form is None:
             return ()
         first, size = self.form, len(self.form.formula.declared)
-        near = (one for one in self.forms[1:] if one.bic <= first.bic + CLEAR)
-        near = (one for one in near if one.one_step <= first.one_step + CLEAR)
+        near = (one for one in self.forms[1:] if one.bic <= first.bic + FORMS_APART)
+        near = (one for one in near if one.one_step <= first.one_step + FORMS_APART)
         return tuple(one for one in near if len(one.formula.declared) <= size)
 
     @property

@@ -11,7 +11,7 @@ import numpy as np
 
 from diffthrust.diagnosis._learning.closed_forms import FORMS, Form
 from diffthrust.diagnosis._learning.ground import Ground
-from diffthrust.diagnosis._learning.hypotheses import following
+from diffthrust.diagnosis._learning.hypotheses import unit_following
 from diffthrust.effects._curve import Curve
 from diffthrust.effects._formula import Formula
 from diffthrust.effects._grammar import expression_of
@@ -81,7 +81,7 @@ def formula_of(match: Match, curve: Curve, unit: str, signal_unit: str, channel:
     span = curve.high - curve.low
     reach = 2.0 * _FAR * span if form.far else _BEYOND * span
     lowest = 0.0 if form.even else curve.low - reach
-    of_signal = following(channel, signal_unit)
+    of_signal = unit_following(channel, signal_unit)
     told = {
         "a": {"unit": amplitude, "value": match.values["a"], "null": 0.0,
               "size": abs(match.values["a"]) or 1.0},

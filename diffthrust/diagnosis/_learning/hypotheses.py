@@ -146,7 +146,7 @@ def channel_of(signal: str, model: Model) -> str:
     return node.id if node.id in model.channel_units else ""
 
 
-def following(channel: str, unit: str) -> str:
+def unit_following(channel: str, unit: str) -> str:
     """The unit of a parameter that is in that of a channel, if there is one, and a unit if not."""
     return f"{{{channel}}}" if channel else unit
 
@@ -209,7 +209,7 @@ def _expressions(
         for share in _PLAYS:
             width = share * float(np.ptp(pooled))
             if width > 0:
-                unit = following(channel_of(name, trials.model), units.get(name, ""))
+                unit = unit_following(channel_of(name, trials.model), units.get(name, ""))
                 own = _guessed(width, unit, _WIDEST * float(np.ptp(pooled)))
                 yield f"{name} - play({name}, {WIDTH})", {WIDTH: own}
         if name in names:

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from diffthrust.diagnosis._learned import CLEAR, LearnedLaw, TriedForm
+from diffthrust.diagnosis._learned import FORMS_APART, LearnedLaw, TriedForm
 from diffthrust.diagnosis._learning.closed_forms import FORMS
 from diffthrust.diagnosis._learning.fits import (
     as_good,
@@ -124,7 +124,7 @@ def _alike(tools: Tools, tried: Sequence[TriedForm]) -> list[TriedForm]:
     Errors that last make the criterion of whole runs surer than it should be.
     """
     best, *others = tried
-    near = (one for one in others if one.one_step <= best.one_step + CLEAR)
+    near = (one for one in others if one.one_step <= best.one_step + FORMS_APART)
     return [best, *(one for one in near if not surely_better(tools, best.fit, one.fit))]
 
 
