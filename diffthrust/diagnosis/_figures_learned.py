@@ -26,6 +26,8 @@ _WIDE = 85
 """Letters in a line of a title."""
 _FOLLOWS = 0.01
 """A factor follows from the signal where this share of its variance is left over the signal."""
+_WORSE = 2.0
+"""A form with which whole runs err by more than so many times as much is not drawn."""
 _LEAST = 0.05
 """A form of the whole law is drawn over its factor where this is no less than so much of it."""
 
@@ -52,7 +54,9 @@ def _curve(panel: Axes, law: LearnedLaw) -> None:
         label=f"±{BAND:g} standard errors",
     )  # fmt: skip
     panel.plot(over, mean, color=BLUE, linewidth=1.8, label="learned curve")
-    for colour, tried in zip(COLOURS[1:], law.forms, strict=False):
+    most = _WORSE * min(fit.train.nrmse for fit in (law.fit, law.told))
+    near = (tried for tried in law.forms if tried.fit.train.nrmse <= most)
+    for colour, tried in zip(COLOURS[1:], near, strict=False):
         seen = _formed(law, tried, x)
         if seen is not None:
             chosen = tried is law.form
