@@ -219,8 +219,8 @@ def _weighed(shape: Sequence[Any]) -> Any:
     return curve_weights(*shape)
 
 
-# as arrays these two take half the time to compile that sums of their terms do; exported programs
-# spell them out (export._operations)
+# as arrays these two compile faster than sums of their terms (the fit of a curve by a fifth);
+# exported programs spell them out (export._operations)
 @jax.jit
 def curve_weights(*coefficients: Signal) -> Signal:
     """The weight of each truncated power in a curve with these coefficients."""
