@@ -16,9 +16,12 @@ from diffthrust.diagnosis._learned import LearnedLaw
 from diffthrust.diagnosis._learning.hypotheses import Hypothesis
 from diffthrust.diagnosis._trials import TrialFit, Trials
 from diffthrust.effects._curve import Curve
+from diffthrust.models._base.model import Model
 
 _PIECES = 29
 _POINTS = 241
+_LEAST = 0.1
+"""Of a positive parameter so much is left at least beside another shape."""
 
 
 class Ground(NamedTuple):
@@ -71,6 +74,29 @@ def ground_of_fit(law: LearnedLaw) -> Ground:
     found = np.array([getattr(curve, curve.coefficients[i]) for i in which])
     onto = np.linalg.pinv(curve.basis(x).T)[which]
     return Ground(x, onto, left, -left @ found, float(np.sqrt(np.mean(law.samples**2))))
+
+
+def model_beside(law: LearnedLaw, shape: Float[np.ndarray, " K"]) -> Model:
+    """A law's model without its curve, as whole runs would have it with other coefficients.
+
+    The other parameters go with these to first order: a curve may do a part of their work.
+
+    Args:
+        law: the law.
+        shape: the coefficients of its curve that are estimated, as `ground_of_fit` meets a shape.
+    """
+    fit, curve, (which, covariance) = law.fit, law.curve, law.coefficients()
+    names = [f"{curve.name}.{curve.coefficients[i]}" for i in which]
+    found = np.array([fit.model.parameters[name].value for name in names])
+    at = [fit.free.index(name) for name in names]
+    weights = np.linalg.pinv(covariance, hermitian=True) @ (shape - found)
+    moved = dict(zip(fit.free, fit.covariance[:, at] @ weights, strict=True))
+    values = {}
+    model = fit.model - curve.name
+    for name, p in model.parameters.items():
+        least = _LEAST * p.value if p.transform == "log" else -np.inf
+        values[name] = float(np.clip(max(p.value + moved.get(name, 0.0), least), *p.limits))
+    return model.replace(values)
 
 
 def left_over(

@@ -24,7 +24,12 @@ from diffthrust.diagnosis._learning.forms import (
     likeliest_match,
     matches,
 )
-from diffthrust.diagnosis._learning.ground import Ground, ground_of, ground_of_fit
+from diffthrust.diagnosis._learning.ground import (
+    Ground,
+    ground_of,
+    ground_of_fit,
+    model_beside,
+)
 from diffthrust.diagnosis._learning.hypotheses import NUMBER, hypothesis, unit_at
 from diffthrust.diagnosis._search import Tools
 from diffthrust.diagnosis._structure import observed
@@ -32,6 +37,7 @@ from diffthrust.diagnosis._trials import TrialFit
 from diffthrust.effects._curve import Curve
 from diffthrust.estimation._result import Fit
 from diffthrust.models._base.made_effect import ARRIVING
+from diffthrust.models._base.model import Model
 
 _NEAR = 0.7
 """A closed form that promises no less than this of what the curve does may be its law (effects
@@ -91,7 +97,8 @@ def _tried(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> Itera
         bic = price * len(effect.declared) - gain
         yield TriedForm(match.form.name, effect, fit, bic, criterion, match.times, match.reference)
         measured = as_good(law.fit, fit, _EQUAL)  # a curve that errs more is no measure of it
-        if measured and (as_good(fit, law.fit, _EQUAL) or not surely_better(tools, law.fit, fit)):
+        level = as_good(fit, law.fit, _EQUAL) or not surely_better(tools, law.fit, fit)
+        if measured and level and worth_between_fits(tools, before, fit).sure:
             enough, known = min(enough, _parameters(match)), min(known, criterion)
 
 
@@ -99,23 +106,28 @@ def _in_place(tools: Tools, before: Fit, law: LearnedLaw, match: Match) -> Fit:
     """A closed form in the place of a law's curve, fitted from where it is like this or matches."""
     curve, found = law.curve, []
     unit = unit_at(tools.trials, curve.port, match.times)
-    for start in filter(None, (_nearest(law, match), match)):
+    for start, model in _starts(law, match):
         formula = formula_of(start, curve, unit, law.signal_unit, law.channel)
-        model = law.fit.model - curve.name + formula
-        found.append(roughly(tools, before, model, segments=NUMBER in curve.given))
+        found.append(roughly(tools, before, model + formula, segments=NUMBER in curve.given))
         if as_good(found[-1], law.fit, _EQUAL):
             break
     return min(found, key=lambda fit: fit.train.nrmse)
 
 
-def _nearest(law: LearnedLaw, match: Match) -> Match | None:
-    """A form where it is most like the curve, if it can be: whole runs may know better of it."""
+def _starts(law: LearnedLaw, match: Match) -> Iterator[tuple[Match, Model]]:
+    """A form where it is most like the curve, if it can be, and as it matches; each with a model.
+
+    Whole runs may know better of it than one-step errors, and know what is best beside it.
+    """
     if match.times != law.curve.times or not np.all(np.isfinite(law.fit.covariance)):
-        return None
+        yield match, law.fit.model - law.curve.name
+        return
     ground = ground_of_fit(law)
     near = likeliest_match(match.form, ground)._replace(times=match.times)
     most, _ = ground.gain(np.asarray(law.curve.at_signal(ground.x)))
-    return near if near.gain > _LIKE * most else None
+    for one in (near, match) if near.gain > _LIKE * most else (match,):
+        shape = one.form.over(ground.x, {**one.values, "r": one.reference})
+        yield one, model_beside(law, ground.onto @ shape)
 
 
 def _alike(tools: Tools, tried: Sequence[TriedForm]) -> list[TriedForm]:

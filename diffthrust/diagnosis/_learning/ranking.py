@@ -13,11 +13,9 @@ from diffthrust.models._base.made_effect import ARRIVING
 
 _LIKELY = 8
 """The signals of so many of the likeliest laws are tried times another."""
-_CLOSE = 0.8
-"""Another law is fitted to whole runs as well, where its evidence is no less than so much of the
-likeliest's;"""
 _NEAR = 0.6
-"""and what a law remembers is looked at closely, where that is no less than so much."""
+"""Another law is fitted to whole runs as well, and what a law remembers is looked at closely, where
+its evidence is no less than so much of the likeliest's."""
 _ALIKE = 1.0
 """Of laws whose evidence is no further apart than this the plainer one is taken."""
 _EQUAL = 0.1
@@ -53,7 +51,7 @@ def rival_law(likely: list[LikelyCurve]) -> LikelyCurve | None:
     # the same law in other words is as likely
     apart = [one for one in others if abs(one.evidence - first.evidence) >= _EQUAL]
     rival = max(apart, key=lambda one: one.evidence, default=None)
-    return rival if rival and rival.evidence > _CLOSE * first.evidence else None
+    return rival if rival and rival.evidence > _NEAR * first.evidence else None
 
 
 def forgetful(likely: list[LikelyCurve], curve: Curve) -> LikelyCurve | None:
