@@ -123,7 +123,10 @@ def begun_at(memory: Memory) -> ast.expr:
 
 
 def value_along(
-    law: Expression, names: Callable[[str], Any], time: Float[np.ndarray, " T"]
+    law: Expression,
+    names: Callable[[str], Any],
+    time: Float[np.ndarray, " T"],
+    ends: Callable[[str], Any] | None = None,
 ) -> Float[np.ndarray, " T"]:
     """The value of an expression along a log, whatever of it remembers.
 
@@ -131,6 +134,7 @@ def value_along(
         law: the expression.
         names: the series, or the number, that each name stands for.
         time: of the samples [s].
+        ends: what each name stands for as the next sample comes, for the value then.
     """
     states: dict[str, Any] = {}
     known = _with(states, names)
@@ -139,6 +143,8 @@ def value_along(
         size = None if memory.size is None else float(valued(memory.size, known, np))
         first = float(np.broadcast_to(valued(begun_at(memory), known, np), time.shape)[0])
         states[memory.state] = _ALONG[memory.kind](series, size, time, first)
+    if ends is not None:
+        known = _with({name: np.append(own[1:], own[-1:]) for name, own in states.items()}, ends)
     return np.broadcast_to(np.asarray(law(known, np), float), time.shape)
 
 

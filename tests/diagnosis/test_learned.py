@@ -28,11 +28,12 @@ from diffthrust.diagnosis._learning.forms import (  # private: forms without a d
     matches,
 )
 from diffthrust.diagnosis._learning.hypotheses import (  # private: as above
+    Added,
     channel_of,
     hypothesis,
+    sight,
 )
 from diffthrust.diagnosis._search import compiled  # private: trials without a diagnosis
-from diffthrust.diagnosis._structure import observed  # private: as above
 from diffthrust.effects import Curve
 from diffthrust.logs import PWM, Written
 
@@ -238,7 +239,7 @@ def test_laws_that_go_through_the_logs_together_are_judged_as_alone():
     hidden = sets.draw("outside/load_hump", 5001)
     fit = dft.fit(hidden.model, hidden.train, starts=1)
     trials, trial = compiled(fit, [], [], hidden.train, [])
-    seen = observed(trials, trial)
+    seen = sight(trials, trial)
     laws = [
         hypothesis(seen, port, signal, "", {})
         for signal in ("speed", "command", "integral(1)")
@@ -251,6 +252,18 @@ def test_laws_that_go_through_the_logs_together_are_judged_as_alone():
     for ours, theirs in zip(together, alone, strict=True):
         assert ours.evidence == pytest.approx(theirs.evidence, rel=1e-8)
         np.testing.assert_allclose(ours.curve.shape, theirs.curve.shape, rtol=1e-6, atol=1e-9)
+
+
+def test_what_a_parameter_does_already_leaves_nothing_at_a_held_input():
+    """A share of the drive, which the held command makes, is beta: exactly, between samples too."""
+    hidden = sets.draw("outside/load_hump", 5001)
+    fit = dft.fit(hidden.model, hidden.train, starts=1)
+    trials, trial = compiled(fit, [], [], hidden.train, [])
+    law = hypothesis(sight(trials, trial), "drive", "speed", "value", {})
+    level = law.added(Curve("drive", "speed", -1e4, 1e4))
+    level = Added(*([rows[:1] for rows in part] for part in level))
+    ((left, _, alone),) = ground.left_over(trials, trial, "drive", [level])
+    assert left[0, 0] < 1e-9 * alone[0]
 
 
 @pytest.fixture(scope="module")

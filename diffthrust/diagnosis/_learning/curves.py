@@ -17,12 +17,12 @@ from diffthrust.diagnosis._learning.hypotheses import (
     Hypothesis,
     channel_of,
     hypothesis,
+    sight,
     unit_at,
     unit_of,
     units_at,
 )
 from diffthrust.diagnosis._search import Tools
-from diffthrust.diagnosis._structure import observed
 from diffthrust.diagnosis._trials import TrialFit
 from diffthrust.effects._curve import Curve
 from diffthrust.estimation._result import Fit
@@ -81,7 +81,7 @@ def _behind(fit: Fit, other: LearnedLaw | None) -> bool:
 
 def hypothesis_of(tools: Tools, trial: TrialFit, curve: Curve) -> Hypothesis:
     """The law of a curve along the path of a trial, what it remembers being as in the curve."""
-    seen = observed(tools.trials, trial)
+    seen = sight(tools.trials, trial)
     return hypothesis(seen, curve.port, curve.signal, curve.times, _parameters(curve))
 
 

@@ -16,8 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from diffthrust.diagnosis._learning.ground import left_over
-from diffthrust.diagnosis._learning.hypotheses import Hypothesis, hypothesis
-from diffthrust.diagnosis._structure import observed
+from diffthrust.diagnosis._learning.hypotheses import Added, Hypothesis, hypothesis, sight
 from diffthrust.diagnosis._trials import TrialFit, Trials, side_by_side
 from diffthrust.effects._curve import Curve
 from diffthrust.models._base.made_effect import ARRIVING
@@ -73,7 +72,7 @@ def sharpened(trials: Trials, trial: TrialFit, likely: LikelyCurve) -> LikelyCur
     law, own = likely.law, likely.law.parameters
     if law.straight or len(own) != 1:
         return likely
-    seen, (name,) = observed(trials, trial), own
+    seen, (name,) = sight(trials, trial), own
     passing = [one[law.port] for one in trials.readings(trial)]
     begun, (low, high) = own[name]["value"], own[name]["bounds"]
     tried = {begun: likely}
@@ -97,7 +96,7 @@ class _Drawn(NamedTuple):
     law: Hypothesis
     plain: Curve
     level: float
-    rows: list[np.ndarray]
+    added: Added
 
 
 def _drawn(law: Hypothesis, passing: Sequence[np.ndarray]) -> _Drawn | None:
@@ -110,10 +109,7 @@ def _drawn(law: Hypothesis, passing: Sequence[np.ndarray]) -> _Drawn | None:
         return None
     parameters: dict[str, Any] = dict(law.parameters)
     plain = Curve(law.port, law.signal, *ends, times=law.times, **parameters)
-    rows = [plain.basis(over) for over in law.over]
-    if law.factor is not None:
-        rows = [row * factor for row, factor in zip(rows, law.factor, strict=True)]
-    return _Drawn(law, plain, level, rows)
+    return _Drawn(law, plain, level, law.added(plain))
 
 
 def _together(laws: Iterable[Hypothesis]) -> Iterator[list[Hypothesis]]:
@@ -132,7 +128,7 @@ def _judged(
     drawn = [one for law in laws if (one := _drawn(law, passing))]
     if not drawn:
         return []
-    known = left_over(trials, trial, laws[0].port, [one.rows for one in drawn])
+    known = left_over(trials, trial, laws[0].port, [one.added for one in drawn])
     found = []
     for (law, plain, level, _), known_of in zip(drawn, known, strict=True):
         held = law.straight & (np.arange(len(plain.coefficients)) != _SLOPE)

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from diffthrust.diagnosis._learned import LearnedLaw
-from diffthrust.diagnosis._learning.hypotheses import Hypothesis
+from diffthrust.diagnosis._learning.hypotheses import Added, Hypothesis
 from diffthrust.diagnosis._trials import TrialFit, Trials
 from diffthrust.effects._curve import Curve
 from diffthrust.models._base.model import Model
@@ -57,10 +57,7 @@ def ground_of(trials: Trials, trial: TrialFit, law: Hypothesis) -> Ground:
     pooled = np.concatenate(law.over)
     low, high = float(pooled.min()), float(pooled.max())
     fine = Curve(law.port, "speed", low, high, pieces=_PIECES)
-    rows = [fine.basis(over) for over in law.over]
-    if law.factor is not None:
-        rows = [row * factor for row, factor in zip(rows, law.factor, strict=True)]
-    ((left, clear, _),) = left_over(trials, trial, law.port, [rows])
+    ((left, clear, _),) = left_over(trials, trial, law.port, [law.added(fine)])
     x = np.linspace(low, high, _POINTS)
     onto = np.linalg.pinv(fine.basis(x).T)
     return Ground(x, onto, left, clear, float(np.sqrt(np.mean(pooled**2))))
@@ -100,7 +97,7 @@ def model_beside(law: LearnedLaw, shape: Float[np.ndarray, " K"]) -> Model:
 
 
 def left_over(
-    trials: Trials, trial: TrialFit, port: str, several: Sequence[Sequence[np.ndarray]]
+    trials: Trials, trial: TrialFit, port: str, several: Sequence[Added]
 ) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Information and gradient of series at a port, less what the model's own parameters do.
 
@@ -108,18 +105,21 @@ def left_over(
         trials: the fits.
         trial: the present model.
         port: where the series are added.
-        several: of each set of series, for each log ``(K, T)``.
+        several: sets of series.
 
     Returns:
         Of each the information left ``(K, K)``; the gradient ``(K,)``; the information of each
         series by itself.
     """
     response = trial.response
-    together = [np.concatenate(rows) for rows in zip(*several, strict=True)]
-    answers = response.to(port, response.batched(together))
+    now, end = (
+        response.batched([np.concatenate(rows) for rows in zip(*when, strict=True)])
+        for when in zip(*several, strict=True)
+    )
+    answers = response.to(port, now, end)
     known = [i for i, name in enumerate(trial.names) if name not in trials.nuisance]
-    ends = np.cumsum([len(rows[0]) for rows in several])[:-1]
-    apart = zip(*(np.split(batch, ends, axis=1) for batch in answers), strict=True)
+    edges = np.cumsum([len(one.now[0]) for one in several])[:-1]
+    apart = zip(*(np.split(batch, edges, axis=1) for batch in answers), strict=True)
     return [beside_known(*response.scores(known, own), len(known)) for own in apart]
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from itertools import repeat
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,11 +13,14 @@ from diffthrust.diagnosis._ports import DrivingPort, words_and_unit
 from diffthrust.diagnosis._structure import Observed, behind, observed
 from diffthrust.diagnosis._trials import TrialFit, Trials
 from diffthrust.diagnosis._waves import Wave, wave_along
+from diffthrust.effects._curve import Curve
 from diffthrust.effects._grammar import expression_of
 from diffthrust.effects._memory import value_along
 from diffthrust.logs._units import product_unit
 from diffthrust.models._base.made_effect import ARRIVING
 from diffthrust.models._base.model import Model
+from diffthrust.simulation._inputs import hold_of
+from diffthrust.simulation._levels import port_readings
 
 CLOCK = "integral(1)"
 """The time since the log began."""
@@ -36,6 +40,20 @@ _RANGE = 100.0
 """A time constant or a width is estimated within so many times its first guess."""
 
 
+class Added(NamedTuple):
+    """What is added at a port log by log, ``(K, T)``: at the samples, and as the next ones come."""
+
+    now: Sequence[np.ndarray]
+    end: Sequence[np.ndarray]
+
+
+class Sight(NamedTuple):
+    """What a trial sees at the samples of the training logs, and as the next ones come."""
+
+    now: Observed
+    end: Observed
+
+
 class Hypothesis(NamedTuple):
     """A law that may be missing: ``value + times * curve(signal)`` at a port.
 
@@ -46,6 +64,7 @@ class Hypothesis(NamedTuple):
         parameters: those of the signal, as a `Curve` takes them.
         over: the signal log by log, ``(T,)``.
         factor: what the curve is multiplied by, log by log; ``None`` for nothing.
+        ends: both as the next sample comes, until which an input may be held.
     """
 
     port: str
@@ -54,6 +73,15 @@ class Hypothesis(NamedTuple):
     parameters: Mapping[str, Mapping[str, Any]]
     over: Sequence[np.ndarray]
     factor: Sequence[np.ndarray] | None
+    ends: tuple[Sequence[np.ndarray], Sequence[np.ndarray] | None]
+
+    def added(self, curve: Curve) -> Added:
+        """What each coefficient of a curve adds."""
+        now, end = (
+            [curve.basis(one) * by for one, by in zip(over, factor or repeat(1.0), strict=False)]
+            for over, factor in ((self.over, self.factor), self.ends)
+        )
+        return Added(now, end)
 
     @property
     def straight(self) -> bool:
@@ -73,16 +101,27 @@ class Scene(NamedTuple):
 
     trials: Trials
     place: DrivingPort
-    seen: Observed
+    seen: Sight
     waves: Mapping[str, Wave]
 
 
 def scene(trials: Trials, trial: TrialFit, place: DrivingPort) -> Scene:
     """Of what a law may be made that is missing at a place beside a trial."""
-    seen = observed(trials, trial)
-    moving = [n for n in _readable(trials, seen) if n in trials.model.states]
+    seen = sight(trials, trial)
+    moving = [n for n in _readable(trials, seen.now) if n in trials.model.states]
     waves = {name: wave for name in moving if (wave := wave_along(trial, name))}
     return Scene(trials, place, seen, waves)
+
+
+def sight(trials: Trials, trial: TrialFit) -> Sight:
+    """What a trial sees of the training logs; inputs that are held stay until the next sample."""
+    now = observed(trials, trial)
+    paths = []
+    for log, path in zip(trials.logs, now.paths, strict=True):
+        held = {name for name, hold in hold_of(log, path) if hold == "zero"} & {*log.inputs}
+        later = {n: own if n in held else np.append(own[1:], own[-1:]) for n, own in path.items()}
+        paths.append(later)
+    return Sight(now, Observed(paths, [port_readings(trials.model, path) for path in paths]))
 
 
 def simple_laws(at: Scene) -> Iterator[Hypothesis]:
@@ -97,7 +136,7 @@ def products(at: Scene, best: Sequence[Hypothesis]) -> Iterator[Hypothesis]:
 
     They act where the likeliest does.
     """
-    names, port = _readable(at.trials, at.seen), best[0].port
+    names, port = _readable(at.trials, at.seen.now), best[0].port
     likely = {law.signal for law in best}
     for times in (expression for name in names for expression in (name, f"abs({name})")):
         for law in _of_each_signal(at, port, times, {*names, *likely}):
@@ -175,13 +214,18 @@ def _of_each_signal(
 
 
 def hypothesis(
-    seen: Observed, port: str, signal: str, times: str, parameters: Mapping[str, Mapping[str, Any]]
+    seen: Sight, port: str, signal: str, times: str, parameters: Mapping[str, Mapping[str, Any]]
 ) -> Hypothesis:
     """A law with its signal and factor along the logs, at the values of its parameters."""
-    logs = range(len(seen.paths))
-    over = [_along(signal, parameters, seen, port, log) for log in logs]
-    factor = [_along(times, {}, seen, port, log) for log in logs] if times else None
-    return Hypothesis(port, signal, times, parameters, over, factor)
+    logs = range(len(seen.now.paths))
+    (over, factor), ends = (
+        (
+            [_along(signal, parameters, seen, port, log, end) for log in logs],
+            [_along(times, {}, seen, port, log, end) for log in logs] if times else None,
+        )
+        for end in (False, True)
+    )
+    return Hypothesis(port, signal, times, parameters, over, factor, ends)
 
 
 def _expressions(
@@ -189,8 +233,8 @@ def _expressions(
 ) -> Iterator[tuple[str, Mapping[str, Mapping[str, Any]]]]:
     """Signals, and what they were, with first guesses of the time or the width that it takes."""
     trials, place, seen, waves = at
-    step = float(np.median(np.diff(seen.paths[0]["time"])))
-    names, units = _readable(trials, seen), units_at(trials, port)
+    step = float(np.median(np.diff(seen.now.paths[0]["time"])))
+    names, units = _readable(trials, seen.now), units_at(trials, port)
     for name in names:
         yield name, {}
         for text, pasts in (
@@ -204,7 +248,7 @@ def _expressions(
     arriving = [ARRIVING] if place.state and not times else []
     for name in (*names, *arriving):
         pooled = np.concatenate(
-            [_along(name, {}, seen, port, log) for log in range(len(seen.paths))]
+            [_along(name, {}, seen, port, log) for log in range(len(seen.now.paths))]
         )
         for share in _PLAYS:
             width = share * float(np.ptp(pooled))
@@ -238,19 +282,24 @@ def _of_wave(wave: Wave, unit: str) -> dict[str, dict[str, Any]]:
 def _along(
     expression: str,
     parameters: Mapping[str, Mapping[str, Any]],
-    seen: Observed,
+    seen: Sight,
     port: str,
     log: int,
+    end: bool = False,
 ) -> np.ndarray:
-    """An expression of signals over a log, as an effect at a port reads it, ``(T,)``."""
-    path, passing = seen.paths[log], seen.ports[log]
+    """An expression of signals over a log, as an effect at a port reads it, ``(T,)``.
 
-    def named(name: str) -> Any:
-        if name in parameters:
-            return parameters[name]["value"]
-        return passing[port] if name == ARRIVING else path[name]
+    With ``end`` as the next sample comes.
+    """
 
-    return value_along(expression_of(expression), named, path["time"])
+    def of(when: Observed) -> Callable[[str], Any]:
+        path, passing = when.paths[log], when.ports[log]
+        own = {name: told["value"] for name, told in parameters.items()}
+        return {**path, ARRIVING: passing[port], **own}.__getitem__
+
+    time = seen.now.paths[log]["time"]
+    ends = of(seen.end) if end else None
+    return value_along(expression_of(expression), of(seen.now), time, ends)
 
 
 def _readable(trials: Trials, seen: Observed) -> list[str]:

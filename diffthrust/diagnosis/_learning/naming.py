@@ -30,9 +30,9 @@ from diffthrust.diagnosis._learning.ground import (
     ground_of_fit,
     model_beside,
 )
-from diffthrust.diagnosis._learning.hypotheses import NUMBER, hypothesis, unit_at
+from diffthrust.diagnosis._learning.hypotheses import NUMBER, hypothesis, sight, unit_at
 from diffthrust.diagnosis._search import Tools
-from diffthrust.diagnosis._structure import observed
+from diffthrust.diagnosis._structure import behind
 from diffthrust.diagnosis._trials import TrialFit
 from diffthrust.effects._curve import Curve
 from diffthrust.estimation._result import Fit
@@ -71,7 +71,8 @@ def named(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> Learne
     if tried:
         best = tried[0]
         alike = _alike(tools, tried)
-        plainest = min(alike, key=lambda one: _plainness(one, best.bic))
+        adds = _adds(tools, law.curve.port)
+        plainest = min(alike, key=lambda one: _plainness(one, best.bic, adds))
         tried.sort(key=lambda one: one is not plainest)
     law = replace(law, forms=tuple(tried), named=False)
     if not tried or not as_good_unseen(tried[0].fit, law.fit, _AS_GOOD):
@@ -140,15 +141,29 @@ def _alike(tools: Tools, tried: Sequence[TriedForm]) -> list[TriedForm]:
     return [best, *(one for one in near if not surely_better(tools, best.fit, one.fit))]
 
 
-def _plainness(one: TriedForm, best: float) -> tuple[int, float, int]:
-    """By its parameters, its criterion, and where that is the same its place among the forms."""
-    names = [form.name for form in FORMS]
-    return len(one.formula.declared), (one.bic - best) // _SAME, names.index(one.name)
+def _plainness(one: TriedForm, best: float, adds: bool) -> tuple[int, float, bool, float, int]:
+    """By its parameters, its criterion, and where that is no measure how such laws usually act.
+
+    Where the criterion is the same by its place among the forms.
+    """
+    names, more = [form.name for form in FORMS], one.bic - best
+    unusual = adds == (one.times == ARRIVING)
+    size = len(one.formula.declared)
+    return size, more // FORMS_APART, unusual, more // _SAME, names.index(one.name)
+
+
+def _adds(tools: Tools, port: str) -> bool:
+    """Whether laws at a port usually add: forces and torques that drive a state do.
+
+    Of what is only measured a share is lost.
+    """
+    trials = tools.trials
+    return any(place.state and port in behind(trials, place) for place in trials.places)
 
 
 def _grounds(tools: Tools, trial: TrialFit, curve: Curve) -> dict[str, Ground]:
     """What one-step errors say of a curve's shapes, by what these are multiplied by."""
-    seen = observed(tools.trials, trial)
+    seen = sight(tools.trials, trial)
     own = {n: {"value": getattr(curve, n)} for n in curve.given}
     return {
         times: ground_of(
