@@ -17,6 +17,7 @@ from diffthrust.diagnosis._learned import LearnedLaw  # private: a law without a
 from diffthrust.diagnosis._learning import (  # private: figures that no result shows
     evidence,
     ground,
+    naming,
 )
 from diffthrust.diagnosis._learning.closed_forms import FORMS  # private: as above
 from diffthrust.diagnosis._learning.forms import (  # private: forms without a diagnosis
@@ -151,6 +152,35 @@ def test_a_curve_fitted_to_whole_runs_tells_where_its_form_is_whatever_a_slope_o
     assert found.values == pytest.approx({"a": 2.0, "b": 12.0, "c": 9.0}, rel=0.05)
 
 
+def test_a_form_begins_with_the_parameters_that_are_best_beside_it():
+    """Ordinary least squares again: a curve may take a part of the load on itself."""
+    rng = np.random.default_rng(5)
+    curve = Curve("load", "speed", -40.0, 40.0)
+    samples = rng.uniform(-40.0, 40.0, 4000)
+    both = np.concatenate([curve.basis(samples), (samples * np.abs(samples))[None]])
+    hump = 2.0 * np.exp(-(((samples - 12.0) / 9.0) ** 2))
+    load = 0.05 * both[-1] + hump + 0.02 * rng.standard_normal(4000)
+    weak = np.diag([1e-4] * (len(both) - 1) + [0.0])
+    covariance = np.linalg.inv(both @ both.T / 0.02**2 + weak)
+    *shape, alpha = covariance @ both @ load / 0.02**2
+    model = dft.Thruster(alpha=alpha) + Curve("load", "speed", -40.0, 40.0, shape=tuple(shape))
+    free = (*(f"curve.{n}" for n in curve.coefficients), "alpha")
+    fit = SimpleNamespace(free=free, covariance=covariance, model=model)
+    law = LearnedLaw(curve=model.effects[-1], fit=fit, worth=None, evidence=0.0, samples=samples)
+    here = ground.model_beside(law, np.array(shape))
+    assert here.parameters["alpha"].value == pytest.approx(alpha, rel=1e-12)
+    other = np.array(shape) + 5.0 * rng.standard_normal(len(shape))
+    rest = load - other @ both[:-1]
+    (best,) = np.linalg.lstsq(both[-1:].T, rest)[0]
+    beside = ground.model_beside(law, other)
+    assert beside.effects == ()
+    assert beside.parameters["alpha"].value == pytest.approx(best, rel=1e-6)
+    assert abs(best / alpha - 1.0) > 0.01
+    far = [np.array(shape) + by * (other - np.array(shape)) for by in (-1e3, 1e3)]
+    least = min(ground.model_beside(law, one).parameters["alpha"].value for one in far)
+    assert least == pytest.approx(0.1 * alpha)  # it stays positive
+
+
 def test_a_form_is_a_formula_that_begins_where_it_is_likeliest():
     curve = Curve("load", "speed", -40.0, 40.0, name="slack")
     best = next(m for m in matches({"": judged(LAWS["dead zone"])}) if m.form.name == "dead zone")
@@ -266,6 +296,14 @@ def test_what_a_parameter_does_already_leaves_nothing_at_a_held_input():
     assert left[0, 0] < 1e-9 * alone[0]
 
 
+def test_laws_add_where_forces_do_and_take_a_share_of_what_is_only_measured():
+    hidden = sets.draw("outside/load_hump", 5001)
+    fit = dft.fit(hidden.model, hidden.train, starts=1)
+    tools = SimpleNamespace(trials=compiled(fit, [], [], hidden.train, [])[0])
+    ports = ("drive", "load", "shaft", "propeller")
+    assert [naming._adds(tools, port) for port in ports] == [True, True, True, False]
+
+
 @pytest.fixture(scope="module")
 def hump():
     """A thruster with a hump in its load and a dead band; an exponent can imitate the hump."""
@@ -281,7 +319,8 @@ def test_a_hump_that_is_in_no_catalogue_is_learned_and_named(hump):
     assert law.curve.port in hidden.ports
     assert law.signals[0] == "speed"
     assert law.form is not None
-    assert law.form.name in ("odd humps", "hump of both signs")  # of load, or of what it is a part
+    assert law.form.name == "odd humps"  # a share of the load does as well: but forces add up
+    assert "hump of both signs" in [one.name for one in law.alike]
     assert law.worth.low > 0.5  # of an error of which the dead band makes a part
     assert law.form.fit.holdout.nrmse < 0.4 * diag.stages[0].holdout.nrmse
     assert law.form.formula.c == pytest.approx(
