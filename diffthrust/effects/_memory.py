@@ -144,7 +144,11 @@ def value_along(
         first = float(np.broadcast_to(valued(begun_at(memory), known, np), time.shape)[0])
         states[memory.state] = _ALONG[memory.kind](series, size, time, first)
     if ends is not None:
-        known = _with({name: np.append(own[1:], own[-1:]) for name, own in states.items()}, ends)
+        for memory in law.memories:
+            if memory.kind != "play":  # which is pushed where it is asked
+                own = states[memory.state]
+                states[memory.state] = np.append(own[1:], own[-1:])
+        known = _with(states, ends)
     return np.broadcast_to(np.asarray(law(known, np), float), time.shape)
 
 

@@ -29,11 +29,11 @@ from diffthrust.diagnosis._learning.forms import (  # private: forms without a d
     matches,
 )
 from diffthrust.diagnosis._learning.hypotheses import (  # private: as above
-    Added,
     channel_of,
     hypothesis,
-    sight,
 )
+from diffthrust.diagnosis._learning.sight import Added, sight  # private: as above
+from diffthrust.diagnosis._ports import places_of  # private: places without trials
 from diffthrust.diagnosis._search import compiled  # private: trials without a diagnosis
 from diffthrust.effects import Curve
 from diffthrust.logs import PWM, Written
@@ -298,10 +298,27 @@ def test_what_a_parameter_does_already_leaves_nothing_at_a_held_input():
 
 def test_laws_add_where_forces_do_and_take_a_share_of_what_is_only_measured():
     hidden = sets.draw("outside/load_hump", 5001)
-    fit = dft.fit(hidden.model, hidden.train, starts=1)
-    tools = SimpleNamespace(trials=compiled(fit, [], [], hidden.train, [])[0])
+    model, log = hidden.model, hidden.train[0]
+    places = places_of(model, log, ["speed", "thrust"])
+    tools = SimpleNamespace(trials=SimpleNamespace(model=model, logs=[log], places=places))
     ports = ("drive", "load", "shaft", "propeller")
     assert [naming._adds(tools, port) for port in ports] == [True, True, True, False]
+
+
+def test_of_forms_that_tie_the_usual_one_is_told_and_no_likelier_one_of_more_parameters_counts():
+    def form(name, bic, times, size):
+        declared = dict.fromkeys("abcdef"[:size])
+        return SimpleNamespace(
+            name=name, bic=bic, times=times, formula=SimpleNamespace(declared=declared)
+        )
+
+    adding, scaling = form("odd humps", -99.5, "", 3), form("hump of both signs", -100, "value", 3)
+    wide = form("step", -109.8, "", 4)
+    assert naming._plainest([wide, scaling, adding], adds=True) is adding
+    assert naming._plainest([wide, adding, scaling], adds=False) is scaling
+    clear = form("hump of both signs", -120.0, "value", 3)
+    assert naming._plainest([adding, clear], adds=True) is clear
+    assert naming._plainest([clear, form("linear", -30.0, "value", 1)], adds=True).name == "linear"
 
 
 @pytest.fixture(scope="module")

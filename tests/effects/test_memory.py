@@ -128,6 +128,19 @@ def test_along_an_uneven_log_a_lag_takes_each_step_as_it_is():
     np.testing.assert_allclose(seen, expected, atol=1e-12)
 
 
+@pytest.mark.parametrize("text", ["u - play(u, 0.3)", "u * lag(u, 0.5)", "x * u", "play(x, 0.3)"])
+def test_as_the_next_sample_comes_a_held_input_is_still_what_it_was(text):
+    """What an expression comes to then, by samples ten thousand times as near."""
+    u, x, time = COMMAND[:40], np.cos(TIME[:40]), TIME[:40]
+    late = np.interp(time + 0.05 * (1 - 1e-4), time, x)
+    fine = np.sort(np.concatenate([time, time + 0.05 * (1 - 1e-4)]))
+    held = {"u": np.repeat(u, 2), "x": np.stack([x, late], axis=1).ravel()}
+    expected = value_along(expression_of(text), held.__getitem__, fine)[1::2]
+    ends = {"u": u, "x": np.append(x[1:], x[-1:])}
+    found = value_along(expression_of(text), {"u": u, "x": x}.__getitem__, time, ends.__getitem__)
+    np.testing.assert_allclose(found[:-1], expected[:-1], atol=2e-3)
+
+
 def test_the_plainest_lag_and_play_do_nothing_at_zero():
     for text in ("lag(value, T)", "play(value, T)"):
         law = Formula("drive", text, T={"unit": "s", "value": 0.2})

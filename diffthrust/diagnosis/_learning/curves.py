@@ -17,11 +17,11 @@ from diffthrust.diagnosis._learning.hypotheses import (
     Hypothesis,
     channel_of,
     hypothesis,
-    sight,
     unit_at,
     unit_of,
     units_at,
 )
+from diffthrust.diagnosis._learning.sight import sight
 from diffthrust.diagnosis._search import Tools
 from diffthrust.diagnosis._trials import TrialFit
 from diffthrust.effects._curve import Curve

@@ -16,7 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from diffthrust.diagnosis._learning.ground import left_over
-from diffthrust.diagnosis._learning.hypotheses import Added, Hypothesis, hypothesis, sight
+from diffthrust.diagnosis._learning.hypotheses import Hypothesis, hypothesis
+from diffthrust.diagnosis._learning.sight import Added, Sight
 from diffthrust.diagnosis._trials import TrialFit, Trials, side_by_side
 from diffthrust.effects._curve import Curve
 from diffthrust.models._base.made_effect import ARRIVING
@@ -65,15 +66,14 @@ def likely_curves(trials: Trials, trial: TrialFit, laws: Iterable[Hypothesis]) -
     return sorted(likely, key=lambda one: -one.evidence)
 
 
-def sharpened(trials: Trials, trial: TrialFit, likely: LikelyCurve) -> LikelyCurve:
+def sharpened(trials: Trials, trial: TrialFit, seen: Sight, likely: LikelyCurve) -> LikelyCurve:
     """A law that remembers over the time, or the width, that makes one-step errors likeliest."""
     from scipy.optimize import minimize_scalar  # slow to import
 
     law, own = likely.law, likely.law.parameters
     if law.straight or len(own) != 1:
         return likely
-    seen, (name,) = sight(trials, trial), own
-    passing = [one[law.port] for one in trials.readings(trial)]
+    (name,), passing = own, [one[law.port] for one in seen.now.ports]
     begun, (low, high) = own[name]["value"], own[name]["bounds"]
     tried = {begun: likely}
 

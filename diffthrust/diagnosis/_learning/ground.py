@@ -13,15 +13,16 @@ import numpy as np
 from jaxtyping import Float
 
 from diffthrust.diagnosis._learned import LearnedLaw
-from diffthrust.diagnosis._learning.hypotheses import Added, Hypothesis
+from diffthrust.diagnosis._learning.hypotheses import Hypothesis
+from diffthrust.diagnosis._learning.sight import Added
 from diffthrust.diagnosis._trials import TrialFit, Trials
 from diffthrust.effects._curve import Curve
 from diffthrust.models._base.model import Model
 
 _PIECES = 29
 _POINTS = 241
-_LEAST = 0.1
-"""Of a positive parameter so much is left at least beside another shape."""
+_WAY = 0.9
+"""Beside another shape a parameter goes no further than this share of the way to its bound."""
 
 
 class Ground(NamedTuple):
@@ -74,26 +75,31 @@ def ground_of_fit(law: LearnedLaw) -> Ground:
 
 
 def model_beside(law: LearnedLaw, shape: Float[np.ndarray, " K"]) -> Model:
-    """A law's model without its curve, as whole runs would have it with other coefficients.
+    """A law's model without its curve, as whole runs would have it with another.
 
-    The other parameters go with these to first order: a curve may do a part of their work.
+    The other parameters go with its coefficients to first order: a curve may do a part of their
+    work. They stay for what coefficients do that are held, because parameters can do it all.
 
     Args:
-        law: the law.
-        shape: the coefficients of its curve that are estimated, as `ground_of_fit` meets a shape.
+        law: the law; the covariance of the curve's coefficients must be finite.
+        shape: the coefficients that are estimated, as `ground_of_fit` meets a shape.
     """
-    fit, curve, (which, covariance) = law.fit, law.curve, law.coefficients()
-    names = [f"{curve.name}.{curve.coefficients[i]}" for i in which]
-    found = np.array([fit.model.parameters[name].value for name in names])
-    at = [fit.free.index(name) for name in names]
-    weights = np.linalg.pinv(covariance, hermitian=True) @ (shape - found)
-    moved = dict(zip(fit.free, fit.covariance[:, at] @ weights, strict=True))
+    fit, curve, (which, _) = law.fit, law.curve, law.coefficients()
+    named = fit.model.parameters
+    aim = {f"{curve.name}.{curve.coefficients[i]}": to for i, to in zip(which, shape, strict=True)}
+    known = np.isfinite(np.diagonal(fit.covariance))
+    # what its signal remembers stays as it is
+    own = [i for i, n in enumerate(fit.free) if n.startswith(f"{curve.name}.") and known[i]]
+    apart = [aim.get(n, named[n].value) - named[n].value for n in (fit.free[i] for i in own)]
+    weights = np.linalg.pinv(fit.covariance[np.ix_(own, own)], hermitian=True) @ apart
     values = {}
-    model = fit.model - curve.name
-    for name, p in model.parameters.items():
-        least = _LEAST * p.value if p.transform == "log" else -np.inf
-        values[name] = float(np.clip(max(p.value + moved.get(name, 0.0), least), *p.limits))
-    return model.replace(values)
+    for i, name in enumerate(fit.free):
+        if name in named and known[i] and i not in own:
+            p = named[name]
+            low, high = (p.value + _WAY * (end - p.value) for end in p.limits)
+            moved = p.value + float(fit.covariance[i, own] @ weights)
+            values[name] = float(np.clip(moved, low, high))
+    return fit.model.replace(values) - curve.name
 
 
 def left_over(

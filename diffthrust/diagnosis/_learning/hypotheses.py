@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from itertools import repeat
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from diffthrust.diagnosis._learning.sight import Added, Sight, along, sight
 from diffthrust.diagnosis._ports import DrivingPort, words_and_unit
-from diffthrust.diagnosis._structure import Observed, behind, observed
+from diffthrust.diagnosis._structure import Observed, behind
 from diffthrust.diagnosis._trials import TrialFit, Trials
 from diffthrust.diagnosis._waves import Wave, wave_along
 from diffthrust.effects._curve import Curve
 from diffthrust.effects._grammar import expression_of
-from diffthrust.effects._memory import value_along
 from diffthrust.logs._units import product_unit
 from diffthrust.models._base.made_effect import ARRIVING
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._inputs import hold_of
-from diffthrust.simulation._levels import port_readings
 
 CLOCK = "integral(1)"
 """The time since the log began."""
@@ -40,20 +37,6 @@ _RANGE = 100.0
 """A time constant or a width is estimated within so many times its first guess."""
 
 
-class Added(NamedTuple):
-    """What is added at a port log by log, ``(K, T)``: at the samples, and as the next ones come."""
-
-    now: Sequence[np.ndarray]
-    end: Sequence[np.ndarray]
-
-
-class Sight(NamedTuple):
-    """What a trial sees at the samples of the training logs, and as the next ones come."""
-
-    now: Observed
-    end: Observed
-
-
 class Hypothesis(NamedTuple):
     """A law that may be missing: ``value + times * curve(signal)`` at a port.
 
@@ -64,7 +47,8 @@ class Hypothesis(NamedTuple):
         parameters: those of the signal, as a `Curve` takes them.
         over: the signal log by log, ``(T,)``.
         factor: what the curve is multiplied by, log by log; ``None`` for nothing.
-        ends: both as the next sample comes, until which an input may be held.
+        over_end: the signal as the next sample comes, until which an input may be held.
+        factor_end: the same of the factor.
     """
 
     port: str
@@ -73,14 +57,16 @@ class Hypothesis(NamedTuple):
     parameters: Mapping[str, Mapping[str, Any]]
     over: Sequence[np.ndarray]
     factor: Sequence[np.ndarray] | None
-    ends: tuple[Sequence[np.ndarray], Sequence[np.ndarray] | None]
+    over_end: Sequence[np.ndarray]
+    factor_end: Sequence[np.ndarray] | None
 
     def added(self, curve: Curve) -> Added:
         """What each coefficient of a curve adds."""
-        now, end = (
-            [curve.basis(one) * by for one, by in zip(over, factor or repeat(1.0), strict=False)]
-            for over, factor in ((self.over, self.factor), self.ends)
-        )
+        now = [curve.basis(one) for one in self.over]
+        end = [curve.basis(one) for one in self.over_end]
+        if self.factor is not None and self.factor_end is not None:
+            now = [row * by for row, by in zip(now, self.factor, strict=True)]
+            end = [row * by for row, by in zip(end, self.factor_end, strict=True)]
         return Added(now, end)
 
     @property
@@ -111,17 +97,6 @@ def scene(trials: Trials, trial: TrialFit, place: DrivingPort) -> Scene:
     moving = [n for n in _readable(trials, seen.now) if n in trials.model.states]
     waves = {name: wave for name in moving if (wave := wave_along(trial, name))}
     return Scene(trials, place, seen, waves)
-
-
-def sight(trials: Trials, trial: TrialFit) -> Sight:
-    """What a trial sees of the training logs; inputs that are held stay until the next sample."""
-    now = observed(trials, trial)
-    paths = []
-    for log, path in zip(trials.logs, now.paths, strict=True):
-        held = {name for name, hold in hold_of(log, path) if hold == "zero"} & {*log.inputs}
-        later = {n: own if n in held else np.append(own[1:], own[-1:]) for n, own in path.items()}
-        paths.append(later)
-    return Sight(now, Observed(paths, [port_readings(trials.model, path) for path in paths]))
 
 
 def simple_laws(at: Scene) -> Iterator[Hypothesis]:
@@ -217,15 +192,9 @@ def hypothesis(
     seen: Sight, port: str, signal: str, times: str, parameters: Mapping[str, Mapping[str, Any]]
 ) -> Hypothesis:
     """A law with its signal and factor along the logs, at the values of its parameters."""
-    logs = range(len(seen.now.paths))
-    (over, factor), ends = (
-        (
-            [_along(signal, parameters, seen, port, log, end) for log in logs],
-            [_along(times, {}, seen, port, log, end) for log in logs] if times else None,
-        )
-        for end in (False, True)
-    )
-    return Hypothesis(port, signal, times, parameters, over, factor, ends)
+    over, over_end = along(signal, parameters, seen, port)
+    factor, factor_end = along(times, {}, seen, port) if times else (None, None)
+    return Hypothesis(port, signal, times, parameters, over, factor, over_end, factor_end)
 
 
 def _expressions(
@@ -247,9 +216,7 @@ def _expressions(
         yield f"sin({NUMBER} * {name} + {PHASE})", _of_wave(wave, units.get(name, ""))
     arriving = [ARRIVING] if place.state and not times else []
     for name in (*names, *arriving):
-        pooled = np.concatenate(
-            [_along(name, {}, seen, port, log) for log in range(len(seen.now.paths))]
-        )
+        pooled = np.concatenate(along(name, {}, seen, port)[0])
         for share in _PLAYS:
             width = share * float(np.ptp(pooled))
             if width > 0:
@@ -277,29 +244,6 @@ def _of_wave(wave: Wave, unit: str) -> dict[str, dict[str, Any]]:
         NUMBER: {"unit": unit, "value": number, "bounds": (number - off, number + off)},
         PHASE: of_phase,
     }
-
-
-def _along(
-    expression: str,
-    parameters: Mapping[str, Mapping[str, Any]],
-    seen: Sight,
-    port: str,
-    log: int,
-    end: bool = False,
-) -> np.ndarray:
-    """An expression of signals over a log, as an effect at a port reads it, ``(T,)``.
-
-    With ``end`` as the next sample comes.
-    """
-
-    def of(when: Observed) -> Callable[[str], Any]:
-        path, passing = when.paths[log], when.ports[log]
-        own = {name: told["value"] for name, told in parameters.items()}
-        return {**path, ARRIVING: passing[port], **own}.__getitem__
-
-    time = seen.now.paths[log]["time"]
-    ends = of(seen.end) if end else None
-    return value_along(expression_of(expression), of(seen.now), time, ends)
 
 
 def _readable(trials: Trials, seen: Observed) -> list[str]:

@@ -30,7 +30,8 @@ from diffthrust.diagnosis._learning.ground import (
     ground_of_fit,
     model_beside,
 )
-from diffthrust.diagnosis._learning.hypotheses import NUMBER, hypothesis, sight, unit_at
+from diffthrust.diagnosis._learning.hypotheses import NUMBER, hypothesis, unit_at
+from diffthrust.diagnosis._learning.sight import sight
 from diffthrust.diagnosis._search import Tools
 from diffthrust.diagnosis._structure import behind
 from diffthrust.diagnosis._trials import TrialFit
@@ -49,8 +50,9 @@ _FORMS = 3
 _SAME = 0.2
 """Criteria no further apart are the same: of a signal of one sign two forms are one."""
 _EQUAL = 1.002
-"""Where whole runs err by no more than so many times as much with a form as with the curve, one of
-more parameters is tried only if one-step errors rather ask for it."""
+"""Where whole runs err by no more than so many times as much with a form as with the curve, and it
+is surely worth something, one of more parameters is tried only if one-step errors rather ask for
+it."""
 _LIKE = 0.95
 """A form that can be so much of what the curve is, is fitted from there first."""
 _AS_GOOD = 1.1
@@ -69,11 +71,8 @@ def named(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> Learne
     """
     tried = sorted(_tried(tools, before, trial, law), key=lambda one: one.bic)
     if tried:
-        best = tried[0]
-        alike = _alike(tools, tried)
-        adds = _adds(tools, law.curve.port)
-        plainest = min(alike, key=lambda one: _plainness(one, best.bic, adds))
-        tried.sort(key=lambda one: one is not plainest)
+        first = _plainest(_alike(tools, tried, law), _adds(tools, law.curve.port))
+        tried.sort(key=lambda one: one is not first)
     law = replace(law, forms=tuple(tried), named=False)
     if not tried or not as_good_unseen(tried[0].fit, law.fit, _AS_GOOD):
         return law
@@ -98,8 +97,8 @@ def _tried(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> Itera
         bic = price * len(effect.declared) - gain
         yield TriedForm(match.form.name, effect, fit, bic, criterion, match.times, match.reference)
         measured = as_good(law.fit, fit, _EQUAL)  # a curve that errs more is no measure of it
-        level = as_good(fit, law.fit, _EQUAL) or not surely_better(tools, law.fit, fit)
-        if measured and level and worth_between_fits(tools, before, fit).sure:
+        equal = as_good(fit, law.fit, _EQUAL) or not surely_better(tools, law.fit, fit)
+        if measured and equal and worth_between_fits(tools, before, fit).sure:
             enough, known = min(enough, _parameters(match)), min(known, criterion)
 
 
@@ -120,45 +119,55 @@ def _starts(law: LearnedLaw, match: Match) -> Iterator[tuple[Match, Model]]:
 
     Whole runs may know better of it than one-step errors, and know what is best beside it.
     """
-    if match.times != law.curve.times or not np.all(np.isfinite(law.fit.covariance)):
-        yield match, law.fit.model - law.curve.name
-        return
-    ground = ground_of_fit(law)
-    near = likeliest_match(match.form, ground)._replace(times=match.times)
-    most, _ = ground.gain(np.asarray(law.curve.at_signal(ground.x)))
-    for one in (near, match) if near.gain > _LIKE * most else (match,):
-        shape = one.form.over(ground.x, {**one.values, "r": one.reference})
-        yield one, model_beside(law, ground.onto @ shape)
+    if match.times == law.curve.times and np.all(np.isfinite(law.coefficients()[1])):
+        ground = ground_of_fit(law)
+        near = likeliest_match(match.form, ground)._replace(times=match.times)
+        most, _ = ground.gain(np.asarray(law.curve.at_signal(ground.x)))
+        if near.gain > _LIKE * most:
+            shape = near.form.over(ground.x, {**near.values, "r": near.reference})
+            yield near, model_beside(law, ground.onto @ shape)
+    yield match, law.fit.model - law.curve.name
 
 
-def _alike(tools: Tools, tried: Sequence[TriedForm]) -> list[TriedForm]:
+def _alike(tools: Tools, tried: Sequence[TriedForm], law: LearnedLaw) -> list[TriedForm]:
     """The likeliest form, and those that neither whole runs nor one-step errors surely set apart.
 
-    Errors that last make the criterion of whole runs surer than it should be.
+    Errors that last make the criterion of whole runs surer than it should be. Those that may be the
+    law's name, if there are any.
     """
     best, *others = tried
     near = (one for one in others if one.one_step <= best.one_step + FORMS_APART)
-    return [best, *(one for one in near if not surely_better(tools, best.fit, one.fit))]
+    alike = [best, *(one for one in near if not surely_better(tools, best.fit, one.fit))]
+    return [one for one in alike if as_good_unseen(one.fit, law.fit, _AS_GOOD)] or alike
 
 
-def _plainness(one: TriedForm, best: float, adds: bool) -> tuple[int, float, bool, float, int]:
-    """By its parameters, its criterion, and where that is no measure how such laws usually act.
+def _plainest(alike: Sequence[TriedForm], adds: bool) -> TriedForm:
+    """Of forms of the fewest parameters the likeliest, or the most usual of those near to it.
 
-    Where the criterion is the same by its place among the forms.
+    Args:
+        alike: the forms.
+        adds: whether laws at their port usually add.
     """
-    names, more = [form.name for form in FORMS], one.bic - best
-    unusual = adds == (one.times == ARRIVING)
-    size = len(one.formula.declared)
-    return size, more // FORMS_APART, unusual, more // _SAME, names.index(one.name)
+    fewest = min(len(one.formula.declared) for one in alike)
+    plain = [one for one in alike if len(one.formula.declared) == fewest]
+    best, names = min(one.bic for one in plain), [form.name for form in FORMS]
+    near = [one for one in plain if one.bic <= best + FORMS_APART]
+
+    def unusual(one: TriedForm) -> tuple[bool, float, int]:
+        scales = one.times == ARRIVING
+        return scales == adds, (one.bic - best) // _SAME, names.index(one.name)
+
+    return min(near, key=unusual)
 
 
 def _adds(tools: Tools, port: str) -> bool:
-    """Whether laws at a port usually add: forces and torques that drive a state do.
+    """Whether laws at a port usually add, as forces and torques do: where it drives a state.
 
     Of what is only measured a share is lost.
     """
     trials = tools.trials
-    return any(place.state and port in behind(trials, place) for place in trials.places)
+    driving = (place for place in trials.places if place.state)
+    return any(port in (place.port, *behind(trials, place)) for place in driving)
 
 
 def _grounds(tools: Tools, trial: TrialFit, curve: Curve) -> dict[str, Ground]:

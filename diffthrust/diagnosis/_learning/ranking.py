@@ -13,9 +13,11 @@ from diffthrust.models._base.made_effect import ARRIVING
 
 _LIKELY = 8
 """The signals of so many of the likeliest laws are tried times another."""
+_RIVAL = 0.6
+"""Another law is fitted to whole runs as well, where its evidence is no less than so much of the
+likeliest's: that is of one-step errors, to which laws answer straight, and whole runs decide."""
 _NEAR = 0.6
-"""Another law is fitted to whole runs as well, and what a law remembers is looked at closely, where
-its evidence is no less than so much of the likeliest's."""
+"""What a law remembers is looked at closely, where its evidence is no less than so much of it."""
 _ALIKE = 1.0
 """Of laws whose evidence is no further apart than this the plainer one is taken."""
 _EQUAL = 0.1
@@ -36,7 +38,7 @@ def likeliest(tools: Tools, trial: TrialFit, place: DrivingPort) -> list[LikelyC
     least = _NEAR * found[0].evidence
     near = [one for one in once.values() if one.evidence > least]
     found = [one for one in once.values() if one.evidence <= least]
-    found += side_by_side(lambda one: sharpened(trials, trial, one), near)
+    found += side_by_side(lambda one: sharpened(trials, trial, at.seen, one), near)
     best = max(one.evidence for one in found)
     found.sort(key=lambda one: (one.evidence < best - _ALIKE, _plainness(one.law), -one.evidence))
     first = [one for one in found if one.evidence >= best - _ALIKE]
@@ -45,13 +47,13 @@ def likeliest(tools: Tools, trial: TrialFit, place: DrivingPort) -> list[LikelyC
 
 
 def rival_law(likely: list[LikelyCurve]) -> LikelyCurve | None:
-    """The likeliest law of another signal, where one-step errors can hardly choose."""
+    """The likeliest law of another signal, where whole runs may choose that."""
     first = likely[0]
     others = (one for one in likely[1:] if one.law.signal != first.law.signal)
     # the same law in other words is as likely
     apart = [one for one in others if abs(one.evidence - first.evidence) >= _EQUAL]
     rival = max(apart, key=lambda one: one.evidence, default=None)
-    return rival if rival and rival.evidence > _NEAR * first.evidence else None
+    return rival if rival and rival.evidence > _RIVAL * first.evidence else None
 
 
 def forgetful(likely: list[LikelyCurve], curve: Curve) -> LikelyCurve | None:
