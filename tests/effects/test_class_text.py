@@ -93,6 +93,7 @@ def test_the_files_run_and_their_tests_pass(tmp_path):
 def ran(tests):
     """The tests of a file, run one by one as pytest would; in a process that has loaded JAX."""
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "dont_write_bytecode", True)  # it tells files apart by whole seconds
         patch.syspath_prepend(tests.parent)
         patch.delitem(sys.modules, tests.stem.removeprefix("test_"), raising=False)
         for name, test in runpy.run_path(str(tests)).items():
