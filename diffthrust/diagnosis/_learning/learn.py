@@ -91,7 +91,8 @@ def _learned_beside(
         return None
     found = [law_of(tools, before, trial, likely[0])]
     explained = found[0] is not None and all_explained(tools, trial, found[0].fit)
-    rival = None if explained else rival_law(likely)
+    sure = found[0] is not None and found[0].worth.sure
+    rival = None if explained else rival_law(likely, sure)
     if rival:
         found.append(law_of(tools, before, trial, rival, found[0]))
     better = [law for law in found if law is not None]

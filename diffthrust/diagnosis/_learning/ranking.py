@@ -13,9 +13,10 @@ from diffthrust.models._base.made_effect import ARRIVING
 
 _LIKELY = 8
 """The signals of so many of the likeliest laws are tried times another."""
-_RIVAL = 0.6
+_CLOSE, _RIVAL = 0.8, 0.6
 """Another law is fitted to whole runs as well, where its evidence is no less than so much of the
-likeliest's: that is of one-step errors, to which laws answer straight, and whole runs decide."""
+likeliest's, or so much where that is not surely worth anything there: to what errors from one
+sample to the next say, laws answer straight, and whole runs decide."""
 _NEAR = 0.6
 """What a law remembers is looked at closely, where its evidence is no less than so much of it."""
 _ALIKE = 1.0
@@ -46,14 +47,21 @@ def likeliest(tools: Tools, trial: TrialFit, place: DrivingPort) -> list[LikelyC
     return [one for one in (*first, *rest) if one.evidence > _CLEAR]
 
 
-def rival_law(likely: list[LikelyCurve]) -> LikelyCurve | None:
-    """The likeliest law of another signal, where whole runs may choose that."""
+def rival_law(likely: list[LikelyCurve], sure: bool) -> LikelyCurve | None:
+    """The likeliest law of another signal, where whole runs may choose that.
+
+    Args:
+        likely: the laws, the likeliest first.
+        sure: whether that is surely worth something over whole runs.
+    """
     first = likely[0]
     others = (one for one in likely[1:] if one.law.signal != first.law.signal)
     # the same law in other words is as likely
     apart = [one for one in others if abs(one.evidence - first.evidence) >= _EQUAL]
     rival = max(apart, key=lambda one: one.evidence, default=None)
-    return rival if rival and rival.evidence > _RIVAL * first.evidence else None
+    return (
+        rival if rival and rival.evidence > (_CLOSE if sure else _RIVAL) * first.evidence else None
+    )
 
 
 def forgetful(likely: list[LikelyCurve], curve: Curve) -> LikelyCurve | None:
