@@ -122,34 +122,34 @@ def begun_at(memory: Memory) -> ast.expr:
     return _pushed(memory, ast.Constant(0.0)) if memory.kind == "play" else ast.Constant(0.0)
 
 
-def value_along(
+def values_along(
     law: Expression,
     names: Callable[[str], Any],
+    ends: Callable[[str], Any],
     time: Float[np.ndarray, " T"],
-    ends: Callable[[str], Any] | None = None,
-) -> Float[np.ndarray, " T"]:
-    """The value of an expression along a log, whatever of it remembers.
+) -> tuple[Float[np.ndarray, " T"], Float[np.ndarray, " T"]]:
+    """The values of an expression along a log, whatever of it remembers.
+
+    At the samples, and as the next ones come.
 
     Args:
         law: the expression.
         names: the series, or the number, that each name stands for.
+        ends: the same as the next sample comes.
         time: of the samples [s].
-        ends: what each name stands for as the next sample comes, for the value then.
     """
     states: dict[str, Any] = {}
+    later: dict[str, Any] = {}
     known = _with(states, names)
     for memory in law.memories:
         series = np.broadcast_to(np.asarray(valued(memory.of, known, np), float), time.shape)
         size = None if memory.size is None else float(valued(memory.size, known, np))
         first = float(np.broadcast_to(valued(begun_at(memory), known, np), time.shape)[0])
-        states[memory.state] = _ALONG[memory.kind](series, size, time, first)
-    if ends is not None:
-        for memory in law.memories:
-            if memory.kind != "play":  # which is pushed where it is asked
-                own = states[memory.state]
-                states[memory.state] = np.append(own[1:], own[-1:])
-        known = _with(states, ends)
-    return np.broadcast_to(np.asarray(law(known, np), float), time.shape)
+        own = states[memory.state] = _ALONG[memory.kind](series, size, time, first)
+        pushed = memory.kind == "play"  # where it is asked
+        later[memory.state] = own if pushed else np.append(own[1:], own[-1:])
+    now, end = (np.asarray(law(one, np), float) for one in (known, _with(later, ends)))
+    return np.broadcast_to(now, time.shape), np.broadcast_to(end, time.shape)
 
 
 def _with(states: Mapping[str, Any], names: Callable[[str], Any]) -> Callable[[str], Any]:

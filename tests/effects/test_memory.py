@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 import diffthrust as dft
 from diffthrust.effects import Curve, Formula
 from diffthrust.effects._grammar import expression_of  # private: expressions by themselves
-from diffthrust.effects._memory import value_along  # private: their values along a log
+from diffthrust.effects._memory import values_along  # private: their values along a log
 
 TIME = 0.05 * np.arange(400)
 COMMAND = 6.0 * np.sign(np.sin(0.7 * TIME)) + np.sin(2.0 * TIME)
@@ -19,6 +19,11 @@ STILL = dft.Thruster(alpha=1e-12, beta=1e-12)
 
 def driven(command=COMMAND):
     return dft.Log(time=TIME, inputs={"command": command}, units={"command": "V"})
+
+
+def along(text, series, time):
+    """The value of an expression at the samples."""
+    return values_along(expression_of(text), series.__getitem__, series.__getitem__, time)[0]
 
 
 def swallowed(series: np.ndarray, width: float) -> np.ndarray:
@@ -106,7 +111,7 @@ def test_the_integral_of_one_is_the_time_and_that_of_a_speed_a_position():
     ],
 )
 def test_along_a_log_they_are_what_they_are_in_a_run(text, expected):
-    seen = value_along(expression_of(text), {"u": COMMAND}.__getitem__, TIME)
+    seen = along(text, {"u": COMMAND}, TIME)
     np.testing.assert_allclose(seen, expected, atol=1e-12)
 
 
@@ -120,7 +125,7 @@ def test_what_is_cold_when_a_log_begins_warms_up():
 def test_along_an_uneven_log_a_lag_takes_each_step_as_it_is():
     time = np.cumsum(np.random.default_rng(2).choice([0.01, 0.2], 300))
     u = np.sign(np.sin(time))
-    seen = value_along(expression_of("lag(u, 0.5)"), {"u": u}.__getitem__, time)
+    seen = along("lag(u, 0.5)", {"u": u}, time)
     expected = [u[0]]
     for k in range(299):
         kept = np.exp(-(time[k + 1] - time[k]) / 0.5)
@@ -135,9 +140,10 @@ def test_as_the_next_sample_comes_a_held_input_is_still_what_it_was(text):
     late = np.interp(time + 0.05 * (1 - 1e-4), time, x)
     fine = np.sort(np.concatenate([time, time + 0.05 * (1 - 1e-4)]))
     held = {"u": np.repeat(u, 2), "x": np.stack([x, late], axis=1).ravel()}
-    expected = value_along(expression_of(text), held.__getitem__, fine)[1::2]
+    expected = along(text, held, fine)[1::2]
     ends = {"u": u, "x": np.append(x[1:], x[-1:])}
-    found = value_along(expression_of(text), {"u": u, "x": x}.__getitem__, time, ends.__getitem__)
+    now = {"u": u, "x": x}.__getitem__
+    _, found = values_along(expression_of(text), now, ends.__getitem__, time)
     np.testing.assert_allclose(found[:-1], expected[:-1], atol=2e-3)
 
 

@@ -24,12 +24,7 @@ from diffthrust.diagnosis._learning.forms import (
     likeliest_match,
     matches,
 )
-from diffthrust.diagnosis._learning.ground import (
-    Ground,
-    ground_of,
-    ground_of_fit,
-    model_beside,
-)
+from diffthrust.diagnosis._learning.ground import Ground, ground_of, ground_of_fit, model_beside
 from diffthrust.diagnosis._learning.hypotheses import NUMBER, hypothesis, unit_at
 from diffthrust.diagnosis._learning.sight import sight
 from diffthrust.diagnosis._search import Tools
@@ -97,8 +92,11 @@ def _tried(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> Itera
         bic = price * len(effect.declared) - gain
         yield TriedForm(match.form.name, effect, fit, bic, criterion, match.times, match.reference)
         measured = as_good(law.fit, fit, _EQUAL)  # a curve that errs more is no measure of it
-        equal = as_good(fit, law.fit, _EQUAL) or not surely_better(tools, law.fit, fit)
-        if measured and equal and worth_between_fits(tools, before, fit).sure:
+        if (
+            measured
+            and (as_good(fit, law.fit, _EQUAL) or not surely_better(tools, law.fit, fit))
+            and worth_between_fits(tools, before, fit).sure
+        ):
             enough, known = min(enough, _parameters(match)), min(known, criterion)
 
 

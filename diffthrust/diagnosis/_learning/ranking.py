@@ -59,9 +59,8 @@ def rival_law(likely: list[LikelyCurve], sure: bool) -> LikelyCurve | None:
     # the same law in other words is as likely
     apart = [one for one in others if abs(one.evidence - first.evidence) >= _EQUAL]
     rival = max(apart, key=lambda one: one.evidence, default=None)
-    return (
-        rival if rival and rival.evidence > (_CLOSE if sure else _RIVAL) * first.evidence else None
-    )
+    least = (_CLOSE if sure else _RIVAL) * first.evidence
+    return rival if rival and rival.evidence > least else None
 
 
 def forgetful(likely: list[LikelyCurve], curve: Curve) -> LikelyCurve | None:

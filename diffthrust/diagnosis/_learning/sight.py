@@ -14,7 +14,7 @@ import numpy as np
 from diffthrust.diagnosis._structure import Observed, observed
 from diffthrust.diagnosis._trials import TrialFit, Trials
 from diffthrust.effects._grammar import expression_of
-from diffthrust.effects._memory import value_along
+from diffthrust.effects._memory import values_along
 from diffthrust.models._base.made_effect import ARRIVING
 from diffthrust.simulation._levels import port_readings
 
@@ -61,7 +61,7 @@ def along(
 
     now, end = [], []
     for log, path in enumerate(seen.now.paths):
-        at = named(seen.now, log)
-        now.append(value_along(law, at, path["time"]))
-        end.append(value_along(law, at, path["time"], named(seen.end, log)))
+        here, there = values_along(law, named(seen.now, log), named(seen.end, log), path["time"])
+        now.append(here)
+        end.append(there)
     return now, end
