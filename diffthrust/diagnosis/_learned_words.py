@@ -106,7 +106,8 @@ def form_words(law: LearnedLaw, tried: TriedForm) -> str:
     sizes = [f"{number(value, 2)} {unit}".rstrip() for value, _, unit in shown]
     own = dict(zip(("a", *form.parameters), sizes, strict=False))
     goes = form.words.format(x=signal_words(law, tried.formula), **own)
-    subject = "its factor" if tried.times == ARRIVING else "it"
+    subject = "what is added" if law.manner == "scales" else "it"
+    subject = "its factor" if tried.times == ARRIVING else subject
     times = f", times {tried.times}" if tried.times not in ("", ARRIVING) else ""
     back = " (a play or backlash)" if "play(" in law.curve.signal else ""
     names = (name.rpartition(".")[2] for name in told)

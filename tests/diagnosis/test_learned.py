@@ -373,7 +373,9 @@ def test_what_was_learned_is_told_in_words_json_and_a_figure(hump, tmp_path):
     assert data[0]["form"] == diag.laws[0].form.name
     assert 0.5 < data[0]["worth"]["share"] <= 1.0
     assert "Learned: at the port" in diag.summary
-    assert "hump" in diag.summary
+    assert "what passes is scaled by a curve of speed" in diag.summary
+    assert "What is added is a hump of speed" in diag.summary  # its name is not a factor's
+    assert "another form: its factor is a hump of speed" in diag.summary
     diag.save(tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert "What was learned" in page
