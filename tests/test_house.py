@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import importlib
-from collections import defaultdict
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -16,20 +15,6 @@ import diffthrust
 
 PACKAGE = ROOT / "diffthrust"
 FOLDERS = sorted(p.parent.name for p in PACKAGE.glob("[a-z]*/__init__.py"))
-MIRRORED = {
-    # `many` answers for many logs what these answer for one
-    "fit": {"estimation", "many"},
-    "compare": {"comparison", "many"},
-    "sample": {"uncertainty", "many"},
-    "Plan": {"control", "plans"},  # of a controller, and of a test
-    "describing_function": {"describing", "many"},
-    # a plan of a paper's test, and what is read off its record
-    "static_test": {"papers", "plans"},
-    "dynamic_test": {"papers", "plans"},
-    "steady_map": {"papers", "plans"},
-    "sequential": {"papers", "plans"},
-}
-"""Public verbs of two folders that mirror each other by design."""
 
 
 def sources() -> list[Path]:
@@ -70,26 +55,6 @@ def test_no_private_name_is_imported_from_another_file():
                     if alias.name.startswith("_") and not (folder / f"{alias.name}.py").exists()
                 ]
     assert not private
-
-
-def test_no_two_files_define_one_name_for_two_things():
-    where = defaultdict(list)
-    for path in sources():
-        for node in ast.parse(path.read_text(encoding="utf-8")).body:
-            names = []
-            if isinstance(node, ast.ClassDef | ast.FunctionDef):
-                names = [node.name]
-            elif isinstance(node, ast.Assign):
-                names = [t.id for t in node.targets if isinstance(t, ast.Name)]
-            elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
-                names = [node.target.id]
-            for name in names:
-                if not name.startswith("_"):
-                    where[name].append(path.relative_to(PACKAGE))
-    twice = {name: files for name, files in where.items() if len(files) > 1}
-    for name, folders in MIRRORED.items():
-        assert {path.parts[0] for path in twice.pop(name)} == folders
-    assert not twice
 
 
 def test_a_private_import_of_a_test_gives_its_reason():
