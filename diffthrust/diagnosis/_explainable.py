@@ -78,14 +78,16 @@ def explainable(
         return Explainable(0.0, 0.0, 1.0, Rung.NOTHING, features.names)
     best = chosen(learners)
     least = min(learner.loss for learner in learners)
-    near = [one for one in learners if one.loss <= least + _NEAR or one is best]
-    estimates = {one.rung: _estimate(one, train, test, seed) for one in near}
-    high = max(one.high for one in estimates.values())
+    near = [
+        candidate for candidate in learners if candidate.loss <= least + _NEAR or candidate is best
+    ]
+    estimates = {candidate.rung: _estimate(candidate, train, test, seed) for candidate in near}
+    high = max(candidate.high for candidate in estimates.values())
     if best is None:  # what the best form would explain is the most that may be there
-        first = estimates[min(near, key=lambda one: one.loss).rung]
+        first = estimates[min(near, key=lambda candidate: candidate.loss).rung]
         return Explainable(0.0, min(first.low, 0.0), high, Rung.NOTHING, features.names)
-    own = estimates[best.rung]
-    return Explainable(own.share, own.low, high, best.rung, features.names)
+    estimate = estimates[best.rung]
+    return Explainable(estimate.share, estimate.low, high, best.rung, features.names)
 
 
 def _estimate(
@@ -93,24 +95,24 @@ def _estimate(
 ) -> _Estimate:
     """What one form explains, and how much it could."""
     rng, everyone = np.random.default_rng(seed), list(range(len(train)))
-    whole, halves, reaches = [], [], []
+    corrected, halves, reaches = [], [], []
     shared = _taught(learner, everyone, rng) if test else None
     for k, record in enumerate(test or train):
         taught = shared or _taught(learner, [i for i in everyone if i != k], rng)
         regressors = learner.features.of(record, learner.rung)
         rests = record.error[:, None] - regressors @ taught.weights
-        whole.append(rests[:, 0] ** 2)
+        corrected.append(rests[:, 0] ** 2)
         halves.append(np.mean(rests[:, 1:] ** 2, axis=1))
         reaches.append(taught.reach)
-    before = [record.error**2 for record in test or train]
-    total = _sum(before)
-    share, half = 1.0 - _sum(whole) / total, 1.0 - _sum(halves) / total
+    squares = [record.error**2 for record in test or train]
+    total = _sum(squares)
+    share, half = 1.0 - _sum(corrected) / total, 1.0 - _sum(halves) / total
     reach = float(np.mean(reaches))
     short = reach * (share - half)
-    samples = int(np.isfinite(np.concatenate(before)).sum())
+    samples = int(np.isfinite(np.concatenate(squares)).sum())
     scores = [
         ((1.0 - share - short) * b - (1.0 + reach) * a + reach * h) * samples / total
-        for b, a, h in zip(before, whole, halves, strict=True)
+        for b, a, h in zip(squares, corrected, halves, strict=True)
     ]
     scores = [score[np.isfinite(score)] for score in scores]  # of a held sensor one by one
     lags = max(1, min(score.size for score in scores) // 2)

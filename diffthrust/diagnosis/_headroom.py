@@ -158,10 +158,10 @@ def headroom(
         >>> left.worth
         False
     """
-    tell = teller(progress)
-    tell("simulating", 0.0)
+    report = teller(progress)
+    report("simulating", 0.0)
     learn, judge = compare(fit, logs), compare(fit, holdout) if holdout else None
-    return headroom_of(learn, judge, seed, part(tell, 0.1, 1.0))
+    return headroom_of(learn, judge, seed, part(report, 0.1, 1.0))
 
 
 def headroom_of(
@@ -169,10 +169,10 @@ def headroom_of(
 ) -> Headroom:
     """`headroom` from comparisons with the logs to learn from, and with unseen ones."""
     model, runs, unseen = learn.model, learn.runs, judge.runs if judge else None
-    channels, tell = {}, teller(progress)
+    channels, report = {}, teller(progress)
     names = list(dict.fromkeys(n for run in (unseen or runs) for n in run.channels))
     for k, name in enumerate(names):
-        tell(f"what could be explained of {name}", k / len(names))
+        report(f"what could be explained of {name}", k / len(names))
         train = [_record(model, run, name) for run in runs if name in run.channels]
         test = [_record(model, run, name) for run in unseen or () if name in run.channels]
         measured = [r.channels[name].measured for r in (unseen or runs) if name in r.channels]
@@ -183,7 +183,7 @@ def headroom_of(
             "headroom: the logs to learn from and the unseen ones have no channel in common.",
             "Give logs that measure the same channels.",
         )
-    tell("done", 1.0)
+    report("done", 1.0)
     return Headroom(channels, "unseen" if unseen else "left-out", str(model))
 
 
@@ -210,14 +210,14 @@ def _channel(
     train: list[ErrorRecord], test: list[ErrorRecord], measured: np.ndarray, seed: int
 ) -> ChannelHeadroom:
     if len(train) < _FEWEST:
-        train = [part for record in train for part in _cut(record, _BLOCKS // len(train))]
+        train = [stretch for record in train for stretch in _cut(record, _BLOCKS // len(train))]
     samples = sum(int(np.isfinite(r.error).sum()) for r in train)
     nothing = Explainable(0.0, 0.0, 1.0, Rung.NOTHING, ())
-    found = explainable(train, test, seed) if samples >= _LEAST else nothing
-    seen = np.concatenate([record.error for record in test or train])
-    physics = float(np.sqrt(np.nanmean(seen**2))) / float(np.nanstd(measured))
-    corrected = physics * float(np.sqrt(1.0 - found.share))
-    return ChannelHeadroom(physics, corrected, *found, samples)
+    explained = explainable(train, test, seed) if samples >= _LEAST else nothing
+    errors = np.concatenate([record.error for record in test or train])
+    physics = float(np.sqrt(np.nanmean(errors**2))) / float(np.nanstd(measured))
+    corrected = physics * float(np.sqrt(1.0 - explained.share))
+    return ChannelHeadroom(physics, corrected, *explained, samples)
 
 
 def _cut(record: ErrorRecord, into: int) -> list[ErrorRecord]:

@@ -90,9 +90,9 @@ class LearnedLaw(Brief):
         if self.form is None:
             return ()
         first, size = self.form, len(self.form.formula.declared)
-        near = (one for one in self.forms[1:] if one.bic <= first.bic + FORMS_APART)
-        near = (one for one in near if one.one_step <= first.one_step + FORMS_APART)
-        return tuple(one for one in near if len(one.formula.declared) <= size)
+        near = (form for form in self.forms[1:] if form.bic <= first.bic + FORMS_APART)
+        near = (form for form in near if form.one_step <= first.one_step + FORMS_APART)
+        return tuple(form for form in near if len(form.formula.declared) <= size)
 
     @property
     def told(self) -> Fit:
@@ -129,8 +129,8 @@ class LearnedLaw(Brief):
         """The curve over the range of the logs, and its standard error; ``(K,)`` each."""
         x = np.linspace(self.curve.low, self.curve.high, _POINTS)
         which, covariance = self.coefficients()
-        own = self.curve.basis(x)[which]
-        spread = np.einsum("kx,kl,lx->x", own, covariance, own)
+        basis = self.curve.basis(x)[which]
+        spread = np.einsum("kx,kl,lx->x", basis, covariance, basis)
         return x, np.asarray(self.curve.at_signal(x)), np.sqrt(np.maximum(spread, 0.0))
 
     def coefficients(self) -> tuple[list[int], np.ndarray]:
@@ -146,7 +146,7 @@ class LearnedLaw(Brief):
             "port": self.curve.port,
             "signals": list(self.signals),
             "form": self.form.name if self.form else None,
-            "alike": [one.name for one in self.alike],
+            "alike": [form.name for form in self.alike],
             "worth": self.worth.to_json(),
             "holdout": self.told.holdout.to_json() if self.told.holdout else None,
         }

@@ -31,11 +31,11 @@ def missing_signals(trials: Trials, trial: TrialFit) -> tuple[Missing, ...]:
 
     Of the signals on which the errors depend (score test) the one is told that explains most of it.
     """
-    seen = observed(trials, trial)
+    logs = observed(trials, trial)
     signals = []
     for place in trials.places:
         runs = _runs(trials, place, trial)
-        tests = bases(signals_at(trials, place, seen))
+        tests = bases(signals_at(trials, place, logs))
 
         def tested(
             series: list[np.ndarray], port: str = place.port
@@ -94,26 +94,28 @@ def dependence_of(
         (Cameron & Miller 2015), which allows for correlation within them; where fewer than
         `_LEAST_BLOCKS` of them tell of a knot, its mean and error are NaN.
     """
-    rows = np.concatenate([one.T for one in series])
-    known = np.concatenate(signal)
-    block = np.concatenate([i * _BLOCKS + _blocks(one.size) for i, one in enumerate(signal)])
-    seen = np.isfinite(known)
-    rows, known, block = rows[seen], known[seen], block[seen]
-    if known.size <= knots.size or not np.ptp(known) > 0:
+    rows = np.concatenate([log_values.T for log_values in series])
+    values = np.concatenate(signal)
+    block = np.concatenate(
+        [i * _BLOCKS + _blocks(log_values.size) for i, log_values in enumerate(signal)]
+    )
+    finite = np.isfinite(values)
+    rows, values, block = rows[finite], values[finite], block[finite]
+    if values.size <= knots.size or not np.ptp(values) > 0:
         return NONE
-    square, cross = rows.T @ rows, rows.T @ known
+    square, cross = rows.T @ rows, rows.T @ values
     means = np.linalg.pinv(square, 1e-9, hermitian=True) @ cross
-    rest = known - rows @ means
+    residual = values - rows @ means
     without = []
-    for one in np.unique(block):
-        own, those = rows[block == one], known[block == one]
-        left = np.linalg.pinv(square - own.T @ own, 1e-9, hermitian=True)
-        without.append(left @ (cross - own.T @ those))
+    for log_values in np.unique(block):
+        block_rows, block_values = rows[block == log_values], values[block == log_values]
+        inverse = np.linalg.pinv(square - block_rows.T @ block_rows, 1e-9, hermitian=True)
+        without.append(inverse @ (cross - block_rows.T @ block_values))
     apart = np.array(without) - np.mean(without, axis=0)
     errors = np.sqrt((1.0 - 1.0 / len(without)) * np.sum(apart**2, axis=0))
     blind = np.array([np.unique(block[row > 0]).size < _LEAST_BLOCKS for row in rows.T])
     means, errors = np.where(blind, np.nan, means), np.where(blind, np.nan, errors)
-    share = 1.0 - float(np.var(rest) / np.var(known))
+    share = 1.0 - float(np.var(residual) / np.var(values))
     return Dependence(share, (knots, means, errors))
 
 
@@ -135,22 +137,22 @@ def _runs(
         if channel not in log.measured:
             runs.append(LinearErrors(np.full_like(step, np.nan), still, still, still, still))
             continue
-        seen = np.where(np.isnan(log.measured[channel]), np.nan, path[f"rest.{channel}"])
+        residual = np.where(np.isnan(log.measured[channel]), np.nan, path[f"rest.{channel}"])
         if place.output:
-            runs.append(LinearErrors(seen, still, still, still, push))
+            runs.append(LinearErrors(residual, still, still, still, push))
             continue
         turned = (path[channel] < 0) & (channel in log.unsigned)
         grown = np.expm1(np.clip(decay * step, -50.0, 1.0))
         within = np.where(grown == 0, step, grown / np.where(decay == 0, 1.0, decay))
-        kept, seen = 1.0 + grown, np.where(turned, -seen, seen)
+        kept, residual = 1.0 + grown, np.where(turned, -residual, residual)
         undone = kept * path.get(f"moved.{channel}", 0.0) + within * path.get(
             f"pushed.{channel}", 0.0
         )
-        runs.append(LinearErrors(seen, kept, undone, within * push, still))
+        runs.append(LinearErrors(residual, kept, undone, within * push, still))
     step = trials.logs[0].step
     lasting = float(np.exp(-step / trial.values.get(f"noise.{channel}.correlation", step)))
     signals = smoothed_signals(runs, lasting)
-    return [(path["time"], *one) for path, one in zip(trial.path, signals, strict=True)]
+    return [(path["time"], *smoothed) for path, smoothed in zip(trial.path, signals, strict=True)]
 
 
 def _unit_of(model: Model, signal: SignalForm) -> str:

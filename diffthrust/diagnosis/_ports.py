@@ -55,11 +55,11 @@ def unseen_at(model: Model, log: Log, channels: Collection[str]) -> set[str]:
     Where a state is prescribed by the log, what would drive it drives nothing.
     """
     rates, outputs = slopes_at(model, log)
-    seen = [rates[n] for n in model.states if n not in log.inputs]
-    seen += [outputs[n] for n in outputs if n in channels and n not in log.inputs]
+    observed = [rates[n] for n in model.states if n not in log.inputs]
+    observed += [outputs[n] for n in outputs if n in channels and n not in log.inputs]
     names = [(1, port) for port in model.ports]
     names += [(2, name) for name in inputs_of(model, log) if name not in model.states]
-    return {name for part, name in names if all(one[part][name] == 0 for one in seen)}
+    return {name for index, name in names if all(slopes[index][name] == 0 for slopes in observed)}
 
 
 def places_of(model: Model, log: Log, channels: Sequence[str]) -> tuple[DrivingPort, ...]:
@@ -95,7 +95,7 @@ def slopes_along(
     Of the rate of the place's state, or of its output, at every sample of a log, ``(T,)`` each.
     """
     signals = {name: jnp.asarray(value, float) for name, value in series.items()}
-    own, still = signals.get(place.state or "", jnp.zeros(())), jnp.zeros_like(signals["time"])
+    state, still = signals.get(place.state or "", jnp.zeros(())), jnp.zeros_like(signals["time"])
 
     def driven(x: Array, push: Array) -> Array:
         s = Signals({**signals, place.state: x} if place.state else signals)
@@ -103,9 +103,9 @@ def slopes_along(
         value = plain_rate((rates if place.state else outputs)[place.target])
         return jnp.broadcast_to(value, still.shape)
 
-    ones, zeros = jnp.ones_like(own), jnp.zeros_like(own)
-    _, by_state = jax.jvp(driven, (own, still), (ones, jnp.zeros_like(still)))
-    _, by_port = jax.jvp(driven, (own, still), (zeros, jnp.ones_like(still)))
+    unit, zeros = jnp.ones_like(state), jnp.zeros_like(state)
+    _, by_state = jax.jvp(driven, (state, still), (unit, jnp.zeros_like(still)))
+    _, by_port = jax.jvp(driven, (state, still), (zeros, jnp.ones_like(still)))
     return np.asarray(by_state if place.state else still), np.asarray(by_port)
 
 

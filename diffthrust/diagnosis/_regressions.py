@@ -177,15 +177,15 @@ class Learner:
 
 def learners_for(records: Sequence[ErrorRecord], features: Features) -> list[Learner]:
     """A learner for each rung above none; without those whose equations have no solution."""
-    found = []
+    learners = []
     for rung in list(Rung)[1:]:
         blocks, basis = regression(records, features, rung)
         losses = _left_out(blocks)
         if np.all(np.isfinite(losses)):
             least = int(np.argmin(losses))
             ridge, loss = float(_RIDGES[least]), float(losses[least])
-            found.append(Learner(rung, ridge, loss, features, blocks, basis))
-    return found
+            learners.append(Learner(rung, ridge, loss, features, blocks, basis))
+    return learners
 
 
 def chosen(learners: Sequence[Learner]) -> Learner | None:
@@ -220,14 +220,14 @@ def regression(
     """
     from scipy.linalg import block_diag, qr  # takes a while
 
-    seen = [np.isfinite(r.error) for r in records]
-    parts = [features.of(r, rung)[s] for r, s in zip(records, seen, strict=True)]
+    finite = [np.isfinite(r.error) for r in records]
+    parts = [features.of(r, rung)[s] for r, s in zip(records, finite, strict=True)]
     samples, basis = sum(map(len, parts)), np.eye(parts[0].shape[1])
     if samples < len(basis):
         span = qr(np.concatenate(parts)[:, 1:].T, mode="economic", check_finite=False)[0]
         basis = np.asarray(block_diag(1.0, span))  # the mean is free, and stays as it is
         parts = [x @ basis for x in parts]
-    errors = [r.error[s] for r, s in zip(records, seen, strict=True)]
+    errors = [r.error[s] for r, s in zip(records, finite, strict=True)]
     return [
         _Sums(x.T @ x, x.T @ y, float(y @ y), y.size) for x, y in zip(parts, errors, strict=True)
     ], basis
@@ -260,10 +260,14 @@ def _left_out(blocks: Sequence[_Sums]) -> np.ndarray:
 
     As a share of that of no correction.
     """
-    rest = np.zeros(_RIDGES.size)
-    for k, own in enumerate(blocks):
-        others = pooled_sums([b for i, b in enumerate(blocks) if i != k])
+    losses = np.zeros(_RIDGES.size)
+    for k, left_out in enumerate(blocks):
+        training = pooled_sums([b for i, b in enumerate(blocks) if i != k])
         for i, ridge in enumerate(_RIDGES):
-            w = ridge_solution(others, float(ridge))
-            rest[i] += own.total - 2.0 * float(w @ own.products) + float(w @ own.squares @ w)
-    return rest / max(sum(b.total for b in blocks), 1e-300)
+            w = ridge_solution(training, float(ridge))
+            losses[i] += (
+                left_out.total
+                - 2.0 * float(w @ left_out.products)
+                + float(w @ left_out.squares @ w)
+            )
+    return losses / max(sum(b.total for b in blocks), 1e-300)

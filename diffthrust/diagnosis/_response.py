@@ -63,11 +63,13 @@ class Response:
             By batch ``(B, K, C, T)``.
         """
         if ends is None:
-            ends = [np.concatenate([one[..., 1:], one[..., -1:]], axis=-1) for one in series]
+            ends = [np.concatenate([start[..., 1:], start[..., -1:]], axis=-1) for start in series]
         held = [dict(grid.hold).get(place) == "zero" for grid in self.problem.layout.grids]
         return [
-            _answer(slopes, slopes.places.index(place), one, one if still else 0.5 * (one + end))
-            for slopes, one, end, still in zip(self.slopes, series, ends, held, strict=True)
+            _answer(
+                slopes, slopes.places.index(place), start, start if still else 0.5 * (start + end)
+            )
+            for slopes, start, end, still in zip(self.slopes, series, ends, held, strict=True)
         ]
 
     def quadratic(
@@ -87,27 +89,30 @@ class Response:
         sigma = np.asarray(sigma)
         n, extra = layout.shared, more[0].shape[1] if more else 0
         size, starts = n + extra, len(layout.starts)
-        count = sum(one.shape[0] for one in errors)
+        count = sum(batch_errors.shape[0] for batch_errors in errors)
         information = np.zeros((size + count * starts,) * 2)
         gradient, energy, scores, at = np.zeros(size + count * starts), 0.0, [], size
-        for i, rest in enumerate(errors):
-            root = np.sqrt(np.asarray(layout.likelihood.law.weights(rest, sigma)))
+        for i, weighted in enumerate(errors):
+            root = np.sqrt(np.asarray(layout.likelihood.law.weights(weighted, sigma)))
             root = root / sigma[None, :, None]
-            rest, jacobian = rest * root, self.slopes[i].jacobian
+            weighted, jacobian = weighted * root, self.slopes[i].jacobian
             parts = [jacobian[:, :n], *([more[i]] if more else []), jacobian[:, n:]]
             rows = np.concatenate(parts, axis=1) * root[:, None]
-            scores.append(_by_blocks(rows[:, :size] * rest[:, None]))
+            scores.append(_by_blocks(rows[:, :size] * weighted[:, None]))
             flat = rows.reshape(*rows.shape[:2], -1)
-            gram, slope = flat @ flat.transpose(0, 2, 1), flat @ rest.reshape(len(rest), -1, 1)
-            energy += float(np.sum(rest**2))
+            gram, slope = (
+                flat @ flat.transpose(0, 2, 1),
+                flat @ weighted.reshape(len(weighted), -1, 1),
+            )
+            energy += float(np.sum(weighted**2))
             information[:size, :size] += gram[:, :size, :size].sum(axis=0)
             gradient[:size] += slope[:, :size, 0].sum(axis=0)
-            for own, down in zip(gram, slope, strict=True):
-                here = slice(at, at + starts)
-                information[:size, here] = own[:size, size:]
-                information[here, :size] = own[size:, :size]
-                information[here, here] = own[size:, size:]
-                gradient[here] = down[size:, 0]
+            for block, slopes_of_log in zip(gram, slope, strict=True):
+                local = slice(at, at + starts)
+                information[:size, local] = block[:size, size:]
+                information[local, :size] = block[size:, :size]
+                information[local, local] = block[size:, size:]
+                gradient[local] = slopes_of_log[size:, 0]
                 at += starts
         return Quadratic(
             np.asarray(cost), gradient, information, np.asarray(energy), sigma,
@@ -127,25 +132,27 @@ class Response:
         The further coordinates move within ``limits``.
         """
         n, extra = self.problem.shared, more[0].shape[1] if more else 0
-        own = slice(n, n + extra)
+        extra_slice = slice(n, n + extra)
         step = _full_step(q.information, q.gradient, movable)
-        room = np.clip(step[own], *limits)
-        if np.any(room != step[own]):  # those that would go beyond their bounds go to them
+        room = np.clip(step[extra_slice], *limits)
+        if np.any(room != step[extra_slice]):  # those that would go beyond their bounds go to them
             movable = movable.copy()
-            movable[own] = False
-            slope = q.gradient + q.information[:, own] @ room
+            movable[extra_slice] = False
+            slope = q.gradient + q.information[:, extra_slice] @ room
             step = _full_step(q.information, slope, movable)
-            step[own] = room
+            step[extra_slice] = room
         logs = sum(map(len, self.errors))
         starts = step[n + extra :].reshape(logs, len(self.problem.layout.starts))
         errors, at = [], 0
-        for i, (rest, off) in enumerate(zip(self.errors, change, strict=True)):
-            jacobian, count = self.slopes[i].jacobian, len(rest)
-            rest = rest + off + np.tensordot(step[:n], jacobian[:, :n], (0, 1))
-            rest = rest + np.einsum("bj,bjct->bct", starts[at : at + count], jacobian[:, n:])
+        for i, (predicted, off) in enumerate(zip(self.errors, change, strict=True)):
+            jacobian, count = self.slopes[i].jacobian, len(predicted)
+            predicted = predicted + off + np.tensordot(step[:n], jacobian[:, :n], (0, 1))
+            predicted = predicted + np.einsum(
+                "bj,bjct->bct", starts[at : at + count], jacobian[:, n:]
+            )
             if extra:
-                rest = rest + np.tensordot(step[n : n + extra], more[i], (0, 1))
-            errors.append(rest)
+                predicted = predicted + np.tensordot(step[n : n + extra], more[i], (0, 1))
+            errors.append(predicted)
             at += count
         return float(_law(self.problem.layout, self.problem.numbers, errors)[0])
 
@@ -154,27 +161,27 @@ class Response:
         """By batch the root of the weights, and the errors and shared derivatives under it."""
         layout, out = self.problem.layout, []
         sigma = np.asarray(_law(layout, self.problem.numbers, self.errors)[1])
-        for rest, slopes in zip(self.errors, self.slopes, strict=True):
-            root = np.sqrt(np.asarray(layout.likelihood.law.weights(rest, sigma)))
+        for errors, slopes in zip(self.errors, self.slopes, strict=True):
+            root = np.sqrt(np.asarray(layout.likelihood.law.weights(errors, sigma)))
             root = root / sigma[None, :, None]
             shared = slopes.jacobian[:, : layout.shared] * root[:, None]
-            out.append((root, rest * root, shared))
+            out.append((root, errors * root, shared))
         return out
 
     def scores(
-        self, known: Sequence[int], more: Sequence[np.ndarray]
+        self, estimated: Sequence[int], more: Sequence[np.ndarray]
     ) -> tuple[np.ndarray, np.ndarray]:
         """Information, and gradient by blocks of time, of some coordinates and of more.
 
         Args:
-            known: some of the shared coordinates.
+            estimated: some of the shared coordinates.
             more: derivatives of the errors by further ones, by batch ``(B, K, C, T)``.
         """
-        size = len(known) + more[0].shape[1]
+        size = len(estimated) + more[0].shape[1]
         information, scores = np.zeros((size, size)), []
-        for (root, rest, shared), added in zip(self.weighted, more, strict=True):
-            rows = np.concatenate([shared[:, list(known)], added * root[:, None]], axis=1)
-            scores.append(_by_blocks(rows * rest[:, None]))
+        for (root, residual, shared), added in zip(self.weighted, more, strict=True):
+            rows = np.concatenate([shared[:, list(estimated)], added * root[:, None]], axis=1)
+            scores.append(_by_blocks(rows * residual[:, None]))
             flat = rows.reshape(*rows.shape[:2], -1)
             information += (flat @ flat.transpose(0, 2, 1)).sum(axis=0)
         return information, np.concatenate(scores, axis=1)
@@ -231,21 +238,21 @@ def _answer(slopes: StepSlopes, place: int, series: np.ndarray, over: np.ndarray
     wide = _MANY if 2 * count > _MANY else _AT_ONCE
     room = ((0, 0), (0, -count % wide), (0, 0))
     series, over = np.pad(series, room), np.pad(over, room)
-    now, later, shown = (part[..., place] for part in (slopes.now, slopes.over, slopes.shown))
+    now, later, shown = (chunk[..., place] for chunk in (slopes.now, slopes.over, slopes.shown))
     out = [
-        np.asarray(_carried(slopes.carry, slopes.seen, now, later, shown, *part))
+        np.asarray(_carried(slopes.carry, slopes.seen, now, later, shown, *chunk))
         for at in range(0, count, wide)
-        for part in [(series[:, at : at + wide], over[:, at : at + wide])]
+        for chunk in [(series[:, at : at + wide], over[:, at : at + wide])]
     ]
     return np.concatenate(out, axis=1)[:, :count]
 
 
 @jax.jit
 def _carried(
-    carry: Any, seen: Any, now: Any, later: Any, shown: Any, series: Any, over: Any
+    carry: Any, output: Any, now: Any, later: Any, shown: Any, series: Any, over: Any
 ) -> Any:
-    def one(log: Any) -> Any:
-        carry, seen, now, later, shown, series, over = log
+    def log_response(log: Any) -> Any:
+        carry, output, now, later, shown, series, over = log
 
         def body(x: Any, row: Any) -> tuple[Any, Any]:
             a, c, b, o, d, p, q = row
@@ -253,7 +260,7 @@ def _carried(
             return a @ x + b[:, None] * p[None, :] + o[:, None] * q[None, :], error
 
         start = jnp.zeros((carry.shape[-1], series.shape[0]))
-        rows = (carry, seen, now, later, shown, series.T, over.T)
+        rows = (carry, output, now, later, shown, series.T, over.T)
         return jax.lax.scan(body, start, rows)[1].transpose(2, 1, 0)
 
-    return jax.lax.map(one, (carry, seen, now, later, shown, series, over))
+    return jax.lax.map(log_response, (carry, output, now, later, shown, series, over))

@@ -35,21 +35,21 @@ def score_test(
     more = len(scores) - base
     nuisance, cross = information[:base, :base], information[base:, :base]
     through = cross @ np.linalg.pinv(nuisance, rcond=1e-11, hermitian=True)
-    left = information[base:, base:] - through @ cross.T
-    clear = scores[base:] - through @ scores[:base]
-    values, vectors = np.linalg.eigh(left)
-    own = np.diagonal(information)[base:]
-    kept = values > 1e-8 * max(own.max(initial=0.0), 1e-300)
+    remaining = information[base:, base:] - through @ cross.T
+    gradient = scores[base:] - through @ scores[:base]
+    values, vectors = np.linalg.eigh(remaining)
+    diagonal = np.diagonal(information)[base:]
+    kept = values > 1e-8 * max(diagonal.max(initial=0.0), 1e-300)
     rank = int(kept.sum())
     blocks = int(np.sum(np.any(scores != 0, axis=0)))
     if rank == 0 or blocks < 3:
         return 1.0, np.zeros(more), np.full((more, more), np.nan)
     basis = vectors[:, kept] / np.sqrt(values[kept])
-    seen = basis.T @ clear
-    scatter = max(1.0, float(np.sum(seen**2)) / rank)
-    ratio = float(np.sum(seen.sum(axis=1) ** 2)) / rank / scatter
+    projected = basis.T @ gradient
+    scatter = max(1.0, float(np.sum(projected**2)) / rank)
+    ratio = float(np.sum(projected.sum(axis=1) ** 2)) / rank / scatter
     inverse = basis @ basis.T
-    estimated = -inverse @ clear.sum(axis=1)
+    estimated = -inverse @ gradient.sum(axis=1)
     return float(fdtrc(rank, rank * (blocks - 1), ratio)), estimated, inverse
 
 
@@ -73,13 +73,15 @@ def promised_gain(q: Quadratic, movable: np.ndarray) -> float:
 def redundant(q: Quadratic, names: Sequence[str], effect: str) -> bool:
     """Whether an effect does nothing that the other estimated parameters cannot."""
     live = np.diagonal(q.information) > 0
-    own = np.zeros(live.size, bool)
-    own[: len(names)] = [of_effect(n, effect) for n in names]
+    of_this = np.zeros(live.size, bool)
+    of_this[: len(names)] = [of_effect(n, effect) for n in names]
     length = np.sqrt(np.diagonal(q.information)[live])
     scaled = q.information[np.ix_(live, live)] / np.outer(length, length)
-    own = own[live]
-    if not own.any():
+    of_this = of_this[live]
+    if not of_this.any():
         return True
-    cross, rest = scaled[np.ix_(own, ~own)], scaled[np.ix_(~own, ~own)]
-    left = scaled[np.ix_(own, own)] - cross @ np.linalg.pinv(rest, 1e-12, True) @ cross.T
-    return bool(np.diagonal(left).max() < _SAME)
+    cross, nuisance = scaled[np.ix_(of_this, ~of_this)], scaled[np.ix_(~of_this, ~of_this)]
+    remaining = (
+        scaled[np.ix_(of_this, of_this)] - cross @ np.linalg.pinv(nuisance, 1e-12, True) @ cross.T
+    )
+    return bool(np.diagonal(remaining).max() < _SAME)

@@ -55,8 +55,8 @@ def smoothed_signals(
     """
     joined = np.concatenate([run.seen for run in runs])
     moved = np.concatenate([np.hypot(run.pushed, run.direct) for run in runs])
-    known = joined[np.isfinite(joined)]
-    noise = float(np.sqrt(np.mean(known**2))) if known.size else 0.0
+    valid = joined[np.isfinite(joined)]
+    noise = float(np.sqrt(np.mean(valid**2))) if valid.size else 0.0
     unit = float(np.sqrt(np.mean(moved**2)))
     if not noise > 0 or not unit > 0:
         return [(np.zeros(run.seen.size), np.full(run.seen.size, np.nan)) for run in runs]
@@ -71,11 +71,11 @@ def smoothed_signals(
         count += int(np.isfinite(run.seen[:_ENOUGH]).sum())
     best = int(np.argmin(cost + count * np.log(squares / count)))
     chosen = [_filter(run, grid[best : best + 1], lasting) for run in scaled]
-    total = sum(float(one.squares[0]) for one in chosen)
-    scale = noise * np.sqrt(total / known.size)
+    total = sum(float(filtered_run.squares[0]) for filtered_run in chosen)
+    scale = noise * np.sqrt(total / valid.size)
     out = []
-    for one in chosen:
-        means, covariances = _smoother(one)
+    for filtered_run in chosen:
+        means, covariances = _smoother(filtered_run)
         spread = scale * np.sqrt(np.maximum(covariances[:, 1, 1], 0.0))
         out.append((noise * means[:, 1], spread))
     return out
@@ -116,7 +116,7 @@ def _filter(
         moves[:, 0, 0], moves[:, 0, 1] = run.kept[t], run.pushed[t]
         moves[:, 1, 1], moves[:, 2, 2] = forgets, lasting
         if many == 1:
-            filtered.moments.append((*(part[0] for part in (*ahead, x, p)), moves[0]))
+            filtered.moments.append((*(moment[0] for moment in (*ahead, x, p)), moves[0]))
         x = (moves @ x[:, :, None])[:, :, 0]
         x[:, 0] -= run.undone[t]
         p = moves @ p @ moves.transpose(0, 2, 1) + q

@@ -87,8 +87,8 @@ def step_slopes(
 ) -> list[StepSlopes]:
     """By batch, along the paths of a pass at coordinates ``z``."""
     out = []
-    for index, found in enumerate(_slopes(layout, numbers, z, list(paths))):
-        parts = jax.tree.map(np.asarray, found)
+    for index, slopes in enumerate(_slopes(layout, numbers, z, list(paths))):
+        parts = jax.tree.map(np.asarray, slopes)
         places = (*layout.key.model.ports, *layout.channels, *_inputs(numbers, index))
         out.append(StepSlopes(places, *parts))
     return out
@@ -104,11 +104,11 @@ def _slopes(layout: Any, numbers: Any, z: Any, paths: Any) -> Any:
     out = []
     for index, (batch, start, path) in enumerate(zip(numbers.batches, starts, paths, strict=True)):
 
-        def one(given: Any, index: int = index) -> Any:
-            return _Step(layout, index, numbers, shared, *given).slopes()
+        def log_slopes(log_and_path: Any, index: int = index) -> Any:
+            return _Step(layout, index, numbers, shared, *log_and_path).slopes()
 
         states = {n: v for n, v in path.items() if not n.startswith(_NOTES)}
-        out.append(jax.lax.map(one, (replace(batch, start=start), states)))
+        out.append(jax.lax.map(log_slopes, (replace(batch, start=start), states)))
     return out
 
 
@@ -133,14 +133,14 @@ class _Step:
         begin, after, errors = jax.jacfwd(self.step)(still)
         after, errors = jnp.moveaxis(after, 0, 1), jnp.moveaxis(errors, 0, 1)
         states, now, over = (slice(ends[i], ends[i + 1]) for i in (2, 3, 4))
-        own = slice(0, ends[2])
+        initial = slice(0, ends[2])
 
         def body(x: Any, row: Any) -> tuple[Any, Any]:
             a, f, c, s = row
             return a @ x + f, c @ x + s
 
-        rows = (after[..., states], after[..., own], errors[..., states], errors[..., own])
-        jacobian = jax.lax.scan(body, begin[:, own], rows)[1].transpose(2, 1, 0)
+        rows = (after[..., states], after[..., initial], errors[..., states], errors[..., initial])
+        jacobian = jax.lax.scan(body, begin[:, initial], rows)[1].transpose(2, 1, 0)
         matrices = after[..., states], after[..., now], after[..., over]
         by = errors[..., states], errors[..., now]
         return *matrices, *by, jacobian, *self.passings()
@@ -161,7 +161,7 @@ class _Step:
 
     def step(self, w: Any) -> tuple[Any, Any, Any]:
         """States at the start ``(n,)``, those after each sample ``(n, T)``, errors ``(C, T)``."""
-        moved, begun, away, now, over = self.parts(w)
+        moved, start_push, away, now, over = self.parts(w)
         log, path = self.log, self.path
         observer = self.layout.likelihood.observer
         values = named_values(self.layout, self.numbers, self.z + moved)
@@ -183,8 +183,8 @@ class _Step:
         pushed = self.bound(values, over)
         after = {**self.carried(pushed, run, corrected, self.driven(pushed, over)), **waiting}
         first = Signals({n: value[0] for n, value in u.items()})
-        given = {n: log.start[i] + begun[i] for i, n in enumerate(self.layout.starts)}
-        begin = starting_point(model, first, {**log.held, **given})
+        initial = {n: log.start[i] + start_push[i] for i, n in enumerate(self.layout.starts)}
+        begin = starting_point(model, first, {**log.held, **initial})
         start = jnp.stack([jnp.asarray(begin.get(n, 0.0), float) for n in self.names])
         wide = [jnp.broadcast_to(after[n], log.time.shape) for n in self.names]
         return start, jnp.stack(wide), jnp.stack(errors)
@@ -196,10 +196,10 @@ class _Step:
         grid, hold = self.grid, dict(self.grid.hold)
         alone = {f"colour.{c}" for c in self.layout.channels} - {*run.start}
         moving = [n for n in self.names if n not in alone]
-        own = [n for n in moving if n not in run.start]
+        model_states = [n for n in moving if n not in run.start]
 
-        def rates(state: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
-            return run.rates(rates_of(model, own, state, given), state)
+        def rates(state: Mapping[str, Any], inputs: Mapping[str, Any]) -> dict[str, Any]:
+            return run.rates(rates_of(model, model_states, state, inputs), state)
 
         spans = {
             n: (v,) if hold.get(n, "linear") == "zero" else (v, jnp.append(v[1:], v[-1:]))
@@ -214,8 +214,8 @@ class _Step:
         }
 
         def further(part: Any, state: Mapping[str, Any]) -> dict[str, Any]:
-            given = {n: within(span, part, grid.substeps) for n, span in spans.items()}
-            return advance(rates, state, given, steps, weights)
+            inputs = {n: within(span, part, grid.substeps) for n, span in spans.items()}
+            return advance(rates, state, inputs, steps, weights)
 
         state = {n: jnp.broadcast_to(states[n], steps.shape) for n in moving}
         return jax.lax.fori_loop(0, grid.substeps, further, state)
@@ -245,9 +245,9 @@ class _Step:
         read = read_out(model, s)
         places = {c: (read[c], wide(outputs)) for c in self.layout.channels}
         places |= {n: (series[n], {}) for n in self.inputs}
-        for name, (value, there) in port.noted.items():
-            told = wide({n: v for n, v in there.items() if n not in series})
-            places[name] = wide({"": value})[""], told
+        for name, (value, visible) in port.noted.items():
+            earlier = wide({n: v for n, v in visible.items() if n not in series})
+            places[name] = wide({"": value})[""], earlier
         return Passing(dict(series), places)
 
 

@@ -45,22 +45,22 @@ def observed(trials: Trials, trial: TrialFit) -> Observed:
 
 
 def signals_at(
-    trials: Trials, place: DrivingPort, seen: Observed
+    trials: Trials, place: DrivingPort, logs: Observed
 ) -> dict[SignalForm, list[np.ndarray]]:
     """The signals on which something missing at a place may depend, log by log.
 
     All are known before the sample whose error they are to explain (a smoothed rate would contain
     that very error): the rate of a state is the one that the model predicts.
     """
-    paths, model = seen.paths, trials.model
+    paths, model = logs.paths, trials.model
     everywhere = set.intersection(*(set(path) for path in paths))
     names = [n for n in (*model.inputs, *model.optional_inputs) if n in everywhere]
     names += [n for n in model.states if n in everywhere and n in trials.channels]
     out = {SignalForm(n): [path[n] for path in paths] for n in dict.fromkeys(names)}
-    for other in trials.places:
-        if other.state and place.state in (other.state, None):
-            rate = SignalForm(other.state, rate=True)
-            out[rate] = [np.asarray(one[other.port]) for one in seen.ports]
+    for driving in trials.places:
+        if driving.state and place.state in (driving.state, None):
+            rate = SignalForm(driving.state, rate=True)
+            out[rate] = [np.asarray(ports[driving.port]) for ports in logs.ports]
     for name in model.states:  # one that the log prescribes moves as it was recorded
         if name in trials.logs[0].inputs:
             out[SignalForm(name)] = [path[name] for path in paths]
@@ -80,7 +80,7 @@ def bases(
         if np.ptp(pooled) <= 1e-9 * (1.0 + np.max(np.abs(pooled))):
             continue  # a constant
         knots = knots_of(pooled)
-        out[form] = ([hats(one, knots) for one in series], knots)
+        out[form] = ([hats(values, knots) for values in series], knots)
     return out
 
 
@@ -108,9 +108,9 @@ def _scored(
 ) -> tuple[float, np.ndarray, np.ndarray]:
     """Score test of coordinates that the errors answer so, by batch ``(B, K, C, T)``."""
     # errors that are white say of the observer's gains nothing that they say of a mean
-    known = [i for i, name in enumerate(trial.names) if name not in trials.nuisance]
-    information, scores = trial.response.scores(known, answers)
-    return score_test(information, scores, len(known))
+    estimated = [i for i, name in enumerate(trial.names) if name not in trials.nuisance]
+    information, scores = trial.response.scores(estimated, answers)
+    return score_test(information, scores, len(estimated))
 
 
 class Suspect(NamedTuple):
@@ -137,28 +137,30 @@ def remaining_structure(trials: Trials, trial: TrialFit) -> Remaining | None:
         return p, Remaining(suspect.port, suspect.signal, share, suspect.manner, gain)
 
     answers = side_by_side(tested, _suspects(trials, trial))
-    worth = [one for one in answers if one[1].share >= _LEAST]
+    worth = [answer for answer in answers if answer[1].share >= _LEAST]
     if not any(p < _LEVEL / len(answers) for p, _ in worth):
         return None
-    return max((left for p, left in worth if p < _NAMED), key=lambda left: left.gain)
+    return max(
+        (remaining for p, remaining in worth if p < _NAMED), key=lambda remaining: remaining.gain
+    )
 
 
-def gain_of(trials: Trials, trial: TrialFit, left: Remaining) -> float:
+def gain_of(trials: Trials, trial: TrialFit, remaining: Remaining) -> float:
     """The likelihood ratio that given structure promises beside a trial."""
-    named = (left.port, left.signal, left.manner)
-    alike = (s for s in _suspects(trials, trial) if (s.port, s.signal, s.manner) == named)
-    return max((_gain(trials, trial, suspect)[1] for suspect in alike), default=0.0)
+    named = (remaining.port, remaining.signal, remaining.manner)
+    matching = (s for s in _suspects(trials, trial) if (s.port, s.signal, s.manner) == named)
+    return max((_gain(trials, trial, suspect)[1] for suspect in matching), default=0.0)
 
 
 def _suspects(trials: Trials, trial: TrialFit) -> list[Suspect]:
-    seen = observed(trials, trial)
-    step = float(np.median(np.diff(seen.paths[0]["time"])))
-    suspects, waves = [], _waves(trials, trial, seen)
+    logs = observed(trials, trial)
+    step = float(np.median(np.diff(logs.paths[0]["time"])))
+    suspects, waves = [], _waves(trials, trial, logs)
     for place in trials.places:
-        signals = signals_at(trials, place, seen)
-        factors = _factors(behind(trials, place), seen.ports)
+        signals = signals_at(trials, place, logs)
+        factors = _factors(behind(trials, place), logs.ports)
         shapes = {
-            form: one for form, (one, _) in bases({**signals, **_past(signals, step)}).items()
+            form: basis for form, (basis, _) in bases({**signals, **_past(signals, step)}).items()
         }
         for form, series in {**shapes, **waves}.items():
             suspects.append(Suspect(place, place.port, form, "adds", series))
@@ -168,13 +170,13 @@ def _suspects(trials: Trials, trial: TrialFit) -> list[Suspect]:
     return suspects
 
 
-def _waves(trials: Trials, trial: TrialFit, seen: Observed) -> dict[SignalForm, list[np.ndarray]]:
+def _waves(trials: Trials, trial: TrialFit, logs: Observed) -> dict[SignalForm, list[np.ndarray]]:
     """The waves that stand out along states: sine and cosine, log by log ``(2, T)``."""
-    names = [n for n in trials.model.states if all(n in path for path in seen.paths)]
+    names = [n for n in trials.model.states if all(n in path for path in logs.paths)]
     return {
         SignalForm(name, wave=wave.length): [
             np.stack([np.sin(wave.number * path[name]), np.cos(wave.number * path[name])])
-            for path in seen.paths
+            for path in logs.paths
         ]
         for name in names
         if (wave := wave_along(trial, name))
@@ -200,11 +202,13 @@ def _factors(
     """What passes some ports, log by log and of unit size; of several that go alike, the first."""
     factors: dict[str, list[np.ndarray]] = {}
     for name in names:
-        level = np.sqrt(np.mean(np.concatenate([one[name] for one in ports]) ** 2))
-        unit = [one[name] / max(level, 1e-300) for one in ports]
+        level = np.sqrt(np.mean(np.concatenate([passing[name] for passing in ports]) ** 2))
+        unit = [passing[name] / max(level, 1e-300) for passing in ports]
         joined = np.concatenate(unit)
-        alike = (abs(np.mean(joined * np.concatenate(other))) for other in factors.values())
-        if level > 0 and not any(one > 1.0 - 1e-9 for one in alike):
+        correlations = (
+            abs(np.mean(joined * np.concatenate(factor))) for factor in factors.values()
+        )
+        if level > 0 and not any(passing > 1.0 - 1e-9 for passing in correlations):
             factors[name] = unit
     return factors
 
@@ -215,12 +219,12 @@ def _past(
     """The running means of inputs and states, and of their squares, over some recent samples."""
     plain = {f.name: s for f, s in signals.items() if f.name != "time" and not f.rate}
     out = {
-        SignalForm(name, past=samples * step): [recent(one, samples) for one in series]
+        SignalForm(name, past=samples * step): [recent(values, samples) for values in series]
         for name, series in plain.items()
         for samples in _PAST
     }
     for name, series in plain.items():
-        warm = [recent(np.concatenate([[0.0], one**2]), _SLOW)[1:] for one in series]
+        warm = [recent(np.concatenate([[0.0], values**2]), _SLOW)[1:] for values in series]
         out[SignalForm(f"{name}**2", past=_SLOW * step)] = warm
     return out
 
@@ -236,10 +240,12 @@ def recent(series: np.ndarray, samples: int) -> np.ndarray:
 def behind(trials: Trials, place: DrivingPort) -> tuple[str, ...]:
     """The ports whose signal drives what a place drives, and nothing else; itself included."""
     rates, outputs = slopes_at(trials.model, trials.logs[0])
-    part = rates if place.state else outputs
-    others = [part[n][1] for n in part if n != place.target]
-    own = part[place.target][1]
-    return tuple(p for p in own if own[p] != 0 and all(other[p] == 0 for other in others))
+    derivatives = rates if place.state else outputs
+    remaining = [derivatives[n][1] for n in derivatives if n != place.target]
+    of_target = derivatives[place.target][1]
+    return tuple(
+        p for p in of_target if of_target[p] != 0 and all(slopes[p] == 0 for slopes in remaining)
+    )
 
 
 def samples_at(trials: Trials, place: DrivingPort) -> float:

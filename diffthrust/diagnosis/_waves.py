@@ -47,8 +47,8 @@ def wave_along(trial: TrialFit, name: str) -> Wave | None:
     """
     ran = trial.passed
     sigma = np.asarray(trial.quadratic.sigma)[:, None]
-    along = [one.path[name][:-1] for one in ran]
-    errors = [np.nan_to_num(one.errors[:, 1:] / sigma) for one in ran]
+    along = [log.path[name][:-1] for log in ran]
+    errors = [np.nan_to_num(log.errors[:, 1:] / sigma) for log in ran]
     numbers = _numbers(along)
     if not numbers.size:
         return None
@@ -72,9 +72,9 @@ def _periodogram(
     """
     sums = np.zeros((len(errors[0]), numbers.size), complex)
     level = np.zeros((len(errors[0]), 1))
-    for x, rest in zip(along, errors, strict=True):
-        sums += rest @ np.exp(-1j * np.outer(x, numbers))
-        level += np.sum(rest**2, axis=1, keepdims=True)
+    for x, residual in zip(along, errors, strict=True):
+        sums += residual @ np.exp(-1j * np.outer(x, numbers))
+        level += np.sum(residual**2, axis=1, keepdims=True)
     return np.abs(sums) ** 2 / np.maximum(level, 1e-300), np.angle(sums)
 
 

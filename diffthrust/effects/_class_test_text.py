@@ -71,13 +71,13 @@ def test_what_it_remembers_moves_and_begins_as_the_law_says():
 
 def effect_test_text(formula: Formula, name: str) -> str:
     """The tests of `effect_class_text`, which pass: its null, its law, its slopes."""
-    told = {"port": formula.port, "expression": formula.expression}
+    arguments = {"port": formula.port, "expression": formula.expression}
     reads = (*formula.reads, *formula.states)
     return (_TEST + _MEMORY_TEST * bool(formula.states)).format(
         cls=class_name(name),
         name=name,
         reads=as_python(reads),
-        formula=as_python(told),
+        formula=as_python(arguments),
         moved=as_python({n: _moved(p) for n, p in formula._parameters.items() if not p.fixed}),
     )
 

@@ -59,7 +59,7 @@ _MEMORY = '''
 
 def class_name(name: str) -> str:
     """How the class of an effect is called: tip_loss is TipLoss."""
-    return "".join(part.title() for part in name.split("_"))
+    return "".join(word.title() for word in name.split("_"))
 
 
 def effect_class_text(
@@ -83,11 +83,11 @@ def effect_class_text(
     about = f"Acts at the port '{formula.port}'{', adding' * formula.adds}: {acts}."
     about = textwrap.fill(f"{about} Null: {', '.join(nulls)}.", _WIDTH - 4)
     described = formula._parameters.items()
-    said = doc.strip().replace("\\", "\\\\").replace('"""', "'''")
+    summary = doc.strip().replace("\\", "\\\\").replace('"""', "'''")
     return _CLASS.format(
         title=f"The effect {name}, of one's own.",
         cls=class_name(name),
-        doc=textwrap.fill(said, _WIDTH - 7).replace("\n", "\n    "),
+        doc=textwrap.fill(summary, _WIDTH - 7).replace("\n", "\n    "),
         about=textwrap.indent(about, "    "),
         name=name,
         port=formula.port,
@@ -107,12 +107,14 @@ def _declaration(p: Parameter) -> str:
     value, unit = fields.pop("value"), fields.pop("unit")
     if p.null == p.value and "size" not in fields:
         fields["size"] = 1.0
-    told = [f"{_rounded(value)!r}", f"unit={as_python(unit)}"]
-    told += [f"{n}={_field(n, v)}" for n, v in fields.items()]
-    line = f"dft.parameter({', '.join(told)})"
+    arguments = [f"{_rounded(value)!r}", f"unit={as_python(unit)}"]
+    arguments += [f"{n}={_field(n, v)}" for n, v in fields.items()]
+    line = f"dft.parameter({', '.join(arguments)})"
     if len(line) <= _WIDTH - 25:
         return line
-    return "\n".join(["dft.parameter(", *(f"        {part}," for part in told), "    )"])
+    return "\n".join(
+        ["dft.parameter(", *(f"        {argument}," for argument in arguments), "    )"]
+    )
 
 
 def _field(name: str, value: Any) -> str:
@@ -135,22 +137,22 @@ def _memory(formula: Formula) -> str:
     """The methods of an effect that remembers; none where it does not."""
     lines, rates, starts = [], [], []
     settled: dict[str, ast.expr] = {}
-    for one in expression_of(formula.expression).memories:
-        name = one.state
-        goal, pull = rate_parts(one)
+    for memory in expression_of(formula.expression).memories:
+        name = memory.state
+        goal, pull = rate_parts(memory)
         if pull is None:
             rate = _spelt(goal, formula)
         else:
             lines += [_assigned(f"{name}_goal", _spelt(goal, formula)),
                       _assigned(f"{name}_pull", _spelt(pull, formula))]  # fmt: skip
             rate = f"dft.models.Relaxing({name}_pull * ({name}_goal - s.{name}), {name}_pull)"
-        settled[name] = _Started(settled).of(begun_at(one))
+        settled[name] = _Started(settled).of(begun_at(memory))
         rates.append(_entry(name, rate))
         starts.append(_entry(name, _spelt(settled[name], formula)))
     if not rates:
         return ""
-    told = {"lines": lines, "rates": rates, "starts": starts}
-    return _MEMORY.format(**{n: "\n".join(each) for n, each in told.items()})
+    sections = {"lines": lines, "rates": rates, "starts": starts}
+    return _MEMORY.format(**{n: "\n".join(each) for n, each in sections.items()})
 
 
 def _assigned(name: str, text: str) -> str:
@@ -174,8 +176,8 @@ def _wrapped(text: str, indent: int) -> str:
 class _Started(ast.NodeTransformer):
     """Where one memory is of another: what that begins at, in place of its state."""
 
-    def __init__(self, known: Mapping[str, ast.expr]) -> None:
-        self._known = known
+    def __init__(self, starts: Mapping[str, ast.expr]) -> None:
+        self._known = starts
 
     def of(self, node: ast.expr) -> ast.expr:
         return self.visit(deepcopy(node))
@@ -202,20 +204,20 @@ def _law(formula: Formula) -> str:
     return f"(\n{_wrapped(text, 12)}\n        )"
 
 
-def _sum(left: ast.expr, right: ast.expr) -> ast.expr:
+def _sum(augend: ast.expr, addend: ast.expr) -> ast.expr:
     """Their sum; a difference where the second begins with a minus."""
-    if isinstance(right, ast.BinOp) and isinstance(right.op, ast.Add | ast.Sub):
-        return ast.BinOp(_sum(left, right.left), right.op, right.right)
-    product = right
+    if isinstance(addend, ast.BinOp) and isinstance(addend.op, ast.Add | ast.Sub):
+        return ast.BinOp(_sum(augend, addend.left), addend.op, addend.right)
+    product = addend
     while isinstance(product, ast.BinOp) and isinstance(product.left, ast.BinOp):
         product = product.left
     first = product.left if isinstance(product, ast.BinOp) else product
     if not (isinstance(first, ast.UnaryOp) and isinstance(first.op, ast.USub)):
-        return ast.BinOp(left, ast.Add(), right)
+        return ast.BinOp(augend, ast.Add(), addend)
     if not isinstance(product, ast.BinOp):
-        return ast.BinOp(left, ast.Sub(), first.operand)
+        return ast.BinOp(augend, ast.Sub(), first.operand)
     product.left = first.operand
-    return ast.BinOp(left, ast.Sub(), right)
+    return ast.BinOp(augend, ast.Sub(), addend)
 
 
 class _Written(ast.NodeTransformer):
@@ -233,24 +235,24 @@ class _Written(ast.NodeTransformer):
     def visit_Call(self, node: ast.Call) -> ast.expr:
         assert isinstance(node.func, ast.Name)
         name = SHORT.get(node.func.id, node.func.id)
-        given = [self.visit(part) for part in node.args]
+        arguments = [self.visit(argument) for argument in node.args]
         if name == "where":
-            given[0] = _condition(node.args[0], given[0])
-        return _finite(_FINITE[name], *given) if name in _FINITE else _jnp(name, *given)
+            arguments[0] = _condition(node.args[0], arguments[0])
+        return _finite(_FINITE[name], *arguments) if name in _FINITE else _jnp(name, *arguments)
 
     def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
-        left, right = self.visit(node.left), self.visit(node.right)
-        if isinstance(node.op, ast.Div) and not isinstance(right, ast.Constant):
-            return _finite("quotient", left, right)
-        if isinstance(node.op, ast.Pow) and not keeps_sign(right):
-            return _finite("raised", left, right)
-        return ast.BinOp(left, node.op, right)
+        first, second = self.visit(node.left), self.visit(node.right)
+        if isinstance(node.op, ast.Div) and not isinstance(second, ast.Constant):
+            return _finite("quotient", first, second)
+        if isinstance(node.op, ast.Pow) and not keeps_sign(second):
+            return _finite("raised", first, second)
+        return ast.BinOp(first, node.op, second)
 
     def visit_Compare(self, node: ast.Compare) -> ast.expr:
-        parts = [self.visit(part) for part in (node.left, *node.comparators)]
+        parts = [self.visit(operand) for operand in (node.left, *node.comparators)]
         pairs = [
-            ast.Compare(left, [op], [right])
-            for left, op, right in zip(parts[:-1], node.ops, parts[1:], strict=True)
+            ast.Compare(first, [op], [second])
+            for first, op, second in zip(parts[:-1], node.ops, parts[1:], strict=True)
         ]
         held: ast.expr = pairs[0]
         for pair in pairs[1:]:
@@ -258,17 +260,17 @@ class _Written(ast.NodeTransformer):
         return _jnp("where", held, ast.Constant(1.0), ast.Constant(0.0))
 
 
-def _condition(before: ast.expr, written: ast.expr) -> ast.expr:
+def _condition(original: ast.expr, written: ast.expr) -> ast.expr:
     """What a `where` asks: a comparison as such, a number for being none."""
-    if isinstance(before, ast.Compare) and isinstance(written, ast.Call):
+    if isinstance(original, ast.Compare) and isinstance(written, ast.Call):
         return written.args[0]
     return ast.Compare(written, [ast.NotEq()], [ast.Constant(0)])
 
 
-def _jnp(name: str, *given: ast.expr) -> ast.expr:
-    return ast.Call(ast.Attribute(ast.Name("jnp"), name), list(given), [])
+def _jnp(name: str, *arguments: ast.expr) -> ast.expr:
+    return ast.Call(ast.Attribute(ast.Name("jnp"), name), list(arguments), [])
 
 
-def _finite(name: str, *given: ast.expr) -> ast.expr:
+def _finite(name: str, *arguments: ast.expr) -> ast.expr:
     finite = ast.Attribute(ast.Attribute(ast.Name("dft"), "effects"), "finite")
-    return ast.Call(ast.Attribute(finite, name), list(given), [])
+    return ast.Call(ast.Attribute(finite, name), list(arguments), [])

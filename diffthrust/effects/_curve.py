@@ -115,15 +115,15 @@ class Curve(MadeEffect):
         name: str = "curve",
         **parameters: Any,
     ) -> None:
-        told = f"curve of {signal!r:.60} at {port!r:.60}"
+        label = f"curve of {signal!r:.60} at {port!r:.60}"
         _check_kinds(
-            told,
+            label,
             {"low": low, "high": high, "size": size, "bend": bend, "pieces": pieces},
             {"signal": signal, "times": times},
         )
         number = int(pieces) + _DEGREE
         law, factor = expression_of(signal), expression_of(times or "1")
-        for right, expected, found in (
+        for right, expected, actual in (
             (-np.inf < low < high < np.inf, "low < high, both finite", f"{low!r} and {high!r}"),
             (
                 _LEAST_PIECES <= pieces <= _MOST_PIECES and pieces == int(pieces),
@@ -135,7 +135,7 @@ class Curve(MadeEffect):
             (len(shape) <= number, f"a shape of at most {number} numbers", str(len(shape))),
         ):
             if not right:
-                raise InputError(f"{told}: expected {expected}, found {found}.", "Correct it.")
+                raise InputError(f"{label}: expected {expected}, found {actual}.", "Correct it.")
         begin = [*map(float, shape), *[0.0] * (number - len(shape))]
         widths = [1.0, 2.0, *[bend] * (pieces + 1)]
         names = ("level", "slope", *(f"bend{k + 1}" for k in range(pieces + 1)))
@@ -149,22 +149,23 @@ class Curve(MadeEffect):
         for name_held in (each for each in held if each not in names):
             near = nearest(str(name_held), names)
             raise InputError(
-                f"{told}: {name_held!r} to be held is no coefficient{'; ' + near if near else ''}.",
+                f"{label}: expected names of coefficients to hold, found {name_held!r}"
+                f"{'; ' + near if near else ''}.",
                 "Correct the name.",
             )
         places = {**law.places, **factor.places}
         for taken in (name for name in parameters if name in names):
             raise InputError(
-                f"{told}: a parameter cannot be called {taken!r}, as a coefficient is.",
+                f"{label}: a parameter cannot be called {taken!r}, as a coefficient is.",
                 "Give it another name.",
             )
         self._check_parameters(parameters, places, signal)
-        given = {n: plain_description(f"curve, {n}", each) for n, each in parameters.items()}
-        declared |= {n: _own(n, each, n in law.sizes) for n, each in given.items()}
+        descriptions = {n: plain_description(f"curve, {n}", each) for n, each in parameters.items()}
+        declared |= {n: _own(n, each, n in law.sizes) for n, each in descriptions.items()}
         self._set(signal=signal, times=times, low=float(low), high=float(high), pieces=pieces)
         self._set(size=size, bend=bend, unit=unit, held=tuple(held), coefficients=names)
-        self._set(given=given, states={one.state: "" for one in law.memories})
-        reads = tuple(sorted({*places} - {*given, ARRIVING}))
+        self._set(given=descriptions, states={memory.state: "" for memory in law.memories})
+        reads = tuple(sorted({*places} - {*descriptions, ARRIVING}))
         self._make(name, port, declared, reads)
         self._set(_weights=_weighed(self.shape))
 
@@ -199,10 +200,10 @@ class Curve(MadeEffect):
         return memory_starts(expression_of(self.signal), self._named(value, s))
 
     def _copy(self, **attributes: Any) -> Curve:
-        other = super()._copy(**attributes)
+        copy = super()._copy(**attributes)
         # here, not in the loop over time, where they would be worked out at each step
-        other._set(_weights=_weighed(other.shape))
-        return other
+        copy._set(_weights=_weighed(copy.shape))
+        return copy
 
     def _on_grid(self, x: Any) -> Any:
         return (x - self.low) * (self.pieces / (self.high - self.low))
@@ -214,7 +215,7 @@ class Curve(MadeEffect):
 
 def _weighed(shape: Sequence[Any]) -> Any:
     """The weight of each truncated power; of plain numbers without a program of its own."""
-    if all(isinstance(one, int | float | np.number) for one in shape):
+    if all(isinstance(value, int | float | np.number) for value in shape):
         return spline_weights(len(shape)) @ np.array(shape, float)
     return curve_weights(*shape)
 
@@ -224,7 +225,7 @@ def _weighed(shape: Sequence[Any]) -> Any:
 @jax.jit
 def curve_weights(*coefficients: Signal) -> Signal:
     """The weight of each truncated power in a curve with these coefficients."""
-    shape = jnp.stack(jnp.broadcast_arrays(*(jnp.asarray(one, float) for one in coefficients)))
+    shape = jnp.stack(jnp.broadcast_arrays(*(jnp.asarray(value, float) for value in coefficients)))
     return jnp.tensordot(jnp.asarray(spline_weights(len(coefficients))), shape, 1)
 
 
@@ -237,25 +238,25 @@ def truncated_powers(x: Signal, weights: Signal) -> Signal:
     return jnp.sum(along * jnp.maximum(x[None] - starts, 0.0) ** 3, axis=0)
 
 
-def _check_kinds(told: str, numbers: Mapping[str, Any], texts: Mapping[str, Any]) -> None:
+def _check_kinds(label: str, numbers: Mapping[str, Any], texts: Mapping[str, Any]) -> None:
     """Raise `InputError` for what is no number, or no text."""
-    for name, given in numbers.items():
-        if isinstance(given, bool) or not isinstance(given, int | float | np.number):
-            raise InputError(f"{told}: expected a number as {name}, found {given!r}.", "Give one.")
-    for name, given in texts.items():
-        if not isinstance(given, str):
-            raise InputError(f"{told}: expected text as {name}, found {given!r}.", "Quote it.")
+    for name, value in numbers.items():
+        if isinstance(value, bool) or not isinstance(value, int | float | np.number):
+            raise InputError(f"{label}: expected a number as {name}, found {value!r}.", "Give one.")
+    for name, value in texts.items():
+        if not isinstance(value, str):
+            raise InputError(f"{label}: expected text as {name}, found {value!r}.", "Quote it.")
 
 
-def _own(name: str, given: str | Mapping[str, Any], size: bool) -> Parameter:
+def _own(name: str, description: str | Mapping[str, Any], size: bool) -> Parameter:
     """A parameter of an expression; a time constant or width is no less than zero."""
-    its = described_fields(f"curve, {name}", given)
-    if "value" not in its:
+    fields = described_fields(f"curve, {name}", description)
+    if "value" not in fields:
         raise InputError(
             f"curve, parameter {name!r}: nothing says where it begins.",
-            f'Give it a value: {name}={{"unit": "{its["unit"]}", "value": ...}}.',
+            f'Give it a value: {name}={{"unit": "{fields["unit"]}", "value": ...}}.',
         )
-    return parameter(**{**({"bounds": (0.0, None)} if size else {}), **its})
+    return parameter(**{**({"bounds": (0.0, None)} if size else {}), **fields})
 
 
 @lru_cache

@@ -91,7 +91,7 @@ class Expression:
 
 def with_mark(text: str, at: int, problem: str, mend: str) -> InputError:
     """An error of an expression with a mark below a place."""
-    shown = STRANGE.sub(lambda found: found[0] if found[0].isprintable() else "?", text)
+    shown = STRANGE.sub(lambda match: match[0] if match[0].isprintable() else "?", text)
     begin = max(0, at - 50)
     return InputError(
         f"The expression, character {at + 1}: {problem}.\n"
@@ -112,7 +112,7 @@ def valued(node: ast.AST, names: Callable[[str], Any], xp: Any) -> Any:
     if isinstance(node, ast.BinOp):
         return _combined(node, names, xp)
     if isinstance(node, ast.Compare):
-        parts = [valued(part, names, xp) for part in (node.left, *node.comparators)]
+        parts = [valued(operand, names, xp) for operand in (node.left, *node.comparators)]
         held = [
             COMPARED[type(op)](*pair) for op, pair in zip(node.ops, pairwise(parts), strict=True)
         ]
@@ -120,24 +120,26 @@ def valued(node: ast.AST, names: Callable[[str], Any], xp: Any) -> Any:
     assert isinstance(node, ast.Call)
     assert isinstance(node.func, ast.Name)
     name = SHORT.get(node.func.id, node.func.id)
-    given = [valued(part, names, xp) for part in node.args]
+    arguments = [valued(operand, names, xp) for operand in node.args]
     if name == "where":
-        return xp.where(xp.asarray(given[0]) != 0, *given[1:])
-    return FINITE[name](*given, xp) if name in FINITE else getattr(xp, name)(*given)
+        return xp.where(xp.asarray(arguments[0]) != 0, *arguments[1:])
+    return FINITE[name](*arguments, xp) if name in FINITE else getattr(xp, name)(*arguments)
 
 
 def _combined(node: ast.BinOp, names: Callable[[str], Any], xp: Any) -> Any:
-    left, right = valued(node.left, names, xp), valued(node.right, names, xp)
+    first, second = valued(node.left, names, xp), valued(node.right, names, xp)
     if isinstance(node.op, ast.Add):
-        return left + right
+        return first + second
     if isinstance(node.op, ast.Sub):
-        return left - right
+        return first - second
     if isinstance(node.op, ast.Mult):
-        return left * right
+        return first * second
     if isinstance(node.op, ast.Div):
-        return quotient(left, right, xp)
+        return quotient(first, second, xp)
     return (
-        xp.asarray(left, float) ** int(right) if keeps_sign(node.right) else raised(left, right, xp)
+        xp.asarray(first, float) ** int(second)
+        if keeps_sign(node.right)
+        else raised(first, second, xp)
     )
 
 

@@ -86,19 +86,21 @@ class Formula(MadeEffect):
             )
         law = expression_of(expression)
         self._check_parameters(parameters, law.places, expression)
-        given = {
+        descriptions = {
             n: plain_description(f"formula, parameter '{n}'", each)
             for n, each in parameters.items()
         }
-        self._set(expression=expression, given=given, __doc__=f"{expression} at the port '{port}'.")
-        self._set(states={one.state: "" for one in law.memories})
-        reads = tuple(n for n in law.places if n not in given and n != ARRIVING)
-        self._make(name, port, _declared(law, given), reads)
+        self._set(
+            expression=expression, given=descriptions, __doc__=f"{expression} at the port '{port}'."
+        )
+        self._set(states={memory.state: "" for memory in law.memories})
+        reads = tuple(n for n in law.places if n not in descriptions and n != ARRIVING)
+        self._make(name, port, _declared(law, descriptions), reads)
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
         """What leaves the port."""
-        found = expression_of(self.expression)(self._named(value, s), jnp)
-        return value + found if self.adds else found
+        result = expression_of(self.expression)(self._named(value, s), jnp)
+        return value + result if self.adds else result
 
     def rates(self, value: Signal, s: Signals) -> Mapping[str, Rate]:
         """Of the states of what remembers."""
@@ -119,9 +121,11 @@ class Formula(MadeEffect):
         numbers = {n: getattr(self, n) for n in described}
         for name, p in self._parameters.items():
             if p.null == p.value == 0.0 and p.size is None and not p.probes:
-                known = levels()
-                one = _level(self, {**numbers, name: 1.0}, known)
-                size = _SHARE * known.get(self.port, 0.0) / one if one > 0 else 0.0
+                typical = levels()
+                unit_change = _level(self, {**numbers, name: 1.0}, typical)
+                size = (
+                    _SHARE * typical.get(self.port, 0.0) / unit_change if unit_change > 0 else 0.0
+                )
                 if 0 < size < np.inf:
                     described[name] = replace(p, size=size, probes=(size, -size))
         return self._copy(_parameters=described)
@@ -152,79 +156,85 @@ def _level(formula: Formula, numbers: Mapping[str, float], levels: Mapping[str, 
     }
     at |= {"time": np.abs(at["time"])} if "time" in at else {}
     at = {**at, **numbers}
-    for one in law.memories:  # as large as what they follow; an integral, as that in a second
+    for memory in law.memories:  # as large as what they follow; an integral, as that in a second
         with np.errstate(all="ignore"):
-            followed = valued(one.of, at.__getitem__, np)
-        at[one.state] = rng.permutation(np.broadcast_to(followed, _POINTS))
+            followed = valued(memory.of, at.__getitem__, np)
+        at[memory.state] = rng.permutation(np.broadcast_to(followed, _POINTS))
     change = np.abs(_change(law, at))
     change = change[np.isfinite(change)]
     return float(np.quantile(change, 0.9)) if change.size else 0.0
 
 
 def _declared(
-    law: Expression, given: Mapping[str, str | Mapping[str, Any]]
+    law: Expression, descriptions: Mapping[str, str | Mapping[str, Any]]
 ) -> dict[str, Parameter]:
     """The parameters with their nulls, and with values where only a unit was given."""
-    told = {n: described_fields(f"formula, parameter '{n}'", each) for n, each in given.items()}
-    for name, its in told.items():
-        if not _FOLLOWS.fullmatch(str(its["unit"])):
-            si_unit(its["unit"], where=f"formula, parameter '{name}'")
-    nulls, linear = _nulls(law, told)
+    described = {
+        n: described_fields(f"formula, parameter '{n}'", each) for n, each in descriptions.items()
+    }
+    for name, fields in described.items():
+        if not _FOLLOWS.fullmatch(str(fields["unit"])):
+            si_unit(fields["unit"], where=f"formula, parameter '{name}'")
+    nulls, linear = _nulls(law, described)
     full: dict[str, Parameter] = {}
-    for name, its in told.items():
+    for name, fields in described.items():
         if name in nulls:
             begin = {"value": 0.0} if nulls[name] == 0 and name in linear else {}
-            its = {**begin, **its, "null": nulls[name]}
-            its |= {"transform": "linear"} if nulls[name] == 0 else {}
+            fields = {**begin, **fields, "null": nulls[name]}
+            fields |= {"transform": "linear"} if nulls[name] == 0 else {}
         elif name in law.exponents:
-            its = {**_EXPONENT, **its}
+            fields = {**_EXPONENT, **fields}
         if name in law.sizes:
-            its = {"bounds": (0.0, None), **its}
-        if "value" not in its:
+            fields = {"bounds": (0.0, None), **fields}
+        if "value" not in fields:
             raise law.refused(
                 law.places[name],
                 f"nothing says where {name!r} begins",
-                f'Give it a value: {name}={{"unit": "{its["unit"]}", "value": ...}}.',
+                f'Give it a value: {name}={{"unit": "{fields["unit"]}", "value": ...}}.',
             )
-        full[name] = parameter(**its)
+        full[name] = parameter(**fields)
     return full
 
 
 def _nulls(
-    law: Expression, told: Mapping[str, Mapping[str, Any]]
+    law: Expression, described: Mapping[str, Mapping[str, Any]]
 ) -> tuple[dict[str, float], list[str]]:
     """The parameters at whose null the formula changes nothing, with it, and those it is linear in.
 
     Found by evaluation at random signals: those in which it is linear are tried first, and as few
     as suffice are taken.
     """
-    free = [name for name, its in told.items() if not its.get("fixed")]
-    asked = {n: float(told[n]["null"]) for n in free if told[n].get("null") is not None}
+    free = [name for name, fields in described.items() if not fields.get("fixed")]
+    required = {
+        n: float(described[n]["null"]) for n in free if described[n].get("null") is not None
+    }
     rng = np.random.default_rng(0)
     signals = {
         name: rng.normal(size=_POINTS) * 10 ** rng.uniform(-1, 2, _POINTS)
-        for name in (*law.places, *(one.state for one in law.memories), ARRIVING)
+        for name in (*law.places, *(memory.state for memory in law.memories), ARRIVING)
     }
-    drawn = {n: rng.uniform(0.5, 2.0) for n in told}
-    drawn |= {n: its["value"] for n, its in told.items() if "value" in its and n not in free}
+    drawn = {n: rng.uniform(0.5, 2.0) for n in described}
+    drawn |= {
+        n: fields["value"] for n, fields in described.items() if "value" in fields and n not in free
+    }
     at = {**signals, **drawn}
     if not np.isfinite(_change(law, at)).any():
         raise InputError(
             f"formula: {law.text!r} is nowhere finite.", "Correct its numbers and exponents."
         )
     linear = [n for n in free if _is_linear(law, at, n)]
-    at |= asked
-    if asked and _does_nothing(law, at):
-        return asked, linear
+    at |= required
+    if required and _does_nothing(law, at):
+        return required, linear
     for pool in (linear, free):
-        zero = [name for name in pool if name not in asked]
+        zero = [name for name in pool if name not in required]
         if zero and _does_nothing(law, {**at, **dict.fromkeys(zero, 0.0)}):
             for name in reversed(zero):
                 fewer = [n for n in zero if n != name]
                 if fewer and _does_nothing(law, {**at, **dict.fromkeys(fewer, 0.0)}):
                     zero = fewer
-            return {**asked, **dict.fromkeys(zero, 0.0)}, linear
-    zero = ", ".join(f"{n} = {v:g}" for n, v in asked.items())
+            return {**required, **dict.fromkeys(zero, 0.0)}, linear
+    zero = ", ".join(f"{n} = {v:g}" for n, v in required.items())
     raise InputError(
         f"formula: {law.text!r} changes what passes its port whatever its parameters"
         f"{f', also where {zero}' if zero else ''}.",
@@ -237,24 +247,28 @@ def _nulls(
 def _change(law: Expression, at: Mapping[str, Any]) -> np.ndarray:
     """What the formula adds to what arrives, at some points."""
     with np.errstate(all="ignore"):
-        found = np.asarray(law(at.__getitem__, np), float)
-        change = found - at[ARRIVING] if ARRIVING in law.places else found
+        value = np.asarray(law(at.__getitem__, np), float)
+        change = value - at[ARRIVING] if ARRIVING in law.places else value
     return np.broadcast_to(change, np.shape(at[ARRIVING]))
 
 
 def _does_nothing(law: Expression, at: Mapping[str, Any]) -> bool:
     at = dict(at)
-    for one in law.memories:  # a lag of no time is what it follows
-        if one.kind == "lag" and one.size is not None and np.all(valued(one.size, at.get, np) == 0):
-            at[one.state] = valued(one.of, at.get, np)
+    for memory in law.memories:  # a lag of no time is what it follows
+        if (
+            memory.kind == "lag"
+            and memory.size is not None
+            and np.all(valued(memory.size, at.get, np) == 0)
+        ):
+            at[memory.state] = valued(memory.of, at.get, np)
     change, size = _change(law, at), np.abs(at[ARRIVING])
-    seen = np.isfinite(change)
-    return bool(seen.any() and np.all(np.abs(change[seen]) <= 1e-12 * size[seen]))
+    finite = np.isfinite(change)
+    return bool(finite.any() and np.all(np.abs(change[finite]) <= 1e-12 * size[finite]))
 
 
 def _is_linear(law: Expression, at: Mapping[str, Any], name: str) -> bool:
-    one, two, three = (_change(law, {**at, name: k * at[name]}) for k in (1.0, 2.0, 3.0))
+    at_one, at_two, at_three = (_change(law, {**at, name: k * at[name]}) for k in (1.0, 2.0, 3.0))
     with np.errstate(all="ignore"):
-        bend, rise = np.abs(one - 2 * two + three), np.abs(three - one)
-    seen = np.isfinite(bend)
-    return bool(seen.any() and np.all(bend[seen] <= 1e-9 * rise[seen] + 1e-300))
+        bend, rise = np.abs(at_one - 2 * at_two + at_three), np.abs(at_three - at_one)
+    finite = np.isfinite(bend)
+    return bool(finite.any() and np.all(bend[finite] <= 1e-9 * rise[finite] + 1e-300))

@@ -68,14 +68,14 @@ def expression_of(text: str) -> Expression:
     places: dict[str, int] = {}
     exponents: set[str] = set()
     _check(tree, text, shift, places, exponents, _DEEPEST, raised=False)
-    left, memories = separated(tree)
-    for taken in (one.state for one in memories if one.state in places):
+    reduced, memories = separated(tree)
+    for taken in (memory.state for memory in memories if memory.state in places):
         raise with_mark(
             text, places[taken], f"'{taken}' is the state of what remembers here",
             "Give it another name.",
         )  # fmt: skip
-    sizes = frozenset(one.size.id for one in memories if isinstance(one.size, ast.Name))
-    return Expression(text, left, places, frozenset(exponents), sizes, memories)
+    sizes = frozenset(memory.size.id for memory in memories if isinstance(memory.size, ast.Name))
+    return Expression(text, reduced, places, frozenset(exponents), sizes, memories)
 
 
 def _check(
@@ -109,14 +109,14 @@ def _check(
     elif isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
         inner = [(node.left, raised), (node.right, raised or isinstance(node.op, ast.Pow))]
     elif isinstance(node, ast.Compare) and all(type(op) in COMPARED for op in node.ops):
-        inner = [(part, raised) for part in (node.left, *node.comparators)]
+        inner = [(child, raised) for child in (node.left, *node.comparators)]
     elif isinstance(node, ast.Call):
         _check_call(node, text, at)
-        inner = [(part, raised) for part in node.args]
+        inner = [(child, raised) for child in node.args]
     else:
         raise with_mark(text, at, "this is not allowed", _mend())
-    for part, above in inner:
-        _check(part, text, shift, places, exponents, room - 1, above)
+    for child, above in inner:
+        _check(child, text, shift, places, exponents, room - 1, above)
 
 
 def _check_number(value: object, text: str, at: int) -> None:
@@ -138,9 +138,9 @@ def _check_call(node: ast.Call, text: str, at: int) -> None:
     count = _ARGUMENTS[name]
     enough = len(node.args) in (count, count + (name == "lag"))
     if node.keywords or not enough:
-        found = len(node.args) + len(node.keywords)
+        actual = len(node.args) + len(node.keywords)
         raise with_mark(
-            text, at, f"expected {count} in the brackets of '{name}', found {found}",
+            text, at, f"expected {count} in the brackets of '{name}', found {actual}",
             f"Write {name}({', '.join('xyz'[:count])}).",
         )  # fmt: skip
     if name in REMEMBERS and count > 1 and isinstance(node.args[1], ast.UnaryOp):

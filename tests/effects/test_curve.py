@@ -110,7 +110,10 @@ def test_a_fit_finds_a_hump_that_the_reference_simulator_has_hidden():
         ({"high": np.inf}, "both finite"),
         ({"low": "a"}, "expected a number as low, found 'a'"),
         ({"times": 2}, "expected text as times, found 2"),
-        ({"held": ["slop"]}, "'slop' to be held is no coefficient; the nearest is 'slope'"),
+        (
+            {"held": ["slop"]},
+            "expected names of coefficients to hold, found 'slop'; the nearest is 'slope'",
+        ),
         ({"signal": "lag(speed, level)", "level": {"unit": "s", "value": 1.0}}, "as a coefficient"),
         ({"signal": "speed * size", "pieces": 8, "coefficients": "1"}, "does not occur"),
         ({"size": 0.0}, "a positive size"),

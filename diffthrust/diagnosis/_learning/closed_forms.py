@@ -44,8 +44,8 @@ class Form(NamedTuple):
         """The form over a signal, at values of its parameters and of ``r``; its shape is that."""
         law = expression_of(self.text)
         with np.errstate(all="ignore"):
-            found = law({"x": x, **values}.__getitem__, np)
-        return np.broadcast_to(np.asarray(found, float), x.shape)
+            result = law({"x": x, **values}.__getitem__, np)
+        return np.broadcast_to(np.asarray(result, float), x.shape)
 
 
 FORMS = (

@@ -40,49 +40,49 @@ _POINTS = 241
 
 def law_of(
     tools: Tools,
-    before: Fit,
+    baseline: Fit,
     trial: TrialFit,
     likely: LikelyCurve,
-    other: LearnedLaw | None = None,
+    rival: LearnedLaw | None = None,
 ) -> LearnedLaw | None:
     """A law fitted to whole runs beside a model; ``None`` where these are no better.
 
-    One that is far behind ``other`` is fitted once.
+    One that is far behind ``rival`` is fitted once.
     """
     law = likely.law
     unit = unit_at(tools.trials, law.port, law.times)
-    own = {**likely.curve.arguments, "unit": unit, "name": _free_name(before.model)}
-    fit, curve = _with_curve(tools, before, Curve(**own))
+    arguments = {**likely.curve.arguments, "unit": unit, "name": _free_name(baseline.model)}
+    fit, curve = _with_curve(tools, baseline, Curve(**arguments))
     if curve.given:  # what it remembers may have another range than at the first guess
         law = hypothesis_of(tools, trial, curve)
-        if (ends := _elsewhere(law, curve)) and not _behind(fit, other):
-            fit, curve = _with_curve(tools, before, _laid_over(curve, *ends))
+        if (ends := _elsewhere(law, curve)) and not _behind(fit, rival):
+            fit, curve = _with_curve(tools, baseline, _laid_over(curve, *ends))
             law = hypothesis_of(tools, trial, curve)
-    if not fit.train.nrmse < before.train.nrmse:
+    if not fit.train.nrmse < baseline.train.nrmse:
         return None
     units = units_at(tools.trials, curve.port)
     return LearnedLaw(
         curve=curve,
         fit=fit,
-        worth=worth_between_fits(tools, before, fit),
+        worth=worth_between_fits(tools, baseline, fit),
         evidence=likely.evidence,
         samples=np.concatenate(law.over),
         factors=None if law.factor is None else np.concatenate(law.factor),
         signal_unit=unit_of(curve.signal, units),
-        channel=channel_of(curve.signal, before.model),
+        channel=channel_of(curve.signal, baseline.model),
         port_unit=units[ARRIVING],
     )
 
 
-def _behind(fit: Fit, other: LearnedLaw | None) -> bool:
+def _behind(fit: Fit, rival: LearnedLaw | None) -> bool:
     """Whether a fit is far behind another law that is worth something surely."""
-    return bool(other and other.worth.sure and fit.train.nrmse > _BEHIND * other.fit.train.nrmse)
+    return bool(rival and rival.worth.sure and fit.train.nrmse > _BEHIND * rival.fit.train.nrmse)
 
 
 def hypothesis_of(tools: Tools, trial: TrialFit, curve: Curve) -> Hypothesis:
     """The law of a curve along the path of a trial, what it remembers being as in the curve."""
-    seen = sight(tools.trials, trial)
-    return hypothesis(seen, curve.port, curve.signal, curve.times, _parameters(curve))
+    regressors = sight(tools.trials, trial)
+    return hypothesis(regressors, curve.port, curve.signal, curve.times, _parameters(curve))
 
 
 def _parameters(curve: Curve) -> dict[str, dict[str, Any]]:
@@ -90,20 +90,23 @@ def _parameters(curve: Curve) -> dict[str, dict[str, Any]]:
     return {n: {**curve.given[n], "value": getattr(curve, n)} for n in curve.given}
 
 
-def _with_curve(tools: Tools, before: Fit, curve: Curve) -> tuple[Fit, Curve]:
+def _with_curve(tools: Tools, baseline: Fit, curve: Curve) -> tuple[Fit, Curve]:
     """A fitted model with a curve, fitted to whole runs, and the curve as it is then."""
     # whole runs have many false minima along a wave
-    fit = roughly(tools, before, before.model + curve, segments=NUMBER in curve.given)
+    fit = roughly(tools, baseline, baseline.model + curve, segments=NUMBER in curve.given)
     return fit, fit.model.effects[-1]  # pyright: ignore[reportReturnType]
 
 
-def with_fine_steps(tools: Tools, before: Fit, law: LearnedLaw) -> LearnedLaw:
+def with_fine_steps(tools: Tools, baseline: Fit, law: LearnedLaw) -> LearnedLaw:
     """A law with the model that is told fitted with as many integrator steps as that needs."""
-    told, logs = law.told, tools.trials.logs
+    reported, logs = law.told, tools.trials.logs
     k = max(range(len(logs)), key=lambda k: (logs[k].step, len(logs[k])))
-    if choose_substeps(told.model, logs[k], initial=told.initial[k], warn=False) <= told.substeps:
+    if (
+        choose_substeps(reported.model, logs[k], initial=reported.initial[k], warn=False)
+        <= reported.substeps
+    ):
         return law
-    fit = tools.refit(told.model, starts=1)
+    fit = tools.refit(reported.model, starts=1)
     if not math.isfinite(fit.train.nrmse):
         return law
     effect = fit.model.effects[-1]
@@ -112,7 +115,7 @@ def with_fine_steps(tools: Tools, before: Fit, law: LearnedLaw) -> LearnedLaw:
         law = replace(law, forms=(first, *law.forms[1:]))
     else:
         law = replace(law, curve=effect, fit=fit)
-    return replace(law, worth=worth_between_fits(tools, before, fit))
+    return replace(law, worth=worth_between_fits(tools, baseline, fit))
 
 
 def _elsewhere(law: Hypothesis, curve: Curve) -> tuple[float, float] | None:
@@ -125,10 +128,10 @@ def _elsewhere(law: Hypothesis, curve: Curve) -> tuple[float, float] | None:
 
 def _laid_over(curve: Curve, low: float, high: float) -> Curve:
     """The same curve on another range."""
-    there = Curve(**{**curve.arguments, "low": low, "high": high, **_parameters(curve)})
+    target = Curve(**{**curve.arguments, "low": low, "high": high, **_parameters(curve)})
     x = np.linspace(low, high, _POINTS)
-    shape = np.linalg.lstsq(there.basis(x).T, np.asarray(curve.at_signal(x)), rcond=None)[0]
-    return Curve(**{**there.arguments, "shape": tuple(map(float, shape))})
+    shape = np.linalg.lstsq(target.basis(x).T, np.asarray(curve.at_signal(x)), rcond=None)[0]
+    return Curve(**{**target.arguments, "shape": tuple(map(float, shape))})
 
 
 def _free_name(model: Model) -> str:

@@ -58,36 +58,38 @@ class LikelyCurve(NamedTuple):
 def likely_curves(trials: Trials, trial: TrialFit, laws: Iterable[Hypothesis]) -> list[LikelyCurve]:
     """The laws for which there is evidence, with their curves, the likeliest first."""
     passing = trials.readings(trial)
-    found = side_by_side(
-        lambda some: _judged(trials, trial, some, [log[some[0].port] for log in passing]),
+    chunks = side_by_side(
+        lambda chunk: _judged(trials, trial, chunk, [log[chunk[0].port] for log in passing]),
         list(_together(laws)),
     )
-    likely = (one for some in found for one in some if one.evidence > 0)
-    return sorted(likely, key=lambda one: -one.evidence)
+    likely = (curve for chunk in chunks for curve in chunk if curve.evidence > 0)
+    return sorted(likely, key=lambda curve: -curve.evidence)
 
 
-def sharpened(trials: Trials, trial: TrialFit, seen: Sight, likely: LikelyCurve) -> LikelyCurve:
+def sharpened(
+    trials: Trials, trial: TrialFit, regressors: Sight, likely: LikelyCurve
+) -> LikelyCurve:
     """A law that remembers over the time, or the width, that makes one-step errors likeliest."""
     from scipy.optimize import minimize_scalar  # slow to import
 
-    law, own = likely.law, likely.law.parameters
-    if law.straight or len(own) != 1:
+    law, parameters = likely.law, likely.law.parameters
+    if law.straight or len(parameters) != 1:
         return likely
-    (name,), passing = own, [one[law.port] for one in seen.now.ports]
-    begun, (low, high) = own[name]["value"], own[name]["bounds"]
-    tried = {begun: likely}
+    (name,), passing = parameters, [port_log[law.port] for port_log in regressors.now.ports]
+    initial, (low, high) = parameters[name]["value"], parameters[name]["bounds"]
+    tried = {initial: likely}
 
     def loss(exponent: float) -> float:
         value = float(np.exp(exponent))
-        told = {name: {**own[name], "value": value}}
-        at = hypothesis(seen, law.port, law.signal, law.times, told)
-        found = _judged(trials, trial, [at], passing)
-        tried.update((value, one) for one in found)
-        return -found[0].evidence if found else 0.0
+        values = {name: {**parameters[name], "value": value}}
+        at = hypothesis(regressors, law.port, law.signal, law.times, values)
+        judged = _judged(trials, trial, [at], passing)
+        tried.update((value, port_log) for port_log in judged)
+        return -judged[0].evidence if judged else 0.0
 
-    ends = max(low, begun / _APART), min(high, begun * _APART)
+    ends = max(low, initial / _APART), min(high, initial * _APART)
     minimize_scalar(loss, bounds=np.log(ends), method="bounded", options=_SEARCH)
-    return max(tried.values(), key=lambda one: one.evidence)
+    return max(tried.values(), key=lambda port_log: port_log.evidence)
 
 
 class _Drawn(NamedTuple):
@@ -125,19 +127,19 @@ def _together(laws: Iterable[Hypothesis]) -> Iterator[list[Hypothesis]]:
 def _judged(
     trials: Trials, trial: TrialFit, laws: Sequence[Hypothesis], passing: Sequence[np.ndarray]
 ) -> list[LikelyCurve]:
-    drawn = [one for law in laws if (one := _drawn(law, passing))]
+    drawn = [drawing for law in laws if (drawing := _drawn(law, passing))]
     if not drawn:
         return []
-    known = left_over(trials, trial, laws[0].port, [one.added for one in drawn])
-    found = []
-    for (law, plain, level, _), known_of in zip(drawn, known, strict=True):
+    evidence = left_over(trials, trial, laws[0].port, [drawing.added for drawing in drawn])
+    curves = []
+    for (law, plain, level, _), information in zip(drawn, evidence, strict=True):
         held = law.straight & (np.arange(len(plain.coefficients)) != _SLOPE)
-        best = _stiffness(*known_of, level, held)
-        own = zip(plain.coefficients, best.shared, strict=True)
-        told = {"size": best.size, "bend": best.bend, "shape": tuple(map(float, best.shape))}
-        told["held"] = [n for n, out in own if out]
-        found.append(LikelyCurve(law, Curve(**{**plain.arguments, **told}), best.evidence))
-    return found
+        best = _stiffness(*information, level, held)
+        fixed = zip(plain.coefficients, best.shared, strict=True)
+        arguments = {"size": best.size, "bend": best.bend, "shape": tuple(map(float, best.shape))}
+        arguments["held"] = [n for n, out in fixed if out]
+        curves.append(LikelyCurve(law, Curve(**{**plain.arguments, **arguments}), best.evidence))
+    return curves
 
 
 def _level(series: Sequence[np.ndarray]) -> float:
@@ -155,22 +157,27 @@ class _Stiffness(NamedTuple):
 
 
 def _stiffness(
-    left: np.ndarray,
-    clear: np.ndarray,
-    alone: np.ndarray,
+    information: np.ndarray,
+    gradient: np.ndarray,
+    prior_information: np.ndarray,
     level: float,
     held: np.ndarray | bool = False,
 ) -> _Stiffness:
-    shared = held | (np.diagonal(left) < _SHARED * alone)
-    left, clear = np.where(shared | shared[:, None], 0.0, left), np.where(shared, 0.0, clear)
-    if not np.all(np.isfinite(left) & np.isfinite(clear)):  # answers that overflow are no evidence
-        return _Stiffness(-np.inf, 1.0, 1.0, np.zeros(len(left)), shared)
+    shared = held | (np.diagonal(information) < _SHARED * prior_information)
+    information, gradient = (
+        np.where(shared | shared[:, None], 0.0, information),
+        np.where(shared, 0.0, gradient),
+    )
+    if not np.all(
+        np.isfinite(information) & np.isfinite(gradient)
+    ):  # answers that overflow are no evidence
+        return _Stiffness(-np.inf, 1.0, 1.0, np.zeros(len(information)), shared)
     sizes, bends = (grid.ravel() for grid in np.meshgrid(_SIZES * level, _BENDS, indexing="ij"))
-    widths = np.repeat(bends[:, None], len(left), axis=1)
+    widths = np.repeat(bends[:, None], len(information), axis=1)
     widths[:, :2] = 1.0, 2.0
     widths *= sizes[:, None]
-    inner = np.eye(len(left)) + widths[:, :, None] * left * widths[:, None, :]
-    slopes = widths * clear
+    inner = np.eye(len(information)) + widths[:, :, None] * information * widths[:, None, :]
+    slopes = widths * gradient
     steps = -np.linalg.solve(inner, slopes[..., None])[..., 0]
     evidence = -0.5 * np.sum(slopes * steps, axis=1) - 0.5 * np.linalg.slogdet(inner)[1]
     k = int(np.argmax(evidence))

@@ -17,37 +17,41 @@ _FLOOR = 1.25
 is that of a t-distribution: of Gaussian errors 0.87 of the standard deviation."""
 
 
-def roughly(tools: Tools, before: Fit, model: Model, segments: bool = False) -> Fit:
+def roughly(tools: Tools, baseline: Fit, model: Model, segments: bool = False) -> Fit:
     """A model fitted from its values on, with the fewest integrator steps that do for another."""
-    few = few_substeps(before, tools.trials.logs)
+    few = few_substeps(baseline, tools.trials.logs)
     fit = tools.refit(model, starts=1, segments=segments, substeps=few)
     if math.isfinite(fit.train.nrmse):
         return fit
     return tools.refit(model, starts=1, segments=segments)
 
 
-def worth_between_fits(tools: Tools, before: Fit, after: Fit) -> Worth:
+def worth_between_fits(tools: Tools, baseline: Fit, updated: Fit) -> Worth:
     """What one fit removes of the whole-run errors of another, on unseen logs if there are any."""
     logs, trained = (tools.unseen, False) if tools.unseen else (tools.trials.logs, True)
-    return worth_of(errors_between(Stage((), before), Stage((), after), logs, trained=trained))
+    return worth_of(errors_between(Stage((), baseline), Stage((), updated), logs, trained=trained))
 
 
-def surely_better(tools: Tools, fit: Fit, other: Fit) -> bool:
+def surely_better(tools: Tools, fit: Fit, rival: Fit) -> bool:
     """Whether whole runs of training and unseen logs together are surely better with a fit."""
-    stages = Stage((), other), Stage((), fit)
+    stages = Stage((), rival), Stage((), fit)
     trained = errors_between(*stages, tools.trials.logs, trained=True)
     return worth_of([*trained, *errors_between(*stages, tools.unseen)]).low > 0
 
 
-def as_good(fit: Fit, other: Fit, times: float) -> bool:
+def as_good(fit: Fit, reference: Fit, times: float) -> bool:
     """Whether whole runs err by no more than so many times as much, on unseen logs as well."""
-    return fit.train.nrmse <= times * other.train.nrmse and as_good_unseen(fit, other, times)
+    return fit.train.nrmse <= times * reference.train.nrmse and as_good_unseen(
+        fit, reference, times
+    )
 
 
-def as_good_unseen(fit: Fit, other: Fit, times: float) -> bool:
+def as_good_unseen(fit: Fit, reference: Fit, times: float) -> bool:
     """The same of unseen logs alone; of training logs, where none is unseen."""
-    one, than = (fit.holdout, other.holdout) if other.holdout else (fit.train, other.train)
-    return one is not None and one.nrmse <= times * than.nrmse
+    errors, allowed = (
+        (fit.holdout, reference.holdout) if reference.holdout else (fit.train, reference.train)
+    )
+    return errors is not None and errors.nrmse <= times * allowed.nrmse
 
 
 def all_explained(tools: Tools, trial: TrialFit, fit: Fit) -> bool:

@@ -56,7 +56,7 @@ def matches(grounds: Mapping[str, Ground]) -> list[Match]:
             for times, ground in grounds.items()
             for form in FORMS
         ),
-        key=lambda one: -one.gain,
+        key=lambda match: -match.gain,
     )
 
 
@@ -82,7 +82,7 @@ def formula_of(match: Match, curve: Curve, unit: str, signal_unit: str, channel:
     reach = 2.0 * _FAR * span if form.far else _BEYOND * span
     lowest = 0.0 if form.even else curve.low - reach
     of_signal = unit_following(channel, signal_unit)
-    told = {
+    fields = {
         "a": {"unit": amplitude, "value": match.values["a"], "null": 0.0,
               "size": abs(match.values["a"]) or 1.0},
         "b": {"unit": of_signal, "bounds": _short(lowest, curve.high + reach)},
@@ -92,25 +92,25 @@ def formula_of(match: Match, curve: Curve, unit: str, signal_unit: str, channel:
               "bounds": _short(1.0 / span, 10.0 * _WAVES / span)},
     }  # fmt: skip
     names = _names(form, curve.signal, match.times)
-    own = {}
+    parameters = {}
     for n in names:  # bounds are rounded
-        low, high = told[n].get("bounds", (-np.inf, np.inf))
-        own[names[n]] = {**told[n], "value": float(np.clip(match.values[n], low, high))}
+        low, high = fields[n].get("bounds", (-np.inf, np.inf))
+        parameters[names[n]] = {**fields[n], "value": float(np.clip(match.values[n], low, high))}
     kept = [n for n in curve.given if n in expression_of(law).places]
-    own |= {n: {**curve.given[n], "value": getattr(curve, n)} for n in kept}
-    return Formula(curve.port, law, name=f"{curve.name}_form", **own)
+    parameters |= {n: {**curve.given[n], "value": getattr(curve, n)} for n in kept}
+    return Formula(curve.port, law, name=f"{curve.name}_form", **parameters)
 
 
 def as_estimated(formula: Formula) -> Formula:
     """The same formula, which begins where its parameters are now; in numbers that are read."""
-    own = {}
-    for name, told in formula.given.items():
+    parameters = {}
+    for name, fields in formula.given.items():
         low, high = formula.declared[name].limits
         (value,) = _short(getattr(formula, name))
-        own[name] = {**told, "value": min(max(value, low), high)}
-        if "size" in told:
-            own[name]["size"] = abs(value) or told["size"]
-    return Formula(formula.port, formula.expression, name=formula.name, **own)
+        parameters[name] = {**fields, "value": min(max(value, low), high)}
+        if "size" in fields:
+            parameters[name]["size"] = abs(value) or fields["size"]
+    return Formula(formula.port, formula.expression, name=formula.name, **parameters)
 
 
 def _short(*numbers: float) -> tuple[float, ...]:
@@ -119,8 +119,10 @@ def _short(*numbers: float) -> tuple[float, ...]:
 
 def form_values(form: Form, formula: Formula) -> dict[str, float]:
     """The parameters of a form, by its own names, in the formula that was made of it."""
-    own = ("a", *form.parameters)
-    return {n: getattr(formula, told) for n, told in zip(own, formula.given, strict=False)}
+    names = ("a", *form.parameters)
+    return {
+        n: getattr(formula, parameter) for n, parameter in zip(names, formula.given, strict=False)
+    }
 
 
 def _names(form: Form, *expressions: str) -> dict[str, str]:
@@ -164,8 +166,8 @@ def likeliest_match(form: Form, ground: Ground) -> Match:
     unit = {"b": span, "c": span, "p": 1.0, "k": 1.0 / span}
 
     def gained(values: Sequence[float]) -> tuple[float, float]:
-        known = dict(zip(names, values, strict=True))
-        shape = form.over(x, {"a": 1.0, **known, "r": ground.reference})
+        parameters = dict(zip(names, values, strict=True))
+        shape = form.over(x, {"a": 1.0, **parameters, "r": ground.reference})
         return ground.gain(shape) if np.all(np.isfinite(shape)) else (0.0, 0.0)
 
     def of_units(values: np.ndarray) -> float:

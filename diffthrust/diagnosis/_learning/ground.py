@@ -45,12 +45,12 @@ class Ground(NamedTuple):
     def gain(self, shape: Float[np.ndarray, " N"]) -> tuple[float, float]:
         """The likelihood ratio for a shape at its best amplitude, and that amplitude."""
         weights = self.onto @ shape
-        known = float(weights @ self.left @ weights)
-        alone = float(np.sum((weights @ self.left) ** 2)) ** 0.5
+        curvature = float(weights @ self.left @ weights)
+        scale = float(np.sum((weights @ self.left) ** 2)) ** 0.5
         slope = float(weights @ self.clear)
-        if not known > 1e-12 * alone > 0.0:
+        if not curvature > 1e-12 * scale > 0.0:
             return 0.0, 0.0
-        return slope**2 / known, -slope / known
+        return slope**2 / curvature, -slope / curvature
 
 
 def ground_of(trials: Trials, trial: TrialFit, law: Hypothesis) -> Ground:
@@ -58,20 +58,22 @@ def ground_of(trials: Trials, trial: TrialFit, law: Hypothesis) -> Ground:
     pooled = np.concatenate(law.over)
     low, high = float(pooled.min()), float(pooled.max())
     fine = Curve(law.port, "speed", low, high, pieces=_PIECES)
-    ((left, clear, _),) = left_over(trials, trial, law.port, [law.added(fine)])
+    ((information, gradient, _),) = left_over(trials, trial, law.port, [law.added(fine)])
     x = np.linspace(low, high, _POINTS)
     onto = np.linalg.pinv(fine.basis(x).T)
-    return Ground(x, onto, left, clear, float(np.sqrt(np.mean(pooled**2))))
+    return Ground(x, onto, information, gradient, float(np.sqrt(np.mean(pooled**2))))
 
 
 def ground_of_fit(law: LearnedLaw) -> Ground:
     """What whole runs say of the shapes of a law, to which a curve has been fitted."""
     curve, (which, covariance) = law.curve, law.coefficients()
     x = np.linspace(curve.low, curve.high, _POINTS)
-    left = np.linalg.pinv(covariance, hermitian=True)
-    found = np.array([getattr(curve, curve.coefficients[i]) for i in which])
+    information = np.linalg.pinv(covariance, hermitian=True)
+    estimated = np.array([getattr(curve, curve.coefficients[i]) for i in which])
     onto = np.linalg.pinv(curve.basis(x).T)[which]
-    return Ground(x, onto, left, -left @ found, float(np.sqrt(np.mean(law.samples**2))))
+    return Ground(
+        x, onto, information, -information @ estimated, float(np.sqrt(np.mean(law.samples**2)))
+    )
 
 
 def model_beside(law: LearnedLaw, shape: Float[np.ndarray, " K"]) -> Model:
@@ -87,17 +89,23 @@ def model_beside(law: LearnedLaw, shape: Float[np.ndarray, " K"]) -> Model:
     fit, curve, (which, _) = law.fit, law.curve, law.coefficients()
     named = fit.model.parameters
     aim = {f"{curve.name}.{curve.coefficients[i]}": to for i, to in zip(which, shape, strict=True)}
-    known = np.isfinite(np.diagonal(fit.covariance))
+    finite = np.isfinite(np.diagonal(fit.covariance))
     # what its signal remembers stays as it is
-    own = [i for i, n in enumerate(fit.free) if n.startswith(f"{curve.name}.") and known[i]]
-    apart = [aim.get(n, named[n].value) - named[n].value for n in (fit.free[i] for i in own)]
-    weights = np.linalg.pinv(fit.covariance[np.ix_(own, own)], hermitian=True) @ apart
+    curve_indices = [
+        i for i, n in enumerate(fit.free) if n.startswith(f"{curve.name}.") and finite[i]
+    ]
+    apart = [
+        aim.get(n, named[n].value) - named[n].value for n in (fit.free[i] for i in curve_indices)
+    ]
+    weights = (
+        np.linalg.pinv(fit.covariance[np.ix_(curve_indices, curve_indices)], hermitian=True) @ apart
+    )
     values = {}
     for i, name in enumerate(fit.free):
-        if name in named and known[i] and i not in own:
+        if name in named and finite[i] and i not in curve_indices:
             p = named[name]
             low, high = (p.value + _WAY * (end - p.value) for end in p.limits)
-            moved = p.value + float(fit.covariance[i, own] @ weights)
+            moved = p.value + float(fit.covariance[i, curve_indices] @ weights)
             values[name] = float(np.clip(moved, low, high))
     return fit.model.replace(values) - curve.name
 
@@ -123,10 +131,12 @@ def left_over(
         for when in zip(*several, strict=True)
     )
     answers = response.to(port, now, end)
-    known = [i for i, name in enumerate(trial.names) if name not in trials.nuisance]
-    edges = np.cumsum([len(one.now[0]) for one in several])[:-1]
+    estimated = [i for i, name in enumerate(trial.names) if name not in trials.nuisance]
+    edges = np.cumsum([len(added.now[0]) for added in several])[:-1]
     apart = zip(*(np.split(batch, edges, axis=1) for batch in answers), strict=True)
-    return [beside_known(*response.scores(known, own), len(known)) for own in apart]
+    return [
+        beside_known(*response.scores(estimated, of_added), len(estimated)) for of_added in apart
+    ]
 
 
 def beside_known(
@@ -135,6 +145,6 @@ def beside_known(
     """Information and gradient of what comes after the first ``base`` coordinates, less these."""
     nuisance, cross = information[:base, :base], information[base:, :base]
     through = cross @ np.linalg.pinv(nuisance, rcond=1e-11, hermitian=True)
-    left = information[base:, base:] - through @ cross.T
-    clear = (scores[base:] - through @ scores[:base]).sum(axis=1)
-    return left, clear, np.diagonal(information)[base:]
+    remaining = information[base:, base:] - through @ cross.T
+    gradient = (scores[base:] - through @ scores[:base]).sum(axis=1)
+    return remaining, gradient, np.diagonal(information)[base:]

@@ -62,8 +62,8 @@ class Hypothesis(NamedTuple):
 
     def added(self, curve: Curve) -> Added:
         """What each coefficient of a curve adds."""
-        now = [curve.basis(one) for one in self.over]
-        end = [curve.basis(one) for one in self.over_end]
+        now = [curve.basis(series) for series in self.over]
+        end = [curve.basis(series) for series in self.over_end]
         if self.factor is not None and self.factor_end is not None:
             now = [row * by for row, by in zip(now, self.factor, strict=True)]
             end = [row * by for row, by in zip(end, self.factor_end, strict=True)]
@@ -93,10 +93,10 @@ class Scene(NamedTuple):
 
 def scene(trials: Trials, trial: TrialFit, place: DrivingPort) -> Scene:
     """Of what a law may be made that is missing at a place beside a trial."""
-    seen = sight(trials, trial)
-    moving = [n for n in _readable(trials, seen.now) if n in trials.model.states]
+    regressors = sight(trials, trial)
+    moving = [n for n in _readable(trials, regressors.now) if n in trials.model.states]
     waves = {name: wave for name in moving if (wave := wave_along(trial, name))}
-    return Scene(trials, place, seen, waves)
+    return Scene(trials, place, regressors, waves)
 
 
 def simple_laws(at: Scene) -> Iterator[Hypothesis]:
@@ -124,8 +124,8 @@ def products(at: Scene, best: Sequence[Hypothesis]) -> Iterator[Hypothesis]:
 def units_at(trials: Trials, port: str) -> dict[str, str]:
     """The units of what an effect may read at a port, as far as they are known."""
     model = trials.model
-    known = {**model.inputs, **model.optional_inputs, **model.all_states, **model.channel_units}
-    return {**known, ARRIVING: words_and_unit(model, port)[1]}
+    units = {**model.inputs, **model.optional_inputs, **model.all_states, **model.channel_units}
+    return {**units, ARRIVING: words_and_unit(model, port)[1]}
 
 
 def unit_at(trials: Trials, port: str, times: str) -> str:
@@ -138,17 +138,19 @@ def unit_at(trials: Trials, port: str, times: str) -> str:
 
 def unit_of(signal: str, units: Mapping[str, str]) -> str:
     """The unit of a signal of these hypotheses; "" where it is not known."""
-    law, known = expression_of(signal), dict(units)
-    for one in law.memories:
-        inner = _unit(one.of, known)
-        known[one.state] = product_unit((inner, 1), ("s", 1)) if one.kind == "integral" else inner
-    return _unit(law.tree, known)
+    law, units_of_states = expression_of(signal), dict(units)
+    for memory in law.memories:
+        inner = _unit(memory.of, units_of_states)
+        units_of_states[memory.state] = (
+            product_unit((inner, 1), ("s", 1)) if memory.kind == "integral" else inner
+        )
+    return _unit(law.tree, units_of_states)
 
 
 def channel_of(signal: str, model: Model) -> str:
     """The channel of a model in whose unit a signal of these hypotheses is; "" for none."""
     law = expression_of(signal)
-    followed = {one.state: one.of for one in law.memories if one.kind != "integral"}
+    followed = {memory.state: memory.of for memory in law.memories if memory.kind != "integral"}
     node = law.tree
     while not isinstance(node, ast.Name) or node.id in followed:
         if isinstance(node, ast.Name):
@@ -189,11 +191,15 @@ def _of_each_signal(
 
 
 def hypothesis(
-    seen: Sight, port: str, signal: str, times: str, parameters: Mapping[str, Mapping[str, Any]]
+    regressors: Sight,
+    port: str,
+    signal: str,
+    times: str,
+    parameters: Mapping[str, Mapping[str, Any]],
 ) -> Hypothesis:
     """A law with its signal and factor along the logs, at the values of its parameters."""
-    over, over_end = along(signal, parameters, seen, port)
-    factor, factor_end = along(times, {}, seen, port) if times else (None, None)
+    over, over_end = along(signal, parameters, regressors, port)
+    factor, factor_end = along(times, {}, regressors, port) if times else (None, None)
     return Hypothesis(port, signal, times, parameters, over, factor, over_end, factor_end)
 
 
@@ -201,9 +207,9 @@ def _expressions(
     at: Scene, port: str, times: str
 ) -> Iterator[tuple[str, Mapping[str, Mapping[str, Any]]]]:
     """Signals, and what they were, with first guesses of the time or the width that it takes."""
-    trials, place, seen, waves = at
-    step = float(np.median(np.diff(seen.now.paths[0]["time"])))
-    names, units = _readable(trials, seen.now), units_at(trials, port)
+    trials, place, regressors, waves = at
+    step = float(np.median(np.diff(regressors.now.paths[0]["time"])))
+    names, units = _readable(trials, regressors.now), units_at(trials, port)
     for name in names:
         yield name, {}
         for text, pasts in (
@@ -216,13 +222,13 @@ def _expressions(
         yield f"sin({NUMBER} * {name} + {PHASE})", _of_wave(wave, units.get(name, ""))
     arriving = [ARRIVING] if place.state and not times else []
     for name in (*names, *arriving):
-        pooled = np.concatenate(along(name, {}, seen, port)[0])
+        pooled = np.concatenate(along(name, {}, regressors, port)[0])
         for share in _PLAYS:
             width = share * float(np.ptp(pooled))
             if width > 0:
                 unit = unit_following(channel_of(name, trials.model), units.get(name, ""))
-                own = _guessed(width, unit, _WIDEST * float(np.ptp(pooled)))
-                yield f"{name} - play({name}, {WIDTH})", {WIDTH: own}
+                parameter = _guessed(width, unit, _WIDEST * float(np.ptp(pooled)))
+                yield f"{name} - play({name}, {WIDTH})", {WIDTH: parameter}
         if name in names:
             yield f"integral({name})", {}
     if port == place.port and arriving:
@@ -246,9 +252,9 @@ def _of_wave(wave: Wave, unit: str) -> dict[str, dict[str, Any]]:
     }
 
 
-def _readable(trials: Trials, seen: Observed) -> list[str]:
+def _readable(trials: Trials, observed_logs: Observed) -> list[str]:
     """The inputs, and the states that are measured, as far as all logs have them."""
-    everywhere = set.intersection(*(set(path) for path in seen.paths))
+    everywhere = set.intersection(*(set(path) for path in observed_logs.paths))
     model = trials.model
     names = [*model.inputs, *model.optional_inputs]
     names += [n for n in model.states if n in trials.channels or n in trials.logs[0].inputs]

@@ -28,7 +28,9 @@ _BETTER = 0.95
 place."""
 
 
-def learned_law(tools: Tools, found: Grouped, first: TrialFit) -> tuple[Grouped, LearnedLaw] | None:
+def learned_law(
+    tools: Tools, search: Grouped, first: TrialFit
+) -> tuple[Grouped, LearnedLaw] | None:
     """The law that no known effect expresses, where structure is proven; ``None`` if none is sure.
 
     It must make whole unseen runs surely better (training runs, where no log is unseen). Effects
@@ -36,51 +38,53 @@ def learned_law(tools: Tools, found: Grouped, first: TrialFit) -> tuple[Grouped,
 
     Args:
         tools: what the search worked with.
-        found: what it found without a law.
+        search: what it found without a law.
         first: the trial of the model as given.
 
     Returns:
         The law, and what else is missing.
     """
-    known = found.known
-    if known.present.remaining is None:
+    state = search.known
+    if state.present.remaining is None:
         return None
-    place, trial = _place(tools, known.present.remaining), known.present.trial
-    begun, last = known.stages[0], known.stages[-1]
-    base, law = begun, None
+    place, trial = _place(tools, state.present.remaining), state.present.trial
+    first_stage, last = state.stages[0], state.stages[-1]
+    base, law = first_stage, None
     if trial.effects:
-        law = _learned_beside(tools, begun.fit, first, place, _IMITATED * (first.cost - trial.cost))
+        law = _learned_beside(
+            tools, first_stage.fit, first, place, _IMITATED * (first.cost - trial.cost)
+        )
         law = law if law and as_good(law.told, last.fit, _BETTER) else None
     if law is None:
         base, law = last, _learned_beside(tools, last.fit, trial, place)
     if law is None:
         return None
     if trial.effects:
-        beside, told = kept_beside(tools, found, first, law)
-        now = beside.known
-        if {*now.stages[-1].effects} != {*base.effects}:
-            told = _beside_others(tools, now.stages[-1].fit, now.present.trial, told)
-        if told and told.worth.sure and as_good(told.told, last.fit, 1.0):
-            found, law = beside, told
+        beside, learned = kept_beside(tools, search, first, law)
+        updated = beside.known
+        if {*updated.stages[-1].effects} != {*base.effects}:
+            learned = _beside_others(tools, updated.stages[-1].fit, updated.present.trial, learned)
+        if learned and learned.worth.sure and as_good(learned.told, last.fit, 1.0):
+            search, law = beside, learned
         elif base is not last:
             return None  # else it goes with all of them alone
-    return found, replace(law, worth=law.worth.of(left_of(found.known, found.known.stages[-1])))
+    return search, replace(law, worth=law.worth.of(left_of(search.known, search.known.stages[-1])))
 
 
 def _beside_others(
-    tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw
+    tools: Tools, baseline: Fit, trial: TrialFit, law: LearnedLaw
 ) -> LearnedLaw | None:
     """A law learned anew beside other effects; ``None`` where errors do not ask for it there."""
     likely = likely_curves(tools.trials, trial, [hypothesis_of(tools, trial, law.curve)])
-    again = law_of(tools, before, trial, likely[0]) if likely else None
-    if again is None:
+    relearned = law_of(tools, baseline, trial, likely[0]) if likely else None
+    if relearned is None:
         return None
-    again = replace(again, superfluous=law.superfluous)
-    return with_fine_steps(tools, before, named(tools, before, trial, again))
+    relearned = replace(relearned, superfluous=law.superfluous)
+    return with_fine_steps(tools, baseline, named(tools, baseline, trial, relearned))
 
 
 def _learned_beside(
-    tools: Tools, before: Fit, trial: TrialFit, place: DrivingPort, least: float = 0.0
+    tools: Tools, baseline: Fit, trial: TrialFit, place: DrivingPort, least: float = 0.0
 ) -> LearnedLaw | None:
     """The likeliest law beside a model, or its rival, with its name; if whole runs surely improve.
 
@@ -89,20 +93,20 @@ def _learned_beside(
     likely = likeliest(tools, trial, place)
     if not likely or likely[0].evidence < least:
         return None
-    found = [law_of(tools, before, trial, likely[0])]
-    explained = found[0] is not None and all_explained(tools, trial, found[0].fit)
-    sure = found[0] is not None and found[0].worth.sure
+    fitted = [law_of(tools, baseline, trial, likely[0])]
+    explained = fitted[0] is not None and all_explained(tools, trial, fitted[0].fit)
+    sure = fitted[0] is not None and fitted[0].worth.sure
     rival = None if explained else rival_law(likely, sure)
     if rival:
-        found.append(law_of(tools, before, trial, rival, found[0]))
-    better = [law for law in found if law is not None]
+        fitted.append(law_of(tools, baseline, trial, rival, fitted[0]))
+    better = [law for law in fitted if law is not None]
     if not better:
         return None
-    law = named(tools, before, trial, min(better, key=_doubt))
+    law = named(tools, baseline, trial, min(better, key=_doubt))
     plain = None if explained else forgetful(likely, law.curve)
-    if plain and plain is not rival and (other := law_of(tools, before, trial, plain)):
-        law = min(law, named(tools, before, trial, other), key=_doubt)
-    law = with_fine_steps(tools, before, law)
+    if plain and plain is not rival and (memoryless := law_of(tools, baseline, trial, plain)):
+        law = min(law, named(tools, baseline, trial, memoryless), key=_doubt)
+    law = with_fine_steps(tools, baseline, law)
     return law if law.worth.sure else None
 
 
@@ -111,7 +115,7 @@ def _doubt(law: LearnedLaw) -> tuple[bool, float]:
     return not law.worth.sure, law.told.train.nrmse
 
 
-def _place(tools: Tools, left: Remaining) -> DrivingPort:
+def _place(tools: Tools, remaining: Remaining) -> DrivingPort:
     """The place whose errors the structure explains."""
     places = tools.trials.places
-    return next(p for p in places if left.port in (p.port, *behind(tools.trials, p)))
+    return next(p for p in places if remaining.port in (p.port, *behind(tools.trials, p)))

@@ -55,61 +55,64 @@ _AS_GOOD = 1.1
 more than so many times as much with it: a curve may bend as noise does."""
 
 
-def named(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> LearnedLaw:
+def named(tools: Tools, baseline: Fit, trial: TrialFit, law: LearnedLaw) -> LearnedLaw:
     """A learned law with the closed forms that were tried in its place.
 
     Args:
         tools: what the search worked with.
-        before: the fit without the law.
+        baseline: the fit without the law.
         trial: the trial beside which it was learned.
         law: the law.
     """
-    tried = sorted(_tried(tools, before, trial, law), key=lambda one: one.bic)
+    tried = sorted(_tried(tools, baseline, trial, law), key=lambda form: form.bic)
     if tried:
         first = _plainest(_alike(tools, tried, law), _adds(tools, law.curve.port))
-        tried.sort(key=lambda one: one is not first)
+        tried.sort(key=lambda form: form is not first)
     law = replace(law, forms=tuple(tried), named=False)
     if not tried or not as_good_unseen(tried[0].fit, law.fit, _AS_GOOD):
         return law
-    worth = worth_between_fits(tools, before, tried[0].fit)
+    worth = worth_between_fits(tools, baseline, tried[0].fit)
     return replace(law, named=True, worth=worth) if worth.sure else law
 
 
-def _tried(tools: Tools, before: Fit, trial: TrialFit, law: LearnedLaw) -> Iterator[TriedForm]:
+def _tried(tools: Tools, baseline: Fit, trial: TrialFit, law: LearnedLaw) -> Iterator[TriedForm]:
     """Closed forms fitted in the place of a curve, the plain ones first."""
     curve, price = law.curve, math.log(tools.trials.samples)
     grounds = _grounds(tools, trial, curve)
-    enough, known = math.inf, math.inf
+    enough, least_criterion = math.inf, math.inf
     for match in sorted(_close(tools, grounds, curve), key=_parameters):
         criterion = price * _parameters(match) - match.gain
-        if _parameters(match) > enough and criterion > known:
+        if _parameters(match) > enough and criterion > least_criterion:
             continue
-        fit = _in_place(tools, before, law, match)
+        fit = _in_place(tools, baseline, law, match)
         if not math.isfinite(fit.train.nrmse):
             continue
         effect = as_estimated(fit.model.effects[-1])  # pyright: ignore[reportArgumentType]
-        gain = 2.0 * (fit.log_likelihood - before.log_likelihood)
+        gain = 2.0 * (fit.log_likelihood - baseline.log_likelihood)
         bic = price * len(effect.declared) - gain
         yield TriedForm(match.form.name, effect, fit, bic, criterion, match.times, match.reference)
         measured = as_good(law.fit, fit, _EQUAL)  # a curve that errs more is no measure of it
         if (
             measured
             and (as_good(fit, law.fit, _EQUAL) or not surely_better(tools, law.fit, fit))
-            and worth_between_fits(tools, before, fit).sure
+            and worth_between_fits(tools, baseline, fit).sure
         ):
-            enough, known = min(enough, _parameters(match)), min(known, criterion)
+            enough, least_criterion = (
+                min(enough, _parameters(match)),
+                min(least_criterion, criterion),
+            )
 
 
-def _in_place(tools: Tools, before: Fit, law: LearnedLaw, match: Match) -> Fit:
+def _in_place(tools: Tools, baseline: Fit, law: LearnedLaw, match: Match) -> Fit:
     """A closed form in the place of a law's curve, fitted from where it is like this or matches."""
-    curve, found = law.curve, []
+    curve, fits = law.curve, []
     unit = unit_at(tools.trials, curve.port, match.times)
     for start, model in _starts(law, match):
         formula = formula_of(start, curve, unit, law.signal_unit, law.channel)
-        found.append(roughly(tools, before, model + formula, segments=NUMBER in curve.given))
-        if as_good(found[-1], law.fit, _EQUAL):
+        fits.append(roughly(tools, baseline, model + formula, segments=NUMBER in curve.given))
+        if as_good(fits[-1], law.fit, _EQUAL):
             break
-    return min(found, key=lambda fit: fit.train.nrmse)
+    return min(fits, key=lambda fit: fit.train.nrmse)
 
 
 def _starts(law: LearnedLaw, match: Match) -> Iterator[tuple[Match, Model]]:
@@ -133,27 +136,29 @@ def _alike(tools: Tools, tried: Sequence[TriedForm], law: LearnedLaw) -> list[Tr
     Errors that last make the criterion of whole runs surer than it should be. Those that may be the
     law's name, if there are any.
     """
-    best, *others = tried
-    near = (one for one in others if one.one_step <= best.one_step + FORMS_APART)
-    alike = [best, *(one for one in near if not surely_better(tools, best.fit, one.fit))]
-    return [one for one in alike if as_good_unseen(one.fit, law.fit, _AS_GOOD)] or alike
+    best, *rivals = tried
+    near = (form for form in rivals if form.one_step <= best.one_step + FORMS_APART)
+    equivalent = [best, *(form for form in near if not surely_better(tools, best.fit, form.fit))]
+    return [
+        form for form in equivalent if as_good_unseen(form.fit, law.fit, _AS_GOOD)
+    ] or equivalent
 
 
-def _plainest(alike: Sequence[TriedForm], adds: bool) -> TriedForm:
+def _plainest(tied: Sequence[TriedForm], adds: bool) -> TriedForm:
     """Of forms of the fewest parameters the likeliest, or the most usual of those near to it.
 
     Args:
-        alike: the forms.
+        tied: the forms.
         adds: whether laws at their port usually add.
     """
-    fewest = min(len(one.formula.declared) for one in alike)
-    plain = [one for one in alike if len(one.formula.declared) == fewest]
-    best, names = min(one.bic for one in plain), [form.name for form in FORMS]
-    near = [one for one in plain if one.bic <= best + FORMS_APART]
+    fewest = min(len(tried.formula.declared) for tried in tied)
+    plain = [tried for tried in tied if len(tried.formula.declared) == fewest]
+    best, names = min(tried.bic for tried in plain), [form.name for form in FORMS]
+    near = [tried for tried in plain if tried.bic <= best + FORMS_APART]
 
-    def unusual(one: TriedForm) -> tuple[bool, float, int]:
-        scales = one.times == ARRIVING
-        return scales == adds, (one.bic - best) // _SAME, names.index(one.name)
+    def unusual(tried: TriedForm) -> tuple[bool, float, int]:
+        scales = tried.times == ARRIVING
+        return scales == adds, (tried.bic - best) // _SAME, names.index(tried.name)
 
     return min(near, key=unusual)
 
@@ -170,11 +175,11 @@ def _adds(tools: Tools, port: str) -> bool:
 
 def _grounds(tools: Tools, trial: TrialFit, curve: Curve) -> dict[str, Ground]:
     """What one-step errors say of a curve's shapes, by what these are multiplied by."""
-    seen = sight(tools.trials, trial)
-    own = {n: {"value": getattr(curve, n)} for n in curve.given}
+    regressors = sight(tools.trials, trial)
+    parameters = {n: {"value": getattr(curve, n)} for n in curve.given}
     return {
         times: ground_of(
-            tools.trials, trial, hypothesis(seen, curve.port, curve.signal, times, own)
+            tools.trials, trial, hypothesis(regressors, curve.port, curve.signal, times, parameters)
         )
         for times in dict.fromkeys((curve.times, "", ARRIVING))
         if times != ARRIVING or curve.signal != ARRIVING
@@ -186,14 +191,16 @@ def _close(tools: Tools, grounds: Mapping[str, Ground], curve: Curve) -> list[Ma
     ground, price = grounds[curve.times], math.log(tools.trials.samples)
     likely = matches(grounds)
     if NUMBER in curve.given:  # a wave has its form already
-        likely = [one for one in likely if (one.form.name, one.times) == ("linear", curve.times)]
+        likely = [
+            match for match in likely if (match.form.name, match.times) == ("linear", curve.times)
+        ]
     least = _NEAR * ground.gain(np.asarray(curve.at_signal(ground.x)))[0]
     least = max(least, _HALF * likely[0].gain, 0.0)
-    near = [one for one in likely if one.gain > least]
-    near.sort(key=lambda one: price * _parameters(one) - one.gain)
-    first, rest = near[:_FORMS], near[_FORMS:]
-    plain = {(one.form.plain, one.times) for one in first}
-    return [*first, *(one for one in rest if (one.form.name, one.times) in plain)]
+    near = [match for match in likely if match.gain > least]
+    near.sort(key=lambda match: price * _parameters(match) - match.gain)
+    first, remaining = near[:_FORMS], near[_FORMS:]
+    plain = {(match.form.plain, match.times) for match in first}
+    return [*first, *(match for match in remaining if (match.form.name, match.times) in plain)]
 
 
 def _parameters(match: Match) -> int:

@@ -30,21 +30,25 @@ _CLEAR = 10.0
 def likeliest(tools: Tools, trial: TrialFit, place: DrivingPort) -> list[LikelyCurve]:
     """The laws that are worth a fit, the likeliest first; of equals the plainest."""
     trials, at = tools.trials, scene(tools.trials, trial, place)
-    found = likely_curves(trials, trial, simple_laws(at))
-    if not found:
+    curves = likely_curves(trials, trial, simple_laws(at))
+    if not curves:
         return []
-    found += likely_curves(trials, trial, products(at, [one.law for one in found[:_LIKELY]]))
-    found.sort(key=lambda one: -one.evidence)
-    once = {one.law[:3]: one for one in reversed(found)}  # of several guesses the likeliest
-    least = _NEAR * found[0].evidence
-    near = [one for one in once.values() if one.evidence > least]
-    found = [one for one in once.values() if one.evidence <= least]
-    found += side_by_side(lambda one: sharpened(trials, trial, at.seen, one), near)
-    best = max(one.evidence for one in found)
-    found.sort(key=lambda one: (one.evidence < best - _ALIKE, _plainness(one.law), -one.evidence))
-    first = [one for one in found if one.evidence >= best - _ALIKE]
-    rest = sorted(found[len(first) :], key=lambda one: -one.evidence)
-    return [one for one in (*first, *rest) if one.evidence > _CLEAR]
+    curves += likely_curves(trials, trial, products(at, [curve.law for curve in curves[:_LIKELY]]))
+    curves.sort(key=lambda curve: -curve.evidence)
+    distinct = {
+        curve.law[:3]: curve for curve in reversed(curves)
+    }  # of several guesses the likeliest
+    least = _NEAR * curves[0].evidence
+    near = [curve for curve in distinct.values() if curve.evidence > least]
+    curves = [curve for curve in distinct.values() if curve.evidence <= least]
+    curves += side_by_side(lambda curve: sharpened(trials, trial, at.seen, curve), near)
+    best = max(curve.evidence for curve in curves)
+    curves.sort(
+        key=lambda curve: (curve.evidence < best - _ALIKE, _plainness(curve.law), -curve.evidence)
+    )
+    first = [curve for curve in curves if curve.evidence >= best - _ALIKE]
+    remaining = sorted(curves[len(first) :], key=lambda curve: -curve.evidence)
+    return [curve for curve in (*first, *remaining) if curve.evidence > _CLEAR]
 
 
 def rival_law(likely: list[LikelyCurve], sure: bool) -> LikelyCurve | None:
@@ -55,10 +59,10 @@ def rival_law(likely: list[LikelyCurve], sure: bool) -> LikelyCurve | None:
         sure: whether that is surely worth something over whole runs.
     """
     first = likely[0]
-    others = (one for one in likely[1:] if one.law.signal != first.law.signal)
+    rivals = (curve for curve in likely[1:] if curve.law.signal != first.law.signal)
     # the same law in other words is as likely
-    apart = [one for one in others if abs(one.evidence - first.evidence) >= _EQUAL]
-    rival = max(apart, key=lambda one: one.evidence, default=None)
+    apart = [curve for curve in rivals if abs(curve.evidence - first.evidence) >= _EQUAL]
+    rival = max(apart, key=lambda curve: curve.evidence, default=None)
     least = (_CLOSE if sure else _RIVAL) * first.evidence
     return rival if rival and rival.evidence > least else None
 
@@ -66,8 +70,12 @@ def rival_law(likely: list[LikelyCurve], sure: bool) -> LikelyCurve | None:
 def forgetful(likely: list[LikelyCurve], curve: Curve) -> LikelyCurve | None:
     """The law of the same signal as it is, where a law remembers: over whole runs it may do."""
     plain = expression_of(curve.signal).memories and {*expression_of(curve.signal).places}
-    same = (one for one in likely if (one.law.port, one.law.times) == (curve.port, curve.times))
-    return next((one for one in same if one.law.signal in (plain or ())), None)
+    same = (
+        candidate
+        for candidate in likely
+        if (candidate.law.port, candidate.law.times) == (curve.port, curve.times)
+    )
+    return next((candidate for candidate in same if candidate.law.signal in (plain or ())), None)
 
 
 def _plainness(law: Hypothesis) -> tuple[int, bool, int]:

@@ -47,21 +47,23 @@ def sight(trials: Trials, trial: TrialFit) -> Sight:
 
 
 def along(
-    expression: str, parameters: Mapping[str, Mapping[str, Any]], seen: Sight, port: str
+    expression: str, parameters: Mapping[str, Mapping[str, Any]], regressors: Sight, port: str
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """An expression of signals as an effect at a port reads it, log by log; ``(T,)`` each.
 
     At the samples, and as the next ones come.
     """
     law = expression_of(expression)
-    own = {name: told["value"] for name, told in parameters.items()}
+    values = {name: fields["value"] for name, fields in parameters.items()}
 
     def named(when: Observed, log: int) -> Callable[[str], Any]:
-        return {**when.paths[log], ARRIVING: when.ports[log][port], **own}.__getitem__
+        return {**when.paths[log], ARRIVING: when.ports[log][port], **values}.__getitem__
 
     now, end = [], []
-    for log, path in enumerate(seen.now.paths):
-        here, there = values_along(law, named(seen.now, log), named(seen.end, log), path["time"])
-        now.append(here)
-        end.append(there)
+    for log, path in enumerate(regressors.now.paths):
+        current, later = values_along(
+            law, named(regressors.now, log), named(regressors.end, log), path["time"]
+        )
+        now.append(current)
+        end.append(later)
     return now, end
