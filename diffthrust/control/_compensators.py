@@ -16,6 +16,7 @@ from diffthrust._support.errors import InputError
 from diffthrust.control._base import Block, Kept, rate_of
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Parameter, parameter
+from diffthrust.models._base.quadratic_load import QuadraticLoad
 from diffthrust.models._base.signals import Signals
 
 
@@ -30,31 +31,29 @@ class Compensator(Block):
 
     @classmethod
     def of(cls, thruster: Model, **given: float | Parameter) -> Self:
-        """The compensator for a thruster of which ``alpha``, ``beta`` and ``ct`` are known.
+        """The compensator for a thruster whose torque follows the command, like `Thruster`.
 
         Args:
-            thruster: the nominal thruster; its effects are not looked at.
+            thruster: the nominal thruster, a model with `quadratic_load`; its effects are ignored.
             **given: gains that are not to follow from it.
 
         Raises:
-            InputError: the model has no such parameters.
+            InputError: the model is no such thruster.
         """
-        named = {"alpha", "beta", "ct"}
-        if not isinstance(thruster, Model) or not named <= set(thruster.parameters):
+        nominal = thruster.quadratic_load if isinstance(thruster, Model) else None
+        if nominal is None:
+            gains = ", ".join(f"{name}=..." for name in cls._gains(QuadraticLoad(1.0, 1.0, 1.0)))
             raise InputError(
-                f"{cls.__name__}.of: expected a thruster with the parameters 'alpha', 'beta' and "
-                f"'ct', found {thruster!s}.",
-                f"Give the nominal values by name: {cls.__name__}("
-                + ", ".join(f"{name}=..." for name in cls._nominal(1.0, 1.0, 1.0))
-                + ").",
+                f"{cls.__name__}.of: expected a thruster whose torque follows the command, like "
+                f"dft.Thruster with its parameters 'alpha', 'beta' and 'ct', found {thruster!s}.",
+                f"Give the nominal values by name: {cls.__name__}({gains}).",
             )
-        alpha, beta, ct = (thruster.parameters[name].value for name in ("alpha", "beta", "ct"))
-        return cls(**{**cls._nominal(alpha, beta, ct), **given})
+        return cls(**{**cls._gains(nominal), **given})
 
     @classmethod
-    def _nominal(cls, alpha: float, beta: float, ct: float) -> dict[str, float]:
-        """The gains that follow from a thruster's parameters."""
-        return {"thrust_per_volt": ct * beta / alpha}
+    def _gains(cls, nominal: QuadraticLoad) -> dict[str, float]:
+        """The gains that follow from the nominal thruster."""
+        return {"thrust_per_volt": nominal.thrust_per_command}
 
     def __call__(self, thrust: Array, s: Signals, kept: Kept, period: Array) -> tuple[Array, Kept]:
         """The command for a wanted thrust [N]; other arguments as those of a controller."""
@@ -141,8 +140,8 @@ class PoleCancellation(Compensator):
     thrust_per_volt: float = parameter(21.6, "N/V", bounds=(0, None), fixed=True)
 
     @classmethod
-    def _nominal(cls, alpha: float, beta: float, ct: float) -> dict[str, float]:
-        return {**super()._nominal(alpha, beta, ct), "rate": 2.0 * alpha / ct**0.5}
+    def _gains(cls, nominal: QuadraticLoad) -> dict[str, float]:
+        return {**super()._gains(nominal), "rate": 2.0 * nominal.load / nominal.thrust_gain**0.5}
 
     def __call__(self, thrust: Array, s: Signals, kept: Kept, period: Array) -> tuple[Array, Kept]:
         """Yoerger et al. 1990, section V C."""

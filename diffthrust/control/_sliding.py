@@ -12,6 +12,7 @@ from jaxtyping import Array
 from diffthrust.control._base import Kept, rate_of
 from diffthrust.control._compensators import Compensator
 from diffthrust.models._base.parameter import parameter
+from diffthrust.models._base.quadratic_load import QuadraticLoad
 from diffthrust.models._base.signals import Signals
 
 
@@ -56,8 +57,12 @@ class Sliding(Compensator):
     limit: float = parameter(math.inf, "V", bounds=(0, None), null=math.inf, fixed=True)
 
     @classmethod
-    def _nominal(cls, alpha: float, beta: float, ct: float) -> dict[str, float]:
-        return {"load": alpha / beta, "inertia": 1.0 / beta, "thrust_coefficient": ct}
+    def _gains(cls, nominal: QuadraticLoad) -> dict[str, float]:
+        return {
+            "load": nominal.load / nominal.drive_gain,
+            "inertia": 1.0 / nominal.drive_gain,
+            "thrust_coefficient": nominal.thrust_gain,
+        }
 
     def __call__(self, thrust: Array, s: Signals, kept: Kept, period: Array) -> tuple[Array, Kept]:
         """Yoerger et al. 1990, section V D."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -13,10 +12,8 @@ from numpy.typing import ArrayLike
 
 from diffthrust.cycles._element import positive
 from diffthrust.cycles._model_element import ModelElement
+from diffthrust.models._base.quadratic_load import SQUARED_SINE
 from diffthrust.models._base.signals import Relaxing
-
-_SINE = 8.0 / (3.0 * math.pi)
-"""The describing function of x|x| over the amplitude of x."""
 
 
 class PropelledAxis(ModelElement):
@@ -90,7 +87,7 @@ class PropelledAxis(ModelElement):
         self, n: complex, amplitude: float, frequency: float
     ) -> tuple[np.ndarray, np.ndarray]:
         """The thruster's lag and the vehicle's."""
-        vehicle = [self.mass, _SINE * self.drag * abs(n) * amplitude]
+        vehicle = [self.mass, SQUARED_SINE * self.drag * abs(n) * amplitude]
         thrust = n * complex(vehicle[1], frequency * vehicle[0])
         num, den = self.thruster.quasi_linear(thrust, amplitude, frequency)
         return num, np.polymul(den, vehicle)
@@ -98,7 +95,7 @@ class PropelledAxis(ModelElement):
     def _damping(self, force: np.ndarray, w: np.ndarray) -> np.ndarray:
         """8/(3 pi) drag V for the velocity V that solves |j w M + 8/(3 pi) drag V| V = force."""
         inertia = (w * self.mass) ** 2
-        squared = 2.0 * (_SINE * self.drag * force) ** 2
+        squared = 2.0 * (SQUARED_SINE * self.drag * force) ** 2
         # (-b + sqrt(b^2 + 4 c)) / 2 without the loss of digits at small drag
         return np.sqrt(squared / (inertia + np.sqrt(inertia**2 + 2.0 * squared)))
 

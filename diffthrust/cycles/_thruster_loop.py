@@ -19,6 +19,7 @@ from diffthrust.cycles._oscillation import LoopCourse
 from diffthrust.cycles._propelled import PropelledAxis
 from diffthrust.cycles._result import LimitCycle, LimitCycles
 from diffthrust.models._base.model import Model
+from diffthrust.models._base.quadratic_load import QuadraticLoad
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -71,23 +72,25 @@ class ThrusterLoop(Result):
     def printed(self) -> float:
         """Amplitude of the command [N] by the paper's printed formula, for a pure inertia.
 
-        Like `consistent` it knows of alpha and ct only, not of effects.
+        Like `consistent` it counts load and thrust of the thruster only, no effects.
         """
-        return self._by(self._gamma**2)
+        return self._by(self._thruster.sine_load**2)
 
     @property
     def consistent(self) -> float:
         """The same with the fundamental of the thrust taken consistently."""
-        return self._by(self._gamma * self.model.parameters["alpha"].value)
+        return self._by(self._thruster.sine_load * self._thruster.load)
 
     @property
-    def _gamma(self) -> float:
-        return 8.0 / (3.0 * math.pi) * self.model.parameters["alpha"].value
+    def _thruster(self) -> QuadraticLoad:
+        thruster = self.model.quadratic_load
+        assert thruster is not None  # `thruster_loop_cycle` has refused other models
+        return thruster
 
     def _by(self, square: float) -> float:
         """lambda^2 = (-w^2 + sqrt(w^4 + 4 square^2 (F/ct)^2)) / 2, solved for F."""
         lag, w = self.break_frequency, self.natural_frequency
-        return self.model.parameters["ct"].value * lag * math.hypot(lag, w) / square
+        return self._thruster.thrust_gain * lag * math.hypot(lag, w) / square
 
     @property
     def cycle(self) -> LimitCycle:
@@ -107,11 +110,16 @@ class ThrusterLoop(Result):
 
         The thruster has no effects, and its ct is that of the paper's static or dynamic test.
         """
-        alpha, beta, ct = (self.model.parameters[name].value for name in ("alpha", "beta", "ct"))
-        ours = (self.mass, self.drag, self.natural_frequency, self.damping, alpha, beta)
-        pairs = zip(ours, (340.0, 67.0, 1.0, 0.707, 0.037, 42.0), strict=True)
+        design = (self.mass, self.drag, self.natural_frequency, self.damping)
+        thruster = self._thruster
+        pairs = zip(
+            (*design, thruster.load, thruster.drive_gain),
+            (340.0, 67.0, 1.0, 0.707, 0.037, 42.0),
+            strict=True,
+        )
         near = all(math.isclose(a, b, rel_tol=2e-3) for a, b in pairs)
-        tested = any(math.isclose(ct, known, rel_tol=2e-3) for known in (0.022, 0.019))
+        tests = (0.022, 0.019)  # ct of the static and of the dynamic test
+        tested = any(math.isclose(thruster.thrust_gain, ct, rel_tol=2e-3) for ct in tests)
         return near and tested and not self.model.effects
 
     def _line(self) -> str:
@@ -228,8 +236,8 @@ def thruster_loop_cycle(
     thruster: command = (ct beta / alpha)^-1 M (-2 zeta wn x' - wn^2 x).
 
     Args:
-        model: a thruster with parameters ``alpha``, ``beta`` and ``ct``, with its effects, or a
-            fit of one.
+        model: a thruster whose torque follows the command, like `Thruster`, with its effects, or
+            a fit of one.
         mass: of the vehicle, with the water that moves along [kg]; Jason Jr. by default.
         drag: quadratic drag [N s^2/m^2]; zero for a pure inertia.
         natural_frequency: that the controller is designed for [rad/s].
@@ -239,7 +247,7 @@ def thruster_loop_cycle(
         verify: refine and simulate.
 
     Raises:
-        InputError: a number that is not positive, or a model without these parameters.
+        InputError: a number that is not positive, or a model that is no such thruster.
 
     Source: Yoerger, Cooke & Slotine 1990, section IV and figures 13 and 14.
 
@@ -251,18 +259,18 @@ def thruster_loop_cycle(
         0.618
     """
     thruster = checked_model(model)
-    named = thruster.parameters
-    lacking = [name for name in ("alpha", "beta", "ct") if name not in named]
-    if lacking or thruster.inputs.keys() != {"command"} or "thrust" not in thruster.outputs:
+    plain = thruster.quadratic_load
+    if plain is None or thruster.inputs.keys() != {"command"} or "thrust" not in thruster.outputs:
         raise InputError(
-            f"The loop needs a thruster with the parameters alpha, beta and ct, from command to "
-            f"thrust; found '{thruster}'.",
+            f"The loop needs a thruster whose torque follows the command, with the parameters "
+            f"alpha, beta and ct, from command to thrust; found '{thruster}'.",
             "Give a dft.Thruster, or use dft.cycles.limit_cycles for the loop of another model.",
         )
     mass, wn = positive("mass", mass), positive("natural_frequency", natural_frequency)
     zeta, drag = positive("damping", damping), positive("drag", drag, zero=True)
-    alpha, beta, ct = (positive(name, named[name].value) for name in ("alpha", "beta", "ct"))
-    newton = ct * beta / alpha
+    for name, value in vars(plain).items():
+        positive(f"{name} of the thruster", value)
+    newton = plain.thrust_per_command
     gains = [2.0 * zeta * wn * mass / newton, wn**2 * mass / newton]
     element = _element(thruster, mass, drag)
     linear = (gains, [1.0, 0.0] if drag else [mass, 0.0, 0.0])
@@ -270,7 +278,8 @@ def thruster_loop_cycle(
         frequencies = (0.1 * wn, 10.0 * wn)
     if amplitudes is None:  # around what the formula says for a pure inertia
         lag = wn / (2.0 * zeta)
-        size = ct * lag * math.hypot(lag, wn) / (8.0 / (3.0 * math.pi) * alpha**2) / newton
+        force = plain.thrust_gain * lag * math.hypot(lag, wn) / (plain.sine_load * plain.load)
+        size = force / newton
         amplitudes = (0.02 * size, 20.0 * size)
     found = limit_cycles(
         linear, element, amplitudes=amplitudes, frequencies=frequencies, verify=verify

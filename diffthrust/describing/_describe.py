@@ -164,8 +164,10 @@ def maps_of(
 def formula_values(asked: MapRequest, given: Mapping[str, np.ndarray]) -> np.ndarray:
     """The closed form by draw and point, ``(D, A, F)``, of parameters ``(D,)``."""
     values = {name: value[:, None, None] for name, value in given.items()}
+    thruster = asked.model.bind(values).quadratic_load
+    assert thruster is not None  # `check_plain` has refused other models
     a, w = asked.amplitudes[None, :, None], asked.frequencies[None, None, :]
-    return quasi_linear(values, a, w, asked.output, paper=asked.method == "paper")
+    return quasi_linear(thruster, a, w, asked.output, paper=asked.method == "paper")
 
 
 def periodic_values(

@@ -7,15 +7,14 @@ break frequency depends on amplitude and frequency.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust.models import Thruster
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
+from diffthrust.models._base.quadratic_load import QuadraticLoad
 
 FORMULAS = ("paper", "consistent")
 
@@ -23,7 +22,7 @@ FORMULAS = ("paper", "consistent")
 def check_plain(method: str, model: Model, input: str, output: str, bias: float) -> None:
     """Raise `InputError` for a model, or a way to look at it, that the formulas do not cover."""
     beyond: list[str] = []
-    if type(model) is not Thruster:
+    if model.quadratic_load is None:
         beyond.append(f"the model '{model.name}'")
     elif model.effects:
         beyond.append(f"the effects {', '.join(_name(e) for e in model.effects)}")
@@ -44,7 +43,7 @@ def _name(effect: Effect) -> str:
 
 
 def break_frequency(
-    values: Mapping[str, Any], amplitudes: Any, frequencies: Any, *, paper: bool
+    thruster: QuadraticLoad, amplitudes: Any, frequencies: Any, *, paper: bool
 ) -> np.ndarray:
     """The break frequency of the quasi-linear lag [rad/s].
 
@@ -55,38 +54,37 @@ def break_frequency(
     amplitude of the fundamental of the thrust throughout, g = (gamma alpha)^2.
 
     Args:
-        values: parameters of the thruster; numbers, or arrays that broadcast.
+        thruster: its numbers, or arrays that broadcast: alpha is the load, beta the drive's gain.
         amplitudes: of the command [V].
         frequencies: [rad/s].
         paper: the formula as printed.
 
     Source: Yoerger, Cooke & Slotine 1990, section IV, figure 12.
     """
-    alpha, beta = np.asarray(values["alpha"]), np.asarray(values["beta"])
-    gamma = 8.0 * alpha / (3.0 * np.pi)
-    weight = gamma**4 if paper else (gamma * alpha) ** 2
-    level = 4.0 * weight * (beta / alpha * np.asarray(amplitudes)) ** 2
+    gamma = np.asarray(thruster.sine_load)
+    weight = gamma**4 if paper else (gamma * thruster.load) ** 2
+    steady = thruster.drive_gain / thruster.load * np.asarray(amplitudes)  # speed |speed| at rest
+    level = 4.0 * weight * steady**2
     square = np.asarray(frequencies) ** 2
     # (-a + sqrt(a^2 + b)) / 2 loses its digits where b is small; this does not
     return np.sqrt(0.5 * level / (square + np.sqrt(square**2 + level)))
 
 
 def quasi_linear(
-    values: Mapping[str, Any], amplitudes: Any, frequencies: Any, output: str, *, paper: bool
+    thruster: QuadraticLoad, amplitudes: Any, frequencies: Any, output: str, *, paper: bool
 ) -> np.ndarray:
     """The describing function, complex: from the command to the thrust [N/V] or speed [rad/(s V)].
 
     Args:
-        values: parameters of the thruster; numbers, or arrays that broadcast.
+        thruster: its numbers, or arrays that broadcast.
         amplitudes: of the command [V].
         frequencies: [rad/s].
         output: "thrust", a lag of static gain ct beta / alpha; or "speed", for which the static
             gain is beta over the break frequency.
         paper: see `break_frequency`.
     """
-    pace = break_frequency(values, amplitudes, frequencies, paper=paper)
-    beta = np.asarray(values["beta"])
+    lag = break_frequency(thruster, amplitudes, frequencies, paper=paper)
     if output == "speed":
-        return beta / (pace + 1j * np.asarray(frequencies))
-    static = np.asarray(values["ct"]) * beta / np.asarray(values["alpha"])
-    return static * pace / (pace + 1j * np.asarray(frequencies))
+        return np.asarray(thruster.drive_gain) / (lag + 1j * np.asarray(frequencies))
+    static = np.asarray(thruster.thrust_per_command)
+    return static * lag / (lag + 1j * np.asarray(frequencies))

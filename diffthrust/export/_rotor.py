@@ -14,6 +14,7 @@ from diffthrust.export._steady import steady_output
 from diffthrust.export._table import OUTPUT, command_limits, commanding
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
+from diffthrust.models._base.quadratic_load import QuadraticLoad
 from diffthrust.models._base.signals import Signals
 from diffthrust.simulation._trajectory import read_out
 
@@ -80,10 +81,11 @@ def rotor_of(source: ExportSource, limits: tuple[float, float] | None) -> Rotor:
     """
     model = source.model
     channel = commanding(model, source)
-    if channel != "command" or model.name not in _LAWS:
+    known = model.quadratic_load is not None or model.name in _LAWS
+    if channel != "command" or not known:
         raise InputError(
             f"Simulators have no place for the model '{model}'; they know the dynamics of "
-            f"{', '.join(_LAWS)}, from a command.",
+            f"{', '.join(['thruster', *_LAWS])}, from a command.",
             "Export it to python or to c.",
         )
     low, high = command_limits(source, channel, limits)
@@ -99,7 +101,11 @@ def rotor_of(source: ExportSource, limits: tuple[float, float] | None) -> Rotor:
         taken_as_one = (f"The exponent is taken as 1: it is {power:.4g}, within its error.",)
     limit = values.get("command_saturation.limit", np.inf)
     low, high = max(low, -limit), min(high, limit)
-    dynamics, numbers, notes = _LAWS[model.name](values)
+    torque_driven = plain.quadratic_load
+    if torque_driven is not None:
+        dynamics, numbers, notes = _torque(torque_driven, values)
+    else:
+        dynamics, numbers, notes = _LAWS[model.name](values)
     reached = steady_output(plain, {channel: np.array([low, high])}, "speed")
     power = numbers.pop("exponent", 1.0)
     low, high = (float(np.sign(c) * abs(c) ** power) for c in (low, high))
@@ -162,13 +168,15 @@ def _force(model: Model, speeds: np.ndarray) -> np.ndarray:
     return np.asarray(read_out(model, Signals({**own, **signals}))[OUTPUT])
 
 
-def _torque(values: dict[str, float]) -> tuple[str, dict[str, float], tuple[str, ...]]:
+def _torque(
+    thruster: QuadraticLoad, values: dict[str, float]
+) -> tuple[str, dict[str, float], tuple[str, ...]]:
     """Yoerger et al. 1990; with a linear damping that of Bessa et al. 2006."""
     damping = values.get("linear_damping.rate", 0.0)
     if not damping:
-        return "yoerger", {"alpha": values["alpha"], "beta": values["beta"]}, ()
-    numbers = {"inertia": 1.0, "linear": damping, "quadratic": values["alpha"]}
-    return "bessa", {**numbers, "torque": values["beta"], "resistance": 1.0}, ()
+        return "yoerger", {"alpha": thruster.load, "beta": thruster.drive_gain}, ()
+    numbers = {"inertia": 1.0, "linear": damping, "quadratic": thruster.load}
+    return "bessa", {**numbers, "torque": thruster.drive_gain, "resistance": 1.0}, ()
 
 
 def _motor(values: dict[str, float]) -> tuple[str, dict[str, float], tuple[str, ...]]:
@@ -202,8 +210,7 @@ def _loop(values: dict[str, float]) -> tuple[str, dict[str, float], tuple[str, .
 
 
 _LAWS: dict[str, Any] = {
-    "thruster": _torque,
     "dc_motor_thruster": _motor,
     "speed_loop_thruster": _loop,
 }
-"""How the models of the library become constants of simulators."""
+"""How other models of the library become constants of simulators."""

@@ -11,6 +11,7 @@ from diffthrust.models._base.parameter import Normal as Normal
 from diffthrust.models._base.parameter import Parameter as Parameter
 from diffthrust.models._base.parameter import parameter as parameter
 from diffthrust.models._base.parameter import relative_to as relative_to
+from diffthrust.models._base.quadratic_load import QuadraticLoad as QuadraticLoad
 from diffthrust.models._base.signals import Relaxing as Relaxing
 from diffthrust.models._base.signals import Signals as Signals
 

@@ -9,6 +9,7 @@ from diffthrust.models._base.component import registered
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import parameter
+from diffthrust.models._base.quadratic_load import QuadraticLoad
 from diffthrust.models._base.signals import RatesAndOutputs, Signals
 
 
@@ -60,6 +61,11 @@ class Thruster(Model):
         42.0, "rad/({command} s^2)", bounds=(0, None), doc="drive by the command"
     )
     ct: float = parameter(0.019, "N s^2/rad^2", bounds=(0, None), doc="thrust")
+
+    @property
+    def quadratic_load(self) -> QuadraticLoad:
+        """All of these equations."""
+        return QuadraticLoad(drive_gain=self.beta, load=self.alpha, thrust_gain=self.ct)
 
     def equations(self, s: Signals, port: Ports) -> RatesAndOutputs:
         """Yoerger et al. 1990, section II C."""

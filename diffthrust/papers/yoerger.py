@@ -16,7 +16,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
 from diffthrust._support.results import Brief
 from diffthrust.logs._log import Log
-from diffthrust.models import Thruster
+from diffthrust.models import QuadraticLoad, Thruster
 from diffthrust.papers._line import FittedLine, fit_line
 from diffthrust.papers._steady import Steady, steady_portions
 from diffthrust.papers._thrust_line import thrust_line
@@ -225,14 +225,15 @@ def dynamic_test(
     def smooth(values: np.ndarray) -> np.ndarray:
         return np.asarray(sosfiltfilt(low, values))
 
-    squared = speed * np.abs(speed)
+    # what beta and alpha multiply in the equation of the shaft
+    driving, braking = QuadraticLoad.terms(command, speed)
     held = log.hold["command"] == "zero"
-    drive = smooth(command[:-1] if held else 0.5 * (command[:-1] + command[1:]))
-    drag = smooth(0.5 * (squared[:-1] + squared[1:]))
+    drive = smooth(driving[:-1] if held else 0.5 * (driving[:-1] + driving[1:]))
+    load = smooth(0.5 * (braking[:-1] + braking[1:]))
     slope = smooth(np.diff(speed) * rate)
     used = np.ones(slope.size, bool) if direction == "both" else (speed[:-1] > 0)
     used = ~used if direction == "reverse" else used
-    matrix = np.stack([-drag, drive], axis=1)[used]
+    matrix = np.stack([load, drive], axis=1)[used]
     values, errors = _least_squares(matrix, slope[used])
     ct = None
     if thrust is not None:

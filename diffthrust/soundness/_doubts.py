@@ -71,7 +71,8 @@ def doubts(logs: Log | Sequence[Log], model: Model | None = None) -> tuple[Doubt
             continue  # and so would another clock
         held = {doubt.channel for doubt in seen if doubt.kind == "stuck"}
         found += [(place, doubt) for doubt in _of_ties(r, each, {*logs[place].railed}, held)]
-        if model is not None and model.name == "thruster":
+        if model is not None and model.quadratic_load is not None:
+            # the load shows by the law of the shaft that `misloaded` takes for granted
             found += [(place, doubt) for doubt in misloaded(stretch(logs[place]))]
     kinds = ("sign", "exchanged", "time_base")
     astray = {place for place, doubt in found if doubt.kind in kinds}

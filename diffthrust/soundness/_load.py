@@ -15,6 +15,7 @@ import numpy as np
 from diffthrust._support.tables import number
 from diffthrust.logs._log import Log
 from diffthrust.logs._units import convert
+from diffthrust.models._base.quadratic_load import QuadraticLoad
 from diffthrust.soundness._doubt import Doubt
 from diffthrust.soundness._mends import unit_line
 from diffthrust.soundness._record import Record, record
@@ -75,7 +76,7 @@ def _alpha(r: Record) -> tuple[float, float]:
     command, speed = r.values["command"], r.values["speed"]
     if "speed" in r.unsigned:
         speed = np.abs(speed) * np.sign(command)
-    load = -_means(speed * np.abs(speed))
+    load = _means(QuadraticLoad.terms(command, speed)[1])
     rate = (speed[_SPAN:] - speed[:-_SPAN]) / (_SPAN * r.step)
     curve = _basis([*_curve(command), np.ones(command.size)])
     beside = _basis([*_curve(command), *trailing(command, _INSTRUMENTS)])

@@ -13,6 +13,7 @@ from diffthrust.models._base.component import Component, changed
 from diffthrust.models._base.effect import Effect, Ports
 from diffthrust.models._base.made_effect import MadeEffect
 from diffthrust.models._base.parameter import Parameter
+from diffthrust.models._base.quadratic_load import QuadraticLoad
 from diffthrust.models._base.readable import told_at
 from diffthrust.models._base.registry import effect_named
 from diffthrust.models._base.signals import RatesAndOutputs, Signal, Signals
@@ -69,6 +70,9 @@ class Model(Component):
                 "output; effects of that name act on the recorded channel.",
                 "Give the port another name.",
             )
+        if "equations" in vars(cls) and "quadratic_load" not in vars(cls):
+            # what a parent class says of its equations need not hold for others
+            type.__setattr__(cls, "quadratic_load", Model.quadratic_load)
 
     def __init__(self, *, command: str = "", **parameters: float | Parameter) -> None:
         super().__init__(**parameters)
@@ -125,6 +129,21 @@ class Model(Component):
             f"Model '{self.name}' has no equations.",
             "Define def equations(self, s, port): return {state: rate}, {output: value}.",
         )
+
+    @property
+    def quadratic_load(self) -> QuadraticLoad | None:
+        """The numbers of a torque against a quadratic load, of a model that obeys these equations.
+
+        ``None`` for other models. Effects are not counted. A class with equations of its own
+        says this anew: it is not inherited from a parent with other equations.
+
+        Example:
+            >>> dft.Thruster(beta=40.0).quadratic_load.drive_gain
+            40.0
+            >>> dft.SpeedLoopThruster().quadratic_load is None
+            True
+        """
+        return None
 
     def initial(self, s: Signals) -> Mapping[str, Signal | float]:
         """Initial states where neither a measurement nor the user gives them; zero by default.

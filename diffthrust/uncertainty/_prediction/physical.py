@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +14,7 @@ from diffthrust._support.errors import InputError
 from diffthrust.estimation._result import Fit
 from diffthrust.estimation._status import Status
 from diffthrust.models._base.model import Model
+from diffthrust.models._base.quadratic_load import QuadraticLoad
 
 
 @dataclass(frozen=True)
@@ -73,18 +74,18 @@ def physical(
         ['efficiency', 'torque_constant', 'volume']
     """
     check_sizes("physical", pitch, area, density)
-    check_torque_driven("physical", fit.model, fit.parameters)
+    torque_driven("physical", fit.model)
     if fit.status is Status.SIMULATION_FAILED:
         raise InputError("physical: the fit failed.", "Fit again; see fit.message.")
 
     def quantities(p: Mapping[str, Any]) -> dict[str, Any]:
-        return torque_driven(p, pitch, area, density)
+        return duct_quantities(torque_driven("physical", fit.model, p), pitch, area, density)
 
     return derived(fit, quantities, physical_units(fit.model))
 
 
 def physical_units(model: Model) -> dict[str, str]:
-    """Units of what `torque_driven` gives; the torque is that by the unit of the command.
+    """Units of what `duct_quantities` gives; the torque is that by the unit of the command.
 
     Of a command that is a torque itself the constant is a number, near 1 where all sizes are right.
     """
@@ -93,13 +94,13 @@ def physical_units(model: Model) -> dict[str, str]:
     return {"efficiency": "", "volume": "m^3", "torque_constant": torque}
 
 
-def torque_driven(
-    p: Mapping[str, Any], pitch: float, area: float, density: float
+def duct_quantities(
+    thruster: QuadraticLoad, pitch: float, area: float, density: float
 ) -> dict[str, Any]:
     """The closed forms of `physical`, of numbers or of arrays of draws."""
-    efficiency = jnp.sqrt(p["ct"] / (density * area * pitch**2))
-    volume = area * efficiency * pitch / (2.0 * p["alpha"])
-    torque = p["beta"] * density * volume * efficiency**2 * pitch**2
+    efficiency = jnp.sqrt(thruster.thrust_gain / (density * area * pitch**2))
+    volume = area * efficiency * pitch / (2.0 * thruster.load)
+    torque = thruster.drive_gain * density * volume * efficiency**2 * pitch**2
     return {"efficiency": efficiency, "volume": volume, "torque_constant": torque}
 
 
@@ -110,15 +111,22 @@ def check_sizes(where: str, pitch: float, area: float, density: float) -> None:
             raise InputError(f"{where}: expected a positive {name}, found {size!r}.", "Correct it.")
 
 
-def check_torque_driven(where: str, model: Model, parameters: Collection[str]) -> None:
-    """Raise `InputError` where a model lacks the parameters of the torque-driven thruster."""
-    lacking = [name for name in ("alpha", "beta", "ct") if name not in parameters]
-    if lacking:
+def torque_driven(
+    where: str, model: Model, values: Mapping[str, Any] | None = None
+) -> QuadraticLoad:
+    """The torque against a quadratic load that a model is, at these values of its parameters.
+
+    Raises:
+        InputError: a model with other equations.
+    """
+    thruster = model.bind(values or {}).quadratic_load
+    if thruster is None:
         raise InputError(
-            f"{where}: the model '{model}' has no {', '.join(lacking)}; these quantities are "
-            "those of the torque-driven thruster.",
+            f"{where}: the command of the model '{model}' drives no torque against a quadratic "
+            "load; these quantities are those of the torque-driven thruster.",
             "Give a fit of dft.Thruster().",
         )
+    return thruster
 
 
 def derived(

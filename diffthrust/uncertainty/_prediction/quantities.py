@@ -17,7 +17,7 @@ from diffthrust.uncertainty._prediction.derived_quantity import DerivedQuantity,
 from diffthrust.uncertainty._prediction.draws import Draws, draws_of
 from diffthrust.uncertainty._prediction.physical import (
     check_sizes,
-    check_torque_driven,
+    duct_quantities,
     physical_units,
     torque_driven,
 )
@@ -183,15 +183,15 @@ def quantities(
 
     if pitch is not None and area is not None:
         check_sizes("quantities", pitch, area, density)
-        check_torque_driven("quantities", drawn.model, drawn.values)
-        for name, values in torque_driven(drawn.values, pitch, area, density).items():
+        thruster = torque_driven("quantities", drawn.model, drawn.values)
+        for name, values in duct_quantities(thruster, pitch, area, density).items():
             add(name, physical_units(drawn.model)[name], values)
     if "commands" in curves or "steps" in curves:
         _add_responses(drawn, curves, response, inputs or {}, told, add, notes)
     if "amplitudes" in curves:
-        check_torque_driven("quantities", drawn.model, drawn.values)
+        thruster = torque_driven("quantities", drawn.model, drawn.values)
         swing = curves["amplitudes"]
-        pace = 8.0 * drawn.values["alpha"][:, None] / (3.0 * np.pi) * np.abs(swing)
+        pace = thruster.sine_load[:, None] * np.abs(swing)
         size, unit = told.size("speed", 1.0, "rad/s")
         grid = (swing, "speed amplitude", "rad/s", 1.0, "", size * swing, unit)
         add("break_frequency", "rad/s", pace, *grid)
