@@ -9,6 +9,7 @@ import numpy as np
 from reference import inputs, noise, thruster
 
 import diffthrust as dft
+from diffthrust.diagnosis._explained_share import Worth  # private: made by hand
 from diffthrust.diagnosis._findings import (  # private: made by hand
     Missing,
     Remaining,
@@ -16,7 +17,6 @@ from diffthrust.diagnosis._findings import (  # private: made by hand
     Stage,
     TriedEffect,
 )
-from diffthrust.diagnosis._worth import Worth  # private: made by hand
 from diffthrust.effects import ActuatorLag, CommandDeadband
 
 BAND = 0.4  # hidden dead band [V]

@@ -14,14 +14,14 @@ from diffthrust.diagnosis._criteria import (
     price_of,
     unseen_gain,
 )
+from diffthrust.diagnosis._explained_share import BeforeAfter, explained_share, matters
 from diffthrust.diagnosis._findings import Refusal, Stage, TriedEffect
-from diffthrust.diagnosis._held import built
+from diffthrust.diagnosis._held import with_candidates
+from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, with_values
 from diffthrust.diagnosis._ports import KNOTS
-from diffthrust.diagnosis._search import Present, SearchState, Tools
+from diffthrust.diagnosis._search_state import CurrentModel, SearchContext, SearchState
+from diffthrust.diagnosis._simulation_fit import change_between, fitted_beside, fitted_to_runs
 from diffthrust.diagnosis._structure import gain_of
-from diffthrust.diagnosis._trials import TrialFit, Trials, with_values
-from diffthrust.diagnosis._whole_fits import beside_whole, change_between, fitted_whole
-from diffthrust.diagnosis._worth import BeforeAfter, matters, worth_of
 from diffthrust.logs._log import Log
 from diffthrust.simulation._runs import runs_over
 
@@ -44,7 +44,7 @@ class Tried(NamedTuple):
 
 
 def admit(
-    tools: Tools, known: SearchState, tried: Tried, proven: bool = False
+    tools: SearchContext, known: SearchState, tried: Tried, proven: bool = False
 ) -> SearchState | Refusal:
     """Add an effect, with a stage of its own if it matters over whole runs, or say why not.
 
@@ -57,7 +57,7 @@ def admit(
         proven: whole unseen runs speak for it: then their one-step errors, in which random forces
             may do the same, are not asked.
     """
-    trials, before, (candidate, trial) = tools.trials, known.present, tried
+    trials, before, (candidate, trial) = tools.fitter, known.current, tried
     if not comparable(tools, before, tried):
         return Refusal.SMALL_PART
     with tools.clock("screen"):
@@ -65,48 +65,50 @@ def admit(
     unseen = unseen_gain(trials, before.trial, settled)
     if not proven and candidate.delta_bic - 2 * min(unseen, 0.0) > -MARGIN:
         return Refusal.UNSEEN_LOGS
-    added = replace(known, present=Present(trials, settled))
+    added = replace(known, current=CurrentModel(trials, settled))
     with tools.clock("remaining"):  # a constant may take up anything
-        if candidate.effect in trials.held and added.present.remaining is not None:
+        if candidate.effect in trials.constants and added.current.remaining is not None:
             return Refusal.TAKES_UP
     fewer = drop(trials, added)
-    if {*fewer.present.trial.effects} == {*before.trial.effects}:
+    if {*fewer.current.trial.effects} == {*before.trial.effects}:
         return fewer
-    outcome = of_little_worth(tools, fewer, candidate.effect)
+    outcome = reject_if_negligible(tools, fewer, candidate.effect)
     if outcome is not None:
         return outcome
     tools.say(f"refitting with {candidate.effect}", known.share(0.7))
-    last, fitted = known.stages[-1], refitted(tools, fewer)
-    swapped = fewer.dropped != known.dropped and candidate.effect in fewer.present.trial.effects
+    last, fitted = known.stages[-1], refitted_stage(tools, fewer)
+    swapped = fewer.dropped != known.dropped and candidate.effect in fewer.current.trial.effects
     if swapped and missed(last, fitted):
-        fewer, fitted = added, refitted(tools, added)
+        fewer, fitted = added, refitted_stage(tools, added)
     refusal = no_better(last, fitted)
-    return refusal or counted(tools, fewer, fitted, candidate.effect)
+    return refusal or record_stage(tools, fewer, fitted, candidate.effect)
 
 
-def of_little_worth(tools: Tools, known: SearchState, name: str) -> SearchState | Refusal | None:
+def reject_if_negligible(
+    tools: SearchContext, known: SearchState, name: str
+) -> SearchState | Refusal | None:
     """What becomes of an effect that does nothing to whole runs, by trials: it is not refitted.
 
     ``None`` where it does, and where trials cannot tell: the stage that it leads to decides.
     """
-    trials, last, present = tools.trials, known.stages[-1], known.present.trial
+    trials, last, present = tools.fitter, known.stages[-1], known.current.trial
     names = _of_stage(known)
-    if name in trials.held or name not in names or not {*last.effects} <= {*names}:
+    if name in trials.constants or name not in names or not {*last.effects} <= {*names}:
         return None
     with tools.clock("whole runs"):
-        before = fitted_whole(trials, last)
-        change = change_between(trials, before, beside_whole(trials, last, present, names))
+        before = fitted_to_runs(trials, last)
+        change = change_between(trials, before, fitted_beside(trials, last, present, names))
     if not math.isfinite(change.after.train.nrmse):
         return None
     if refusal := no_better(change.before, change.after):
         return refusal
     if matters(change.worth, change.everywhere):
         return None
-    told = change.worth.of(left_of(known, last))
+    told = change.worth.of(remaining_share(known, last))
     return replace(known, worth={**known.worth, name: told}, detectable=(*known.detectable, name))
 
 
-def left_of(known: SearchState, stage: Stage) -> float:
+def remaining_share(known: SearchState, stage: Stage) -> float:
     """The share of the squared error of the model as given that is left at a stage."""
     begun, now = (s.holdout or s.train for s in (known.stages[0], stage))
     return (now.nrmse / begun.nrmse) ** 2 if begun.nrmse > 0 else 1.0
@@ -114,20 +116,20 @@ def left_of(known: SearchState, stage: Stage) -> float:
 
 def _of_stage(known: SearchState) -> tuple[str, ...]:
     """The effects that a stage of the present model has: not those that are only detectable."""
-    return tuple(n for n in known.present.trial.effects if n not in known.detectable)
+    return tuple(n for n in known.current.trial.effects if n not in known.detectable)
 
 
-def counted(tools: Tools, known: SearchState, fitted: Stage, name: str) -> SearchState:
+def record_stage(tools: SearchContext, known: SearchState, fitted: Stage, name: str) -> SearchState:
     """The search with an effect that was just fitted: a stage more, or one more detectable."""
     last = known.stages[-1]
     without = [one for one in known.stages if {*one.effects} <= {*fitted.effects} - {name}]
-    trained = errors_between(without[-1], fitted, tools.trials.logs, trained=True)
+    trained = errors_between(without[-1], fitted, tools.fitter.logs, trained=True)
     unseen = errors_between(without[-1], fitted, tools.unseen)
-    worth, everywhere = worth_of(unseen or trained), worth_of([*trained, *unseen])
-    told = worth.of(left_of(known, without[-1]))
+    worth, everywhere = explained_share(unseen or trained), explained_share([*trained, *unseen])
+    told = worth.of(remaining_share(known, without[-1]))
     known = replace(known, worth={**known.worth, name: told})
     in_place_of_others = not {*last.effects} <= {*fitted.effects}
-    constant = name in tools.trials.held  # the others are wrong beside it, whatever runs say
+    constant = name in tools.fitter.constants  # the others are wrong beside it, whatever runs say
     if constant or matters(worth, everywhere) or in_place_of_others:
         return replace(known, stages=(*known.stages, fitted))
     return replace(known, detectable=(*known.detectable, name))
@@ -157,13 +159,13 @@ def errors_between(
     ]
 
 
-def comparable(tools: Tools, present: Present, tried: Tried) -> bool:
+def comparable(tools: SearchContext, present: CurrentModel, tried: Tried) -> bool:
     """Whether an effect explains what is missing, not a small part that it happens to touch.
 
     A function of one signal that no known effect is like may explain far more. What an effect
     explains is its own where that function explains as much beside it as it did alone.
     """
-    trials, (candidate, trial) = tools.trials, tried
+    trials, (candidate, trial) = tools.fitter, tried
     with tools.clock("remaining"):
         left = present.remaining
     if left is None:
@@ -177,14 +179,14 @@ def comparable(tools: Tools, present: Present, tried: Tried) -> bool:
     return kept > max(_OWN * candidate.likelihood_ratio, price_of(trials, trial) + MARGIN)
 
 
-def drop(trials: Trials, known: SearchState) -> SearchState:
+def drop(trials: CandidateFitter, known: SearchState) -> SearchState:
     """Take out every effect without which the criterion is no worse.
 
     The last one too: on its way to the optimum the fit may have found a better noise.
     """
-    effects = known.present.trial.effects
+    effects = known.current.trial.effects
     for name in effects:
-        present = known.present
+        present = known.current
         without = present.without(name)
         loss = 2 * (without.cost - present.trial.cost) - price_of(trials, present.trial, name)
         if loss < CLEAR:
@@ -193,21 +195,21 @@ def drop(trials: Trials, known: SearchState) -> SearchState:
             dropped = known.dropped if name == effects[-1] else (*known.dropped, name)
             detectable = tuple(n for n in known.detectable if n != name)
             known = replace(
-                known, present=Present(trials, without), dropped=dropped, detectable=detectable
+                known, present=CurrentModel(trials, without), dropped=dropped, detectable=detectable
             )
     return known
 
 
-def refitted(tools: Tools, known: SearchState) -> Stage:
+def refitted_stage(tools: SearchContext, known: SearchState) -> Stage:
     """The present model without what is only detectable, fitted to whole runs.
 
     It begins at the values of its trial, and where the last stage ended with the new effects at
     their nulls, so that it ends no worse than that.
     """
-    last, values = known.stages[-1].fit.model, known.present.trial.values
+    last, values = known.stages[-1].fit.model, known.current.trial.values
     names = _of_stage(known)
-    candidates = tools.trials.candidates
-    model = with_values(built(tools.given, names, candidates), values)
+    candidates = tools.fitter.candidates
+    model = with_values(with_candidates(tools.given, names, candidates), values)
     start = {n: p.value for n, p in last.parameters.items()}
     for name in ({*names} & {*candidates}) - {effect.name for effect in last.effects}:
         null = candidates[name].at_null()._parameters

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
-from diffthrust.diagnosis._held import held_of
+from diffthrust.diagnosis._held import constants_in
 from diffthrust.diagnosis._ports import unseen_at
 from diffthrust.logs._log import Log
 from diffthrust.models._base.effect import Effect
@@ -36,7 +36,7 @@ def candidates_of(
         InputError: a wanted effect that does not exist, that the model has no port for, or that is
             called like one of its parameters.
     """
-    asked, chosen = _asked_for(wanted, held_of(model))
+    asked, chosen = _asked_for(wanted, constants_in(model))
     measured = {name for log in logs for name in log.measured}
     inputs = set.intersection(*(set(log.inputs) for log in logs))
     has = {effect.name for effect in model.effects}
@@ -99,7 +99,7 @@ def constants_of(model: Model, wanted: Candidates | None = None) -> tuple[str, .
         (('lever_arm',), ())
     """
     names = {one for one in _several(wanted) if isinstance(one, str)}
-    return tuple(name for name in held_of(model) if _EVERY in names or name in names)
+    return tuple(name for name in constants_in(model) if _EVERY in names or name in names)
 
 
 def _several(wanted: Candidates | None) -> Sequence[str | Effect | type[Effect]]:

@@ -11,7 +11,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from diffthrust.diagnosis._findings import Refusal
-from diffthrust.diagnosis._trials import TrialFit, Trials
+from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
 from diffthrust.estimation._observer import is_memory
 from diffthrust.estimation._one_step import cost, nrmse, settled_start
 from diffthrust.simulation._errors import Errors
@@ -62,7 +62,7 @@ def noises(nuisance: Sequence[str]) -> list[NoiseTerm]:
     ]
 
 
-def criterion(trials: Trials, trial: TrialFit) -> float:
+def criterion(trials: CandidateFitter, trial: TrialFit) -> float:
     """Bayesian information criterion with as much noise as the trial needs.
 
     Random forces and lasting sensor errors are explanations, too, and their parameters have a
@@ -97,15 +97,15 @@ def wald(trial: TrialFit, names: Sequence[str]) -> float:
     return float(z @ np.linalg.pinv(own, hermitian=True) @ z)
 
 
-def price_of(trials: Trials, trial: TrialFit, effect: str | None = None) -> float:
+def price_of(trials: CandidateFitter, trial: TrialFit, effect: str | None = None) -> float:
     """What the criterion charges for an effect of a trial; for the last one if not said."""
-    return len(trial.own(effect)) * math.log(trials.samples)
+    return len(trial.parameters_of(effect)) * math.log(trials.samples)
 
 
 # -- one-step errors on unseen logs ----------------------------------------------------------------
 
 
-def unseen_gain(trials: Trials, before: TrialFit, after: TrialFit) -> float:
+def unseen_gain(trials: CandidateFitter, before: TrialFit, after: TrialFit) -> float:
     """Gain of log-likelihood on the unseen logs, under the limit of ``after``; NaN without any.
 
     The noise levels are those of the unseen logs, and initial states their best: a model that
@@ -120,7 +120,7 @@ def unseen_gain(trials: Trials, before: TrialFit, after: TrialFit) -> float:
     return one - min(others)
 
 
-def unseen_cost(trials: Trials, trial: TrialFit) -> float:
+def unseen_cost(trials: CandidateFitter, trial: TrialFit) -> float:
     """Negative log-likelihood of the unseen logs, from their best initial states.
 
     NaN without unseen logs, infinite where the trial cannot be carried over them.
@@ -133,14 +133,14 @@ def unseen_cost(trials: Trials, trial: TrialFit) -> float:
     return value if np.isfinite(value) else float("inf")
 
 
-def simulation_errors(trials: Trials, trial: TrialFit) -> tuple[float, float | None]:
+def simulation_errors(trials: CandidateFitter, trial: TrialFit) -> tuple[float, float | None]:
     """NRMSE of the simulation, without correction, on training and unseen logs."""
     still = {n: 0.0 for n in trials.problem.nuisance if not is_memory(n)}
     pure = replace(trial, values={**trial.values, **still})
     unseen = trials.ready(trial.effects).unseen
     if unseen is None:
-        return nrmse(pure.there), None
-    return nrmse(pure.there), nrmse(unseen.focus(pure.names, pure.values))
+        return nrmse(pure.at_values), None
+    return nrmse(pure.at_values), nrmse(unseen.focus(pure.names, pure.values))
 
 
 # -- simulations over whole runs, against the evidence of one-step errors --------------------------

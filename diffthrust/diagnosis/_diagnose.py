@@ -10,20 +10,26 @@ from diffthrust._support.names import listing
 from diffthrust._support.progress import ProgressOption, progressing, teller
 from diffthrust.comparison._compare import Comparison, compare
 from diffthrust.diagnosis._candidates import Candidates
+from diffthrust.diagnosis._equivalence import SearchResult, proposal, with_equivalents
 from diffthrust.diagnosis._findings import Missing
 from diffthrust.diagnosis._given import OddLog
-from diffthrust.diagnosis._groups import Grouped, grouped, proposal
 from diffthrust.diagnosis._held_values import held_values
+from diffthrust.diagnosis._innovations_fit import TrialFit
 from diffthrust.diagnosis._learning.learn import learned_law
 from diffthrust.diagnosis._missing import missing_signals
-from diffthrust.diagnosis._odd_logs import no_longer, odd_logs
+from diffthrust.diagnosis._outlier_logs import no_longer_odd, odd_logs
 from diffthrust.diagnosis._result import Diagnosis
-from diffthrust.diagnosis._search import LEARNING, SOUGHT, SearchState, Tools, begun
+from diffthrust.diagnosis._search_state import (
+    LEARNING,
+    SOUGHT,
+    SearchContext,
+    SearchState,
+    start_search,
+)
 from diffthrust.diagnosis._set_aside import set_aside
 from diffthrust.diagnosis._stages import next_stage
-from diffthrust.diagnosis._trials import TrialFit
 from diffthrust.diagnosis._verdict import verdict_of
-from diffthrust.diagnosis._whole_runs import from_whole_runs
+from diffthrust.diagnosis._whole_runs import from_simulation
 from diffthrust.estimation._arguments import by_input, check_arguments, listed
 from diffthrust.estimation._origin import origin_of, same_logs
 from diffthrust.estimation._result import Fit
@@ -98,13 +104,13 @@ def diagnose(
             )
     say = teller(progress)
     with simulated_once():
-        tools, known = begun(fit, train, unseen, candidates, seed, say)
-        first = known.present.trial
+        tools, known = start_search(fit, train, unseen, candidates, seed, say)
+        first = known.current.trial
         while max(known.number, len(known.detectable)) < _MOST_STAGES:
             before, known = known, next_stage(tools, known)
-            if known.found == before.found:
-                known = from_whole_runs(tools, known)
-            if known.found == before.found:
+            if known.accepted == before.accepted:
+                known = from_simulation(tools, known)
+            if known.accepted == before.accepted:
                 break
         found = _reported(tools, known, first, limits, experiment)
     say("done", 1.0)
@@ -116,7 +122,7 @@ def diagnose(
 
 
 def _reported(
-    tools: Tools,
+    tools: SearchContext,
     known: SearchState,
     first: TrialFit,
     limits: Mapping[str, tuple[float, float]] | None,
@@ -124,11 +130,11 @@ def _reported(
 ) -> Diagnosis:
     """All that is told at the end of a search."""
     # what the first model lacks is seen with errors limited as they are at the end
-    first = replace(first, limit=known.present.trial.limit)
-    effects = grouped(tools, known, first)
+    first = replace(first, limit=known.current.trial.limit)
+    effects = with_equivalents(tools, known, first)
     tools.say("what no known effect explains", SOUGHT)
     found = _findings(tools, effects, first)
-    left = known.present.remaining
+    left = known.current.remaining
     if left is not None and (found.verdict == "unexplained" or found.apart):
         tools.say("learning what no known effect explains", LEARNING)
         with tools.clock("learned"):
@@ -144,29 +150,29 @@ def _reported(
             where = replace(left, port=law.curve.port, manner=law.manner)
             found = replace(found, verdict="unexplained", laws=(law,), remaining=where)
     if found.verdict in ("undecided", "unexplained"):
-        present = effects.known.present.trial.effects
+        present = effects.state.current.trial.effects
         possible = {n: w for n, w in known.possible.items() if n not in present}
         found = replace(found, possible=possible)
     if experiment:
         rivals = [*effects.groups, *((None, name) for name in found.possible)]
-        found = replace(found, experiment=proposal(tools, effects.known, rivals, limits))
+        found = replace(found, experiment=proposal(tools, effects.state, rivals, limits))
     return found
 
 
-def _alike(tools: Tools, odd: Sequence[OddLog], found: Diagnosis, fit: Fit) -> bool:
+def _alike(tools: SearchContext, odd: Sequence[OddLog], found: Diagnosis, fit: Fit) -> bool:
     """Whether logs that were unlike the others are like them in what a fit leaves."""
     if not odd or found.trained is None:
         return not odd
-    trained = compare(fit, tools.trials.logs, initial=fit.initial)
+    trained = compare(fit, tools.fitter.logs, initial=fit.initial)
     unseen = (found.after.runs, compare(fit, tools.unseen).runs) if tools.unseen else ((), ())
     before, after = (
         (*one.runs, *other) for one, other in zip((found.trained[1], trained), unseen, strict=True)
     )
-    return no_longer(odd, before, after)
+    return no_longer_odd(odd, before, after)
 
 
 def _findings(
-    tools: Tools, effects: Grouped, first: TrialFit, like: Sequence[str] = ()
+    tools: SearchContext, effects: SearchResult, first: TrialFit, like: Sequence[str] = ()
 ) -> Diagnosis:
     """What a search has found, and the verdict on it.
 
@@ -176,12 +182,12 @@ def _findings(
         first: the trial of the model as given.
         like: logs that a learned law has shown to be like the others.
     """
-    trials, unseen, known = tools.trials, tools.unseen, effects.known
-    present = known.present.trial
+    trials, unseen, known = tools.fitter, tools.unseen, effects.state
+    present = known.current.trial
     with tools.clock("missing"):
         missing = missing_signals(trials, first)
     with tools.clock("remaining"):
-        remaining = known.present.remaining
+        remaining = known.current.remaining
     left: tuple[Missing, ...] = ()
     if remaining is not None and known.number:
         with tools.clock("missing"):
@@ -207,7 +213,7 @@ def _findings(
         missing=missing,
         left=left,
         refused={n: why for n, why in known.refused.items() if n not in present.effects},
-        silent=tuple(sorted(known.silent - tested - {*known.untestable, *trials.held})),
+        silent=tuple(sorted(known.silent - tested - {*known.untestable, *trials.constants})),
         held=held_values(tools.given, present),
         one_step=dict(zip(trials.channels, sizes, strict=True)),
         trained=trained,
@@ -217,7 +223,7 @@ def _findings(
         worth={
             n: w
             for n, w in known.worth.items()
-            if n in (*known.stages[-1].effects, *known.detectable) and n not in trials.held
+            if n in (*known.stages[-1].effects, *known.detectable) and n not in trials.constants
         },
         detectable=known.detectable,
         detectable_groups=effects.detectable_groups,

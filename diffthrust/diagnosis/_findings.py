@@ -14,10 +14,10 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust._support.results import Brief
 from diffthrust.comparison._compare import Comparison
+from diffthrust.diagnosis._explained_share import Worth, far_above_noise
 from diffthrust.diagnosis._given import HeldValue, OddLog
 from diffthrust.diagnosis._headroom import Headroom, headroom_of
 from diffthrust.diagnosis._learned import LearnedLaw
-from diffthrust.diagnosis._worth import Worth, far_above
 from diffthrust.effects._curve import Curve
 from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._origin import Origin
@@ -330,7 +330,7 @@ class Findings(Brief):
                 stated = run.log.noise_in(name, trace.unit)
                 noise[name] = min(stated or math.inf, noise.get(name, math.inf))
         whole = self.judged.errors if self.apart else last.holdout or last.train
-        return far_above(whole, noise)
+        return far_above_noise(whole, noise)
 
     @property
     def repeating(self) -> tuple[str, ...]:

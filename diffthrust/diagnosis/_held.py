@@ -8,13 +8,13 @@ from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
 
 
-def held_of(model: Model) -> tuple[str, ...]:
+def constants_in(model: Model) -> tuple[str, ...]:
     """The parameters of a model and of its effects that are held at a number.
 
     Not the forms that an effect may have: each of these is tried by itself.
 
     Example:
-        >>> held_of(dft.Vessel())
+        >>> constants_in(dft.Vessel())
         ('lever_arm',)
     """
     return tuple(n for n, p in model.parameters.items() if p.fixed and not p.probes)
@@ -25,7 +25,9 @@ def of_effect(parameter: str, effect: str) -> bool:
     return effect in (parameter, parameter.rpartition(".")[0])
 
 
-def built(given: Model, effects: Iterable[str], candidates: Mapping[str, Effect]) -> Model:
+def with_candidates(
+    given: Model, effects: Iterable[str], candidates: Mapping[str, Effect]
+) -> Model:
     """A model with some candidates: effects added, parameters that were held freed."""
     freed = [n for n in effects if n not in candidates]
     return given.free(*freed) + [candidates[n] for n in effects if n in candidates]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from diffthrust.diagnosis._given import HeldValue
-from diffthrust.diagnosis._trials import TrialFit
+from diffthrust.diagnosis._innovations_fit import TrialFit
 from diffthrust.models._base.model import Model
 
 
@@ -29,7 +29,7 @@ def held_values(given: Model, trial: TrialFit) -> dict[str, HeldValue]:
 
 def _standard_errors(trial: TrialFit) -> dict[str, float]:
     """Standard errors of the parameters of a trial; infinite where nothing tells of one."""
-    q, there = trial.quadratic, trial.there
+    q, there = trial.quadratic, trial.at_values
     length = np.sqrt(np.diagonal(q.information))
     live = length > 0
     scaled = q.information[np.ix_(live, live)] / np.outer(length[live], length[live])

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from diffthrust._support.results import Brief
-from diffthrust.diagnosis._worth import Worth
+from diffthrust.diagnosis._explained_share import Worth
 from diffthrust.effects._curve import Curve
 from diffthrust.effects._formula import Formula
 from diffthrust.estimation._result import Fit

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diffthrust.diagnosis._trials import TrialFit, Trials
+from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
 from diffthrust.estimation._laws import Law
 from diffthrust.estimation._one_step import Pass, passes, settled_start
 from diffthrust.estimation._problem import Problem
@@ -150,9 +150,9 @@ def widened(logs: Sequence[Slopes], among: Sequence[int], one: Deviation) -> Dev
     return replace(one, error=(within + between) ** 0.5, freedom=(within + between) ** 2 / share)
 
 
-def slopes(trials: Trials, trial: TrialFit) -> list[Slopes]:
+def slopes(trials: CandidateFitter, trial: TrialFit) -> list[Slopes]:
     """What each log says of the model's parameters, training logs first, then unseen ones."""
-    problems = [trial.there]
+    problems = [trial.at_values]
     unseen = trials.ready(trial.effects).unseen
     if unseen is not None:
         held = trial.limit.on(unseen.focus(trial.names, trial.values))

@@ -9,8 +9,8 @@ from diffthrust._support.tables import number
 from diffthrust._support.words import an, joined, percent, spelt
 
 if TYPE_CHECKING:
+    from diffthrust.diagnosis._explained_share import Worth
     from diffthrust.diagnosis._findings import Findings
-    from diffthrust.diagnosis._worth import Worth
     from diffthrust.simulation._errors import Errors
 
 _GROWN = 4.0

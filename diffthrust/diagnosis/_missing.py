@@ -8,10 +8,15 @@ from typing import NamedTuple
 import numpy as np
 
 from diffthrust.diagnosis._findings import Missing, SignalForm
+from diffthrust.diagnosis._innovations_fit import (
+    CandidateFitter,
+    TrialFit,
+    side_by_side,
+    with_values,
+)
 from diffthrust.diagnosis._ports import DrivingPort, slopes_along, words_and_unit
 from diffthrust.diagnosis._smoother import LinearErrors, smoothed_signals
 from diffthrust.diagnosis._structure import bases, observed, ratio_of, signals_at, unknown
-from diffthrust.diagnosis._trials import TrialFit, Trials, side_by_side, with_values
 from diffthrust.models._base.model import Model
 
 _BLOCKS = 12
@@ -26,7 +31,7 @@ _TOLD = 0.01
 ErrorCurve = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
-def missing_signals(trials: Trials, trial: TrialFit) -> tuple[Missing, ...]:
+def missing_signals(trials: CandidateFitter, trial: TrialFit) -> tuple[Missing, ...]:
     """The missing signal at each place, the one that explains most first.
 
     Of the signals on which the errors depend (score test) the one is told that explains most of it.
@@ -124,7 +129,7 @@ def _blocks(samples: int) -> np.ndarray:
 
 
 def _runs(
-    trials: Trials, place: DrivingPort, trial: TrialFit
+    trials: CandidateFitter, place: DrivingPort, trial: TrialFit
 ) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Time, missing signal and its standard error of each log, in the unit of the port."""
     model = with_values(trials.model, trial.values)

@@ -10,9 +10,9 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, side_by_side
 from diffthrust.diagnosis._probes import probes
 from diffthrust.diagnosis._shortlist import constants, inside, shortlist
-from diffthrust.diagnosis._trials import TrialFit, Trials, side_by_side
 from diffthrust.simulation._levels import levels_over
 
 _HOPE = 2.0
@@ -37,7 +37,7 @@ _Point = Mapping[str, float]
 
 
 def screened(
-    trials: Trials,
+    trials: CandidateFitter,
     names: Sequence[str],
     present: TrialFit,
     levels: Mapping[str, float],
@@ -55,20 +55,20 @@ def screened(
         others: values of the model's parameters from which far probes are tried as well.
 
     Returns:
-        Trials by name; candidates of which nothing is to be hoped are left out.
+        CandidateFitter by name; candidates of which nothing is to be hoped are left out.
     """
-    effects = [name for name in names if name not in trials.held]
+    effects = [name for name in names if name not in trials.constants]
     points = {name: probes(trials.candidates[name], levels) for name in effects}
     for name in names:
         say(name)
     promised, later = shortlist(trials, present, points)
-    names = [*promised, *constants(trials, present, [n for n in names if n in trials.held])]
+    names = [*promised, *constants(trials, present, [n for n in names if n in trials.constants])]
     if names:
         trials.ready((*present.effects, *names), later)
 
     def one(name: str) -> TrialFit | None:
         effects = (*present.effects, name)
-        if name in trials.held:
+        if name in trials.constants:
             trial = trials.solve(effects, present.values, present.begin, present.limit, _FEW)
             return trial if 2 * (present.cost - trial.expected) > _KEEP else None
 
@@ -111,16 +111,16 @@ def screened(
     return {name: trial for name, trial in ends if trial is not None}
 
 
-def levels_of(trials: Trials, trial: TrialFit) -> dict[str, float]:
+def levels_of(trials: CandidateFitter, trial: TrialFit) -> dict[str, float]:
     """The 90th percentile of the absolute value of every signal, and the longest duration."""
     pairs = zip(trial.path, trials.readings(trial), strict=True)
     series = [{**path, **ports} for path, ports in pairs]
     return levels_over(series, trials.logs)
 
 
-def is_idle(trials: Trials, trial: TrialFit) -> bool:
+def is_at_null(trials: CandidateFitter, trial: TrialFit) -> bool:
     """Whether the last effect of a trial has gone back to its null."""
-    if trial.effects[-1] in trials.held:
+    if trial.effects[-1] in trials.constants:
         return False
     effect = trials.candidates[trial.effects[-1]]
     return all(
@@ -131,7 +131,7 @@ def is_idle(trials: Trials, trial: TrialFit) -> bool:
 
 
 def _far(
-    trials: Trials,
+    trials: CandidateFitter,
     name: str,
     present: TrialFit,
     points: Sequence[_Point],
@@ -157,7 +157,7 @@ def _far(
 
 
 def anew(
-    trials: Trials, name: str, present: TrialFit, points: Sequence[_Point], others: _Point
+    trials: CandidateFitter, name: str, present: TrialFit, points: Sequence[_Point], others: _Point
 ) -> list[TrialFit]:
     """The best of points far from the null, with the model's parameters as they were given.
 

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 from diffthrust.comparison._compare import Comparison, compare
 from diffthrust.diagnosis._result import Diagnosis
-from diffthrust.diagnosis._search import Tools, compiled
+from diffthrust.diagnosis._search_state import SearchContext, compiled_fitter
 from diffthrust.diagnosis._structure import remaining_structure
 from diffthrust.logs._log import Log
 
 
-def set_aside(tools: Tools, found: Diagnosis) -> Diagnosis:
+def set_aside(tools: SearchContext, found: Diagnosis) -> Diagnosis:
     """What was found, with all that is open judged by the other logs.
 
     A log that is unlike the others may say nothing of what all lack, and bends what they share:
@@ -35,7 +35,7 @@ def set_aside(tools: Tools, found: Diagnosis) -> Diagnosis:
     def others(logs: Sequence[Log], held: Comparison) -> list[Log]:
         return [log for log, run in zip(logs, held.runs, strict=True) if run.name not in odd]
 
-    every, fit = tools.trials.logs, found.fit
+    every, fit = tools.fitter.logs, found.fit
     train = others(every, found.trained[1])
     unseen = others(tools.unseen, found.after) if tools.unseen else []
     gone = len(every) + len(tools.unseen) - len(train) - len(unseen)
@@ -44,7 +44,7 @@ def set_aside(tools: Tools, found: Diagnosis) -> Diagnosis:
     if len(train) < len(every):
         tools.say("without the odd logs", 1.0)
         fit = tools.refit(fit.model, logs=(train, unseen))
-        trials, trial = compiled(fit, (), (), train, unseen)
+        trials, trial = compiled_fitter(fit, (), (), train, unseen)
         sizes = map(float, trial.quadratic.sigma)
         found = replace(
             found,

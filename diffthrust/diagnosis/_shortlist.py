@@ -9,10 +9,10 @@ from functools import partial
 
 import numpy as np
 
+from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
+from diffthrust.diagnosis._predicted_gain import Promise, acts, promises
 from diffthrust.diagnosis._probes import is_limit
-from diffthrust.diagnosis._promises import Promise, acts, promises
 from diffthrust.diagnosis._score_test import promised_gain
-from diffthrust.diagnosis._trials import TrialFit, Trials
 from diffthrust.estimation._one_step import batch_passes
 from diffthrust.models._base.effect import Effect
 
@@ -40,7 +40,7 @@ _Point = Mapping[str, float]
 
 
 def shortlist(
-    trials: Trials,
+    trials: CandidateFitter,
     present: TrialFit,
     points: Mapping[str, tuple[Sequence[_Point], Sequence[_Point]]],
 ) -> tuple[dict[str, list[Promise]], list[str]]:
@@ -62,12 +62,12 @@ def shortlist(
     return {name: nearby[name] for name in short}, ranked[len(short) :]
 
 
-def _worth(trials: Trials) -> float:
+def _worth(trials: CandidateFitter) -> float:
     """The likelihood ratio from which on a fit is worth it."""
     return _WORTH * (math.log(trials.samples) + _MARGIN)
 
 
-def constants(trials: Trials, present: TrialFit, names: Sequence[str]) -> list[str]:
+def constants(trials: CandidateFitter, present: TrialFit, names: Sequence[str]) -> list[str]:
     """Those of some held parameters that are worth a fit, each freed at its value."""
     response, worth, found = present.response, _worth(trials), []
     problem = response.problem

@@ -1,7 +1,7 @@
 """The stages of a diagnosis, step by step: screen, rate, admit, drop, refit.
 
-`next_stage` adds an effect, or ends the search. What a search works with, its `Tools`, stays as it
-is; each step takes what is `SearchState` so far, and returns what is known after it.
+`next_stage` adds an effect, or ends the search. Its `SearchContext` stays as it is; each
+step takes the `SearchState` so far, and returns the next.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from diffthrust.diagnosis._criteria import (
     unseen_gain,
 )
 from diffthrust.diagnosis._findings import Refusal, TriedEffect
+from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, side_by_side
 from diffthrust.diagnosis._score_test import redundant
-from diffthrust.diagnosis._screen import is_idle, levels_of, screened
-from diffthrust.diagnosis._search import PLAIN, Present, SearchState, Tools
-from diffthrust.diagnosis._trials import TrialFit, Trials, side_by_side
+from diffthrust.diagnosis._screen import is_at_null, levels_of, screened
+from diffthrust.diagnosis._search_state import PLAIN, CurrentModel, SearchContext, SearchState
 from diffthrust.estimation._estimate import Estimate, shown_unit
 from diffthrust.logs._written import ShownUnits
 from diffthrust.models._base.parameter import Parameter
@@ -45,31 +45,31 @@ _POOR = 0.5
 """With a larger error of whole training runs (NRMSE) the fit may have gone astray."""
 
 
-def next_stage(tools: Tools, known: SearchState) -> SearchState:
+def next_stage(tools: SearchContext, known: SearchState) -> SearchState:
     """Add the best effect, if any is worth it; drop what it made superfluous.
 
     On its way a better noise may be found; then the candidates are screened anew beside it.
     """
     for again in reversed(range(SCREENS)):
         before, known = known, one_round(tools, known, again > 0)
-        if known.found != before.found or known.present is before.present:
+        if known.accepted != before.accepted or known.current is before.current:
             break
     return known
 
 
-def one_round(tools: Tools, known: SearchState, again: bool) -> SearchState:
+def one_round(tools: SearchContext, known: SearchState, again: bool) -> SearchState:
     """Screen the candidates, and add the best that passes.
 
     With ``again`` a better noise ends the round, if one has come to light.
     """
     with tools.clock("screen"):
         known, tried = screen(tools, known)
-    if again and (quieter := better_noise(tools.trials, known.present, tried)):
-        return replace(known, present=quieter)
+    if again and (quieter := better_noise(tools.fitter, known.current, tried)):
+        return replace(known, current=quieter)
     known = replace(known, refused={}, ranking=ranked(known, [one for one, _ in tried]))
     for place, (candidate, trial) in enumerate(tried):
         if place and candidate.p_value < _ALONE:  # beside the first its noise was not priced
-            candidate = rate(tools.trials, known, trial, math.inf)
+            candidate = rate(tools.fitter, known, trial, math.inf)
         if candidate.delta_bic > -MARGIN:
             continue
         outcome = still_refused(tools, known, candidate.effect)
@@ -96,7 +96,7 @@ def ranked(known: SearchState, tried: Sequence[TriedEffect]) -> tuple[TriedEffec
 
 def refusing(known: SearchState, name: str, why: Refusal) -> SearchState:
     """The search with an effect that was refused beside the present ones."""
-    told = why, known.present.trial.effects
+    told = why, known.current.trial.effects
     return replace(
         known,
         refused={**known.refused, name: why},
@@ -104,7 +104,7 @@ def refusing(known: SearchState, name: str, why: Refusal) -> SearchState:
     )
 
 
-def still_refused(tools: Tools, known: SearchState, name: str) -> Refusal | None:
+def still_refused(tools: SearchContext, known: SearchState, name: str) -> Refusal | None:
     """Why whole runs have refused an effect, where nothing that came since could change that.
 
     That is so where no effect was added or dropped since that shares a port or a signal with it.
@@ -112,8 +112,8 @@ def still_refused(tools: Tools, known: SearchState, name: str) -> Refusal | None
     why, beside = known.turned_down.get(name, (None, ()))
     if why is None or not why.by_whole_runs:
         return None
-    candidates = tools.trials.candidates
-    moved = {*known.present.trial.effects} ^ {*beside}
+    candidates = tools.fitter.candidates
+    moved = {*known.current.trial.effects} ^ {*beside}
     if not {name, *moved} <= {*candidates}:  # a constant may act anywhere
         return None if moved else why
     own = {*candidates[name].ports, *candidates[name].needs}
@@ -121,10 +121,10 @@ def still_refused(tools: Tools, known: SearchState, name: str) -> Refusal | None
     return None if touched else why
 
 
-def screen(tools: Tools, known: SearchState) -> tuple[SearchState, list[Tried]]:
+def screen(tools: SearchContext, known: SearchState) -> tuple[SearchState, list[Tried]]:
     """Try all candidates that are not in the model: those that promise something, best first."""
-    trials, present = tools.trials, known.present.trial
-    names = [n for n in (*trials.candidates, *trials.held) if n not in present.effects]
+    trials, present = tools.fitter, known.current.trial
+    names = [n for n in (*trials.candidates, *trials.constants) if n not in present.effects]
 
     def say(name: str) -> None:
         share = known.share(0.5 * names.index(name) / len(names))
@@ -136,7 +136,7 @@ def screen(tools: Tools, known: SearchState) -> tuple[SearchState, list[Tried]]:
         # what gains so much, the other parameters cannot do from where they are
         gains = present.cost - trial.cost > PLAIN
         if not gains and redundant(trial.quadratic, trial.names, name):
-            if name not in trials.held:
+            if name not in trials.constants:
                 untestable.setdefault(name, "other parameters do the same to what is measured")
         else:
             promising.append((name, trial))
@@ -144,7 +144,7 @@ def screen(tools: Tools, known: SearchState) -> tuple[SearchState, list[Tried]]:
     promising.sort(key=lambda pair: pair[1].expected)
     ended = side_by_side(trials.further, [trial for _, trial in promising[:_CARRIED]])
     ended += [trial for _, trial in promising[_CARRIED:]]
-    _ = known.present.criterion  # before any of several threads asks
+    _ = known.current.criterion  # before any of several threads asks
     leading = min((price_of(trials, trial) + 2 * trial.cost for trial in ended), default=0.0)
 
     def rated(trial: TrialFit) -> Tried:
@@ -154,27 +154,29 @@ def screen(tools: Tools, known: SearchState) -> tuple[SearchState, list[Tried]]:
     return replace(known, untestable=untestable, silent=silent), tried
 
 
-def other_values(tools: Tools, known: SearchState) -> Mapping[str, float] | None:
+def other_values(tools: SearchContext, known: SearchState) -> Mapping[str, float] | None:
     """Values to try effects with besides the present ones, which may have gone astray.
 
     Where whole runs fail the search's own; where the observer explains all by random forces,
     and the model is left with nothing to do, those of the simulation.
     """
-    last, trials = known.stages[-1], tools.trials
+    last, trials = known.stages[-1], tools.fitter
     if tools.guess and last.train.nrmse > _POOR:
         return tools.guess
     fitted = {n: p.value for n, p in last.fit.model.parameters.items() if not p.fixed}
-    logs = [n for n in trials.own if trials.problem.named[n].transform == "log"]
-    values = known.present.trial.values
+    logs = [n for n in trials.free if trials.problem.named[n].transform == "log"]
+    values = known.current.trial.values
     gone = any(values[n] < _GONE * fitted[n] for n in logs if n in fitted)
     return fitted if gone else None
 
 
-def rate(trials: Trials, known: SearchState, trial: TrialFit, leading: float) -> TriedEffect:
+def rate(
+    trials: CandidateFitter, known: SearchState, trial: TrialFit, leading: float
+) -> TriedEffect:
     """What is told of a trial; its noises are priced where that may make it the best."""
     from scipy.special import chdtrc  # slow to import
 
-    present, own = known.present, trial.own()
+    present, own = known.current, trial.parameters_of()
     ratio = max(0.0, 2 * (present.trial.cost - trial.cost))
     p_value = float(chdtrc(len(own), ratio))
     delta = price_of(trials, trial) - ratio
@@ -219,14 +221,16 @@ def stopped(parameter: Parameter, value: float) -> bool:
     return any(end != parameter.null for end in near)
 
 
-def better_noise(trials: Trials, present: Present, tried: list[Tried]) -> Present | None:
+def better_noise(
+    trials: CandidateFitter, present: CurrentModel, tried: list[Tried]
+) -> CurrentModel | None:
     """The present model with a noise that was found while trying an effect, if it is better.
 
     That is so where the trial, its effect taken out, explains the logs better than the present
     model: its gain was then not the effect's.
     """
     for place, (candidate, trial) in enumerate(tried):
-        doubtful = (place == 0 and candidate.delta_bic > -PLAIN) or is_idle(trials, trial)
+        doubtful = (place == 0 and candidate.delta_bic > -PLAIN) or is_at_null(trials, trial)
         if not doubtful or candidate.delta_bic >= -MARGIN:
             continue
         now, values = present.trial, trials.absent(candidate.effect, trial.values)
@@ -234,5 +238,5 @@ def better_noise(trials: Trials, present: Present, tried: list[Tried]) -> Presen
         if without.cost < now.cost - 0.5 * MARGIN:
             alike = replace(now, limit=without.limit)
             if not unseen_cost(trials, without) > unseen_cost(trials, alike) + _WORSE:
-                return Present(trials, without)
+                return CurrentModel(trials, without)
     return None

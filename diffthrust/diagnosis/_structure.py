@@ -8,9 +8,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from diffthrust.diagnosis._findings import Remaining, SignalForm
+from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, side_by_side
 from diffthrust.diagnosis._ports import DrivingPort, hats, knots_of
 from diffthrust.diagnosis._score_test import score_test
-from diffthrust.diagnosis._trials import TrialFit, Trials, side_by_side
 from diffthrust.diagnosis._waves import wave_along
 from diffthrust.simulation._linearise import slopes_at
 
@@ -39,13 +39,13 @@ class Observed(NamedTuple):
     ports: Sequence[Mapping[str, np.ndarray]]
 
 
-def observed(trials: Trials, trial: TrialFit) -> Observed:
+def observed(trials: CandidateFitter, trial: TrialFit) -> Observed:
     """What a trial sees of the training logs."""
     return Observed(trial.path, trials.readings(trial))
 
 
 def signals_at(
-    trials: Trials, place: DrivingPort, logs: Observed
+    trials: CandidateFitter, place: DrivingPort, logs: Observed
 ) -> dict[SignalForm, list[np.ndarray]]:
     """The signals on which something missing at a place may depend, log by log.
 
@@ -85,7 +85,7 @@ def bases(
 
 
 def unknown(
-    trials: Trials, port: str, trial: TrialFit, series: Sequence[np.ndarray]
+    trials: CandidateFitter, port: str, trial: TrialFit, series: Sequence[np.ndarray]
 ) -> tuple[float, np.ndarray, np.ndarray]:
     """Test given series at a port: do the errors contain any combination of them?
 
@@ -104,7 +104,7 @@ def unknown(
 
 
 def _scored(
-    trials: Trials, trial: TrialFit, answers: Sequence[np.ndarray]
+    trials: CandidateFitter, trial: TrialFit, answers: Sequence[np.ndarray]
 ) -> tuple[float, np.ndarray, np.ndarray]:
     """Score test of coordinates that the errors answer so, by batch ``(B, K, C, T)``."""
     # errors that are white say of the observer's gains nothing that they say of a mean
@@ -123,7 +123,7 @@ class Suspect(NamedTuple):
     series: list[np.ndarray]
 
 
-def remaining_structure(trials: Trials, trial: TrialFit) -> Remaining | None:
+def remaining_structure(trials: CandidateFitter, trial: TrialFit) -> Remaining | None:
     """The place and signal on which the errors still depend, if they do.
 
     At each place a sum with a function of one signal is tried, and at each port behind it a factor
@@ -145,14 +145,14 @@ def remaining_structure(trials: Trials, trial: TrialFit) -> Remaining | None:
     )
 
 
-def gain_of(trials: Trials, trial: TrialFit, remaining: Remaining) -> float:
+def gain_of(trials: CandidateFitter, trial: TrialFit, remaining: Remaining) -> float:
     """The likelihood ratio that given structure promises beside a trial."""
     named = (remaining.port, remaining.signal, remaining.manner)
     matching = (s for s in _suspects(trials, trial) if (s.port, s.signal, s.manner) == named)
     return max((_gain(trials, trial, suspect)[1] for suspect in matching), default=0.0)
 
 
-def _suspects(trials: Trials, trial: TrialFit) -> list[Suspect]:
+def _suspects(trials: CandidateFitter, trial: TrialFit) -> list[Suspect]:
     logs = observed(trials, trial)
     step = float(np.median(np.diff(logs.paths[0]["time"])))
     suspects, waves = [], _waves(trials, trial, logs)
@@ -170,7 +170,9 @@ def _suspects(trials: Trials, trial: TrialFit) -> list[Suspect]:
     return suspects
 
 
-def _waves(trials: Trials, trial: TrialFit, logs: Observed) -> dict[SignalForm, list[np.ndarray]]:
+def _waves(
+    trials: CandidateFitter, trial: TrialFit, logs: Observed
+) -> dict[SignalForm, list[np.ndarray]]:
     """The waves that stand out along states: sine and cosine, log by log ``(2, T)``."""
     names = [n for n in trials.model.states if all(n in path for path in logs.paths)]
     return {
@@ -183,7 +185,7 @@ def _waves(trials: Trials, trial: TrialFit, logs: Observed) -> dict[SignalForm, 
     }
 
 
-def _gain(trials: Trials, trial: TrialFit, suspect: Suspect) -> tuple[float, float]:
+def _gain(trials: CandidateFitter, trial: TrialFit, suspect: Suspect) -> tuple[float, float]:
     """p-value and likelihood ratio of a suspect."""
     p, estimated, covariance = unknown(trials, suspect.place.port, trial, suspect.series)
     if np.isnan(covariance).any():  # nothing of it shows beside the estimated parameters
@@ -237,7 +239,7 @@ def recent(series: np.ndarray, samples: int) -> np.ndarray:
     return lfilter([1.0 - kept], [1.0, -kept], series, zi=[kept * series[0]])[0]
 
 
-def behind(trials: Trials, place: DrivingPort) -> tuple[str, ...]:
+def behind(trials: CandidateFitter, place: DrivingPort) -> tuple[str, ...]:
     """The ports whose signal drives what a place drives, and nothing else; itself included."""
     rates, outputs = slopes_at(trials.model, trials.logs[0])
     derivatives = rates if place.state else outputs
@@ -248,6 +250,6 @@ def behind(trials: Trials, place: DrivingPort) -> tuple[str, ...]:
     )
 
 
-def samples_at(trials: Trials, place: DrivingPort) -> float:
+def samples_at(trials: CandidateFitter, place: DrivingPort) -> float:
     """Measurements of what a place drives; all of them where it drives a state unmeasured."""
     return trials.counts.get(place.target, trials.samples)

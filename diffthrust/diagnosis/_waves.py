@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diffthrust.diagnosis._trials import TrialFit
+from diffthrust.diagnosis._innovations_fit import TrialFit
 
 _FEWEST = 4.0
 """Fewer waves over the range of a position are in reach of a curve."""

@@ -12,13 +12,13 @@ from dataclasses import replace
 import numpy as np
 
 from diffthrust.diagnosis._admit import MARGIN, Tried, admit
+from diffthrust.diagnosis._explained_share import Worth, far_above_noise
 from diffthrust.diagnosis._findings import Stage
+from diffthrust.diagnosis._innovations_fit import TrialFit, side_by_side
 from diffthrust.diagnosis._screen import levels_of, screened
-from diffthrust.diagnosis._search import SearchState, Tools
+from diffthrust.diagnosis._search_state import SearchContext, SearchState
+from diffthrust.diagnosis._simulation_fit import fitted_to_runs, share_between, simulation_fitter
 from diffthrust.diagnosis._stages import rate
-from diffthrust.diagnosis._trials import TrialFit, side_by_side
-from diffthrust.diagnosis._whole_fits import fitted_whole, over_whole_runs, worth_between
-from diffthrust.diagnosis._worth import Worth, far_above
 from diffthrust.effects import EFFECTS
 
 _MOST = 4
@@ -30,19 +30,19 @@ _CLEARLY = 0.1
 no more whether it predicts their next sample better."""
 
 
-def are_poor(tools: Tools, known: SearchState, last: Stage) -> bool:
+def simulation_is_poor(tools: SearchContext, known: SearchState, last: Stage) -> bool:
     """Whether the errors of a stage over whole runs are large and last."""
-    sigma = known.present.trial.quadratic.sigma
-    one_step = dict(zip(tools.trials.channels, map(float, sigma), strict=True))
-    return bool(far_above(last.holdout or last.train, one_step))
+    sigma = known.current.trial.quadratic.sigma
+    one_step = dict(zip(tools.fitter.channels, map(float, sigma), strict=True))
+    return bool(far_above_noise(last.holdout or last.train, one_step))
 
 
-def from_whole_runs(tools: Tools, known: SearchState) -> SearchState:
+def from_simulation(tools: SearchContext, known: SearchState) -> SearchState:
     """Try the effects again that lower the errors over whole runs, from their values there.
 
     The first that explains the next sample as well is added; the others are possible.
     """
-    if not are_poor(tools, known, known.stages[-1]):
+    if not simulation_is_poor(tools, known, known.stages[-1]):
         return replace(known, possible={})
     tools.say("fitting the effects to whole runs", known.share(0.5))
     with tools.clock("whole runs"):
@@ -51,12 +51,12 @@ def from_whole_runs(tools: Tools, known: SearchState) -> SearchState:
     for name, (worth, whole) in lowering.items():
         with tools.clock("whole runs"):
             trial = _begun_anew(tools, known, name, whole)
-            candidate = rate(tools.trials, known, trial, np.inf)
+            candidate = rate(tools.fitter, known, trial, np.inf)
         if candidate.delta_bic > -MARGIN:
             continue
         proven = bool(tools.unseen) and worth.low > _CLEARLY
         outcome = admit(tools, known, Tried(candidate, trial), proven)
-        if isinstance(outcome, SearchState) and outcome.found != known.found:
+        if isinstance(outcome, SearchState) and outcome.accepted != known.accepted:
             here = known.number, name
             ranking = [c for c in outcome.ranking if (c.stage, c.effect) != here]
             ranking = sorted([*ranking, candidate], key=lambda c: (c.stage, c.delta_bic))
@@ -64,38 +64,38 @@ def from_whole_runs(tools: Tools, known: SearchState) -> SearchState:
     return known
 
 
-def _lowering(tools: Tools, known: SearchState) -> dict[str, tuple[Worth, TrialFit]]:
+def _lowering(tools: SearchContext, known: SearchState) -> dict[str, tuple[Worth, TrialFit]]:
     """The effects that surely lower the errors over whole runs, each fitted to them, best first."""
-    trials = tools.trials
-    base = fitted_whole(trials, known.stages[-1])
-    present = {*known.present.trial.effects}
+    trials = tools.fitter
+    base = fitted_to_runs(trials, known.stages[-1])
+    present = {*known.current.trial.effects}
     names = [n for n in trials.candidates if n not in present]
-    whole = over_whole_runs(trials)
+    whole = simulation_fitter(trials)
     begun = screened(whole, names, base, levels_of(trials, base))
     users = [
         n for n in names if n not in begun and type(trials.candidates[n]) is not EFFECTS.get(n)
     ]
     begun |= {name: _fitted_anew(tools, known, base, name) for name in users[:_USERS]}
     ended = dict(zip(begun, side_by_side(whole.further, list(begun.values())), strict=True))
-    worths = {name: worth_between(trials, base, trial) for name, trial in ended.items()}
+    worths = {name: share_between(trials, base, trial) for name, trial in ended.items()}
     best = sorted((n for n in ended if worths[n].sure), key=lambda n: -worths[n].share)
     return {name: (worths[name], ended[name]) for name in best[:_MOST]}
 
 
-def _fitted_anew(tools: Tools, known: SearchState, base: TrialFit, name: str) -> TrialFit:
+def _fitted_anew(tools: SearchContext, known: SearchState, base: TrialFit, name: str) -> TrialFit:
     """A whole-run fit of an effect that promised nothing where the model is, from several starts.
 
     A model that is wrong at heart may have run to where its effect shows no more.
     """
-    fit = tools.refit(known.stages[-1].fit.model + tools.trials.candidates[name])
+    fit = tools.refit(known.stages[-1].fit.model + tools.fitter.candidates[name])
     values = {**base.values, **{n: p.value for n, p in fit.model.parameters.items()}}
-    whole = over_whole_runs(tools.trials)
+    whole = simulation_fitter(tools.fitter)
     return whole.solve((*base.effects, name), values, None, base.limit)
 
 
-def _begun_anew(tools: Tools, known: SearchState, name: str, whole: TrialFit) -> TrialFit:
+def _begun_anew(tools: SearchContext, known: SearchState, name: str, whole: TrialFit) -> TrialFit:
     """The trial of an effect, from where whole runs put it."""
-    trials, present = tools.trials, known.present.trial
+    trials, present = tools.fitter, known.current.trial
     theirs = ("", name, *known.stages[-1].effects)
     values = {n: v for n, v in whole.values.items() if n.rpartition(".")[0] in theirs}
     effects = (*present.effects, name)

@@ -8,10 +8,14 @@ import pytest
 from reference import noise, vessel
 
 import diffthrust as dft
-from diffthrust.diagnosis import _search  # private: how a search begins
+from diffthrust.diagnosis import _search_state  # private: how a search begins
 from diffthrust.diagnosis._candidates import constants_of  # private: names alone
 from diffthrust.diagnosis._given import HeldValue  # private: made by hand
-from diffthrust.diagnosis._held import built, held_of, of_effect  # private: names alone
+from diffthrust.diagnosis._held import (  # private: names alone
+    constants_in,
+    of_effect,
+    with_candidates,
+)
 from diffthrust.diagnosis._words import stage_words, verdict_words  # private: each sentence alone
 
 ARM = 0.40
@@ -73,13 +77,17 @@ def test_a_search_tries_the_constants_that_were_asked_for(monkeypatch):
     """Told by what the trials are made of: they are not waited for."""
     (log,) = boats(seed=3, logs=1, size=100)
     fit = dft.fit(dft.Vessel(drive="twin"), log, starts=1, doubts=False)
-    monkeypatch.setattr(_search, "compiled", lambda fit, effects, held, *logs: (held, None))
+    monkeypatch.setattr(
+        _search_state, "compiled_fitter", lambda fit, effects, held, *logs: (held, None)
+    )
     for wanted, held in (
         (None, constants_of(fit.model)),
         ("wind", ()),
         ("lever_arm", ("lever_arm",)),
     ):
-        assert _search.begun(fit, [log], [], wanted, 0, lambda *_: None)[0].trials == held
+        assert (
+            _search_state.start_search(fit, [log], [], wanted, 0, lambda *_: None)[0].fitter == held
+        )
 
 
 def test_constants_are_tried_beside_the_catalogue_or_by_their_names():
@@ -92,7 +100,7 @@ def test_constants_are_tried_beside_the_catalogue_or_by_their_names():
 
 def test_constants_are_parameters_that_are_held_at_a_number_and_no_form():
     model = dft.Thruster().fix("ct") + dft.effects.CommandDeadband()
-    assert held_of(model) == ("ct",)
+    assert constants_in(model) == ("ct",)
 
 
 def test_a_constant_is_a_candidate_by_its_own_name():
@@ -102,7 +110,7 @@ def test_a_constant_is_a_candidate_by_its_own_name():
     assert not of_effect("wind.height", "wind.coefficient")
     deadband = dft.effects.CommandDeadband()
     candidates = {"command_deadband": deadband}
-    model = built(dft.Thruster().fix("ct"), ["ct", "command_deadband"], candidates)
+    model = with_candidates(dft.Thruster().fix("ct"), ["ct", "command_deadband"], candidates)
     assert not model.parameters["ct"].fixed
     assert [effect.name for effect in model.effects] == ["command_deadband"]
 

@@ -34,7 +34,9 @@ from diffthrust.diagnosis._learning.hypotheses import (  # private: as above
 )
 from diffthrust.diagnosis._learning.sight import Added, sight  # private: as above
 from diffthrust.diagnosis._ports import places_of  # private: places without trials
-from diffthrust.diagnosis._search import compiled  # private: trials without a diagnosis
+from diffthrust.diagnosis._search_state import (
+    compiled_fitter,  # private: trials without a diagnosis
+)
 from diffthrust.effects import Curve
 from diffthrust.logs import PWM, Written
 
@@ -268,7 +270,7 @@ def test_a_place_for_both_signs_is_positive_and_a_ripple_is_more_than_a_flank():
 def test_laws_that_go_through_the_logs_together_are_judged_as_alone():
     hidden = sets.draw("outside/load_hump", 5001)
     fit = dft.fit(hidden.model, hidden.train, starts=1)
-    trials, trial = compiled(fit, [], [], hidden.train, [])
+    trials, trial = compiled_fitter(fit, [], [], hidden.train, [])
     seen = sight(trials, trial)
     laws = [
         hypothesis(seen, port, signal, "", {})
@@ -288,7 +290,7 @@ def test_what_a_parameter_does_already_leaves_nothing_at_a_held_input():
     """A share of the drive, which the held command makes, is beta: exactly, between samples too."""
     hidden = sets.draw("outside/load_hump", 5001)
     fit = dft.fit(hidden.model, hidden.train, starts=1)
-    trials, trial = compiled(fit, [], [], hidden.train, [])
+    trials, trial = compiled_fitter(fit, [], [], hidden.train, [])
     law = hypothesis(sight(trials, trial), "drive", "speed", "value", {})
     level = law.added(Curve("drive", "speed", -1e4, 1e4))
     level = Added(*([rows[:1] for rows in part] for part in level))

@@ -11,12 +11,14 @@ from reference import thruster
 
 import diffthrust as dft
 from diffthrust.diagnosis._given import OddLog  # private: made by hand
+from diffthrust.diagnosis._innovations_fit import (
+    CandidateFitter,  # private: as a diagnosis makes them
+)
 from diffthrust.diagnosis._log_slopes import Slopes, deviations  # private: the test alone
-from diffthrust.diagnosis._odd_logs import (
-    no_longer,
+from diffthrust.diagnosis._outlier_logs import (
+    no_longer_odd,
     odd_logs,
 )  # private: without a search for effects
-from diffthrust.diagnosis._trials import Trials  # private: as a diagnosis makes them
 from diffthrust.diagnosis._words import caution_words  # private: each sentence alone
 
 BLOCKS, SAMPLES = 24, 240
@@ -90,7 +92,7 @@ def said_of(ct, seed):
     logs = list(thrusters(np.random.default_rng(seed), ct))
     train, unseen = logs[:-2], logs[-2:]
     fit = dft.fit(dft.Thruster().replace(thruster.JASON), train, starts=1, doubts=False)
-    trials = Trials(fit.model, [], train, unseen, fit.substeps)
+    trials = CandidateFitter(fit.model, [], train, unseen, fit.substeps)
     trained = dft.compare(fit, train, initial=fit.initial).runs
     runs = (*trained, *dft.compare(fit, unseen).runs)
     return odd_logs(trials, trials.base(), runs)
@@ -174,7 +176,7 @@ def test_a_log_is_odd_no_longer_where_another_model_errs_there_as_elsewhere():
         return dft.compare(model, logs).runs
 
     odd = OddLog("log 2", "speed", "said", 0.5)
-    assert no_longer([odd], runs(1.0, 1.1, 1.9), runs(1.0, 1.1, 1.4))
-    assert not no_longer([odd], runs(1.0, 1.1, 1.9), runs(1.0, 1.1, 2.0))
+    assert no_longer_odd([odd], runs(1.0, 1.1, 1.9), runs(1.0, 1.1, 1.4))
+    assert not no_longer_odd([odd], runs(1.0, 1.1, 1.9), runs(1.0, 1.1, 2.0))
     # what is odd by a parameter alone is so with any law
-    assert not no_longer([odd], runs(1.0, 1.1, 1.3), runs(1.0, 1.1, 1.2))
+    assert not no_longer_odd([odd], runs(1.0, 1.1, 1.3), runs(1.0, 1.1, 1.2))

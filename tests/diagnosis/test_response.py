@@ -6,12 +6,12 @@ import pytest
 from reference import inputs, noise, thruster
 
 import diffthrust as dft
-from diffthrust.diagnosis._promises import (  # private: worked out, not fitted
+from diffthrust.diagnosis._innovations_fit import CandidateFitter  # private: the trials alone
+from diffthrust.diagnosis._predicted_gain import (  # private: worked out, not fitted
     answered,
     promises,
     shift_of,
 )
-from diffthrust.diagnosis._trials import Trials  # private: the trials alone
 from diffthrust.estimation._likelihood import jacobians  # private: by another way
 
 TIME = np.arange(400) * 0.05
@@ -29,13 +29,15 @@ def trials():
         seen = {n: np.where(rng.random(TIME.size) < 0.1, np.nan, v)
                 for n, v in record.measured.items()}  # fmt: skip
         logs.append(dft.Log(record.time, record.inputs, seen))
-    made = Trials(dft.Thruster(), [dft.effects.EFFECTS[n]() for n in NAMES], logs, [], substeps=2)
+    made = CandidateFitter(
+        dft.Thruster(), [dft.effects.EFFECTS[n]() for n in NAMES], logs, [], substeps=2
+    )
     return made, made.base()
 
 
 def test_derivatives_by_parameters_and_starts_are_those_of_whole_passes(trials):
     _, base = trials
-    there = base.there
+    there = base.at_values
     by_scan = jax.jit(jacobians, static_argnums=0)(there.layout, there.numbers, there.start())
     for (errors, jacobian), ours, slopes in zip(
         by_scan, base.response.errors, base.response.slopes, strict=True

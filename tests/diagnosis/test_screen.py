@@ -7,18 +7,20 @@ import pytest
 from reference import inputs, noise, thruster
 
 import diffthrust as dft
+from diffthrust.diagnosis._innovations_fit import CandidateFitter  # private: the screen alone
+from diffthrust.diagnosis._predicted_gain import promises  # private: what is hoped for, alone
 from diffthrust.diagnosis._probes import probes  # private: the screen alone
-from diffthrust.diagnosis._promises import promises  # private: what is hoped for, alone
 from diffthrust.diagnosis._screen import (  # private: the screen alone
     anew,
-    is_idle,
+    is_at_null,
     levels_of,
     screened,
 )
 from diffthrust.diagnosis._shortlist import edge_of  # private: the search alone
-from diffthrust.diagnosis._trials import Trials  # private: the screen alone
 from diffthrust.estimation._observer import WIDE  # private: its constant
-from diffthrust.estimation._solver import solved_by_passes  # private: how often it was compiled
+from diffthrust.estimation._solver import (
+    solved_by_passes,  # private: how often it was compiled
+)
 
 TIME = np.arange(500) * 0.05
 
@@ -47,7 +49,7 @@ def trials():
     fit = dft.fit(dft.Thruster(), logs, starts=2)
     known = dft.effects.EFFECTS
     names = ("coulomb_friction", "thrust_sensor_offset", "command_saturation")
-    made = Trials(fit.model, [known[n]() for n in names], logs, [])
+    made = CandidateFitter(fit.model, [known[n]() for n in names], logs, [])
     return made, made.base()
 
 
@@ -88,8 +90,8 @@ def test_an_effect_at_its_null_is_idle(trials):
     made, base = trials
     values = {**base.values, "coulomb_friction.level": 20.0}
     there = made.solve(("coulomb_friction",), values, None, base.limit)
-    assert not is_idle(made, there)
-    assert is_idle(made, replace(there, values=made.absent("coulomb_friction", there.values)))
+    assert not is_at_null(made, there)
+    assert is_at_null(made, replace(there, values=made.absent("coulomb_friction", there.values)))
 
 
 @pytest.mark.slow
@@ -101,7 +103,7 @@ def test_an_instant_is_found_wherever_it_lies():
     record.measured["thrust"] = record.measured["thrust"] * lost
     record = noise.measure(record, rng, speed=noise.Sensor(0.3), thrust=noise.Sensor(0.2))
     log = dft.Log(record.time, record.inputs, record.measured)
-    made = Trials(dft.Thruster(), [dft.effects.ThrustDegradation()], [log], [])
+    made = CandidateFitter(dft.Thruster(), [dft.effects.ThrustDegradation()], [log], [])
     base = made.base()
     found = screened(made, ["thrust_degradation"], base, levels_of(made, base))
     values = found["thrust_degradation"].values
@@ -122,7 +124,7 @@ def test_a_limit_that_cuts_only_the_highest_commands_is_found():
     record = thruster.simulate(TIME, np.clip(command, -limit, limit), method="rk4")
     record = noise.measure(record, rng, speed=noise.Sensor(0.05), thrust=noise.Sensor(0.05))
     log = dft.Log(record.time, {"command": command}, record.measured)
-    made = Trials(dft.Thruster(), [dft.effects.CommandSaturation()], [log], [])
+    made = CandidateFitter(dft.Thruster(), [dft.effects.CommandSaturation()], [log], [])
     base = made.base()
     found = screened(made, ["command_saturation"], base, levels_of(made, base))
     assert found["command_saturation"].values["command_saturation.limit"] == pytest.approx(
@@ -137,7 +139,9 @@ def test_trials_of_a_few_effects_share_one_compilation(trials):
     screened(made, list(made.candidates), base, levels_of(made, base))
     made.settled(("coulomb_friction",), base.values, base.begin, base.limit)
     assert solved_by_passes.traces == before
-    fresh = Trials(made.model, list(made.candidates.values()), made.logs[:1], [], substeps=3)
+    fresh = CandidateFitter(
+        made.model, list(made.candidates.values()), made.logs[:1], [], substeps=3
+    )
     fresh.base()
     assert solved_by_passes.traces == before + 1  # from the first guess to the last limit of errors
 
@@ -150,7 +154,7 @@ def test_what_promises_nothing_is_neither_compiled_nor_fitted():
     log = dft.Log(record.time, record.inputs, record.measured)
     known = dft.effects.EFFECTS
     names = ("coulomb_friction", "linear_damping", "actuator_lag", "command_offset")
-    made = Trials(dft.Thruster(), [known[n]() for n in names], [log], [])
+    made = CandidateFitter(dft.Thruster(), [known[n]() for n in names], [log], [])
     base = made.base()
     before = solved_by_passes.traces
     assert not screened(made, names, base, levels_of(made, base))
@@ -171,7 +175,7 @@ def test_large_errors_are_limited_only_where_they_are_spikes(what, reach):
     if what != "jolts":
         record.measured["speed"] = record.measured["speed"] + 10.0 * jolts
     log = dft.Log(record.time, {"command": command}, record.measured)
-    made = Trials(dft.Thruster(), [], [log], [])
+    made = CandidateFitter(dft.Thruster(), [], [log], [])
     assert made.base().limit.reach == reach
 
 

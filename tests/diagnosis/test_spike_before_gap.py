@@ -7,7 +7,9 @@ import pytest
 from short_logs import made_log
 
 import diffthrust as dft
-from diffthrust.diagnosis._trials import Trials  # private: the beginning of a diagnosis
+from diffthrust.diagnosis._innovations_fit import (
+    CandidateFitter,  # private: the beginning of a diagnosis
+)
 
 
 @pytest.mark.parametrize("spike", [1e3, 1e6])
@@ -18,7 +20,7 @@ def test_corrections_that_run_away_do_not_stop_a_diagnosis(spike):
     log = dft.Log(log.time, log.inputs, {**log.measured, "speed": speed})
     fit = dft.fit(dft.Thruster(), log, loss="student_t", doubts=False)
     assert fit.status.ok
-    begun = Trials(fit.model, [], [log], []).base()
+    begun = CandidateFitter(fit.model, [], [log], []).base()
     assert math.isfinite(begun.cost)
     for name in ("alpha", "beta", "ct"):  # and the spike did not take it anywhere
         assert begun.values[name] == pytest.approx(fit.parameters[name].value, rel=0.02)

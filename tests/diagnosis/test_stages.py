@@ -7,7 +7,11 @@ import pytest
 
 import diffthrust as dft
 from diffthrust.diagnosis._findings import Refusal, TriedEffect  # private: made by hand
-from diffthrust.diagnosis._search import PLAIN, Present, SearchState  # private: one step alone
+from diffthrust.diagnosis._search_state import (  # private: one step alone
+    PLAIN,
+    CurrentModel,
+    SearchState,
+)
 from diffthrust.diagnosis._stages import (  # private: one step alone
     SCREENS,
     next_stage,
@@ -28,7 +32,7 @@ def restless(monkeypatch):
 
         def one_round(tools, known, again):
             asked.append(again)
-            return replace(known, present=object()) if len(asked) <= better else known
+            return replace(known, current=object()) if len(asked) <= better else known
 
         monkeypatch.setattr("diffthrust.diagnosis._stages.one_round", one_round)
         known = SearchState(object(), (object(),), {})
@@ -65,7 +69,7 @@ def without(loss, promise):
         solve=lambda rest, values, begin, limit, budget: result(budget),
         further=lambda trial: result("to the end"),
     )
-    present = Present(trials, trial)
+    present = CurrentModel(trials, trial)
     fewer = present.without("a")
     assert present.without("a") is fewer  # and not fitted again
     return solved
@@ -91,7 +95,7 @@ def values_besides(nrmse, beta, guess):
     stage = SimpleNamespace(fit=fit, train=SimpleNamespace(nrmse=nrmse))
     problem = SimpleNamespace(named=model.parameters)
     tools = SimpleNamespace(
-        guess=guess, trials=SimpleNamespace(own=("alpha", "beta"), problem=problem)
+        guess=guess, fitter=SimpleNamespace(free=("alpha", "beta"), problem=problem)
     )
     trial = SimpleNamespace(values={"alpha": 0.037, "beta": beta})
     return other_values(tools, SearchState(SimpleNamespace(trial=trial), (stage,), {}))
@@ -118,11 +122,11 @@ def test_effects_are_tried_with_other_values_where_the_model_has_gone_astray():
 )
 def test_what_was_refused_is_not_fitted_again_unless_something_changed(since, why, still):
     candidates = {n: dft.effects.EFFECTS[n]() for n in ("coulomb_friction", *since) if n != "ct"}
-    tools = SimpleNamespace(trials=SimpleNamespace(candidates=candidates))
+    tools = SimpleNamespace(fitter=SimpleNamespace(candidates=candidates))
     before = SimpleNamespace(trial=SimpleNamespace(effects=()))
     known = refusing(SearchState(before, (None,), {}), "coulomb_friction", why)
     after = SimpleNamespace(trial=SimpleNamespace(effects=since))
-    told = still_refused(tools, replace(known, present=after), "coulomb_friction")
+    told = still_refused(tools, replace(known, current=after), "coulomb_friction")
     assert told == (why if still else None)
     assert known.refused == {"coulomb_friction": why}
 

@@ -7,11 +7,11 @@ import pytest
 from reference import inputs, noise, thruster
 
 import diffthrust as dft
-from diffthrust.diagnosis._trials import Trials  # private: trials alone
-from diffthrust.diagnosis._whole_fits import (  # private: without a diagnosis around them
-    beside_whole,
+from diffthrust.diagnosis._innovations_fit import CandidateFitter  # private: trials alone
+from diffthrust.diagnosis._simulation_fit import (  # private: without a diagnosis around them
     change_between,
-    fitted_whole,
+    fitted_beside,
+    fitted_to_runs,
 )
 
 TIME = np.arange(500) * 0.05
@@ -29,21 +29,21 @@ def known():
     train, unseen = logs[:2], logs[2:]
     fit = dft.fit(dft.Thruster(), train, holdout=unseen, starts=2)
     names = ("coulomb_friction", "actuator_lag")
-    trials = Trials(fit.model, [dft.effects.EFFECTS[n]() for n in names], train, unseen, 2)
+    trials = CandidateFitter(fit.model, [dft.effects.EFFECTS[n]() for n in names], train, unseen, 2)
     return SimpleNamespace(
         train=train, unseen=unseen, trials=trials, stage=SimpleNamespace(effects=(), fit=fit)
     )
 
 
-def begun(trials, name):
+def start_search(trials, name):
     base = trials.base()
     return trials.settled((name,), base.values, base.begin, base.limit)
 
 
 def test_a_trial_over_whole_runs_errs_as_a_fit_does(known):
     trials, stage, name = known.trials, known.stage, "coulomb_friction"
-    before = fitted_whole(trials, stage)
-    after = beside_whole(trials, stage, begun(trials, name), (name,))
+    before = fitted_to_runs(trials, stage)
+    after = fitted_beside(trials, stage, start_search(trials, name), (name,))
     change = change_between(trials, before, after)
     with_it = dft.fit(dft.Thruster() + name, known.train, holdout=known.unseen, starts=2)
     for trial, fit in ((change.before, stage.fit), (change.after, with_it)):
@@ -56,6 +56,6 @@ def test_a_trial_over_whole_runs_errs_as_a_fit_does(known):
 
 def test_what_is_not_there_is_worth_nothing(known):
     trials, name = known.trials, "actuator_lag"
-    before = fitted_whole(trials, known.stage)
-    after = beside_whole(trials, known.stage, begun(trials, name), (name,))
+    before = fitted_to_runs(trials, known.stage)
+    after = fitted_beside(trials, known.stage, start_search(trials, name), (name,))
     assert abs(change_between(trials, before, after).worth.share) < 0.05

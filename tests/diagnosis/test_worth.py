@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from diffthrust.diagnosis._worth import (  # private: each measure alone
+from diffthrust.diagnosis._explained_share import (  # private: each measure alone
     BeforeAfter,
     Worth,
-    far_above,
+    explained_share,
+    far_above_noise,
     matters,
-    worth_of,
 )
 from diffthrust.simulation._errors import ChannelError, Errors  # private: made by hand
 
@@ -23,9 +23,9 @@ def test_the_share_is_that_of_the_squared_errors_whatever_the_unit():
     measured, rest = rng.standard_normal(400), rng.standard_normal(400)
     speed = BeforeAfter(measured, rest, 0.5 * rest)
     same = BeforeAfter(1e3 * measured, 1e3 * rest, 1e3 * rest)
-    alone = worth_of([{"speed": speed}])
+    alone = explained_share([{"speed": speed}])
     assert alone.share == pytest.approx(0.75)
-    both = worth_of([{"speed": speed, "thrust": same}])
+    both = explained_share([{"speed": speed, "thrust": same}])
     assert both.share == pytest.approx(0.375)
     assert both.channels["speed"].share == pytest.approx(0.75)
     assert both.channels["thrust"].share == pytest.approx(0.0)
@@ -37,13 +37,13 @@ def test_samples_that_were_not_measured_do_not_count():
     measured, rest = rng.standard_normal(400), rng.standard_normal(400)
     gap = np.where(np.arange(400) % 3 == 0, np.nan, measured)
     after = np.where(np.isnan(gap), 1e9, 0.5 * rest)
-    assert worth_of([{"speed": BeforeAfter(gap, rest, after)}]).share == pytest.approx(0.75)
+    assert explained_share([{"speed": BeforeAfter(gap, rest, after)}]).share == pytest.approx(0.75)
 
 
 def test_a_run_that_fails_with_an_effect_is_no_gain():
     rest = np.random.default_rng(2).standard_normal(100)
     failed = BeforeAfter(rest, rest, np.full(100, np.inf))
-    worth = worth_of([{"speed": failed}])
+    worth = explained_share([{"speed": failed}])
     assert worth.share == -np.inf
     assert not worth.sure
 
@@ -58,7 +58,7 @@ def test_what_changes_nothing_is_rarely_sure_although_errors_last():
             common, measured = lasting(rng), 10 * rng.standard_normal(1500)
             one, other = (common + 0.5 * lasting(rng) for _ in range(2))
             logs.append({"speed": BeforeAfter(measured, one, other)})
-        sure += worth_of(logs, seed).low > 0
+        sure += explained_share(logs, seed).low > 0
     assert sure <= 20
 
 
@@ -78,10 +78,10 @@ def test_errors_lie_far_above_where_they_grow_over_whole_runs_and_are_relevant()
     def whole(rmse, nrmse):
         return Errors(nrmse, {"speed": ChannelError(rmse, nrmse, 0.0, 500)})
 
-    assert far_above(whole(3.0, 0.3), {"speed": 0.3}) == ("speed",)
-    assert far_above(whole(3.0, 0.3), {"speed": 2.0}) == ()  # the noise of the sensor
-    assert far_above(whole(3.0, 0.02), {"speed": 0.3}) == ()  # too small to matter
-    assert far_above(whole(np.inf, np.inf), {"speed": 0.3}) == ("speed",)
+    assert far_above_noise(whole(3.0, 0.3), {"speed": 0.3}) == ("speed",)
+    assert far_above_noise(whole(3.0, 0.3), {"speed": 2.0}) == ()  # the noise of the sensor
+    assert far_above_noise(whole(3.0, 0.02), {"speed": 0.3}) == ()  # too small to matter
+    assert far_above_noise(whole(np.inf, np.inf), {"speed": 0.3}) == ("speed",)
 
 
 def test_readings_of_a_held_sensor_make_errors_that_last_no_surer():
@@ -90,7 +90,7 @@ def test_readings_of_a_held_sensor_make_errors_that_last_no_surer():
 
     def width(before, after, read):
         seen = np.where(read, rng.standard_normal(before.size), np.nan)
-        worth = worth_of([{"speed": BeforeAfter(seen, before, 0.7 * after)}])
+        worth = explained_share([{"speed": BeforeAfter(seen, before, 0.7 * after)}])
         return worth.high - worth.low
 
     every, held = [], []

@@ -5,26 +5,26 @@ from __future__ import annotations
 from dataclasses import replace
 
 from diffthrust._support.errors import InputError
-from diffthrust.diagnosis._admit import drop, refitted
+from diffthrust.diagnosis._admit import drop, refitted_stage
+from diffthrust.diagnosis._equivalence import SearchResult
+from diffthrust.diagnosis._explained_share import Worth, matters
 from diffthrust.diagnosis._findings import Stage
-from diffthrust.diagnosis._groups import Grouped
+from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, with_values
 from diffthrust.diagnosis._learned import LearnedLaw
-from diffthrust.diagnosis._search import (
+from diffthrust.diagnosis._search_state import (
     LEARNING,
-    Present,
+    CurrentModel,
+    SearchContext,
     SearchState,
-    Tools,
-    compiled,
+    compiled_fitter,
     few_substeps,
 )
-from diffthrust.diagnosis._trials import TrialFit, Trials, with_values
-from diffthrust.diagnosis._whole_fits import change_between, whole_of
-from diffthrust.diagnosis._worth import Worth, matters
+from diffthrust.diagnosis._simulation_fit import change_between, fitted_without
 
 
 def kept_beside(
-    tools: Tools, search: Grouped, first: TrialFit, law: LearnedLaw
-) -> tuple[Grouped, LearnedLaw]:
+    tools: SearchContext, search: SearchResult, first: TrialFit, law: LearnedLaw
+) -> tuple[SearchResult, LearnedLaw]:
     """The effects that are missing beside a law, and the law, told which are not.
 
     All that were found without it are put beside it, and those taken out that the information
@@ -38,31 +38,33 @@ def kept_beside(
         law: as it was learned, beside the model as given or beside all that was found.
     """
     tools.say("what is missing beside what was learned", LEARNING)
-    state = search.known
-    names = state.present.trial.effects
-    started = _begun(tools, law, state.present.trial)
+    state = search.state
+    names = state.current.trial.effects
+    started = _begun(tools, law, state.current.trial)
     if started is None:
         return search, law
     trials, present = started
-    present = drop(trials, SearchState(present, state.stages[:1], {})).present
+    present = drop(trials, SearchState(present, state.stages[:1], {})).current
     worth, trial = {}, present.trial
     if trial.effects:
-        trial = whole_of(trials, trial, trial.effects)
+        trial = fitted_without(trials, trial, trial.effects)
     for name in trial.effects:
         share, relevant = _worth_of(trials, trial, name, state.stages[0])
-        if relevant or name in trials.held:
+        if relevant or name in trials.constants:
             worth[name] = share
     kept = tuple(n for n in names if n in worth)
     superfluous = tuple(n for n in names if n not in worth)
     without_law = _without_law(tools, replace(state, worth=worth), first, kept)
     rivals = {g[0]: g for g in (*search.groups, *search.detectable_groups)}
     groups = tuple(rivals[n] for n in without_law.stages[-1].effects if n in rivals)
-    return Grouped(without_law, groups, ()), replace(law, superfluous=superfluous)
+    return SearchResult(without_law, groups, ()), replace(law, superfluous=superfluous)
 
 
-def _begun(tools: Tools, law: LearnedLaw, present: TrialFit) -> tuple[Trials, Present] | None:
+def _begun(
+    tools: SearchContext, law: LearnedLaw, present: TrialFit
+) -> tuple[CandidateFitter, CurrentModel] | None:
     """The effects of a trial put beside a law, fitted together; ``None`` where that cannot be."""
-    trials, fit, names = tools.trials, law.told, present.effects
+    trials, fit, names = tools.fitter, law.told, present.effects
     values = {n: p.value for n, p in fit.model.parameters.items()}
     model = tools.given + fit.model.effects[-1]
     # a constant that effects freed keeps its given value, to which taking it out goes back
@@ -70,19 +72,21 @@ def _begun(tools: Tools, law: LearnedLaw, present: TrialFit) -> tuple[Trials, Pr
     model = with_values(model, {n: value for n, value in values.items() if n in free})
     start = replace(fit, model=model, substeps=few_substeps(fit, trials.logs))
     effects = [trials.candidates[n] for n in names if n in trials.candidates]
-    held = [n for n in names if n in trials.held]
+    held = [n for n in names if n in trials.constants]
     present = replace(present, values={**present.values, **values})
     try:
-        beside, together = compiled(start, effects, held, trials.logs, tools.unseen, present)
+        beside, together = compiled_fitter(start, effects, held, trials.logs, tools.unseen, present)
     except InputError:  # the law goes with effects alone
         return None
-    return beside, Present(beside, together)
+    return beside, CurrentModel(beside, together)
 
 
-def _worth_of(trials: Trials, trial: TrialFit, name: str, baseline: Stage) -> tuple[Worth, bool]:
+def _worth_of(
+    trials: CandidateFitter, trial: TrialFit, name: str, baseline: Stage
+) -> tuple[Worth, bool]:
     """What an effect of a fit to whole runs removes of the first errors, and if it matters."""
     without = tuple(n for n in trial.effects if n != name)
-    change = change_between(trials, whole_of(trials, trial, without), trial)
+    change = change_between(trials, fitted_without(trials, trial, without), trial)
     initial = baseline.holdout or baseline.train
     reduced = change.before.holdout or change.before.train
     remaining = (reduced.nrmse / initial.nrmse) ** 2 if initial.nrmse > 0 else 1.0
@@ -90,10 +94,10 @@ def _worth_of(trials: Trials, trial: TrialFit, name: str, baseline: Stage) -> tu
 
 
 def _without_law(
-    tools: Tools, state: SearchState, first: TrialFit, kept: tuple[str, ...]
+    tools: SearchContext, state: SearchState, first: TrialFit, kept: tuple[str, ...]
 ) -> SearchState:
     """What is known, with some of the effects alone."""
-    trials, present = tools.trials, state.present.trial
+    trials, present = tools.fitter, state.current.trial
     dropped = tuple(n for n in present.effects if n not in kept)
     trial, values = first, dict(present.values)
     if kept:
@@ -102,11 +106,11 @@ def _without_law(
         trial = trials.settled(kept, values, present.begin, present.limit)
     state = replace(
         state,
-        present=Present(trials, trial),
+        present=CurrentModel(trials, trial),
         stages=tuple(s for s in state.stages if {*s.effects} <= {*kept}),
         detectable=(),
         dropped=(*state.dropped, *dropped),
     )
     if {*state.stages[-1].effects} == {*kept}:
         return state
-    return replace(state, stages=(*state.stages, refitted(tools, state)))
+    return replace(state, stages=(*state.stages, refitted_stage(tools, state)))

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from diffthrust.diagnosis._innovations_fit import TrialFit
 from diffthrust.diagnosis._learned import LearnedLaw
 from diffthrust.diagnosis._learning.evidence import LikelyCurve
 from diffthrust.diagnosis._learning.fits import roughly, worth_between_fits
@@ -22,8 +23,7 @@ from diffthrust.diagnosis._learning.hypotheses import (
     units_at,
 )
 from diffthrust.diagnosis._learning.sight import sight
-from diffthrust.diagnosis._search import Tools
-from diffthrust.diagnosis._trials import TrialFit
+from diffthrust.diagnosis._search_state import SearchContext
 from diffthrust.effects._curve import Curve
 from diffthrust.estimation._result import Fit
 from diffthrust.models._base.made_effect import ARRIVING
@@ -39,7 +39,7 @@ _POINTS = 241
 
 
 def law_of(
-    tools: Tools,
+    tools: SearchContext,
     baseline: Fit,
     trial: TrialFit,
     likely: LikelyCurve,
@@ -50,7 +50,7 @@ def law_of(
     One that is far behind ``rival`` is fitted once.
     """
     law = likely.law
-    unit = unit_at(tools.trials, law.port, law.times)
+    unit = unit_at(tools.fitter, law.port, law.times)
     arguments = {**likely.curve.arguments, "unit": unit, "name": _free_name(baseline.model)}
     fit, curve = _with_curve(tools, baseline, Curve(**arguments))
     if curve.given:  # what it remembers may have another range than at the first guess
@@ -60,7 +60,7 @@ def law_of(
             law = hypothesis_of(tools, trial, curve)
     if not fit.train.nrmse < baseline.train.nrmse:
         return None
-    units = units_at(tools.trials, curve.port)
+    units = units_at(tools.fitter, curve.port)
     return LearnedLaw(
         curve=curve,
         fit=fit,
@@ -79,9 +79,9 @@ def _behind(fit: Fit, rival: LearnedLaw | None) -> bool:
     return bool(rival and rival.worth.sure and fit.train.nrmse > _BEHIND * rival.fit.train.nrmse)
 
 
-def hypothesis_of(tools: Tools, trial: TrialFit, curve: Curve) -> Hypothesis:
+def hypothesis_of(tools: SearchContext, trial: TrialFit, curve: Curve) -> Hypothesis:
     """The law of a curve along the path of a trial, what it remembers being as in the curve."""
-    regressors = sight(tools.trials, trial)
+    regressors = sight(tools.fitter, trial)
     return hypothesis(regressors, curve.port, curve.signal, curve.times, _parameters(curve))
 
 
@@ -90,16 +90,16 @@ def _parameters(curve: Curve) -> dict[str, dict[str, Any]]:
     return {n: {**curve.given[n], "value": getattr(curve, n)} for n in curve.given}
 
 
-def _with_curve(tools: Tools, baseline: Fit, curve: Curve) -> tuple[Fit, Curve]:
+def _with_curve(tools: SearchContext, baseline: Fit, curve: Curve) -> tuple[Fit, Curve]:
     """A fitted model with a curve, fitted to whole runs, and the curve as it is then."""
     # whole runs have many false minima along a wave
     fit = roughly(tools, baseline, baseline.model + curve, segments=NUMBER in curve.given)
     return fit, fit.model.effects[-1]  # pyright: ignore[reportReturnType]
 
 
-def with_fine_steps(tools: Tools, baseline: Fit, law: LearnedLaw) -> LearnedLaw:
+def with_fine_steps(tools: SearchContext, baseline: Fit, law: LearnedLaw) -> LearnedLaw:
     """A law with the model that is told fitted with as many integrator steps as that needs."""
-    reported, logs = law.told, tools.trials.logs
+    reported, logs = law.told, tools.fitter.logs
     k = max(range(len(logs)), key=lambda k: (logs[k].step, len(logs[k])))
     if (
         choose_substeps(reported.model, logs[k], initial=reported.initial[k], warn=False)

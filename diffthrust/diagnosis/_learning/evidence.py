@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, side_by_side
 from diffthrust.diagnosis._learning.ground import left_over
 from diffthrust.diagnosis._learning.hypotheses import Hypothesis, hypothesis
 from diffthrust.diagnosis._learning.sight import Added, Sight
-from diffthrust.diagnosis._trials import TrialFit, Trials, side_by_side
 from diffthrust.effects._curve import Curve
 from diffthrust.models._base.made_effect import ARRIVING
 
@@ -55,7 +55,9 @@ class LikelyCurve(NamedTuple):
     evidence: float
 
 
-def likely_curves(trials: Trials, trial: TrialFit, laws: Iterable[Hypothesis]) -> list[LikelyCurve]:
+def likely_curves(
+    trials: CandidateFitter, trial: TrialFit, laws: Iterable[Hypothesis]
+) -> list[LikelyCurve]:
     """The laws for which there is evidence, with their curves, the likeliest first."""
     passing = trials.readings(trial)
     chunks = side_by_side(
@@ -67,7 +69,7 @@ def likely_curves(trials: Trials, trial: TrialFit, laws: Iterable[Hypothesis]) -
 
 
 def sharpened(
-    trials: Trials, trial: TrialFit, regressors: Sight, likely: LikelyCurve
+    trials: CandidateFitter, trial: TrialFit, regressors: Sight, likely: LikelyCurve
 ) -> LikelyCurve:
     """A law that remembers over the time, or the width, that makes one-step errors likeliest."""
     from scipy.optimize import minimize_scalar  # slow to import
@@ -125,7 +127,10 @@ def _together(laws: Iterable[Hypothesis]) -> Iterator[list[Hypothesis]]:
 
 
 def _judged(
-    trials: Trials, trial: TrialFit, laws: Sequence[Hypothesis], passing: Sequence[np.ndarray]
+    trials: CandidateFitter,
+    trial: TrialFit,
+    laws: Sequence[Hypothesis],
+    passing: Sequence[np.ndarray],
 ) -> list[LikelyCurve]:
     drawn = [drawing for law in laws if (drawing := _drawn(law, passing))]
     if not drawn:

@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
 from diffthrust.diagnosis._learned import LearnedLaw
 from diffthrust.diagnosis._learning.hypotheses import Hypothesis
 from diffthrust.diagnosis._learning.sight import Added
-from diffthrust.diagnosis._trials import TrialFit, Trials
 from diffthrust.effects._curve import Curve
 from diffthrust.models._base.model import Model
 
@@ -53,7 +53,7 @@ class Ground(NamedTuple):
         return slope**2 / curvature, -slope / curvature
 
 
-def ground_of(trials: Trials, trial: TrialFit, law: Hypothesis) -> Ground:
+def ground_of(trials: CandidateFitter, trial: TrialFit, law: Hypothesis) -> Ground:
     """What the one-step errors of a trial say of the shapes of a law."""
     pooled = np.concatenate(law.over)
     low, high = float(pooled.min()), float(pooled.max())
@@ -111,7 +111,7 @@ def model_beside(law: LearnedLaw, shape: Float[np.ndarray, " K"]) -> Model:
 
 
 def left_over(
-    trials: Trials, trial: TrialFit, port: str, several: Sequence[Added]
+    trials: CandidateFitter, trial: TrialFit, port: str, several: Sequence[Added]
 ) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Information and gradient of series at a port, less what the model's own parameters do.
 

@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
 from diffthrust.diagnosis._learning.sight import Added, Sight, along, sight
 from diffthrust.diagnosis._ports import DrivingPort, words_and_unit
 from diffthrust.diagnosis._structure import Observed, behind
-from diffthrust.diagnosis._trials import TrialFit, Trials
 from diffthrust.diagnosis._waves import Wave, wave_along
 from diffthrust.effects._curve import Curve
 from diffthrust.effects._grammar import expression_of
@@ -85,13 +85,13 @@ class Scene(NamedTuple):
         waves: those that stand out along states, by name.
     """
 
-    trials: Trials
+    trials: CandidateFitter
     place: DrivingPort
     seen: Sight
     waves: Mapping[str, Wave]
 
 
-def scene(trials: Trials, trial: TrialFit, place: DrivingPort) -> Scene:
+def scene(trials: CandidateFitter, trial: TrialFit, place: DrivingPort) -> Scene:
     """Of what a law may be made that is missing at a place beside a trial."""
     regressors = sight(trials, trial)
     moving = [n for n in _readable(trials, regressors.now) if n in trials.model.states]
@@ -121,14 +121,14 @@ def products(at: Scene, best: Sequence[Hypothesis]) -> Iterator[Hypothesis]:
                 yield law
 
 
-def units_at(trials: Trials, port: str) -> dict[str, str]:
+def units_at(trials: CandidateFitter, port: str) -> dict[str, str]:
     """The units of what an effect may read at a port, as far as they are known."""
     model = trials.model
     units = {**model.inputs, **model.optional_inputs, **model.all_states, **model.channel_units}
     return {**units, ARRIVING: words_and_unit(model, port)[1]}
 
 
-def unit_at(trials: Trials, port: str, times: str) -> str:
+def unit_at(trials: CandidateFitter, port: str, times: str) -> str:
     """The unit of what is added at a port when it is multiplied by something."""
     if times == ARRIVING:
         return ""
@@ -252,7 +252,7 @@ def _of_wave(wave: Wave, unit: str) -> dict[str, dict[str, Any]]:
     }
 
 
-def _readable(trials: Trials, observed_logs: Observed) -> list[str]:
+def _readable(trials: CandidateFitter, observed_logs: Observed) -> list[str]:
     """The inputs, and the states that are measured, as far as all logs have them."""
     everywhere = set.intersection(*(set(path) for path in observed_logs.paths))
     model = trials.model

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from diffthrust.diagnosis._admit import left_of
+from diffthrust.diagnosis._admit import remaining_share
+from diffthrust.diagnosis._equivalence import SearchResult
 from diffthrust.diagnosis._findings import Remaining
-from diffthrust.diagnosis._groups import Grouped
+from diffthrust.diagnosis._innovations_fit import TrialFit
 from diffthrust.diagnosis._learned import LearnedLaw
 from diffthrust.diagnosis._learning.beside import kept_beside
 from diffthrust.diagnosis._learning.curves import hypothesis_of, law_of, with_fine_steps
@@ -15,9 +16,8 @@ from diffthrust.diagnosis._learning.fits import all_explained, as_good
 from diffthrust.diagnosis._learning.naming import named
 from diffthrust.diagnosis._learning.ranking import forgetful, likeliest, rival_law
 from diffthrust.diagnosis._ports import DrivingPort
-from diffthrust.diagnosis._search import Tools
+from diffthrust.diagnosis._search_state import SearchContext
 from diffthrust.diagnosis._structure import behind
-from diffthrust.diagnosis._trials import TrialFit
 from diffthrust.estimation._result import Fit
 
 _IMITATED = 0.5
@@ -29,8 +29,8 @@ place."""
 
 
 def learned_law(
-    tools: Tools, search: Grouped, first: TrialFit
-) -> tuple[Grouped, LearnedLaw] | None:
+    tools: SearchContext, search: SearchResult, first: TrialFit
+) -> tuple[SearchResult, LearnedLaw] | None:
     """The law that no known effect expresses, where structure is proven; ``None`` if none is sure.
 
     It must make whole unseen runs surely better (training runs, where no log is unseen). Effects
@@ -44,10 +44,10 @@ def learned_law(
     Returns:
         The law, and what else is missing.
     """
-    state = search.known
-    if state.present.remaining is None:
+    state = search.state
+    if state.current.remaining is None:
         return None
-    place, trial = _place(tools, state.present.remaining), state.present.trial
+    place, trial = _place(tools, state.current.remaining), state.current.trial
     first_stage, last = state.stages[0], state.stages[-1]
     base, law = first_stage, None
     if trial.effects:
@@ -61,21 +61,23 @@ def learned_law(
         return None
     if trial.effects:
         beside, learned = kept_beside(tools, search, first, law)
-        updated = beside.known
+        updated = beside.state
         if {*updated.stages[-1].effects} != {*base.effects}:
-            learned = _beside_others(tools, updated.stages[-1].fit, updated.present.trial, learned)
+            learned = _beside_others(tools, updated.stages[-1].fit, updated.current.trial, learned)
         if learned and learned.worth.sure and as_good(learned.told, last.fit, 1.0):
             search, law = beside, learned
         elif base is not last:
             return None  # else it goes with all of them alone
-    return search, replace(law, worth=law.worth.of(left_of(search.known, search.known.stages[-1])))
+    return search, replace(
+        law, worth=law.worth.of(remaining_share(search.state, search.state.stages[-1]))
+    )
 
 
 def _beside_others(
-    tools: Tools, baseline: Fit, trial: TrialFit, law: LearnedLaw
+    tools: SearchContext, baseline: Fit, trial: TrialFit, law: LearnedLaw
 ) -> LearnedLaw | None:
     """A law learned anew beside other effects; ``None`` where errors do not ask for it there."""
-    likely = likely_curves(tools.trials, trial, [hypothesis_of(tools, trial, law.curve)])
+    likely = likely_curves(tools.fitter, trial, [hypothesis_of(tools, trial, law.curve)])
     relearned = law_of(tools, baseline, trial, likely[0]) if likely else None
     if relearned is None:
         return None
@@ -84,7 +86,7 @@ def _beside_others(
 
 
 def _learned_beside(
-    tools: Tools, baseline: Fit, trial: TrialFit, place: DrivingPort, least: float = 0.0
+    tools: SearchContext, baseline: Fit, trial: TrialFit, place: DrivingPort, least: float = 0.0
 ) -> LearnedLaw | None:
     """The likeliest law beside a model, or its rival, with its name; if whole runs surely improve.
 
@@ -115,7 +117,7 @@ def _doubt(law: LearnedLaw) -> tuple[bool, float]:
     return not law.worth.sure, law.told.train.nrmse
 
 
-def _place(tools: Tools, remaining: Remaining) -> DrivingPort:
+def _place(tools: SearchContext, remaining: Remaining) -> DrivingPort:
     """The place whose errors the structure explains."""
-    places = tools.trials.places
-    return next(p for p in places if remaining.port in (p.port, *behind(tools.trials, p)))
+    places = tools.fitter.places
+    return next(p for p in places if remaining.port in (p.port, *behind(tools.fitter, p)))

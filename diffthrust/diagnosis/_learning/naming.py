@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from diffthrust.diagnosis._innovations_fit import TrialFit
 from diffthrust.diagnosis._learned import FORMS_APART, LearnedLaw, TriedForm
 from diffthrust.diagnosis._learning.closed_forms import FORMS
 from diffthrust.diagnosis._learning.fits import (
@@ -27,9 +28,8 @@ from diffthrust.diagnosis._learning.forms import (
 from diffthrust.diagnosis._learning.ground import Ground, ground_of, ground_of_fit, model_beside
 from diffthrust.diagnosis._learning.hypotheses import NUMBER, hypothesis, unit_at
 from diffthrust.diagnosis._learning.sight import sight
-from diffthrust.diagnosis._search import Tools
+from diffthrust.diagnosis._search_state import SearchContext
 from diffthrust.diagnosis._structure import behind
-from diffthrust.diagnosis._trials import TrialFit
 from diffthrust.effects._curve import Curve
 from diffthrust.estimation._result import Fit
 from diffthrust.models._base.made_effect import ARRIVING
@@ -55,7 +55,7 @@ _AS_GOOD = 1.1
 more than so many times as much with it: a curve may bend as noise does."""
 
 
-def named(tools: Tools, baseline: Fit, trial: TrialFit, law: LearnedLaw) -> LearnedLaw:
+def named(tools: SearchContext, baseline: Fit, trial: TrialFit, law: LearnedLaw) -> LearnedLaw:
     """A learned law with the closed forms that were tried in its place.
 
     Args:
@@ -75,9 +75,11 @@ def named(tools: Tools, baseline: Fit, trial: TrialFit, law: LearnedLaw) -> Lear
     return replace(law, named=True, worth=worth) if worth.sure else law
 
 
-def _tried(tools: Tools, baseline: Fit, trial: TrialFit, law: LearnedLaw) -> Iterator[TriedForm]:
+def _tried(
+    tools: SearchContext, baseline: Fit, trial: TrialFit, law: LearnedLaw
+) -> Iterator[TriedForm]:
     """Closed forms fitted in the place of a curve, the plain ones first."""
-    curve, price = law.curve, math.log(tools.trials.samples)
+    curve, price = law.curve, math.log(tools.fitter.samples)
     grounds = _grounds(tools, trial, curve)
     enough, least_criterion = math.inf, math.inf
     for match in sorted(_close(tools, grounds, curve), key=_parameters):
@@ -103,10 +105,10 @@ def _tried(tools: Tools, baseline: Fit, trial: TrialFit, law: LearnedLaw) -> Ite
             )
 
 
-def _in_place(tools: Tools, baseline: Fit, law: LearnedLaw, match: Match) -> Fit:
+def _in_place(tools: SearchContext, baseline: Fit, law: LearnedLaw, match: Match) -> Fit:
     """A closed form in the place of a law's curve, fitted from where it is like this or matches."""
     curve, fits = law.curve, []
-    unit = unit_at(tools.trials, curve.port, match.times)
+    unit = unit_at(tools.fitter, curve.port, match.times)
     for start, model in _starts(law, match):
         formula = formula_of(start, curve, unit, law.signal_unit, law.channel)
         fits.append(roughly(tools, baseline, model + formula, segments=NUMBER in curve.given))
@@ -130,7 +132,7 @@ def _starts(law: LearnedLaw, match: Match) -> Iterator[tuple[Match, Model]]:
     yield match, law.fit.model - law.curve.name
 
 
-def _alike(tools: Tools, tried: Sequence[TriedForm], law: LearnedLaw) -> list[TriedForm]:
+def _alike(tools: SearchContext, tried: Sequence[TriedForm], law: LearnedLaw) -> list[TriedForm]:
     """The likeliest form, and those that neither whole runs nor one-step errors surely set apart.
 
     Errors that last make the criterion of whole runs surer than it should be. Those that may be the
@@ -163,32 +165,32 @@ def _plainest(tied: Sequence[TriedForm], adds: bool) -> TriedForm:
     return min(near, key=unusual)
 
 
-def _adds(tools: Tools, port: str) -> bool:
+def _adds(tools: SearchContext, port: str) -> bool:
     """Whether laws at a port usually add, as forces and torques do: where it drives a state.
 
     Of what is only measured a share is lost.
     """
-    trials = tools.trials
+    trials = tools.fitter
     driving = (place for place in trials.places if place.state)
     return any(port in (place.port, *behind(trials, place)) for place in driving)
 
 
-def _grounds(tools: Tools, trial: TrialFit, curve: Curve) -> dict[str, Ground]:
+def _grounds(tools: SearchContext, trial: TrialFit, curve: Curve) -> dict[str, Ground]:
     """What one-step errors say of a curve's shapes, by what these are multiplied by."""
-    regressors = sight(tools.trials, trial)
+    regressors = sight(tools.fitter, trial)
     parameters = {n: {"value": getattr(curve, n)} for n in curve.given}
     return {
         times: ground_of(
-            tools.trials, trial, hypothesis(regressors, curve.port, curve.signal, times, parameters)
+            tools.fitter, trial, hypothesis(regressors, curve.port, curve.signal, times, parameters)
         )
         for times in dict.fromkeys((curve.times, "", ARRIVING))
         if times != ARRIVING or curve.signal != ARRIVING
     }
 
 
-def _close(tools: Tools, grounds: Mapping[str, Ground], curve: Curve) -> list[Match]:
+def _close(tools: SearchContext, grounds: Mapping[str, Ground], curve: Curve) -> list[Match]:
     """The closed forms that one-step errors ask for as they ask for a curve."""
-    ground, price = grounds[curve.times], math.log(tools.trials.samples)
+    ground, price = grounds[curve.times], math.log(tools.fitter.samples)
     likely = matches(grounds)
     if NUMBER in curve.given:  # a wave has its form already
         likely = [

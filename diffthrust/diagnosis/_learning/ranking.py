@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from diffthrust.diagnosis._innovations_fit import TrialFit, side_by_side
 from diffthrust.diagnosis._learning.evidence import LikelyCurve, likely_curves, sharpened
 from diffthrust.diagnosis._learning.hypotheses import Hypothesis, products, scene, simple_laws
 from diffthrust.diagnosis._ports import DrivingPort
-from diffthrust.diagnosis._search import Tools
-from diffthrust.diagnosis._trials import TrialFit, side_by_side
+from diffthrust.diagnosis._search_state import SearchContext
 from diffthrust.effects._curve import Curve
 from diffthrust.effects._grammar import expression_of
 from diffthrust.models._base.made_effect import ARRIVING
@@ -27,9 +27,9 @@ _CLEAR = 10.0
 """Less evidence than this is not worth a fit."""
 
 
-def likeliest(tools: Tools, trial: TrialFit, place: DrivingPort) -> list[LikelyCurve]:
+def likeliest(tools: SearchContext, trial: TrialFit, place: DrivingPort) -> list[LikelyCurve]:
     """The laws that are worth a fit, the likeliest first; of equals the plainest."""
-    trials, at = tools.trials, scene(tools.trials, trial, place)
+    trials, at = tools.fitter, scene(tools.fitter, trial, place)
     curves = likely_curves(trials, trial, simple_laws(at))
     if not curves:
         return []

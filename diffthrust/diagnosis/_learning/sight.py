@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
 from diffthrust.diagnosis._structure import Observed, observed
-from diffthrust.diagnosis._trials import TrialFit, Trials
 from diffthrust.effects._grammar import expression_of
 from diffthrust.effects._memory import values_along
 from diffthrust.models._base.made_effect import ARRIVING
@@ -33,7 +33,7 @@ class Sight(NamedTuple):
     end: Observed
 
 
-def sight(trials: Trials, trial: TrialFit) -> Sight:
+def sight(trials: CandidateFitter, trial: TrialFit) -> Sight:
     """What a trial sees of the training logs."""
     now = observed(trials, trial)
     paths = [

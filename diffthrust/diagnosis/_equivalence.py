@@ -8,12 +8,12 @@ from typing import NamedTuple
 from diffthrust._support.errors import InputError
 from diffthrust.diagnosis._admit import MARGIN
 from diffthrust.diagnosis._criteria import price_of, unseen_gain
-from diffthrust.diagnosis._held import built
+from diffthrust.diagnosis._held import with_candidates
+from diffthrust.diagnosis._innovations_fit import TrialFit
 from diffthrust.diagnosis._screen import levels_of, screened
-from diffthrust.diagnosis._search import SearchState, Tools
-from diffthrust.diagnosis._trials import TrialFit
-from diffthrust.diagnosis._whole_fits import fitted_whole, over_whole_runs, worth_between
-from diffthrust.diagnosis._whole_runs import are_poor
+from diffthrust.diagnosis._search_state import SearchContext, SearchState
+from diffthrust.diagnosis._simulation_fit import fitted_to_runs, share_between, simulation_fitter
+from diffthrust.diagnosis._whole_runs import simulation_is_poor
 from diffthrust.experiments._result import Experiment
 from diffthrust.experiments._suggest import suggest_experiment
 
@@ -29,41 +29,41 @@ _NAMED = 2
 """so many of them are named, the best."""
 
 
-class Grouped(NamedTuple):
+class SearchResult(NamedTuple):
     """What a search has found, and what the logs cannot tell apart.
 
     Args:
-        known: what it knows.
+        state: where it ended.
         groups: for each effect of its last stage those that explain as much in its place.
         detectable_groups: the same for each that is only detectable.
     """
 
-    known: SearchState
+    state: SearchState
     groups: tuple[tuple[str, ...], ...]
     detectable_groups: tuple[tuple[str, ...], ...]
 
 
-def grouped(tools: Tools, known: SearchState, first: TrialFit) -> Grouped:
+def with_equivalents(tools: SearchContext, known: SearchState, first: TrialFit) -> SearchResult:
     """What a search has found with what the logs cannot tell apart; see `_groups_of`."""
     added = _groups_of(tools, known, first, known.stages[-1].effects)
-    return Grouped(known, added, _groups_of(tools, known, first, known.detectable))
+    return SearchResult(known, added, _groups_of(tools, known, first, known.detectable))
 
 
 def _groups_of(
-    tools: Tools, known: SearchState, first: TrialFit, names: Sequence[str]
+    tools: SearchContext, known: SearchState, first: TrialFit, names: Sequence[str]
 ) -> tuple[tuple[str, ...], ...]:
     """For each of some effects of the present model those that, in its place, explain as much.
 
     Not those against which whole runs have spoken. The signals' levels are those of ``first``, the
     trial of the model as given.
     """
-    trials, present = tools.trials, known.present.trial
+    trials, present = tools.fitter, known.current.trial
     barred = {name for name, why in known.refused.items() if why.by_whole_runs}
     rivals = {c.effect for c in known.ranking if c.delta_bic < -MARGIN} - barred
     levels = levels_of(trials, first)
     groups = []
     for name in (n for n in names if n in trials.candidates):
-        without = trials.further(known.present.without(name))
+        without = trials.further(known.current.without(name))
         alike, price = [name], price_of(trials, present, name)
         others = sorted(rivals - {*present.effects})
         for rival, trial in screened(trials, others, without, levels).items():
@@ -80,7 +80,7 @@ def _groups_of(
 
 
 def _alike_over_whole_runs(
-    tools: Tools, known: SearchState, name: str, others: Collection[str]
+    tools: SearchContext, known: SearchState, name: str, others: Collection[str]
 ) -> list[str]:
     """The rivals of an effect, when it was added, that do nearly the same to whole runs.
 
@@ -89,21 +89,21 @@ def _alike_over_whole_runs(
     sample, in which random forces take up what is wrong, does not tell them apart. Not those in
     ``others``, which are known already.
     """
-    trials = tools.trials
+    trials = tools.fitter
     if name in known.detectable:
         return []
     at, stage = next((k, s) for k, s in enumerate(known.stages) if name in s.effects)
     tried = [c.effect for c in known.ranking if c.stage == at - 1 and c.delta_bic < -MARGIN]
     rivals = [rival for rival in tried if rival not in {*others, *stage.effects}]
-    if not rivals or not are_poor(tools, known, known.stages[-1]):
+    if not rivals or not simulation_is_poor(tools, known, known.stages[-1]):
         return []
-    whole = over_whole_runs(trials)
-    given = fitted_whole(trials, stage)
-    without = fitted_whole(trials, stage, [n for n in stage.effects if n != name])
-    own = worth_between(trials, without, given).share
+    whole = simulation_fitter(trials)
+    given = fitted_to_runs(trials, stage)
+    without = fitted_to_runs(trials, stage, [n for n in stage.effects if n != name])
+    own = share_between(trials, without, given).share
     begun = screened(whole, rivals, without, levels_of(trials, without))
     shares = {
-        rival: worth_between(trials, without, whole.further(trial)).share
+        rival: share_between(trials, without, whole.further(trial)).share
         for rival, trial in begun.items()
     }
     near = _MOST_OF_IT * own, 1.0 - _LEFT**2 * (1.0 - own)
@@ -112,7 +112,7 @@ def _alike_over_whole_runs(
 
 
 def proposal(
-    tools: Tools,
+    tools: SearchContext,
     known: SearchState,
     groups: Sequence[Sequence[str | None]],
     limits: Mapping[str, tuple[float, float]] | None,
@@ -121,7 +121,7 @@ def proposal(
 
     The groups of the added effects, one after the other; in others ``None`` is the model as it is.
     """
-    trials = tools.trials
+    trials = tools.fitter
     for group in groups:
         if len(group) < 2:
             continue
@@ -131,7 +131,7 @@ def proposal(
         log = max(trials.logs, key=lambda log: log.duration)
         try:
             for name in group[1:3]:
-                changed = built(tools.given, [*others, name or ""], trials.candidates)
+                changed = with_candidates(tools.given, [*others, name or ""], trials.candidates)
                 rivals.append(tools.refit(changed))
             with tools.clock("experiment"):
                 return suggest_experiment(

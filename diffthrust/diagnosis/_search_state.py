@@ -15,10 +15,10 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.progress import Progress, part
 from diffthrust.diagnosis._candidates import Candidates, candidates_of, constants_of
 from diffthrust.diagnosis._criteria import criterion
+from diffthrust.diagnosis._explained_share import Worth
 from diffthrust.diagnosis._findings import Refusal, Remaining, Stage, TriedEffect
+from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
 from diffthrust.diagnosis._structure import remaining_structure
-from diffthrust.diagnosis._trials import TrialFit, Trials
-from diffthrust.diagnosis._worth import Worth
 from diffthrust.effects import EFFECTS
 from diffthrust.estimation._fit import fit as fit_model
 from diffthrust.estimation._result import Fit
@@ -64,12 +64,12 @@ class Clock:
 
 
 @dataclass(frozen=True)
-class Tools:
+class SearchContext:
     """What a search works with.
 
     Args:
         given: the model that is diagnosed.
-        trials: fits of it with any candidate.
+        fitter: fits it with any candidate.
         unseen: unseen logs.
         refit: fits a model to whole runs, with the first fit's options; given values are starts,
             given ``logs``, training and unseen ones, take the place of all; with ``segments`` its
@@ -81,7 +81,7 @@ class Tools:
     """
 
     given: Model
-    trials: Trials
+    fitter: CandidateFitter
     unseen: tuple[Log, ...]
     refit: Callable[..., Fit]
     guess: Mapping[str, float]
@@ -90,22 +90,22 @@ class Tools:
 
 
 @dataclass(frozen=True, eq=False)
-class Present:
+class CurrentModel:
     """The model so far, with what is asked of it more than once."""
 
-    trials: Trials
+    fitter: CandidateFitter
     trial: TrialFit
     _without: dict[str, TrialFit] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
     def criterion(self) -> float:
         """Its information criterion."""
-        return criterion(self.trials, self.trial)
+        return criterion(self.fitter, self.trial)
 
     @cached_property
     def remaining(self) -> Remaining | None:
         """What it leaves unexplained."""
-        return remaining_structure(self.trials, self.trial)
+        return remaining_structure(self.fitter, self.trial)
 
     def without(self, name: str) -> TrialFit:
         """The model, fitted without one of its effects.
@@ -113,7 +113,7 @@ class Present:
         Not to the end where a few steps show that much is lost.
         """
         if name not in self._without:
-            trial, trials = self.trial, self.trials
+            trial, trials = self.trial, self.fitter
             rest = tuple(n for n in trial.effects if n != name)
             values = trials.absent(name, trial.values)
             fewer = trials.solve(rest, values, trial.begin, trial.limit, budget=12)
@@ -128,7 +128,7 @@ class SearchState:
     """What a search knows after so many stages.
 
     Args:
-        present: the model so far.
+        current: the model so far.
         stages: the model as given, then with one effect after the other.
         untestable: effects that the logs cannot test, with the reason.
         ranking: the effects tried at each stage.
@@ -142,7 +142,7 @@ class SearchState:
         possible: effects that whole runs alone speak for, with their worth there.
     """
 
-    present: Present
+    current: CurrentModel
     stages: tuple[Stage, ...]
     untestable: Mapping[str, str]
     ranking: tuple[TriedEffect, ...] = ()
@@ -160,7 +160,7 @@ class SearchState:
         return len(self.stages) - 1
 
     @property
-    def found(self) -> tuple[int, tuple[str, ...]]:
+    def accepted(self) -> tuple[int, tuple[str, ...]]:
         """How far the search has come: a round that leaves it as it was ends the search."""
         return self.number, self.detectable
 
@@ -173,14 +173,14 @@ class SearchState:
         return SOUGHT - (SOUGHT - _COMPILED) * left
 
 
-def begun(
+def start_search(
     fit: Fit | Model,
     train: Sequence[Log],
     unseen: Sequence[Log],
     wanted: Candidates | None,
     seed: int,
     say: Progress,
-) -> tuple[Tools, SearchState]:
+) -> tuple[SearchContext, SearchState]:
     """Fit the model as it is, and compile the trials."""
     say("fitting the model as it is", 0.0)
     clock, options = Clock(), fit.options if isinstance(fit, Fit) else {}
@@ -222,9 +222,11 @@ def begun(
     effects = [effect.scaled(levels) for effect in effects]
     say("compiling the trials", FITTED)
     with clock("compile"):
-        trials, trial = compiled(first, effects, constants_of(first.model, wanted), train, unseen)
-    tools = Tools(first.model, trials, tuple(unseen), refit, guess, say, clock)
-    return tools, SearchState(Present(trials, trial), (Stage((), first),), untestable)
+        trials, trial = compiled_fitter(
+            first, effects, constants_of(first.model, wanted), train, unseen
+        )
+    tools = SearchContext(first.model, trials, tuple(unseen), refit, guess, say, clock)
+    return tools, SearchState(CurrentModel(trials, trial), (Stage((), first),), untestable)
 
 
 def _is_of_these_logs(fit: Fit, train: Sequence[Log], unseen: Sequence[Log]) -> bool:
@@ -239,17 +241,17 @@ def _is_of_these_logs(fit: Fit, train: Sequence[Log], unseen: Sequence[Log]) -> 
     return all(math.isclose(a.nrmse, b.nrmse, rel_tol=1e-6) for a, b in pairs)
 
 
-def compiled(
+def compiled_fitter(
     fit: Fit,
     effects: Sequence[Effect],
     held: Sequence[str],
     train: Sequence[Log],
     unseen: Sequence[Log],
     present: TrialFit | None = None,
-) -> tuple[Trials, TrialFit]:
+) -> tuple[CandidateFitter, TrialFit]:
     """The trials, and the first: the model as it is, or with what is ``present`` in another."""
     for substeps in dict.fromkeys((few_substeps(fit, train), fit.substeps)):
-        trials = Trials(fit.model, effects, train, unseen, substeps, fit.noise_model, held)
+        trials = CandidateFitter(fit.model, effects, train, unseen, substeps, fit.noise_model, held)
         first = trials.base(present.effects, present.values) if present else trials.base()
         if math.isfinite(first.cost):
             return trials, first
@@ -272,7 +274,7 @@ def _not_finite(fit: Fit, effects: Sequence[Effect], train: Sequence[Log]) -> In
     for effect in effects:
         if type(effect) is EFFECTS.get(effect.name):
             continue
-        alone = Trials(fit.model, [effect], train, [], fit.substeps)
+        alone = CandidateFitter(fit.model, [effect], train, [], fit.substeps)
         if not math.isfinite(alone.base().cost):
             return InputError(
                 f"The effect '{effect.name}' cannot be tried: at its null value the errors or "

@@ -12,8 +12,8 @@ from diffthrust._support.tables import number
 from diffthrust._support.words import joined, percent, spelt
 from diffthrust.comparison._outstanding import beside_others, outstanding
 from diffthrust.diagnosis._given import OddLog
+from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
 from diffthrust.diagnosis._log_slopes import Deviation, deviations, slopes
-from diffthrust.diagnosis._trials import TrialFit, Trials
 from diffthrust.estimation._laws import TAIL
 from diffthrust.estimation._observer import is_memory
 from diffthrust.estimation._one_step import Pass, passes
@@ -31,7 +31,7 @@ _FAR = 3.0
 """How far a parameter is off is told in per cent up to this share of itself."""
 
 
-def odd_logs(trials: Trials, trial: TrialFit, runs: Sequence[Run]) -> tuple[OddLog, ...]:
+def odd_logs(trials: CandidateFitter, trial: TrialFit, runs: Sequence[Run]) -> tuple[OddLog, ...]:
     """The logs that are unlike the others.
 
     Either the error over the whole run stands out, or the one-step errors ask for another value of
@@ -51,7 +51,7 @@ def odd_logs(trials: Trials, trial: TrialFit, runs: Sequence[Run]) -> tuple[OddL
     told: dict[int, list[str]] = {}
     for one in sorted(outstanding(runs), key=lambda one: -one.ratio):
         channels.setdefault(one.place, one.channel)
-    for off in told_apart(trials, trial, len(runs)):
+    for off in deviating_logs(trials, trial, len(runs)):
         channels.setdefault(off.log, trials.channels[off.channel])
         told[off.log] = [_parameter_words(trials, trial, off)]
     found = []
@@ -64,7 +64,7 @@ def odd_logs(trials: Trials, trial: TrialFit, runs: Sequence[Run]) -> tuple[OddL
     return tuple(sorted(found, key=lambda odd: -odd.share))
 
 
-def no_longer(odd: Sequence[OddLog], before: Sequence[Run], after: Sequence[Run]) -> bool:
+def no_longer_odd(odd: Sequence[OddLog], before: Sequence[Run], after: Sequence[Run]) -> bool:
     """Whether odd logs that err more than the others with one model no longer do with another."""
 
     def ratio(one: OddLog, runs: Sequence[Run]) -> float:
@@ -74,7 +74,7 @@ def no_longer(odd: Sequence[OddLog], before: Sequence[Run], after: Sequence[Run]
     return all(ratio(one, before) > _TOLD >= ratio(one, after) for one in odd)
 
 
-def told_apart(trials: Trials, trial: TrialFit, count: int) -> list[Deviation]:
+def deviating_logs(trials: CandidateFitter, trial: TrialFit, count: int) -> list[Deviation]:
     """The logs whose parameters differ from those of the others by what matters in whole runs."""
     by_log = slopes(trials, trial)
     if len(by_log) != count:
@@ -89,9 +89,9 @@ def told_apart(trials: Trials, trial: TrialFit, count: int) -> list[Deviation]:
     return found
 
 
-def _passing(trials: Trials, trial: TrialFit, row: int) -> Callable[[np.ndarray], Pass]:
+def _passing(trials: CandidateFitter, trial: TrialFit, row: int) -> Callable[[np.ndarray], Pass]:
     """The pass over one log as a function of how far the parameters are moved, ``(P,)``."""
-    problem = trial.there
+    problem = trial.at_values
     if row >= len(trials.logs):
         unseen = trials.ready(trial.effects).unseen
         assert unseen is not None
@@ -140,7 +140,7 @@ def _error_words(channel: str, ratio: float) -> str:
     return f"its {spelt(channel)} error is {number(ratio, 2)} times that of the median log"
 
 
-def _parameter_words(trials: Trials, trial: TrialFit, one: Deviation) -> str:
+def _parameter_words(trials: CandidateFitter, trial: TrialFit, one: Deviation) -> str:
     known = [n for n in trial.names if n not in trials.nuisance]
     name = known[one.parameter]
     p, way = trial.problem.named[name], "higher" if one.size > 0 else "lower"

@@ -1,7 +1,7 @@
 """The model with some effects, fitted to the same logs again and again.
 
-A trial is compiled for the model with a few effects, those that are worth one (`Trials.ready`), at
-their null values, where they do nothing. Which parameters move is a matter of numbers
+A program is compiled for the model with a few effects (`CandidateFitter.ready`), at their null
+values, where they do nothing. Which parameters move is a matter of numbers
 (`Problem.focus`), so that hundreds of trials share one compilation; and effects that have been
 compiled together stay together, so that few are made. What a trial has come to, and under which
 limit of errors, it carries itself.
@@ -76,7 +76,7 @@ def side_by_side(work: Callable[[Item], Answer], items: Sequence[Item]) -> list[
 
 
 @dataclass(frozen=True, eq=False)
-class Limit:
+class ResidualClip:
     """How large an error may be that corrects the states; larger ones correct them no further.
 
     Args:
@@ -106,7 +106,7 @@ class TrialFit:
         begin: the initial states of the logs, one after the other.
         limit: how errors were limited.
         problem: the training logs.
-        alone: makes the same problem with no other effects in its program.
+        bare: makes the same problem with no other effects in its program.
     """
 
     effects: tuple[str, ...]
@@ -116,22 +116,22 @@ class TrialFit:
     cost: float
     promise: float
     begin: Float[np.ndarray, " starts"] | None
-    limit: Limit
+    limit: ResidualClip
     problem: Problem = field(repr=False)
-    alone: Callable[[], Problem] = field(repr=False)
+    bare: Callable[[], Problem] = field(repr=False)
 
     @property
     def expected(self) -> float:
         """The cost that a full step promises."""
         return self.cost - self.promise
 
-    def own(self, effect: str | None = None) -> list[str]:
+    def parameters_of(self, effect: str | None = None) -> list[str]:
         """The estimated parameters of one effect; of the last one if not said."""
         effect = effect or self.effects[-1]
         return [n for n in self.names if of_effect(n, effect)]
 
     @property
-    def there(self) -> Problem:
+    def at_values(self) -> Problem:
         """The training logs at these values and under this limit."""
         return self._within(self.problem)
 
@@ -141,7 +141,7 @@ class TrialFit:
     @cached_property
     def passed(self) -> list[Pass]:
         """Its pass over each training log."""
-        return passes(self.there)
+        return passes(self.at_values)
 
     @cached_property
     def path(self) -> list[dict[str, np.ndarray]]:
@@ -151,7 +151,7 @@ class TrialFit:
     @cached_property
     def response(self) -> Response:
         """What the errors answer to anything that is added to the model."""
-        return Response(self._within(self.alone()))
+        return Response(self._within(self.bare()))
 
 
 class Compiled(NamedTuple):
@@ -162,7 +162,7 @@ class Compiled(NamedTuple):
     unseen: Problem | None
 
 
-class Trials:
+class CandidateFitter:
     """Fits of a model with any of the candidates, over the same logs.
 
     Args:
@@ -190,9 +190,9 @@ class Trials:
         self.logs = tuple(logs)
         self.channels = measured_outputs(model, logs)
         self.places = places_of(model, logs[0], self.channels)
-        self.held = tuple(held)
+        self.constants = tuple(held)
         self.candidates = {effect.name: effect for effect in candidates}
-        self.own = tuple(n for n, p in model.parameters.items() if not p.fixed)
+        self.free = tuple(n for n, p in model.parameters.items() if not p.fixed)
         remembering = {p for e in model.effects if e.memory for p in e.ports}
         lasts = NOISE_MODELS[noise_model].lasts
         observer = observer_of(model, logs[0], self.channels, remembering, lasts)
@@ -201,12 +201,12 @@ class Trials:
         self._unseen, self._lock = tuple(unseen), RLock()
         first = self._arranged(model, self.logs)
         self.nuisance = tuple(n for n, p in first.nuisance.items() if not p.fixed)
-        self.width = len(self.own) + len(self.nuisance) + _ROOM
+        self.width = len(self.free) + len(self.nuisance) + _ROOM
         self._programs = [self._program(())]
         counts = first.numbers.counts
         self.counts = dict(zip(self.channels, map(float, counts), strict=True))
         self.samples = float(np.sum(counts))
-        if self.samples <= (numbers := len(self.own) + len(self.nuisance)):
+        if self.samples <= (numbers := len(self.free) + len(self.nuisance)):
             raise InputError(
                 f"The training logs hold {self.samples:.0f} measurements, and {numbers} numbers of "
                 f"'{model}' and of the noise are to be estimated.",
@@ -217,10 +217,10 @@ class Trials:
         """The model with these effects at their nulls; constants to try may be freed."""
         problem = self._problem(effects, self.logs, least)
         unseen = self._problem(effects, self._unseen, least) if self._unseen else None
-        return Compiled(frozenset((*effects, *self.held)), problem, unseen)
+        return Compiled(frozenset((*effects, *self.constants)), problem, unseen)
 
     def _problem(self, effects: Collection[str], logs: Sequence[Log], least: int = 0) -> Problem:
-        model, free = self.model.free(*self.held), len(self.held)
+        model, free = self.model.free(*self.constants), len(self.constants)
         for name in self.candidates:
             if name in effects:
                 model = model + self.candidates[name].at_null()
@@ -230,7 +230,7 @@ class Trials:
 
     def _free(self, name: str) -> int:
         """Parameters that are estimated of a candidate."""
-        if name in self.held:
+        if name in self.constants:
             return 1
         return sum(not p.fixed for p in self.candidates[name]._parameters.values())
 
@@ -249,7 +249,7 @@ class Trials:
             wanted = [n for n in wanted if n in self.candidates][: max(_TOGETHER, len(effects))]
             # beside those that are there each must find room for all of its own
             most = sum(sorted(map(self._free, wanted))[-_MOST_PRESENT:])
-            self._programs.append(self._program(wanted, len(self.own) + most))
+            self._programs.append(self._program(wanted, len(self.free) + most))
             return self._programs[-1]
 
     @property
@@ -268,19 +268,19 @@ class Trials:
         theirs = [
             n
             for n in named
-            if n not in self.own
+            if n not in self.free
             and any(of_effect(n, effect) for effect in effects)
             and not named[n].fixed
         ]
-        free = max(0, self.width - len(self.own) - len(theirs))
-        return (*self.own, *sorted(self.nuisance, key=is_memory)[:free], *theirs)  # gains first
+        free = max(0, self.width - len(self.free) - len(theirs))
+        return (*self.free, *sorted(self.nuisance, key=is_memory)[:free], *theirs)  # gains first
 
     def solve(
         self,
         effects: Sequence[str],
         values: Mapping[str, float],
         begin: np.ndarray | None,
-        limit: Limit,
+        limit: ResidualClip,
         budget: int = 40,
         still: Collection[str] = (),
     ) -> TrialFit:
@@ -294,8 +294,8 @@ class Trials:
         optimum = solve(problem, problem.start(), budget, _ENOUGH)
         q, z = optimum.quadratic, optimum.z
         known = (tuple(effects), problem.values(z), q, names)
-        alone = partial(self._problem, effects, self.logs)
-        ended = partial(TrialFit, *known, limit=limit, problem=whole, alone=alone)
+        bare = partial(self._problem, effects, self.logs)
+        ended = partial(TrialFit, *known, limit=limit, problem=whole, bare=bare)
         if not np.isfinite(q.cost):
             return ended(cost=np.inf, promise=0.0, begin=begin)
         low, high = problem.limits()
@@ -313,7 +313,7 @@ class Trials:
         effects: Sequence[str],
         values: Mapping[str, float],
         begin: np.ndarray | None,
-        limit: Limit,
+        limit: ResidualClip,
     ) -> TrialFit:
         """Fit with some effects present to the end, from several guesses of the noise.
 
@@ -333,7 +333,7 @@ class Trials:
             trial = one(uncorrected(self.nuisance))
         for _ in range(2):
             trial = self.further(trial, budget=_LONG)
-            trial = replace(trial, limit=Limit(CLIP * trial.quadratic.sigma, limit.reach))
+            trial = replace(trial, limit=ResidualClip(CLIP * trial.quadratic.sigma, limit.reach))
         return self.further(trial, budget=_LONG)
 
     def base(
@@ -345,7 +345,9 @@ class Trials:
         """
         known, named = values or {}, self.ready(effects).problem.named
         start = {n: known.get(n, p.value) for n, p in named.items()}
-        limited = self.settled(effects, start, None, Limit(np.full(len(self.channels), np.inf)))
+        limited = self.settled(
+            effects, start, None, ResidualClip(np.full(len(self.channels), np.inf))
+        )
         widened = replace(limited, limit=replace(limited.limit, reach=WIDE))
         wide = self.further(widened, budget=_LONG)
         return wide if wide.cost < limited.cost - REAL else limited
@@ -355,7 +357,7 @@ class Trials:
         effects: Sequence[str],
         values: Mapping[str, float],
         begin: np.ndarray | None,
-        limit: Limit,
+        limit: ResidualClip,
     ) -> float:
         """Negative log-likelihood at given values: a tenth of the work of a derivative."""
         problem = self.ready(effects).problem
@@ -363,7 +365,7 @@ class Trials:
 
     def absent(self, effect: str, values: Mapping[str, float]) -> dict[str, float]:
         """The values with one effect at its null, or one parameter where it is held."""
-        if effect in self.held:
+        if effect in self.constants:
             return {**values, effect: self.model.parameters[effect].value}
         null = self.candidates[effect].at_null()
         return {**values, **{f"{effect}.{n}": p.value for n, p in null._parameters.items()}}

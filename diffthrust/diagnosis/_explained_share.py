@@ -85,7 +85,7 @@ class Worth:
         return {"share": share, "interval": [low, high]}
 
 
-def worth_of(logs: Sequence[Mapping[str, BeforeAfter]], seed: int = 0) -> Worth:
+def explained_share(logs: Sequence[Mapping[str, BeforeAfter]], seed: int = 0) -> Worth:
     """What removes errors is worth.
 
     Args:
@@ -94,7 +94,7 @@ def worth_of(logs: Sequence[Mapping[str, BeforeAfter]], seed: int = 0) -> Worth:
 
     Example:
         >>> error = np.random.default_rng(0).standard_normal(500)
-        >>> worth = worth_of([{"speed": BeforeAfter(10 * error, error, 0.5 * error)}])
+        >>> worth = explained_share([{"speed": BeforeAfter(10 * error, error, 0.5 * error)}])
         >>> round(worth.share, 2), worth.sure
         (0.75, True)
     """
@@ -125,7 +125,7 @@ def matters(worth: Worth, everywhere: Worth) -> bool:
     return surely(worth, everywhere, _SMALL) or (worth.share > 0 and alone)
 
 
-def far_above(whole: Errors, one_step: Mapping[str, float]) -> tuple[str, ...]:
+def far_above_noise(whole: Errors, one_step: Mapping[str, float]) -> tuple[str, ...]:
     """The channels whose errors over whole runs are large and last, the worst first.
 
     Args:
