@@ -12,21 +12,19 @@ import made_diagnosis
 import numpy as np
 import pytest
 from places import ROOT
-from rich.console import Group
-from rich.table import Table
-from rich.text import Text
 
 import diffthrust as dft
-from diffthrust._support.tables import rendered  # private: the looks of all tables
+from diffthrust._support.report import Report, Rows  # private: what is shown
+from diffthrust._support.results import report_of  # private: as data
+from diffthrust._support.tables import report_text  # private: the looks of all tables
 from diffthrust.checks._expected import CheckRow  # private: made by hand
-from diffthrust.checks._result import FitRun  # private: made by hand
-from diffthrust.checks._tables import check_table  # private: printed by a command
+from diffthrust.checks._result import FitRun, check_report  # private: made by hand
 from diffthrust.cli._tables import (  # private: printed by commands
-    catalogue_table,
-    datasets_table,
+    catalogue_report,
+    datasets_report,
 )
 from diffthrust.effects import EFFECTS
-from diffthrust.many._campaign.tables import campaign_table  # private: printed by a command
+from diffthrust.many._campaign.tables import campaign_report  # private: printed by a command
 
 
 @cache
@@ -75,35 +73,31 @@ RESULTS = {
 }
 
 
-def cells(thing: Any) -> list[str]:
+def cells(report: Report) -> list[str]:
     """The texts of all cells and headings of all tables in it."""
-    if isinstance(thing, Group):
-        return [text for part in thing.renderables for text in cells(part)]
-    if not isinstance(thing, Table):
-        return []
-    columns = [(column.header, *column.cells) for column in thing.columns]
-    flat = [cell for column in columns for cell in column]
-    return [c.plain if isinstance(c, Text) else Text.from_markup(str(c)).plain for c in flat]
+    tables = [p for section in report.sections for p in section.texts if isinstance(p, Rows)]
+    rows = [row for t in tables for row in (t.headings, *(r for block in t.blocks for r in block))]
+    return [cell for row in rows for cell in row]
 
 
 @pytest.mark.parametrize("name", RESULTS)
-def test_a_result_is_told_whole_and_briefly(name, monkeypatch):
+def test_a_result_is_reported_whole_and_briefly(name, monkeypatch):
     result = RESULTS[name]()
     assert "\n" not in repr(result)
     assert len(repr(result)) <= 240
     assert repr(result).startswith(f"{type(result).__name__}(")
-    told = cells(result._told())
-    assert told
+    shown = cells(report_of(result))
+    assert shown
 
     monkeypatch.setenv("COLUMNS", "80")
     report = result.report()
     assert max(map(len, report.splitlines())) <= 80
     words = set(report.split())
-    assert {word for cell in told for word in cell.split()} <= words
+    assert {word for cell in shown for word in cell.split()} <= words
     assert "…" not in report
 
     page = html.unescape(re.sub(r"<[^>]+>", "", result._repr_html_()))
-    assert all(cell in page for cell in told)
+    assert all(cell in page for cell in shown)
     for word in report.split():
         assert word in page
 
@@ -116,19 +110,19 @@ def checked() -> Any:
     row = CheckRow(LONG, "actuator_lag.time_constant", 0.123456, 0.2345678, 0.001, False, "Look.",
                    std_error=0.0011)  # fmt: skip
     runs = tuple(FitRun(fit, Path("fit.toml"), (row,)) for fit in (LONG, "b"))
-    return check_table(dft.checks.Checked(runs), everything=True)
+    return check_report(dft.checks.Checked(runs), everything=True)
 
 
 def campaign() -> Any:
     row = {"name": LONG, "status": "ok", "fit_status": "converged_at_bound", "train_nrmse": 0.0123,
            "holdout_nrmse": 1.234e-5, "seconds": 12.3, "verdict": "effects_found",
            "added": "command_deadband, reverse_thrust_asymmetry"}  # fmt: skip
-    return campaign_table([row] * 2, "diagnose", "2 specs in 24 s: 2 done.")
+    return campaign_report([row] * 2, "diagnose", "2 specs in 24 s: 2 done.")
 
 
 PRINTED = {
-    "effects": lambda: catalogue_table(EFFECTS.values(), {"thruster": dft.Thruster()}),
-    "datasets": lambda: datasets_table(dft.datasets.list()),
+    "effects": lambda: catalogue_report(EFFECTS.values(), {"thruster": dft.Thruster()}),
+    "datasets": lambda: datasets_report(dft.datasets.list()),
     "check": checked,
     "campaign": campaign,
 }
@@ -138,11 +132,11 @@ PRINTED = {
 @pytest.mark.parametrize("name", PRINTED)
 def test_what_commands_print_is_whole(name, width, monkeypatch):
     monkeypatch.setenv("COLUMNS", str(width))
-    told = PRINTED[name]()
-    text = rendered(told)
+    printed = PRINTED[name]()
+    text = report_text(printed)
     assert max(map(len, text.splitlines())) <= width
     seen = set(text.split())
-    for word in {word for cell in cells(told) for word in cell.split()}:
+    for word in {word for cell in cells(printed) for word in cell.split()}:
         if len(word) <= 30:
             assert word in seen
         else:  # a path may be broken, and all its parts are there

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import diffthrust as dft
-from diffthrust._support.tables import number, rendered, with_error  # private: all tables' looks
-from diffthrust.cli._tables import catalogue_table  # private: printed by a command
+from diffthrust._support.tables import report_text  # private: what a terminal shows
+from diffthrust._support.words import number, with_error
+from diffthrust.cli._tables import catalogue_report  # private: printed by a command
 from diffthrust.effects import EFFECTS
-from diffthrust.estimation._tables import fit_table  # private: part of fit.report()
 from diffthrust.models import MODELS
 
 
@@ -31,7 +31,7 @@ def fit(line: dft.Log) -> dft.Fit:
 
 
 def test_the_table_of_a_fit(fit):
-    text = rendered(fit_table(fit))
+    text = fit.report()
     for word in ("linear_sensor", "Status: converged", "slope", "V/m", "training", "unseen"):
         assert word in text
     assert "all" not in text.split("Logs")[1]  # one channel needs no sum
@@ -39,7 +39,7 @@ def test_the_table_of_a_fit(fit):
 
 
 def test_fixed_parameters_have_no_error(line):
-    text = rendered(fit_table(dft.fit(dft.LinearSensor(offset=1.6).fix("offset"), line)))
+    text = dft.fit(dft.LinearSensor(offset=1.6).fix("offset"), line).report()
     (row,) = [row for row in text.splitlines() if row.startswith("offset")]
     assert row.split() == ["offset", "1.600", "-", "V", "fixed"]
     assert "unseen" not in text
@@ -53,7 +53,7 @@ def test_the_table_of_a_comparison(fit, line):
 
 def test_the_catalogue_of_effects():
     models = {name: model() for name, model in MODELS.items()}
-    text = " ".join(rendered(catalogue_table(EFFECTS.values(), models)).split())
+    text = " ".join(report_text(catalogue_report(EFFECTS.values(), models)).split())
     for name, effect in EFFECTS.items():
         assert name in text
         assert (effect.__doc__ or "").strip().splitlines()[0] in text

@@ -1,33 +1,37 @@
-"""What pages share: their style, and figures inside them."""
+"""Reports as one HTML page that a colleague reads without the library (Jinja2)."""
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from importlib.resources import files
 from io import BytesIO
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from diffthrust._support.figures import unseen
+from diffthrust._support.literals import ToCopy
+from diffthrust._support.report import OnPage, Report, Rows, Section, Styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-STYLE = """\
-body { font: 15px/1.5 system-ui, sans-serif; max-width: 75rem; margin: 2rem auto; padding: 0 1rem;
-  color: #222; background: #fff; }
-table { border-collapse: collapse; margin: .5rem 0 1.5rem; }
-th, td { padding: .2rem .8rem; border-bottom: 1px solid #ddd; text-align: left; }
-.n { text-align: right; font-variant-numeric: tabular-nums; }
-.good { color: #00694d; } .bad { color: #b04a00; }
-.origin { color: #555; font-size: .9rem; margin: .2rem 0; }
-img { max-width: 100%; } pre { background: #f5f5f5; padding: .8rem; overflow-x: auto; }
-@media print {
-  body { margin: 0; max-width: none; font-size: 10pt; } h2, h3 { break-after: avoid; }
-  img, table, pre { break-inside: avoid; } pre { white-space: pre-wrap; }
-}
-"""
-"""The style of every page."""
+def page(report: Report, title: str) -> str:
+    """The page as text; it refers to no other file and to no address.
+
+    Args:
+        report: what stands on it.
+        title: its heading.
+    """
+    import jinja2
+
+    environment = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.tests["kind"] = lambda part, name: type(part).__name__ == name
+    environment.tests["copied"] = _copied
+    template = files("diffthrust._support").joinpath("page.html").read_text(encoding="utf-8")
+    return environment.from_string(template).render(report=report, title=title, image=image)
 
 
 def image(draw: Callable[[], Figure]) -> str:
@@ -35,3 +39,19 @@ def image(draw: Callable[[], Figure]) -> str:
     out = BytesIO()
     unseen(draw).savefig(out, format="png", dpi=90)
     return base64.b64encode(out.getvalue()).decode("ascii")
+
+
+def glossary(terms: Mapping[str, str]) -> Section:
+    """The words of a page, explained."""
+    return Section(
+        "Words", OnPage(Rows.of((), [(Styled(t, "strong"), w) for t, w in terms.items()]))
+    )
+
+
+def spec_section(text: str) -> Section:
+    """The text of a spec file at the end of a page."""
+    return Section("Spec", *([OnPage(ToCopy(text))] if text else []))
+
+
+def _copied(text: Any) -> bool:
+    return isinstance(text, ToCopy) and "\n" in text

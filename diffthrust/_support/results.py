@@ -1,4 +1,4 @@
-"""What users are handed: short where Python shows it, tables in notebooks, all of it by report."""
+"""Results: a line where Python shows them, tables in notebooks, and a full report."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from rich.console import RenderableType
+    from diffthrust._support.report import Report
 
 _NAMED = 4
-"""So many names are listed before "and so many more"."""
+"""Names that are listed before "and 7 more"."""
 _LONGEST = 40
-"""Longer texts are left to those who ask for them."""
+"""Characters of a text in a `repr`; longer ones are cut."""
 
 
 class Brief:
@@ -26,27 +26,32 @@ class Brief:
 
     def _line(self) -> str:
         """What the line says; of a dataclass its fields, arrays by their shape."""
-        shown = [f for f in fields(self) if f.repr]  # pyright: ignore[reportArgumentType]
-        return ", ".join(f"{f.name}={_brief(getattr(self, f.name))}" for f in shown)
+        visible = [f for f in fields(self) if f.repr]  # pyright: ignore[reportArgumentType]
+        return ", ".join(f"{f.name}={_brief(getattr(self, f.name))}" for f in visible)
 
 
 class Result(Brief, ABC):
-    """The outcome of some work, told in one way to terminals and notebooks."""
+    """The outcome of some work, reported alike to terminals, notebooks and pages."""
 
     @abstractmethod
-    def _told(self) -> RenderableType:
-        """All there is to tell."""
+    def _report(self) -> Report:
+        """All tables and sentences, as data."""
 
     def report(self) -> str:
-        """What there is to tell, as text for people."""
-        from diffthrust._support.tables import rendered
+        """All tables and sentences, as text for people."""
+        from diffthrust._support.tables import report_text
 
-        return rendered(self._told())
+        return report_text(self._report())
 
     def _repr_html_(self) -> str:
-        from diffthrust._support.tables import html
+        from diffthrust._support.notebook import notebook_html
 
-        return html(self._told())
+        return notebook_html(self._report())
+
+
+def report_of(result: Result) -> Report:
+    """What a result has to report, for those who print it among other things."""
+    return result._report()
 
 
 def _brief(value: Any) -> str:
@@ -57,7 +62,7 @@ def _brief(value: Any) -> str:
     if isinstance(value, np.ndarray):
         return f"array{value.shape}"
     if isinstance(value, Mapping) or (
-        isinstance(value, tuple) and all(isinstance(one, str) for one in value)
+        isinstance(value, tuple) and all(isinstance(name, str) for name in value)
     ):
         more = [f"and {len(value) - _NAMED} more"] * (len(value) > _NAMED)
         named = ", ".join([*(f"{name}" for name in list(value)[:_NAMED]), *more])

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Literal
 
 from diffthrust._support.figures import showing
+from diffthrust._support.report import Report
 from diffthrust._support.results import Result
 from diffthrust.blackbox._sampled_model import SampledModel
 from diffthrust.logs._log import Log
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from rich.console import RenderableType
 
 
 class BlackBox(Result, SampledModel):
@@ -46,10 +46,10 @@ class BlackBox(Result, SampledModel):
     def _line(self) -> str:
         return f"{self}: {self.status}, {self.samples} samples"
 
-    def _told(self) -> RenderableType:
-        from diffthrust.blackbox._tables import model_table
+    def _report(self) -> Report:
+        from diffthrust.blackbox._tables import model_report
 
-        return model_table(self)
+        return model_report(self)
 
     @showing
     def plot(self, log: Log) -> Figure:

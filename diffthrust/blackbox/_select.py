@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
+from diffthrust._support.report import Report, Rows, Section
 from diffthrust._support.results import Result
 from diffthrust.blackbox._model import BlackBox
 from diffthrust.blackbox._orders import whole
@@ -17,9 +18,6 @@ from diffthrust.blackbox._polynomial import armax, arx, output_error
 from diffthrust.blackbox._sampled_model import ModelKind
 from diffthrust.blackbox._subspace import state_space
 from diffthrust.logs._log import Log
-
-if TYPE_CHECKING:
-    from rich.console import RenderableType
 
 _POLYNOMIAL: tuple[ModelKind, ...] = ("arx", "armax", "output_error")
 
@@ -94,14 +92,13 @@ class Selection(Result):
         assert model is not None  # `select` refuses a selection without any
         return model
 
-    def _told(self) -> RenderableType:
-        from diffthrust._support.tables import number, plain_table, together
+    def _report(self) -> Report:
+        from diffthrust._support.words import number
 
         headings = ("", "Kind", "Order", "Delay", "BIC", "One step", "Simulated", "Unseen", "")
-        table = plain_table(*headings, numbers=range(2, 8))
         chosen = self.chosen
-        for row in self.candidates:
-            table.add_row(
+        rows = (
+            (
                 "*" if row is chosen else "",
                 row.kind.replace("_", " "),
                 str(row.order),
@@ -112,9 +109,11 @@ class Selection(Result):
                 number(row.unseen, 3),
                 row.remark,
             )
+            for row in self.candidates
+        )
         criterion = "BIC" if self.by == "bic" else "the NRMSE of unseen logs"
-        said = f"A star marks the one chosen by {criterion}; the other errors are NRMSE, too."
-        return together(table, said)
+        legend = f"A star marks the one chosen by {criterion}; the other errors are NRMSE, too."
+        return Report(Section("", Rows.of(headings, rows, numbers=range(2, 8)), legend))
 
     def _score(self, row: Candidate) -> float:
         value = row.bic if self.by == "bic" else row.unseen

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from diffthrust._support.report import Report, Section
 from diffthrust._support.results import Brief, Result
 from diffthrust.checks._expected import CheckRow
-
-if TYPE_CHECKING:
-    from rich.console import RenderableType
+from diffthrust.checks._tables import by_size, counts, moved_rows, remarks
 
 
 @dataclass(frozen=True, repr=False)
@@ -87,10 +86,8 @@ class Checked(Result):
     def _line(self) -> str:
         return f"{len(self.runs)} fits, {sum(not run.ok for run in self.runs)} failed"
 
-    def _told(self) -> RenderableType:
-        from diffthrust.checks._tables import check_table
-
-        return check_table(self)
+    def _report(self) -> Report:
+        return check_report(self)
 
     @property
     def fits(self) -> tuple[str, ...]:
@@ -111,3 +108,18 @@ class Checked(Result):
             "rows": [row.to_json() for row in self.rows],
             "fits": [run.to_json() for run in self.runs],
         }
+
+
+def check_report(checked: Checked, everything: bool = False) -> Report:
+    """What moved, the largest first, with what to do about it, and a summary.
+
+    Args:
+        checked: the outcome.
+        everything: show every quantity in the order of the fits, also those that did not move.
+    """
+    rows = checked.rows if everything else by_size(row for row in checked.rows if not row.ok)
+    rows = [row.shown for row in rows]
+    passed = {run.fit: run.ok for run in checked.runs}
+    changed = (f"{run.fit}: {run.since}" for run in checked.runs if run.since)
+    table = moved_rows(rows, by_fit=everything)
+    return Report(Section("", table, *remarks(rows), *changed, *counts(passed, checked.updated)))

@@ -1,77 +1,39 @@
-"""The outcome of a check for people: what moved, by how much, and what to do."""
+"""The rows and sentences of a check: what moved, by how much, and what to do."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Iterable, Iterator, Mapping
 
-from rich.console import Group, RenderableType
-from rich.markup import escape
-from rich.text import Text
-
-from diffthrust._support.tables import number, plain_table, with_error
-
-if TYPE_CHECKING:
-    from diffthrust.checks._expected import CheckRow
+from diffthrust._support.report import Rows, Styled
+from diffthrust._support.words import number, with_error
+from diffthrust.checks._expected import CheckRow
 
 _LISTED = 10
 """Names that the summary lists."""
 
 
-class _Checked(Protocol):
-    """What is shown of a check."""
-
-    @property
-    def rows(self) -> tuple[CheckRow, ...]: ...
-    @property
-    def runs(self) -> Sequence[_Ran]: ...
-    @property
-    def updated(self) -> tuple[str, ...]: ...
-
-
-class _Ran(Protocol):
-    """What is shown of a fit that was run again."""
-
-    @property
-    def fit(self) -> str: ...
-    @property
-    def ok(self) -> bool: ...
-    @property
-    def since(self) -> str: ...
-
-
-def check_table(checked: _Checked, everything: bool = False) -> RenderableType:
-    """What moved, the largest first, with what to do about it, and a summary.
-
-    Args:
-        checked: the outcome.
-        everything: show every quantity in the order of the fits, also those that did not move.
-    """
-    rows = checked.rows if everything else by_size(row for row in checked.rows if not row.ok)
-    rows = [row.shown for row in rows]
-    table = plain_table(
-        *("Fit", "Quantity", "Expected", "Found", "Unit", "Moved by", "Tolerance", ""),
+def moved_rows(rows: Iterable[CheckRow], *, by_fit: bool) -> Rows:
+    """A row for each quantity; fits in blocks of their own where they are in order."""
+    blocks: dict[str, list[tuple[str, ...]]] = {}
+    for row in rows:
+        blocks.setdefault(row.fit if by_fit else "", []).append(
+            (
+                row.fit,
+                row.quantity,
+                _cell(row.expected, row),
+                "see below" if _wordy(row) else _cell(row.found, row),
+                row.unit,
+                by_how_much(row),
+                "" if row.tolerance is None else f"{row.tolerance:.2g}",
+                Styled(row.verdict, "good" if row.ok else "bad"),
+            )
+        )
+    return Rows(
+        ("Fit", "Quantity", "Expected", "Found", "Unit", "Moved by", "Tolerance", ""),
+        tuple(tuple(block) for block in blocks.values()),
         numbers=(2, 3, 5, 6),
     )
-    last = rows[0].fit if rows else ""
-    for row in rows:
-        if everything and row.fit != last:
-            table.add_section()
-            last = row.fit
-        table.add_row(
-            escape(row.fit),
-            escape(row.quantity),
-            _cell(row.expected, row),
-            "see below" if _wordy(row) else _cell(row.found, row),
-            escape(row.unit),
-            by_how_much(row),
-            "" if row.tolerance is None else f"{row.tolerance:.2g}",
-            Text(row.verdict, "green" if row.ok else "bold red"),
-        )
-    parts: list[RenderableType] = [table] if rows else []
-    since = [Text(f"{run.fit}: {run.since}") for run in checked.runs if run.since]
-    return Group(*parts, *_remarks(rows), *since, *_summary(checked))
 
 
 def by_size(rows: Iterable[CheckRow]) -> list[CheckRow]:
@@ -121,29 +83,36 @@ def sentence(row: CheckRow) -> str:
     return f"{row.quantity}: expected {_cell(row.expected, row)}, found {found}{by}"
 
 
-def _remarks(rows: Iterable[CheckRow]) -> list[Text]:
+def remarks(rows: Iterable[CheckRow]) -> list[str]:
     """Problems in full, and each mend once, with the fits that it is for."""
-    problems = [Text(f"{row.fit}: {row.found}") for row in rows if _wordy(row)]
+    rows = list(rows)
+    problems = [f"{row.fit}: {row.found}" for row in rows if _wordy(row)]
     fits: dict[str, list[str]] = {}
     for row in rows:
         if row.mend:
             fits.setdefault(row.mend, []).append(row.fit)
-    return [*problems, *(Text(f"{_names(who)}. Mend: {mend}") for mend, who in fits.items())]
+    return [*problems, *(f"{_names(names)}. Mend: {mend}" for mend, names in fits.items())]
 
 
-def _summary(checked: _Checked) -> list[Text]:
-    failed = [run.fit for run in checked.runs if not run.ok]
-    fits = _fits(len(checked.runs))
-    if not failed and checked.updated:
-        return [Text(f"{fits} run; written anew: {_names(checked.updated)}.", "bold green")]
-    if not failed:
-        return [Text(f"{fits} checked, none moved.", "bold green")]
-    parts = [Text(f"{len(failed)} of {fits} failed: {_names(failed)}.", "bold red")]
-    if checked.updated:
-        parts.append(Text(f"Written anew: {_names(checked.updated)}."))
-    if rest := len(checked.runs) - len(failed):
-        parts.append(Text(f"{_fits(rest)} unchanged.", "green"))
-    return parts
+def counts(passed: Mapping[str, bool], updated: Iterable[str]) -> Iterator[str]:
+    """How many fits failed, which, and which were written again.
+
+    Args:
+        passed: of each fit whether all its rows agree.
+        updated: the fits whose [expected] block was written again.
+    """
+    failed = [fit for fit, ok in passed.items() if not ok]
+    total, updated = _fits(len(passed)), list(updated)
+    if failed:
+        yield Styled(f"{len(failed)} of {total} failed: {_names(failed)}.", "bad")
+        if updated:
+            yield f"Written again: {_names(updated)}."
+        if unchanged := len(passed) - len(failed):
+            yield Styled(f"{_fits(unchanged)} unchanged.", "good")
+    elif updated:
+        yield Styled(f"{total} run; written again: {_names(updated)}.", "good")
+    else:
+        yield Styled(f"{total} checked, none moved.", "good")
 
 
 def _fits(count: int) -> str:
@@ -163,7 +132,7 @@ def _wordy(row: CheckRow) -> bool:
 def _cell(value: float | str | None, row: CheckRow) -> str:
     """A number to the third digit of its standard error, so that a move of a hundredth is seen."""
     if isinstance(value, str):
-        return escape(value)
+        return value
     if value is None:
         return "-"
     return with_error(value, row.std_error / 10)[0] if row.std_error else number(value, 6)

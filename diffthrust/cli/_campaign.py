@@ -80,7 +80,6 @@ def campaign_command(
     """
     with session() as progress:
         from diffthrust.many import campaign
-        from diffthrust.many._campaign.tables import campaign_table
 
         finished = campaign(
             directory,
@@ -100,8 +99,7 @@ def campaign_command(
         )
         if json:
             write_json(json, finished.to_json())
-        table = campaign_table(finished.rows, finished.task, finished.summary)
-    show(table)
+    show(finished)
     written(finished.path, json)
     if not finished.ok:
         raise typer.Exit(CHECK_FAILED)

@@ -59,14 +59,14 @@ def check_command(
     """Run every fit.toml below DIR again; exit status 1 where one has moved."""
     with session() as progress:
         from diffthrust.checks._check import check
-        from diffthrust.checks._tables import check_table
+        from diffthrust.checks._result import check_report
 
         checked = check(
             directory, update, progress=progress, jobs=jobs, junit=junit, trust=trust or ()
         )
         if json:
             write_json(json, checked.to_json())
-    show(check_table(checked, everything))
+    show(check_report(checked, everything))
     if os.environ.get("GITHUB_ACTIONS") == "true":
         for line in error_lines(checked):
             typer.echo(visible(line))

@@ -17,12 +17,12 @@ def datasets_command(
     """List public logs with licence and known defects, or fetch one set and say where it is."""
     with session():
         from diffthrust import datasets
-        from diffthrust.cli._tables import datasets_table
+        from diffthrust.cli._tables import datasets_report
 
         if name is None:
-            shown = datasets_table(datasets.list())
+            text = datasets_report(datasets.list())
         else:
             folder = datasets.fetch(name)
             about = next(about for about in datasets.list() if about.name == name)
-            shown = f"{about}\n  folder    {folder}"
-    show(shown)
+            text = f"{about}\n  folder    {folder}"
+    show(text)

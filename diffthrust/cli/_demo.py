@@ -41,7 +41,6 @@ def _fitted(output: Path) -> None:
     with session() as progress:
         from diffthrust.cli._demo_logs import folder_at
         from diffthrust.comparison._page import comparisons_of
-        from diffthrust.estimation._tables import fit_table
         from diffthrust.specs._spec import load_spec
 
         loaded = load_spec(_demo_folder())
@@ -49,7 +48,7 @@ def _fitted(output: Path) -> None:
         fit = loaded.fit(progress=progress, train=train, holdout=holdout)
         figure = folder_at(output) / "comparison.png"
         write_figure(figure, comparisons_of(fit, train, holdout)["unseen logs"].plot)
-    show(fit_table(fit))
+    show(fit)
     assert fit.holdout is not None
     show(f"Error on the unseen log: NRMSE {fit.holdout.nrmse:.4f}.")
     written(figure)

@@ -38,7 +38,6 @@ def diagnose_command(
 ) -> None:
     """Find what a model lacks: where it fails, which effect is missing, what cannot be told."""
     with session() as progress:
-        from diffthrust.diagnosis._tables import diagnosis_table
         from diffthrust.specs._spec import load_spec
 
         loaded = load_spec(spec, trust=trust or ())
@@ -49,6 +48,5 @@ def diagnose_command(
             write_json(json, diagnosis.to_json())
         if report:
             diagnosis.save(report, title=f"Diagnosis: {loaded.name}", spec=loaded.text)
-        table = diagnosis_table(diagnosis)
-    show(table)
+    show(diagnosis)
     written(json, report, save)

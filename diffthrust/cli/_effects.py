@@ -8,11 +8,11 @@ from diffthrust.cli._session import session, show
 def effects_command() -> None:
     """List the effects that a model can be given: what each does, where, and its parameters."""
     with session():
-        from diffthrust.cli._tables import catalogue_table
+        from diffthrust.cli._tables import catalogue_report
         from diffthrust.models import MODELS, Vessel
         from diffthrust.models._base.registry import catalogue
 
         models = {name: model() for name, model in MODELS.items()}
         models["vessel (twin)"] = Vessel(drive="twin")
-        table = catalogue_table(catalogue().values(), models)
-    show(table)
+        report = catalogue_report(catalogue().values(), models)
+    show(report)

@@ -25,7 +25,6 @@ def fit_command(
     """Estimate the free parameters of a model from logs, and try it on unseen ones."""
     with session() as progress:
         from diffthrust.comparison._page import comparisons_of, write_comparison_page
-        from diffthrust.estimation._tables import fit_table
         from diffthrust.specs._spec import load_spec
 
         loaded = load_spec(spec, trust=trust or ())
@@ -40,5 +39,5 @@ def fit_command(
             write_comparison_page(
                 report, title=loaded.name, spec=loaded.text, comparisons=comparisons, fit=fit
             )
-    show(fit_table(fit))
+    show(fit)
     written(json, report, save)

@@ -48,8 +48,7 @@ def look_command(
 ) -> None:
     """Say what is in a log, and draft a spec file for a first fit."""
     with session():
-        from diffthrust.survey._look import look
-        from diffthrust.survey._tables import look_table
+        from diffthrust.survey._look import look, look_report
 
         seen = look(files)
         if spec:
@@ -58,7 +57,7 @@ def look_command(
             write_json(json, seen.to_json())
         if figure:
             write_figure(figure, seen.plot)
-        show(look_table(seen, all=all))
+        show(look_report(seen, all=all))
     written(spec, json, figure)
     if spec and seen.model:
         path = visible(str(spec))

@@ -107,7 +107,6 @@ def map_command(
     with session() as progress:
         from diffthrust.describing._band import uncertainty
         from diffthrust.describing._describe import describing_function
-        from diffthrust.describing._tables import band_table, describing_table
         from diffthrust.specs._spec import load_spec
 
         if draws is not None and no_fit:
@@ -129,10 +128,8 @@ def map_command(
         }
         if draws is None:
             response = describing_function(fit or loaded.model, **grids, **asked)
-            table = describing_table(response)
         else:
             response = uncertainty(fit, **grids, **asked, draws=draws)
-            table = band_table(response)
         if json:
             status = {"status": fit.status.value, "message": fit.message} if fit else None
             write_json(json, {**response.to_json(), "fit": status})
@@ -140,7 +137,7 @@ def map_command(
             write_figure(figure, response.plot)
     if fit:
         show(f"Status: {fit.status.value}. {fit.message}")
-    show(table)
+    show(response)
     written(json, figure)
 
 

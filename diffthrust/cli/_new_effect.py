@@ -84,7 +84,7 @@ def _learned(path: Path) -> tuple[Formula, str, Model]:
     """The law that a diagnosis learned, how it goes, and the model, from the file of it."""
     from diffthrust._support.words import capitalised
     from diffthrust.diagnosis import Diagnosis
-    from diffthrust.diagnosis._learned_words import form_words
+    from diffthrust.diagnosis._report.learned import form_words
     from diffthrust.saved import load
 
     diag = load(path)

@@ -77,7 +77,7 @@ def sample_command(
         from diffthrust.uncertainty._sampling.page import write_posterior_page
         from diffthrust.uncertainty._sampling.sample import check_sampling, sample
         from diffthrust.uncertainty._sampling.summary import sampled
-        from diffthrust.uncertainty._sampling.tables import sample_table
+        from diffthrust.uncertainty._sampling.tables import sample_report
 
         check_sampling(method.value, draws, warmup, chains, seed, walkers, file)  # before the fit
         loaded = load_spec(spec, trust=trust or ())
@@ -105,6 +105,5 @@ def sample_command(
             write_posterior_page(
                 posterior, report, title=f"Posterior: {loaded.name}", spec=loaded.text
             )
-        table = sample_table(posterior)
-    show(table)
+    show(sample_report(posterior))
     written(file, json, report, save)

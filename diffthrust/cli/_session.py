@@ -19,9 +19,10 @@ from diffthrust.cli._interrupt import STOPPED, interrupted, say_stopped
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from rich.console import RenderableType
 
     from diffthrust._support.progress import Progress
+    from diffthrust._support.report import Report
+    from diffthrust._support.results import Result
 
 DONE, CHECK_FAILED, BAD_INPUT, DEFECT = 0, 1, 2, 3
 FIGURE_TYPES = (".png", ".svg", ".pdf")
@@ -153,23 +154,22 @@ def effect_names(text: str | None) -> list[str] | None:
     return names
 
 
-def show(thing: RenderableType) -> None:
-    """Print text or a table."""
-    from rich.console import Console
+def show(content: Result | Report | str) -> None:
+    """Print a result's report, or text."""
+    from diffthrust._support.report import Report, Section
+    from diffthrust._support.results import Result, report_of
+    from diffthrust._support.tables import plain_text, print_report
 
-    from diffthrust._support.tables import Visible
-
-    thing = Visible(thing)
-    console = Console(highlight=False, force_jupyter=False)
+    if isinstance(content, str):
+        content = Report(Section("", *content.split("\n")))
+    report = report_of(content) if isinstance(content, Result) else content
     if sys.stdout.isatty():
-        console.print(thing, crop=False)
+        print_report(report)
         return
-    # files and pipes have no width but a given one, and want no blanks at the ends of lines
-    given = os.environ.get("COLUMNS", "")
-    console.width = int(given) if given.isdecimal() and int(given) else 140
-    with console.capture() as text:
-        console.print(thing, crop=False)
-    typer.echo("\n".join(line.rstrip() for line in text.get().split("\n")), nl=False)
+    # files and pipes have no width of their own; 140 keeps most tables undivided
+    columns = os.environ.get("COLUMNS", "")
+    width = int(columns) if columns.isdecimal() and int(columns) else 140
+    typer.echo(plain_text(report, width), nl=False)
 
 
 def write_figure(path: Path, draw: Callable[[], Figure]) -> None:

@@ -1,15 +1,11 @@
-"""The effects and the data sets that there are, as tables for people."""
+"""The effects and the data sets that there are, as rows of a report."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
-from rich.console import Group, RenderableType
-from rich.markup import escape
-from rich.text import Text
-
-from diffthrust._support.tables import FittedTable
+from diffthrust._support.report import Line, Report, Rows, Section, Styled
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
 
@@ -17,25 +13,24 @@ if TYPE_CHECKING:
     from diffthrust.datasets._record import DataSet
 
 
-def catalogue_table(effects: Iterable[type[Effect]], models: Mapping[str, Model]) -> RenderableType:
+def catalogue_report(effects: Iterable[type[Effect]], models: Mapping[str, Model]) -> Report:
     """The catalogue: what each effect does, where, with which parameters, for which models."""
-    parts: list[RenderableType] = []
-    for effect in sorted(effects, key=lambda e: (e.port, e.name)):
-        suits = [name for name, model in models.items() if _suits(model, effect())]
-        first = (effect.__doc__ or "").strip().splitlines()
-        table = FittedTable(box=None, show_header=False, padding=(0, 1), pad_edge=False)
-        table.add_column(style="dim", no_wrap=True)
-        table.add_column()
-        table.add_row("  port", ", ".join(effect.ports))
-        for name, p in effect.declared.items():
-            start = f"{name} [{p.in_units({}).unit or '-'}]" + (" (fixed)" if p.fixed else "")
-            null = f", null {p.null:g}" if p.null is not None else ""
-            table.add_row("  parameter", escape(f"{start}, starts at {p.value:g}{null}"))
-        table.add_row("  needs", ", ".join(effect.needs) or "nothing besides the model's channels")
-        table.add_row("  models", ", ".join(suits) or "none of the catalogue")
-        title = Text.assemble((effect.name, "bold cyan"), f": {first[0] if first else ''}")
-        parts += [title, table, Text()]
-    return Group(*parts)
+    effects = sorted(effects, key=lambda effect: (effect.port, effect.name))
+    return Report(*(_effect_section(effect, models) for effect in effects))
+
+
+def _effect_section(effect: type[Effect], models: Mapping[str, Model]) -> Section:
+    suited = [name for name, model in models.items() if _suits(model, effect())]
+    first, *_ = [*(effect.__doc__ or "").strip().splitlines(), ""]
+    rows = [("port", ", ".join(effect.ports))]
+    for name, p in effect.declared.items():
+        start = f"{name} [{p.in_units({}).unit or '-'}]" + (" (fixed)" if p.fixed else "")
+        null = f", null {p.null:g}" if p.null is not None else ""
+        rows.append(("parameter", f"{start}, starts at {p.value:g}{null}"))
+    rows.append(("needs", ", ".join(effect.needs) or "nothing besides the model's channels"))
+    rows.append(("models", ", ".join(suited) or "none of the catalogue"))
+    table = Rows.of((), ((Styled(f"  {key}", "quiet"), text) for key, text in rows), unbroken=(0,))
+    return Section("", Line((Styled(effect.name, "term"), f": {first}")), table)
 
 
 def _suits(model: Model, effect: Effect) -> bool:
@@ -46,18 +41,17 @@ def _suits(model: Model, effect: Effect) -> bool:
     return True
 
 
-def datasets_table(sets: Iterable[DataSet]) -> RenderableType:
+def datasets_report(sets: Iterable[DataSet]) -> Report:
     """The public logs: what each set is, its licence, and where it comes from."""
-    table = FittedTable(box=None, pad_edge=False)
-    table.add_column("name", style="bold cyan", no_wrap=True)
-    table.add_column("what it is")
-    table.add_column("licence")
-    table.add_column("from")
-    for about in sets:
-        table.add_row(
-            about.name,
+    local = "a local folder only (DIFFTHRUST_DATA)"
+    rows = (
+        (
+            Styled(about.name, "term"),
             about.title,
             about.licence,
-            "its public repository" if about.address else "a local folder only (DIFFTHRUST_DATA)",
+            "its public repository" if about.address else local,
         )
-    return table
+        for about in sets
+    )
+    headings = ("name", "what it is", "licence", "from")
+    return Report(Section("", Rows.of(headings, rows, unbroken=(0,))))

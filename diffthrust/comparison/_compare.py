@@ -13,6 +13,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
 from diffthrust._support.files import plain
 from diffthrust._support.names import listing
+from diffthrust._support.report import Bullets, Report, Section, Styled, closing_section
 from diffthrust._support.results import Result
 from diffthrust.comparison._agreement import Agreement, agreement, hints
 from diffthrust.comparison._derived_signals import signals_of, units_of
@@ -23,6 +24,7 @@ from diffthrust.comparison._residual_tests import ResidualTests, residual_tests
 from diffthrust.estimation._origin import Origin, closing, origin_of, taken_part
 from diffthrust.estimation._registry import LIKELIHOODS
 from diffthrust.estimation._status import Status
+from diffthrust.estimation._tables import error_rows
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors, errors
@@ -39,7 +41,6 @@ from diffthrust.simulation._runs import (
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from rich.console import RenderableType
 
     from diffthrust.estimation._result import Fit
 
@@ -312,17 +313,20 @@ class Comparison(Result):
             return (*lines, taken_part(self.fit.origin, self.origin.train))
         return lines
 
-    def table(self, title: str = "") -> RenderableType:
-        """The report as a renderable of rich, with a title besides the name of the model.
+    def table(self, title: str = "") -> Report:
+        """The report as something that rich prints, with a title besides the name of the model.
 
         Example:
             >>> table = dft.compare(fit, unseen).table("On the unseen run")
         """
-        from diffthrust.comparison._tables import comparison_table
-
         heading = f"{self.model}{f', {title}' if title else ''}"
-        return comparison_table(
-            heading, self.model, self.runs, self.errors, self.findings, self.closing
+        errors = [(run.name, run.errors) for run in self.runs]
+        if len(errors) > 1:
+            errors.append(("all runs", self.errors))
+        return Report(
+            Section("", Styled(heading, "strong"), error_rows(errors)),
+            *(Section(name, Bullets(sentences)) for name, sentences in self.findings),
+            closing_section(self.closing),
         )
 
     def _line(self) -> str:
@@ -332,7 +336,7 @@ class Comparison(Result):
         count = f"{len(self.runs)} log{'s' if len(self.runs) > 1 else ''}"
         return f"{self.model} on {count}: NRMSE {self.errors.nrmse:.3g} ({each})"
 
-    def _told(self) -> RenderableType:
+    def _report(self) -> Report:
         return self.table()
 
     def to_json(self) -> dict[str, Any]:

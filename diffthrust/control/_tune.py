@@ -15,6 +15,7 @@ from jaxtyping import Array
 from diffthrust._support._running.programs import program
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
+from diffthrust._support.report import Report, Rows, Section
 from diffthrust._support.results import Result
 from diffthrust._support.validation import finite
 from diffthrust.control._faults import FaultNumbers
@@ -106,16 +107,15 @@ class Tuning(Result):
     def _line(self) -> str:
         return f"cost {self.cost[0]:.4g} to {self.cost[1]:.4g} by {', '.join(self.gains)}"
 
-    def _told(self) -> str:
-        """The gains and the cost, before and after, as text."""
-        rows = [("gain", "before", "after")]
-        for name, (a, b) in self.gains.items():
-            end = " (at its bound)" if name in self.at_bounds else ""
-            rows.append((name, f"{a:.5g}", f"{b:.5g}{end}"))
-        rows.append(("cost", f"{self.cost[0]:.5g}", f"{self.cost[1]:.5g}"))
-        wide = [max(len(row[i]) for row in rows) for i in range(3)]
-        lines = [f"{a:<{wide[0]}}  {b:>{wide[1]}}  {c:>{wide[2]}}" for a, b, c in rows]
-        return "\n".join([*lines, f"{self.message} ({self.runs} simulations)"])
+    def _report(self) -> Report:
+        """The gains and the cost, before and after."""
+        pairs = {**self.gains, "cost": self.cost}
+        rows = (
+            (name, f"{first:.5g}", f"{last:.5g}", "at its bound" * (name in self.at_bounds))
+            for name, (first, last) in pairs.items()
+        )
+        table = Rows.of(("Gain", "Before", "After", ""), rows, numbers=(1, 2))
+        return Report(Section("", table, f"{self.message} ({self.runs} simulations)"))
 
 
 def tune(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from diffthrust._support.figures import showing
+from diffthrust._support.report import Report, Rows, Section
 from diffthrust._support.results import Result
 from diffthrust._support.transfer import Transfer
 from diffthrust.cycles._element import Nonlinearity
@@ -147,30 +148,37 @@ class LimitCycles(Result):
     def _line(self) -> str:
         return self.sentence
 
-    def _told(self) -> str:
+    def _report(self) -> Report:
         """The answer, a table of the cycles with what simulation made of each, and notes."""
-        lines = [f"G = {self.transfer}", f"N: {self.element}", "", self.sentence]
-        for number, c in enumerate(self.cycles, 1):
-            lines += ["", f"{number}. {c.verdict}: {c.simulation}"]
-            if c.lasts is not None and c.stable is not None and c.lasts != c.stable:
-                word = "stable" if c.stable else "unstable"
-                lines.append(f"   the quasi-static criterion says {word}: trust the simulation")
-            lines.append(f"   {'':22}{'fundamental':>12}{'peak':>12}{'rad/s':>12}{'offset':>12}")
-            rows = {
-                "describing function": c.described,
-                "balance of harmonics": c.refined,
-                "simulation": c.simulated,
-            }
-            for name, o in rows.items():
-                if o is not None:
-                    offset = 0.0 if abs(o.offset) < 1e-4 * o.amplitude else o.offset
-                    figures = (o.amplitude, o.peak, o.frequency, offset)
-                    lines.append(f"   {name:22}" + "".join(f"{x:12.5g}" for x in figures))
-            if self.verified and c.refined is None:
-                lines.append("   the balance of harmonics did not converge near it")
-        if self.notes:
-            lines += ["", *self.notes]
-        return "\n".join(lines)
+        head = Section("", f"G = {self.transfer}", f"N: {self.element}")
+        cycles = (self._cycle_section(i, cycle) for i, cycle in enumerate(self.cycles, 1))
+        return Report(head, Section("", self.sentence), *cycles, Section("", *self.notes))
+
+    def _cycle_section(self, index: int, cycle: LimitCycle) -> Section:
+        remarks = []
+        if cycle.lasts is not None and cycle.stable is not None and cycle.lasts != cycle.stable:
+            word = "stable" if cycle.stable else "unstable"
+            remarks.append(f"The quasi-static criterion says {word}: trust the simulation.")
+        if self.verified and cycle.refined is None:
+            remarks.append("The balance of harmonics did not converge near it.")
+        methods = {
+            "describing function": cycle.described,
+            "balance of harmonics": cycle.refined,
+            "simulation": cycle.simulated,
+        }
+        rows = []
+        for method, o in methods.items():
+            if o is not None:
+                offset = 0.0 if abs(o.offset) < 1e-4 * o.amplitude else o.offset
+                sizes = (o.amplitude, o.peak, o.frequency, offset)
+                rows.append((method, *(f"{size:.5g}" for size in sizes)))
+        headings = ("Method", "Fundamental", "Peak", "rad/s", "Offset")
+        return Section(
+            "",
+            f"{index}. {cycle.verdict}: {cycle.simulation}",
+            *remarks,
+            Rows.of(headings, rows, numbers=range(1, 5)),
+        )
 
     @showing
     def plot(self) -> Figure:

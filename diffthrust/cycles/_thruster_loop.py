@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
+from diffthrust._support.report import Report, Rows, Section
 from diffthrust._support.results import Result
 from diffthrust.cycles._element import positive
 from diffthrust.cycles._find import limit_cycles
@@ -125,34 +126,38 @@ class ThrusterLoop(Result):
     def _line(self) -> str:
         return self.found.sentence
 
-    def _told(self) -> str:
+    def _report(self) -> Report:
         """All predictions beside the simulation, the paper's figures where they apply, in words."""
-        lines = [
-            f"Vehicle of {self.mass:.4g} kg, drag {self.drag:.4g} N s^2/m^2; controller designed "
-            f"for {self.natural_frequency:.4g} rad/s, damping {self.damping:.4g}",
-            f"Thruster: {self.model}, {self.newton:.4g} N of thrust for a command of 1 "
-            f"{self.model.inputs['command']}",
-            "",
-            f"{'command on the limit cycle':44}{'fundamental N':>14}{'peak N':>9}{'rad/s':>9}",
+        rows = [
             _row("printed formula, pure inertia", self.printed, None, self.natural_frequency),
             _row("consistent formula, pure inertia", self.consistent, None, self.natural_frequency),
         ]
+        sentences = [self.found.sentence]
         if len(self.found):
             c, k = self.cycle, self.newton
-            lines.append(_row("describing function", k * c.amplitude, None, c.frequency))
+            sentences = [f"The cycle is {c.verdict}: {c.simulation}."]
+            rows.append(_row("describing function", k * c.amplitude, None, c.frequency))
             for name, o in (
                 ("balance of harmonics", c.refined),
                 ("simulation", c.simulated),
             ):
                 if o is not None:
-                    lines.append(_row(name, k * o.amplitude, k * o.peak, o.frequency))
+                    rows.append(_row(name, k * o.amplitude, k * o.peak, o.frequency))
         if self.as_in_paper:
-            lines.append(_row("paper, predicted", PAPER["predicted"], None, 1.0))
-            lines.append(_row("paper, simulated", None, PAPER["simulated"], 1.0))
-        words = [self.found.sentence]
-        if len(self.found):
-            words = [f"The cycle is {self.cycle.verdict}: {self.cycle.simulation}."]
-        return "\n".join([*lines, "", *words, *self._paper_words(), *self.found.notes])
+            rows.append(_row("paper, predicted", PAPER["predicted"], None, 1.0))
+            rows.append(_row("paper, simulated", None, PAPER["simulated"], 1.0))
+        headings = ("Command on the limit cycle", "Fundamental N", "Peak N", "rad/s")
+        return Report(
+            Section(
+                "",
+                f"Vehicle of {self.mass:.4g} kg, drag {self.drag:.4g} N s^2/m^2; controller "
+                f"designed for {self.natural_frequency:.4g} rad/s, damping {self.damping:.4g}",
+                f"Thruster: {self.model}, {self.newton:.4g} N of thrust for a command of 1 "
+                f"{self.model.inputs['command']}",
+            ),
+            Section("", Rows.of(headings, rows, numbers=(1, 2, 3))),
+            Section("", *sentences, *self._paper_words(), *self.found.notes),
+        )
 
     def _paper_words(self) -> list[str]:
         seen = self.cycle.simulated if self.as_in_paper and len(self.found) else None
@@ -292,7 +297,8 @@ def _element(thruster: Model, mass: float, drag: float) -> ModelElement:
     return PropelledAxis(thruster, mass=mass, drag=drag) if drag else ModelElement(thruster)
 
 
-def _row(name: str, fundamental: float | None, peak: float | None, frequency: float) -> str:
-    first = f"{fundamental:14.2f}" if fundamental is not None else f"{'':14}"
-    second = f"{peak:9.2f}" if peak is not None else f"{'':9}"
-    return f"{name:44}{first}{second}{frequency:9.4f}"
+def _row(
+    name: str, fundamental: float | None, peak: float | None, frequency: float
+) -> tuple[str, ...]:
+    amplitudes = ("" if size is None else f"{size:.2f}" for size in (fundamental, peak))
+    return name, *amplitudes, f"{frequency:.4f}"

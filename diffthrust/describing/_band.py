@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from diffthrust._support.figures import showing
+from diffthrust._support.report import Report
 from diffthrust._support.results import Result
 from diffthrust.describing._describe import formula_values, notes_of, periodic_values
 from diffthrust.describing._formulas import FORMULAS
@@ -18,7 +19,6 @@ from diffthrust.uncertainty._prediction.draws import draws_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from rich.console import RenderableType
 
 
 class DescribingBand(Result, BandValues):
@@ -44,10 +44,10 @@ class DescribingBand(Result, BandValues):
         size = f"{self.amplitudes.size} amplitudes, {self.frequencies.size} frequencies"
         return f"{self.model}, {self.input} to {self.output}: {size}, {self.draws.shape[0]} draws"
 
-    def _told(self) -> RenderableType:
-        from diffthrust.describing._tables import band_table
+    def _report(self) -> Report:
+        from diffthrust.describing._tables import band_report
 
-        return band_table(self)
+        return band_report(self)
 
     def to_json(self) -> dict[str, Any]:
         """The intervals as plain data, ``null`` where there is none."""

@@ -9,13 +9,13 @@ from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
+from diffthrust._support.report import Report
 from diffthrust._support.results import Result
 from diffthrust.describing._periodic.respond import Reason
 from diffthrust.describing._values import DescribingValues
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from rich.console import RenderableType
 
 
 class DescribingMap(Result, DescribingValues):
@@ -75,10 +75,10 @@ class DescribingMap(Result, DescribingValues):
         settled = f"{int(self.settled.sum())} of {self.reason.size} points settled"
         return f"{self.model}, {self.input} to {self.output}: {size}, {settled}"
 
-    def _told(self) -> RenderableType:
-        from diffthrust.describing._tables import describing_table
+    def _report(self) -> Report:
+        from diffthrust.describing._tables import describing_report
 
-        return describing_table(self)
+        return describing_report(self)
 
     def to_json(self) -> dict[str, Any]:
         """The map as plain data, ``null`` where there is no answer."""

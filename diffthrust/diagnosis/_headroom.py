@@ -11,6 +11,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.progress import Progress, ProgressOption, part, progressing, teller
+from diffthrust._support.report import Report, Rows, Section
 from diffthrust._support.results import Result
 from diffthrust._support.words import percent
 from diffthrust.comparison._compare import Comparison, compare
@@ -21,8 +22,6 @@ from diffthrust.models._base.model import Model
 from diffthrust.simulation._runs import Run
 
 if TYPE_CHECKING:
-    from rich.console import RenderableType
-
     from diffthrust.estimation._result import Fit
 
 _BLOCKS = 4
@@ -96,9 +95,7 @@ class Headroom(Result):
         """The answer in a sentence for each channel."""
         return " ".join(_words(name, c, self.judged_on) for name, c in self.channels.items())
 
-    def _told(self) -> RenderableType:
-        from diffthrust._support.tables import texts_table, together
-
+    def _report(self) -> Report:
         rows = [
             (name, f"{c.physics:.3g}", f"{c.corrected:.3g}", _share(c.share),
              f"{_share(c.low)} to {_share(c.high)}", c.rung)
@@ -106,7 +103,8 @@ class Headroom(Result):
         ]  # fmt: skip
         headings = ("Channel", "Physics (NRMSE)", "With a correction", "Share explained",
                     "90 % interval", "Form")  # fmt: skip
-        return together(texts_table(headings, rows, (1, 2, 3)), self.summary)
+        table = Rows.of(headings, rows, numbers=(1, 2, 3))
+        return Report(Section("", table, self.summary))
 
     def to_json(self) -> dict[str, Any]:
         """The headroom as plain data."""

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from diffthrust._support.tables import number
-from diffthrust._support.words import joined, percent, spelt
+from diffthrust._support.words import joined, number, percent, spelt
 from diffthrust.comparison._outstanding import beside_others, outstanding
 from diffthrust.diagnosis._given import OddLog
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit

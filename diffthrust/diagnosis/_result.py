@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
+from diffthrust._support.report import Report
 from diffthrust._support.results import Result
 from diffthrust._support.saved_file import write_saved
 from diffthrust.diagnosis._findings import Findings
@@ -15,7 +16,6 @@ from diffthrust.estimation._estimate import Estimate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from rich.console import RenderableType
 
 
 @dataclass(frozen=True, repr=False)
@@ -40,20 +40,20 @@ class Diagnosis(Result, Findings):
             >>> print(diag.summary.splitlines()[0][:60])
             The basic thruster lacks a command dead band of 0.40 V: with
         """
-        from diffthrust.diagnosis._words import summary
+        from diffthrust.diagnosis._report.text import summary
 
         return summary(self)
 
     def _line(self) -> str:
-        from diffthrust.diagnosis._words import gain_words, model_words, verdict_words
+        from diffthrust.diagnosis._report.text import gain_words, model_words, verdict_words
 
         found = f" ({', '.join(self.added)}); {gain_words(self)}" if self.added else ""
         return f"{model_words(self.model)}: {verdict_words(self)}{found}"
 
-    def _told(self) -> RenderableType:
-        from diffthrust.diagnosis._tables import diagnosis_table
+    def _report(self) -> Report:
+        from diffthrust.diagnosis._report.sections import diagnosis_report
 
-        return diagnosis_table(self)
+        return diagnosis_report(self)
 
     @showing
     def plot(self) -> Figure:
@@ -62,7 +62,7 @@ class Diagnosis(Result, Findings):
         Example:
             >>> figure = diag.plot()
         """
-        from diffthrust.diagnosis._figures import stages_figure
+        from diffthrust.diagnosis._report.figures import stages_figure
 
         return stages_figure(self)
 
@@ -77,7 +77,7 @@ class Diagnosis(Result, Findings):
             >>> diag.learned  # nothing is left to learn: the effect explains it
             ()
         """
-        from diffthrust.diagnosis._figures_learned import learned_figure
+        from diffthrust.diagnosis._report.figures import learned_figure
 
         if not self.laws:
             raise InputError(
@@ -105,13 +105,13 @@ class Diagnosis(Result, Findings):
             'effects_found'
         """
         from diffthrust._support.files import ending, write_page
-        from diffthrust.diagnosis._page import page
+        from diffthrust.diagnosis._report.sections import diagnosis_page
 
         path = Path(path)
         if ending(path, ".html", ".htm", ".json") == ".json":
             write_saved(path, "diagnosis", self.origin, self)
         else:
-            write_page(path, page(self, title=title, spec=spec))
+            write_page(path, diagnosis_page(self, title=title, spec=spec))
 
     def to_json(self) -> dict[str, Any]:
         """The diagnosis as plain data, in the form that ``diffthrust diagnose --json`` writes.

@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from diffthrust._support.files import plain
+from diffthrust._support.report import Outcome, Report, Section, Styled, closing_section, notes
 from diffthrust._support.results import Result
 from diffthrust._support.saved_file import write_saved
 from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._export import exported_fit
-from diffthrust.estimation._origin import Origin
+from diffthrust.estimation._origin import Origin, closing
 from diffthrust.estimation._status import Checks, Status
 from diffthrust.export._export import ExportTo
 from diffthrust.export._exported import Exported
@@ -23,9 +24,6 @@ from diffthrust.logs._written import Written
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors
 from diffthrust.soundness._doubt import Doubt
-
-if TYPE_CHECKING:
-    from rich.console import RenderableType
 
 
 @dataclass(frozen=True, repr=False)
@@ -158,10 +156,31 @@ class Fit(Result):
         unseen = f", {self.holdout.nrmse:.3g} on unseen ones" if self.holdout else ""
         return f"{self.model}: {self.status}, NRMSE {self.train.nrmse:.3g} on training logs{unseen}"
 
-    def _told(self) -> RenderableType:
-        from diffthrust.estimation._tables import fit_table
+    def _report(self) -> Report:
+        from diffthrust.estimation._tables import (
+            doubt_lines,
+            error_rows,
+            noise_rows,
+            parameter_rows,
+        )
 
-        return fit_table(self)
+        status = Styled(self.status.value, "good" if self.status.ok else "bad")
+        return Report(
+            Section(
+                "",
+                Styled(str(self.model), "strong"),
+                *doubt_lines(self.doubts),
+                Outcome("Status", status, self.message),
+            ),
+            Section("", parameter_rows(self.parameters)),
+            Section("", noise_rows(self.disturbance or {})),
+            Section(
+                "",
+                error_rows([("training", self.train), ("unseen", self.holdout)]),
+                *notes(self.notes),
+            ),
+            closing_section(closing(self.origin, self.model)),
+        )
 
     def save(self, path: Path | str) -> None:
         """Write the fit to a JSON file from which `load` makes it again, to the last digit.

@@ -11,12 +11,12 @@ import numpy as np
 
 from diffthrust._support.figures import showing
 from diffthrust._support.files import write_whole
+from diffthrust._support.report import Report, Rows, Section
 from diffthrust._support.results import Result
 from diffthrust.logs._written import ShownUnits, Written
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from rich.console import RenderableType
 
 
 class Trial(NamedTuple):
@@ -138,8 +138,9 @@ class Experiment(Result):
         promise = "decisive" if self.decisive else "not decisive"
         return f"{' or '.join(self.rivals)}: {promise}, separation {self.separation:.3g}"
 
-    def _told(self) -> RenderableType:
-        from diffthrust._support.tables import number, texts_table, together
+    def _report(self) -> Report:
+        from diffthrust._support.words import number
 
         rows = [(t.words, t.kind.replace("_", " "), number(t.separation, 3)) for t in self.ranking]
-        return together(self.sentence, texts_table(("Design", "Kind", "Separation"), rows, (2,)))
+        table = Rows.of(("Design", "Kind", "Separation"), rows, numbers=(2,))
+        return Report(Section("", self.sentence, table))

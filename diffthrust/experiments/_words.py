@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from diffthrust._support.tables import number
+from diffthrust._support.words import number
 from diffthrust.experiments._designs import KINDS, Design, Space
 from diffthrust.experiments._result import Experiment
 from diffthrust.logs._written import ShownUnits, Written

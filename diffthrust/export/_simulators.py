@@ -17,8 +17,7 @@ from collections.abc import Mapping, Sequence
 from textwrap import wrap
 from typing import Any
 
-from diffthrust._support.tables import number
-from diffthrust._support.words import spelt
+from diffthrust._support.words import number, spelt
 from diffthrust.export._rendered import filled_in
 from diffthrust.export._rotor import Rotor, rotor_of
 from diffthrust.export._source import ExportSource

@@ -11,7 +11,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
-from diffthrust._support.tables import number
+from diffthrust._support.words import number
 from diffthrust.export._outwards import CLOSEST, FLAT, Outwards
 from diffthrust.export._rendered import filled_in
 from diffthrust.export._source import ExportSource

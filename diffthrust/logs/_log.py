@@ -11,6 +11,7 @@ import numpy as np
 from diffthrust._support.errors import InputError, Place
 from diffthrust._support.figures import showing
 from diffthrust._support.names import listing, nearest
+from diffthrust._support.report import Report, Rows, Section
 from diffthrust.logs._columns import Column
 from diffthrust.logs._held import held_readings
 from diffthrust.logs._identity import LogFile, LogIdentity, content_hash
@@ -510,7 +511,8 @@ class Log:
         )
 
     def _repr_html_(self) -> str:
-        from diffthrust._support.tables import html, number, texts_table, together
+        from diffthrust._support.notebook import notebook_html
+        from diffthrust._support.words import number
 
         shown, rows = ShownUnits([self.written]), []
         for name, samples in {**self.inputs, **self.measured}.items():
@@ -523,7 +525,8 @@ class Log:
         headings = ("Channel", "", "Least", "Mean", "Greatest", "Unit", "Missing")
         size = f"Log {self.name!r}: {len(self)} samples over {self.duration:.6g} s, "
         size += f"a sample every {self.step:.4g} s"
-        return html(together(size, texts_table(headings, rows, (2, 3, 4, 6)), *self.notes))
+        table = Rows.of(headings, rows, numbers=(2, 3, 4, 6))
+        return notebook_html(Report(Section("", size, table, *self.notes)))
 
     def _no_channel(self, channel: str) -> InputError:
         known = [*self.inputs, *self.measured]

@@ -77,7 +77,7 @@ def railed_note(
     channel: str, at: Railed, shown: ShownUnits, unit: str, censored: bool = False
 ) -> str:
     """How many samples of a channel stand at its rails, and what becomes of them."""
-    from diffthrust._support.tables import number
+    from diffthrust._support.words import number
 
     told = []
     for side, end in ((-1, at.low), (1, at.high)):

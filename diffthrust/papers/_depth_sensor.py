@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
 from diffthrust._support.results import Brief
-from diffthrust._support.tables import number
+from diffthrust._support.words import number
 from diffthrust.papers._line import FittedLine, fit_line, numbers
 from diffthrust.uncertainty._prediction.physical import Quantity
 

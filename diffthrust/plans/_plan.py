@@ -6,20 +6,18 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import made_folder, write_whole
 from diffthrust._support.names import listing
+from diffthrust._support.report import Report, Rows, Section
 from diffthrust._support.results import Brief, Result
 from diffthrust.logs._log import Log
 from diffthrust.papers._steady import true_stretches
 from diffthrust.plans._checks import excited
-
-if TYPE_CHECKING:
-    from rich.console import RenderableType
 
 _NEAR = 0.02
 """A level is met by a held stretch within this share of the range of the plan."""
@@ -94,12 +92,11 @@ class PlanCheck(Result):
         """What is still to be run."""
         return tuple(finding for finding in self.findings if not finding.good)
 
-    def _told(self) -> RenderableType:
-        from diffthrust._support.tables import texts_table, together
+    def _report(self) -> Report:
 
         rows = [(f.run, f.what, f.found, "ok" if f.good else "!") for f in self.findings]
         headings = ("Run", "Planned", "Found", "")
-        return together(texts_table(headings, rows), f"{self._line()}.")
+        return Report(Section("", Rows.of(headings, rows), f"{self._line()}."))
 
     def _line(self) -> str:
         return f"{sum(f.good for f in self.findings)} of {len(self.findings)} as planned"

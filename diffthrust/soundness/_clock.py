@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from diffthrust._support.tables import number
+from diffthrust._support.words import number
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.soundness._doubt import Doubt

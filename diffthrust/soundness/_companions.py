@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from diffthrust._support.tables import number
+from diffthrust._support.words import number
 from diffthrust.soundness._doubt import Doubt
 from diffthrust.soundness._mends import FACTORS, UNITS, sign_line, unit_line
 from diffthrust.soundness._record import Record

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from diffthrust._support.correlation import covariance
-from diffthrust._support.tables import number
+from diffthrust._support.words import number
 from diffthrust.soundness._doubt import Doubt
 from diffthrust.soundness._record import Record
 from diffthrust.soundness._ties import DRIVE, GEOMETRY, Tie

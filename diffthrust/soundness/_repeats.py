@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diffthrust._support.correlation import lag_one
-from diffthrust._support.tables import number
-from diffthrust._support.words import joined
+from diffthrust._support.words import joined, number
 from diffthrust.logs._held import held_readings
 from diffthrust.logs._log import Log
 from diffthrust.logs._rails import Railed

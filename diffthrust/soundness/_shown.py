@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from diffthrust._support.tables import number
+from diffthrust._support.words import number
 from diffthrust.logs._log import Log
 
 

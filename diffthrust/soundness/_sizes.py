@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.tables import number
+from diffthrust._support.words import number
 from diffthrust.logs._log import Log
 from diffthrust.logs._units import convert
 from diffthrust.soundness._doubt import Doubt

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
 from diffthrust._support.files import ending, write_whole
+from diffthrust._support.report import Bullets, Report, Section
 from diffthrust._support.results import Result
 from diffthrust._support.visible import in_line
 from diffthrust.survey._choice import Choice
@@ -19,10 +20,17 @@ from diffthrust.survey._files import files_at
 from diffthrust.survey._rows import ColumnRow, rows_of
 from diffthrust.survey._sound import doubted
 from diffthrust.survey._suited import choice_of
+from diffthrust.survey._tables import (
+    column_rows,
+    first_line,
+    grouped,
+    model_line,
+    remarks,
+    split_rows,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from rich.console import RenderableType
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -118,10 +126,8 @@ class Look(Result):
         model = self.model or "no model"
         return f"{self.path.name!r}: {self.kind}, {len(self.columns)} columns, {model}"
 
-    def _told(self) -> RenderableType:
-        from diffthrust.survey._tables import look_table
-
-        return look_table(self)
+    def _report(self) -> Report:
+        return look_report(self)
 
     def report(self, *, all: bool = False) -> str:
         """What is in the file, as a table and sentences.
@@ -129,10 +135,9 @@ class Look(Result):
         Args:
             all: every field of a robot's log, and not only those that a model may use.
         """
-        from diffthrust._support.tables import rendered
-        from diffthrust.survey._tables import look_table
+        from diffthrust._support.tables import report_text
 
-        return rendered(look_table(self, all=all))
+        return report_text(look_report(self, all=all))
 
     @showing
     def plot(self) -> Figure:
@@ -154,6 +159,20 @@ class Look(Result):
             "holdout": [str(path) for path in self.holdout],
             "spec": self.spec,
         }
+
+
+def look_report(seen: Look, *, all: bool = False) -> Report:
+    """What is in a file: a line on it, a row for each column, the model, and the doubts."""
+    listed, remaining = split_rows(seen.columns, all)
+    hidden = f"{len(remaining)} more fields (--all shows them): {grouped(remaining)}"
+    return Report(
+        Section("", first_line(seen.path.name, seen.choice, seen.columns)),
+        Section("", column_rows(listed, seen.choice.contents.messages)),
+        Section("", Bullets(remarks(listed))),
+        Section("", hidden if remaining else ""),
+        Section("", model_line(seen.choice, seen.train, seen.holdout)),
+        Section("", *(["In doubt:", Bullets(seen.doubts)] if seen.doubts else [])),
+    )
 
 
 def look(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Look:

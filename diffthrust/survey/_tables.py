@@ -1,24 +1,16 @@
-"""The table of a look."""
+"""The rows and sentences of a look at a file."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, Protocol
+from pathlib import Path
 
-from rich.console import Group, RenderableType
-from rich.table import Table
-from rich.text import Text
-
-from diffthrust._support.tables import number, plain_table
-from diffthrust._support.words import percent, spelt
+from diffthrust._support.report import Rows, Styled
+from diffthrust._support.words import number, percent, spelt
+from diffthrust.survey._choice import Choice
+from diffthrust.survey._rows import ColumnRow
 from diffthrust.survey._rules import NO_CHANNEL, UNIT_OF
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from diffthrust.survey._choice import Choice
-    from diffthrust.survey._rows import ColumnRow
 
 _WIDE = 40
 """Fields from which on only those are shown that a model may use."""
@@ -33,123 +25,83 @@ _ROLES = {
 }
 
 
-class Looked(Protocol):
-    """What is shown."""
-
-    @property
-    def path(self) -> Path: ...
-
-    @property
-    def choice(self) -> Choice: ...
-
-    @property
-    def columns(self) -> tuple[ColumnRow, ...]: ...
-
-    @property
-    def doubts(self) -> tuple[str, ...]: ...
-
-    @property
-    def train(self) -> tuple[Path, ...]: ...
-
-    @property
-    def holdout(self) -> tuple[Path, ...]: ...
-
-
-def look_table(seen: Looked, *, all: bool = False) -> RenderableType:
-    """What is in a file: a line on it, a row for each column, the model, and the doubts."""
-    choice, rows = seen.choice, seen.columns
-    messages = choice.contents.messages
+def split_rows(columns: Sequence[ColumnRow], all: bool) -> tuple[list[ColumnRow], list[ColumnRow]]:
+    """The columns by what they are taken for, and those that are only counted."""
     order = list(_ROLES)
-    shown, rest = sorted(rows, key=lambda row: order.index(row.role)), []
-    if len(rows) > _WIDE and not all:
-        shown = [row for row in shown if row.channel or _usable(row)][:_WIDE]
-        rest = [row for row in rows if row not in shown]
-    parts: list[RenderableType] = [Text(_first_line(seen)), Text()]
-    parts.append(_table(shown, messages))
-    if remarks := _remarks(shown):
-        parts += [Text(), _listed(remarks)]
-    if rest:
-        parts += [Text(), Text(f"{len(rest)} more fields (--all shows them): {_grouped(rest)}")]
-    parts += [Text(), Text(_model_line(seen))]
-    if seen.doubts:
-        parts += [Text(), Text("In doubt:"), _listed(seen.doubts)]
-    return Group(*parts)
+    listed, remaining = sorted(columns, key=lambda row: order.index(row.role)), []
+    if len(columns) > _WIDE and not all:
+        listed = [row for row in listed if row.channel or _usable(row)][:_WIDE]
+        remaining = [row for row in columns if row not in listed]
+    return listed, remaining
 
 
-def _table(rows: Sequence[ColumnRow], messages: bool) -> Table:
-    headings = ["Column", "Taken for", "Unit", "From", "To"]
-    headings += ["Hz"] if messages else []
-    table = plain_table(*headings, numbers=range(3, len(headings)))
-    table.columns[0].no_wrap = max((len(row.name) for row in rows), default=0) <= _NAME
-    before = None
-    for row in rows:
-        if row.role != before:
-            table.add_row(Text(f"{_ROLES[row.role]}:", style="bold"))
-            before = row.role
-        cells = [f"  {row.name or '(no name)'}", _taken(row), row.unit]
-        cells += [number(row.low, 3), number(row.high, 3)]
-        cells += [number(row.rate, 3)] if messages else []
-        table.add_row(*map(Text, cells))
-    return table
+def column_rows(columns: Sequence[ColumnRow], messages: bool) -> Rows:
+    """A row for each column; of messages of a robot also their rates."""
+    headings = ("Column", "Taken for", "Unit", "From", "To", *(["Hz"] if messages else []))
+    rows, role = [], None
+    for column in columns:
+        if column.role != role:
+            heading = Styled(f"{_ROLES[column.role]}:", "strong")
+            rows.append((heading, *[""] * (len(headings) - 1)))
+            role = column.role
+        cells = (f"  {column.name or '(no name)'}", _meaning(column), column.unit)
+        numbers = (column.low, column.high, *([column.rate] if messages else []))
+        rows.append((*cells, *(number(value, 3) for value in numbers)))
+    short = max((len(column.name) for column in columns), default=0) <= _NAME
+    return Rows.of(headings, rows, numbers=range(3, len(headings)), unbroken=(0,) if short else ())
 
 
-def _remarks(rows: Sequence[ColumnRow]) -> list[str]:
+def remarks(rows: Sequence[ColumnRow]) -> list[str]:
     """What is odd, and of which columns."""
-    told: dict[str, list[str]] = {}
+    columns: dict[str, list[str]] = {}
     for row in rows:
         missing = [f"{percent(row.missing)} missing"] if 0 < row.missing < 1 else []
         for remark in (*row.remarks, *missing):
-            told.setdefault(remark, []).append(row.name)
-    return [f"{remark}: {', '.join(names)}" for remark, names in told.items()]
+            columns.setdefault(remark, []).append(row.name)
+    return [f"{remark}: {', '.join(names)}" for remark, names in columns.items()]
 
 
-def _taken(row: ColumnRow) -> str:
+def _meaning(row: ColumnRow) -> str:
     if row.channel or row.quantity == "derived":
         return row.channel or "-"
     return f"{spelt(row.quantity)}{'?' if row.sure == 'perhaps' else ''}" or "?"
 
 
-def _listed(words: Iterable[str]) -> Table:
-    """A list whose lines begin below each other."""
-    table = Table.grid(padding=(0, 1, 0, 0))
-    for word in words:
-        table.add_row("-", Text(word))
-    return table
+def first_line(name: str, choice: Choice, columns: Sequence[ColumnRow]) -> str:
+    """What the file is, its size, and its sampling.
 
-
-def _first_line(seen: Looked) -> str:
-    rows, contents = seen.columns, seen.choice.contents
+    Args:
+        name: of the file.
+        choice: what was read of it.
+        columns: its columns.
+    """
+    contents, clock = choice.contents, choice.seconds
     if contents.messages:
         spans = [
             f.time[-1] - f.time[0] for f in contents.fields if f.time is not None and f.time.size
         ]
-        return (
-            f"{seen.path.name}: {contents.kind}, {len(rows)} fields, {max(spans, default=0):.4g} s."
-        )
-    samples = rows[0].samples if rows else 0
-    told = f"{seen.path.name}: {contents.kind}, {samples} rows of {len(rows)} columns"
-    timed = next((row for row in rows if not math.isnan(row.rate)), None)
+        return f"{name}: {contents.kind}, {len(columns)} fields, {max(spans, default=0):.4g} s."
+    samples = columns[0].samples if columns else 0
+    size = f"{name}: {contents.kind}, {samples} rows of {len(columns)} columns"
+    timed = next((row for row in columns if not math.isnan(row.rate)), None)
     if timed is None:
-        return f"{told}, no time."
-    clock = seen.choice.seconds
+        return f"{size}, no time."
     assert clock is not None
     return (
-        f"{told}, {number(float(clock[-1] - clock[0]))} s at {number(timed.rate, 3)} Hz, "
+        f"{size}, {number(float(clock[-1] - clock[0]))} s at {number(timed.rate, 3)} Hz, "
         f"largest gap {number(timed.gap, 3)} s."
     )
 
 
-def _model_line(seen: Looked) -> str:
-    choice = seen.choice
+def model_line(choice: Choice, train: Sequence[Path], holdout: Sequence[Path]) -> str:
+    """The model that suits the file, and which files it is fitted to."""
     if choice.model is None:
         return "No model suits it: see the doubts."
-    told = f"Model: {choice.model}, with {', '.join(choice.channels)}."
-    if seen.holdout:
-        files = f"{len(seen.train)} file{'s' if len(seen.train) > 1 else ''}"
-        told += (
-            f" {files} to fit, {', '.join(path.name for path in seen.holdout)} to be kept unseen."
-        )
-    return told
+    line = f"Model: {choice.model}, with {', '.join(choice.channels)}."
+    if holdout:
+        files = f"{len(train)} file{'s' if len(train) > 1 else ''}"
+        line += f" {files} to fit, {', '.join(path.name for path in holdout)} to be kept unseen."
+    return line
 
 
 def _usable(row: ColumnRow) -> bool:
@@ -158,7 +110,7 @@ def _usable(row: ColumnRow) -> bool:
     return known and row.low < row.high
 
 
-def _grouped(rows: Iterable[ColumnRow]) -> str:
+def grouped(rows: Iterable[ColumnRow]) -> str:
     """Names of messages with the number of their fields."""
     counts: dict[str, int] = {}
     for row in rows:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from diffthrust._support.report import Report, Section
 from diffthrust._support.results import Result
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._rebuild import problem_of
@@ -17,9 +18,6 @@ from diffthrust.estimation._solver import solve
 from diffthrust.estimation._status import RANK_LIMIT, inflation, marginal_spread
 from diffthrust.logs._log import Log
 from diffthrust.uncertainty._sandwich import converged
-
-if TYPE_CHECKING:
-    from rich.console import RenderableType
 
 _WELL, _FAIRLY = 0.01, 0.1
 """A direction is well known to one in a hundred, known to one in ten, and hardly known beyond."""
@@ -104,16 +102,17 @@ class Directions(Result):
         sentences = [d.sentence for d in self.directions]
         return sentences + ([f"held at a bound: {', '.join(self.held)}"] if self.held else [])
 
-    def table(self) -> RenderableType:
-        """A table of rich: how well each direction is known, and what it moves."""
-        from diffthrust.uncertainty._tables import directions_table
+    def table(self) -> Report:
+        """How well each direction is known, and what it moves: something that rich prints."""
+        from diffthrust.uncertainty._tables import direction_rows
 
-        return directions_table((d.std_error, d.grade, d.members) for d in self.directions)
+        rows = direction_rows((d.std_error, d.grade, d.members) for d in self.directions)
+        return Report(Section("", rows))
 
     def _line(self) -> str:
         return "; ".join(self.sentences)
 
-    def _told(self) -> RenderableType:
+    def _report(self) -> Report:
         return self.table()
 
     def to_json(self) -> list[dict[str, Any]]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from diffthrust._support.figures import BLUE, GREY, VERMILLION, literal, styled
-from diffthrust._support.tables import with_error
+from diffthrust._support.words import with_error
 from diffthrust.uncertainty._intervals_row import Row
 from diffthrust.uncertainty._profile_curve import Profile
 

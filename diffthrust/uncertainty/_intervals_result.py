@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from diffthrust._support.figures import showing
+from diffthrust._support.report import Report
 from diffthrust._support.results import Result
 from diffthrust.uncertainty._directions import Directions
 from diffthrust.uncertainty._intervals_row import Row
@@ -14,7 +15,6 @@ from diffthrust.uncertainty._profile_result import Profiles
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from rich.console import RenderableType
 
 _METHODS = ("covariance", "sandwich", "profile", "posterior")
 
@@ -71,17 +71,16 @@ class Intervals(Result):
         each = ", ".join(f"{row.name} by {row.recommended}" for row in self.rows.values())
         return f"{100 * self.level:g} %: {each}"
 
-    def _told(self) -> RenderableType:
+    def _report(self) -> Report:
         return self.table()
 
-    def table(self) -> RenderableType:
-        """The report as a renderable of rich."""
-        from diffthrust.uncertainty._tables import intervals_table
+    def table(self) -> Report:
+        """The report as something that rich prints."""
+        from diffthrust.uncertainty._tables import intervals_report
 
-        rows, directions = list(self.rows.values()), self.directions.table()
-        return intervals_table(
-            [row.shown for row in rows], self.methods, self.level, self.notes, directions
-        )
+        rows = [row.shown for row in self.rows.values()]
+        directions = self.directions.table()
+        return intervals_report(rows, self.methods, self.level, self.notes, directions)
 
     def to_json(self) -> dict[str, Any]:
         """Plain data; ``None`` for an open end."""

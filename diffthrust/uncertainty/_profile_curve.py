@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.results import Brief
-from diffthrust._support.tables import with_error
+from diffthrust._support.words import with_error
 from diffthrust.uncertainty._intervals_row import scaled
 
 LOPSIDED = 1.15

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from diffthrust._support.figures import showing
+from diffthrust._support.report import Report, Section
 from diffthrust._support.results import Result
-from diffthrust._support.tables import number
+from diffthrust._support.words import number
 from diffthrust.uncertainty._profile_curve import Profile
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from rich.console import RenderableType
 
 
 @dataclass(frozen=True)
@@ -70,10 +70,11 @@ class Profiles(Result):
             )
         return sentences
 
-    def _told(self) -> RenderableType:
-        from diffthrust.uncertainty._tables import profiles_table
+    def _report(self) -> Report:
+        from diffthrust.uncertainty._tables import profile_rows
 
-        return profiles_table(list(self.profiles.values()), self.level, self.sentences)
+        rows = profile_rows(self.profiles.values(), self.level)
+        return Report(Section("", rows), Section("", *self.sentences))
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""

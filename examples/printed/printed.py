@@ -6,7 +6,9 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from diffthrust._support.tables import number, plain_table, rendered  # the library's own look
+from diffthrust._support.report import Report, Rows, Section  # the library's own look
+from diffthrust._support.tables import report_text
+from diffthrust._support.words import number
 
 NEAR = 0.05
 """A figure is reproduced where ours is so near: most are printed with two digits."""
@@ -53,15 +55,14 @@ def printed_table(rows: Iterable[Printed]) -> str:
     headings = ("Figure", "Paper", "Ours", "Unit", "Outcome", "Why")
     first = ("Source",) if any(row.source for row in rows) else ()
     numbers = tuple(i + len(first) for i in (1, 2))
-    table = plain_table(*first, *headings, numbers=numbers)
-    source = rows[0].source if rows else ""
+    blocks: dict[str, list[tuple[str, ...]]] = {}
     for row in rows:
-        if row.source != source:
-            table.add_section()
-            source = row.source
-        table.add_row(*(row.source for _ in first), row.what, f"{row.paper:g}", number(row.ours),
-                      row.unit, row.outcome, row.remark)  # fmt: skip
-    return rendered(table)
+        blocks.setdefault(row.source, []).append(
+            (*(row.source for _ in first), row.what, f"{row.paper:g}", number(row.ours),
+             row.unit, row.outcome, row.remark)
+        )  # fmt: skip
+    table = Rows((*first, *headings), tuple(map(tuple, blocks.values())), numbers)
+    return report_text(Report(Section("", table)))
 
 
 def counts(rows: Iterable[Printed]) -> dict[str, list[str]]:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from rich.text import Text
-
 from diffthrust import InputError
-from diffthrust._support.tables import rendered, texts_table  # private: what shows all tables
+from diffthrust._support.report import Report, Rows, Section  # private: what is shown
+from diffthrust._support.tables import report_text  # private: what shows all reports
 from diffthrust._support.visible import in_line, visible  # private: what is tested
 
 
@@ -21,5 +20,6 @@ def test_what_does_not_show_becomes_an_escape():
 def test_messages_and_tables_hold_no_orders_for_the_terminal():
     error = InputError("run\x1b[31m.csv: bad.", "rename \x1b]0;x\x07 it.")
     assert str(error) == "run\\x1b[31m.csv: bad.\nMend: rename \\x1b]0;x\\x07 it."
-    assert "\x1b" not in rendered(texts_table(["Name"], [["run\x1b[31m.csv"]]))
-    assert rendered(Text("[red]run\x1b")) == "[red]run\\x1b\n"
+    table = Rows.of(["Name"], [["run\x1b[31m.csv"]])
+    assert "\x1b" not in report_text(Report(Section("", table)))
+    assert report_text(Report(Section("", "[red]run\x1b"))) == "[red]run\\x1b\n"

@@ -15,13 +15,13 @@ from places import FITS
 
 import diffthrust
 from diffthrust import CoarseStepWarning, InputError
-from diffthrust._support.tables import rendered  # private: as text
+from diffthrust._support.tables import report_text  # private: as text
 from diffthrust.checks import check
 from diffthrust.checks._check import tasks_in  # private: which fits are found
 from diffthrust.checks._expected import with_expected  # private: the text alone
 from diffthrust.checks._marks import Marks  # private: what a block says of its making
+from diffthrust.checks._result import check_report  # private: what a terminal shows
 from diffthrust.checks._run import run_again  # private: one fit, in another order
-from diffthrust.checks._tables import check_table  # private: what a terminal shows
 from diffthrust.specs import Spec, load_spec
 from diffthrust.specs._parts import ExpectedNumber  # private: what a block holds
 
@@ -375,7 +375,7 @@ def test_what_moved_is_told_beside_what_changed_since(fits, alterations, words, 
     checked = check(fits, junit=tmp_path / "out.xml")
     assert not checked.ok
     assert words in fit_of(checked).since
-    shown = " ".join(rendered(check_table(checked)).split())
+    shown = " ".join(report_text(check_report(checked)).split())
     assert words in shown
     assert words in (tmp_path / "out.xml").read_text()
     assert words in fit_of(checked).to_json()["since"]

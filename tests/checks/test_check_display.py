@@ -7,11 +7,14 @@ from pathlib import Path
 import pytest
 import written_fits
 
-from diffthrust._support.tables import rendered  # private: a table as text
+from diffthrust._support.tables import report_text  # private: a table as text
 from diffthrust.checks import Checked
 from diffthrust.checks._expected import CheckRow, compared  # private: outcomes made by hand
-from diffthrust.checks._result import FitRun  # private: outcomes made by hand
-from diffthrust.checks._tables import check_table, sentence  # private: what the command prints
+from diffthrust.checks._result import (
+    FitRun,  # private: outcomes made by hand
+    check_report,  # private: what the command prints
+)
+from diffthrust.checks._tables import sentence  # private: what the command prints
 from diffthrust.cli._check import error_lines  # private: what GitHub is told
 from diffthrust.specs._parts import ExpectedNumber, ExpectedPart  # private: what a block holds
 
@@ -36,7 +39,7 @@ def outcome(*rows: CheckRow, updated: bool = False) -> Checked:
 
 
 def test_the_table_shows_what_moved_the_largest_first():
-    lines = rendered(check_table(outcome(*ROWS))).splitlines()
+    lines = report_text(check_report(outcome(*ROWS))).splitlines()
     shown = [line.split()[0] for line in lines[1:6]]
     assert shown == ["three", "five", "four", "two", "two"]
     assert "-8.0 std errors" in lines[3]
@@ -45,10 +48,10 @@ def test_the_table_shows_what_moved_the_largest_first():
     assert "three: line 3 is bad" in lines
     assert "three, five. Mend: Mend it." in lines
     assert lines[-2:] == ["4 of 5 fits failed: two [x], three, four, five.", "1 fit unchanged."]
-    assert rendered(check_table(outcome(ROWS[0]))) == "1 fit checked, none moved.\n"
-    written_anew = check_table(outcome(ROWS[0], updated=True))
-    assert rendered(written_anew) == "1 fit run; written anew: one.\n"
-    everything = rendered(check_table(outcome(*ROWS), everything=True))
+    assert report_text(check_report(outcome(ROWS[0]))) == "1 fit checked, none moved.\n"
+    written_anew = check_report(outcome(ROWS[0], updated=True))
+    assert report_text(written_anew) == "1 fit run; written again: one.\n"
+    everything = report_text(check_report(outcome(*ROWS), everything=True))
     assert [word in everything for word in ("one", "unchanged")] == [True, True]
 
 
@@ -83,7 +86,7 @@ def test_what_moved_is_told_in_the_unit_of_the_log_and_kept_in_the_parameters():
     stored = ExpectedNumber(value=estimate.value + 0.01, std_error=0.001)
     expected = ExpectedPart(parameters={"command_deadband.width": stored})
     (row,) = compared("one", expected, fit)
-    table = rendered(check_table(outcome(row)))
+    table = report_text(check_report(outcome(row)))
     pulses = 400 * estimate.value
     assert float(table.split()[table.split().index("us") - 1]) == pytest.approx(pulses, abs=0.05)
     assert f"found {pulses:.3f} us (-10.0 std errors)" in sentence(row)

@@ -19,25 +19,27 @@ import written_fits
 import diffthrust as dft
 from diffthrust._support.figures import unseen  # private: as a page makes them
 from diffthrust._support.words import an, apart, joined, spelt  # private: words alone
-from diffthrust.diagnosis._figures import (  # private: each figure alone
-    missing_figure,
-    ranking_figure,
-    stages_figure,
-)
 from diffthrust.diagnosis._findings import (  # private: made by hand
     Refusal,
     Remaining,
     SignalForm,
     Stage,
 )
-from diffthrust.diagnosis._page import page  # private: the page as text
-from diffthrust.diagnosis._skeleton import skeleton  # private: of any port and signal
-from diffthrust.diagnosis._tables import log_rows  # private: its cells
-from diffthrust.diagnosis._words import (  # private: each sentence alone
+from diffthrust.diagnosis._ports import place_words  # private: each port alone
+from diffthrust.diagnosis._report.figures import (  # private: each figure alone
+    missing_figure,
+    ranking_figure,
+    stages_figure,
+)
+from diffthrust.diagnosis._report.own_effect import own_effect  # private: of any port and signal
+from diffthrust.diagnosis._report.remarks import (  # private: each sentence alone
     caution_words,
     group_words,
     missing_words,
-    place_words,
+)
+from diffthrust.diagnosis._report.sections import diagnosis_page  # private: the page as text
+from diffthrust.diagnosis._report.tables import log_rows  # private: its cells
+from diffthrust.diagnosis._report.text import (  # private: each sentence alone
     sized_words,
     stage_words,
 )
@@ -57,7 +59,7 @@ def full() -> dft.Diagnosis:
 @pytest.fixture
 def sketched(monkeypatch):
     """Pages whose figures are made but not painted, which takes nine tenths of a page's time."""
-    monkeypatch.setattr("diffthrust.diagnosis._page.image", lambda draw: str(id(unseen(draw))))
+    monkeypatch.setattr("diffthrust._support.page.image", lambda draw: str(id(unseen(draw))))
 
 
 # -- words -----------------------------------------------------------------------------------------
@@ -138,7 +140,7 @@ def test_a_fit_that_may_not_claim_its_numbers_is_noted(full, sketched):
     (words, *_) = caution_words(diag)
     assert "stage 2 (+ actuator lag)" in words
     assert "'not_converged': The error still falls." in words
-    assert words in page(diag).replace("&#39;", "'")
+    assert words in diagnosis_page(diag).replace("&#39;", "'")
 
 
 def test_a_hint_on_a_channel_comes_into_the_summary(full):
@@ -213,7 +215,7 @@ def test_phrases():
     ],
 )  # fmt: skip
 def test_the_skeleton_runs_and_does_nothing_at_its_null(full, port, signal, manner):
-    code = skeleton(full.fit.model, Remaining(port, signal, 0.5, manner), full.missing)
+    code = own_effect(full.fit.model, Remaining(port, signal, 0.5, manner), full.missing)
     scope: dict = {}
     exec(code, scope)
     effect = scope["MyEffect"]()
@@ -229,7 +231,7 @@ def test_the_skeleton_runs_and_does_nothing_at_its_null(full, port, signal, mann
 
 def test_the_skeleton_has_the_unit_of_its_strength(full):
     def unit(left):
-        return re.search('unit="(.*?)"', skeleton(full.fit.model, left, full.missing))[1]
+        return re.search('unit="(.*?)"', own_effect(full.fit.model, left, full.missing))[1]
 
     assert unit(full.remaining) == "(rad/s^2)/(rad/s)"
     assert unit(Remaining("propeller", SignalForm("command"), 0.5)) == "N/V"
@@ -279,7 +281,7 @@ def test_refused_effects_are_told_with_the_reason(full, sketched):
     diag = replace(full, refused={"actuator_lag": why})
     sentence = f"An actuator lag was not added: it {why}."
     assert sentence in diag.report().replace("\n", " ")
-    assert sentence in page(diag)
+    assert sentence in diagnosis_page(diag)
 
 
 def test_the_errors_of_every_log_are_told(full):
@@ -417,21 +419,21 @@ def test_the_page_is_whole_and_needs_nothing_else(full, tmp_path):
 def test_the_headroom_is_told_before_and_after(full, sketched):
     train, _ = made.logs()
     assert full.headroom is None  # put together by hand, without the training logs
-    assert "How much there is to find" not in page(full)
+    assert "How much there is to find" not in diagnosis_page(full)
     trained = tuple(dft.compare(full.stages[i].fit, train) for i in (0, -1))
     whole = replace(full, trained=trained)
     first, last = whole.headroom
     assert first.worth
     assert first.channels["thrust"].share > 0.3 > 0.1 > last.channels["thrust"].share
     assert "How much there is to find" in whole.report()
-    text = page(whole)
+    text = diagnosis_page(whole)
     assert text.index("The stages") < text.index("How much there is to find")
     assert first.summary in _Page(text).text
     assert whole.to_json()["headroom"]["before"]["worth"] is True
 
 
 def test_the_page_escapes_what_comes_from_outside(full, sketched):
-    text = page(full, title=made.NASTY, spec=f"# {made.NASTY}")
+    text = diagnosis_page(full, title=made.NASTY, spec=f"# {made.NASTY}")
     assert "<script" not in text
     assert text.count("&lt;script&gt;alert(1)&lt;/script&gt;") >= 4  # title, heading, log, spec
 
@@ -439,7 +441,7 @@ def test_the_page_escapes_what_comes_from_outside(full, sketched):
 @pytest.mark.parametrize("kind", ["found", "adequate", "unexplained"])
 def test_every_verdict_has_its_page(kind, sketched):
     diag = getattr(made, kind)()
-    found = _Page(page(diag))
+    found = _Page(diagnosis_page(diag))
     assert found.open == []
     assert diag.summary in found.text
     assert ("The missing signal" in found.text) == bool(diag.missing)
@@ -447,7 +449,7 @@ def test_every_verdict_has_its_page(kind, sketched):
 
 
 def test_the_page_of_a_diagnosis_in_which_no_signal_is_missing(full, sketched):
-    text = _Page(page(replace(full, missing=full.missing[1:]))).text
+    text = _Page(diagnosis_page(replace(full, missing=full.missing[1:]))).text
     assert "nothing is missing that shows" in text
     assert "a band of two standard errors" not in text  # the caption of the figure
 
@@ -487,7 +489,7 @@ def test_a_browser_shows_the_page(full, tmp_path):
 
 def test_figures_do_not_touch_pyplot(full, monkeypatch):
     monkeypatch.delitem(sys.modules, "matplotlib.pyplot", raising=False)  # ArviZ brings it along
-    page(full)
+    diagnosis_page(full)
     assert "matplotlib.pyplot" not in sys.modules
 
 
@@ -525,7 +527,7 @@ def test_missing_signals_are_told_and_drawn_in_the_units_of_the_logs(full, sketc
     assert "a signal of 0.31 kgf (RMS)" in told
     assert "a signal of 3.0 rad/s^2 (RMS)" in told
     assert " N (RMS)" not in told
-    assert "0.31 kgf" in page(diag)
+    assert "0.31 kgf" in diagnosis_page(diag)
     first, over, _, over_rate = missing_figure(diag).axes
     assert (first.get_ylabel(), over.get_ylabel()) == ("propeller [kgf]", "propeller [kgf]")
     assert (over.get_xlabel(), over_rate.get_xlabel()) == ("command [us]", "d(speed)/dt [rpm/s]")

@@ -16,7 +16,10 @@ from diffthrust.diagnosis._held import (  # private: names alone
     of_effect,
     with_candidates,
 )
-from diffthrust.diagnosis._words import stage_words, verdict_words  # private: each sentence alone
+from diffthrust.diagnosis._report.text import (  # private: each sentence alone
+    stage_words,
+    verdict_words,
+)
 
 ARM = 0.40
 

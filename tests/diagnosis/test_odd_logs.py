@@ -19,7 +19,7 @@ from diffthrust.diagnosis._outlier_logs import (
     no_longer_odd,
     odd_logs,
 )  # private: without a search for effects
-from diffthrust.diagnosis._words import caution_words  # private: each sentence alone
+from diffthrust.diagnosis._report.remarks import caution_words  # private: each sentence alone
 
 BLOCKS, SAMPLES = 24, 240
 

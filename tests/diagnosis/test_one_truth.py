@@ -9,8 +9,8 @@ from one_truth import contradictions
 
 import diffthrust as dft
 from diffthrust.diagnosis._explained_share import Worth  # private: made by hand
+from diffthrust.diagnosis._report.remarks import missing_words  # private: each sentence alone
 from diffthrust.diagnosis._verdict import verdict_of  # private: the verdict alone
-from diffthrust.diagnosis._words import missing_words  # private: each sentence alone
 
 SMALL = Worth(0.01, 0.0, 0.02)
 

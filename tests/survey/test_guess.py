@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diffthrust._support.tables import rendered  # private: as the terminal has it
 from diffthrust.logs._contents import Contents, Field  # private: what files hold, made up here
+from diffthrust.survey import Look
 from diffthrust.survey._guess import meanings  # private: the guesses themselves
 from diffthrust.survey._rows import rows_of  # private: the rows that a table shows
 from diffthrust.survey._suited import choice_of  # private: which model suits them
-from diffthrust.survey._tables import look_table  # private: shown at 80 columns
 
 WAVE = np.sin(np.linspace(0, 20, 400))
 PULSES = np.round(1500 + 300 * WAVE)
@@ -179,16 +178,12 @@ def test_a_log_of_hundreds_of_fields_shows_first_what_a_model_may_use(tmp_path, 
     contents = Contents(tmp_path / "x.bin", "ArduPilot DataFlash log", True, (*many, *used))
     choice = choice_of(contents)
 
-    class Seen:
-        path, columns = contents.path, rows_of(choice)
-        train, holdout, doubts = (contents.path,), (), ()
-
-    Seen.choice = choice
-    short = rendered(look_table(Seen()))
+    look = Look(contents.path, choice, rows_of(choice), (contents.path,))
+    short = look.report()
     assert "RCOU.C1" in short
     assert "300 more fields" in short
     assert "MSG3 (20)" in short
     assert "MSG3.F61" not in short
     assert len(short.splitlines()) < 30
-    long = rendered(look_table(Seen(), all=True))
+    long = look.report(all=True)
     assert all(field.name in long for field in contents.fields)

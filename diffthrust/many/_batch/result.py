@@ -8,13 +8,13 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.report import Report, Rows, Section
 from diffthrust._support.results import Result
 from diffthrust._support.words import joined
 from diffthrust.many._rows import column_units, row_of
 
 if TYPE_CHECKING:
     import pandas as pd
-    from rich.console import RenderableType
 
 _SHOWN = ("name", "status", "fit_status", "train_nrmse", "holdout_nrmse", "nrmse", "error")
 _MOST = 40
@@ -119,8 +119,8 @@ class Many(Result):
         kinds = {type(result).__name__ for result in self}
         return f"{len(self) - len(self.failed)} of {len(self)} {joined(sorted(kinds))} done"
 
-    def _told(self) -> RenderableType:
-        from diffthrust._support.tables import number, texts_table, together
+    def _report(self) -> Report:
+        from diffthrust._support.words import number
 
         table = self.table()
         names = [name for name in _SHOWN if name in table]
@@ -131,8 +131,9 @@ class Many(Result):
         more = len(table) - len(rows)
         numbers = [i for i, name in enumerate(names) if name.endswith("nrmse")]
         headings = [name.replace("_", " ") for name in names]
-        rest = [f"and {more} more; .table() has all."] if more else []
-        return together(texts_table(headings, rows, numbers), *rest, f"{self._line()}.")
+        remaining = [f"and {more} more; .table() has all."] if more else []
+        shortened = Rows.of(headings, rows, numbers=numbers)
+        return Report(Section("", shortened, *remaining, f"{self._line()}."))
 
 
 def named_members(names: Iterable[Any] | None, otherwise: Iterable[Any]) -> tuple[str, ...]:

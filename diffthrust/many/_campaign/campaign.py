@@ -16,6 +16,7 @@ from diffthrust._support._running.pool import processors
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import plain
 from diffthrust._support.progress import Progress, ProgressOption, progressing, teller
+from diffthrust._support.report import Report
 from diffthrust._support.results import Result
 from diffthrust.many._campaign.executors import outcomes
 from diffthrust.many._campaign.job import Job, check_task, fingerprint
@@ -26,7 +27,6 @@ from diffthrust.many._campaign.task import head
 
 if TYPE_CHECKING:
     import pandas as pd
-    from rich.console import RenderableType
 
 _SAVING = 0.02
 """Share of the time that may go into writing the table while the campaign runs."""
@@ -93,10 +93,10 @@ class Campaign(Result):
     def _line(self) -> str:
         return f"{self.task}: {self.summary}"
 
-    def _told(self) -> RenderableType:
-        from diffthrust.many._campaign.tables import campaign_table
+    def _report(self) -> Report:
+        from diffthrust.many._campaign.tables import campaign_report
 
-        return campaign_table(self.rows, self.task, self.summary)
+        return campaign_report(self.rows, self.task, self.summary)
 
     def to_json(self) -> dict[str, Any]:
         """The outcome as plain data, in the form that ``diffthrust campaign --json`` writes."""

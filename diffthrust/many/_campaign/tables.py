@@ -1,4 +1,4 @@
-"""The table of a campaign, one row for each spec: as a file, and as text for people."""
+"""The table of a campaign, one row for each spec: as a file, and as rows of a report."""
 
 from __future__ import annotations
 
@@ -7,12 +7,9 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Group, RenderableType
-from rich.markup import escape
-from rich.text import Text
-
 from diffthrust._support.files import write_whole
-from diffthrust._support.tables import number, plain_table
+from diffthrust._support.report import Line, Report, Rows, Section, Styled
+from diffthrust._support.words import number
 from diffthrust.many._campaign.store import ResultRow
 
 if TYPE_CHECKING:
@@ -67,33 +64,35 @@ def _parameters(rows: Iterable[ResultRow]) -> list[str]:
     return list(dict.fromkeys(name for row in rows for name in row.get("numbers", {})))
 
 
-def campaign_table(rows: Sequence[ResultRow], task: str, summary: str) -> RenderableType:
+def campaign_report(rows: Sequence[ResultRow], task: str, summary: str) -> Report:
     """The results, then each error with its mend, and a summary."""
-    good = [row for row in rows if row["status"] == "ok"]
-    bad = [row for row in rows if row["status"] != "ok"]
-    parts: list[RenderableType] = [_results(good, task)] if good else []
-    if len(good) > _SHOWN:
-        parts.append(Text(f"... and {len(good) - _SHOWN} more in the table."))
-    for row in bad:
-        how = row["status"].replace("_", " ")
-        parts.append(Text.assemble((f"{row['name']}: {how}", "bold red"), f". {row['error']}"))
-        parts.append(Text(f"  Mend: {row['mend']}"))
-    return Group(*parts, Text(), Text(summary, style="bold"))
-
-
-def _results(rows: list[ResultRow], task: str) -> RenderableType:
-    last = {"diagnose": ("Verdict", "Added"), "sample": ("Chains",)}.get(task, ())
-    table = plain_table(
-        "Spec", "Fit", "Training NRMSE", "Unseen NRMSE", "Seconds", *last, numbers=(2, 3, 4)
+    done = [row for row in rows if row["status"] == "ok"]
+    more = f"... and {len(done) - _SHOWN} more in the table."
+    failures = []
+    for row in rows:
+        if row["status"] != "ok":
+            ending = Styled(f"{row['name']}: {row['status'].replace('_', ' ')}", "bad")
+            failures += [Line((ending, f". {row['error']}")), f"  Mend: {row['mend']}"]
+    return Report(
+        Section("", _result_rows(done, task), more if len(done) > _SHOWN else "", *failures),
+        Section("", Styled(summary, "strong")),
     )
+
+
+def _result_rows(rows: Sequence[ResultRow], task: str) -> Rows:
+    last = {"diagnose": ("Verdict", "Added"), "sample": ("Chains",)}.get(task, ())
+    cells = []
     for row in rows[:_SHOWN]:
         verdict = [row["verdict"], row["added"]] if task == "diagnose" else [row.get("verdict")]
-        table.add_row(
-            escape(row["name"]),
-            row["fit_status"],
-            number(row["train_nrmse"]),
-            number(row["holdout_nrmse"]),
-            f"{row['seconds']:.1f}",
-            *(escape(word or "") for word in verdict[: len(last)]),
+        cells.append(
+            (
+                row["name"],
+                row["fit_status"],
+                number(row["train_nrmse"]),
+                number(row["holdout_nrmse"]),
+                f"{row['seconds']:.1f}",
+                *(word or "" for word in verdict[: len(last)]),
+            )
         )
-    return table
+    headings = ("Spec", "Fit", "Training NRMSE", "Unseen NRMSE", "Seconds", *last)
+    return Rows.of(headings, cells, numbers=(2, 3, 4))

@@ -12,6 +12,7 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
 from diffthrust._support.progress import ProgressOption, progressing, teller
+from diffthrust._support.report import Report
 from diffthrust._support.results import Result
 from diffthrust.logs._log import Log
 from diffthrust.many._fleet.axis import Axis, axes_of
@@ -21,7 +22,6 @@ from diffthrust.many._fleet.times import times_of
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
-    from rich.console import RenderableType
 
     from diffthrust.many._fleet.pooled import Pooled
 
@@ -279,11 +279,11 @@ class Fleet(Result):
     def _line(self) -> str:
         return f"{len(self.entries)} fits of {len(self.vehicles)} vehicles"
 
-    def _told(self) -> RenderableType:
-        from diffthrust.many._fleet.tables import fleet_table
+    def _report(self) -> Report:
+        from diffthrust.many._fleet.tables import fleet_report
 
         drift = None if np.isnan(self.times).any() else self.drift()
-        return fleet_table(self, self.spread(), self.outliers(), drift, self.effects(), self.notes)
+        return fleet_report(self, self.spread(), self.outliers(), drift, self.effects(), self.notes)
 
 
 def fleet(source: Any, *, vehicle: Labels = None, time: Labels = None) -> Fleet:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from diffthrust._support.figures import showing
+from diffthrust._support.report import Report
 from diffthrust._support.results import Result
 from diffthrust.many._fleet.estimates import Estimates, known
 from diffthrust.models._base.parameter import Normal
@@ -17,7 +18,6 @@ from diffthrust.uncertainty._sampling.convergence import Convergence, convergenc
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
-    from rich.console import RenderableType
 
     from diffthrust.many._fleet.evidence import Ruler, VehicleEvidence
 
@@ -208,11 +208,11 @@ class Pooled(Result):
     def _line(self) -> str:
         return f"{len(self.evidence)} vehicles, {self.convergence.status.value}"
 
-    def _told(self) -> RenderableType:
-        from diffthrust.many._fleet.tables import pooled_table
+    def _report(self) -> Report:
+        from diffthrust.many._fleet.tables import pooled_report
 
         notes = [self.convergence.message, *(f"Note: {note}" for note in self.notes)]
-        return pooled_table(self.population, self.table, self.level, notes)
+        return pooled_report(self.population, self.table, self.level, notes)
 
 
 def _quantiles(values: np.ndarray, level: float) -> tuple[float, float, float]:

@@ -1,4 +1,4 @@
-"""A fleet as text for people."""
+"""The reports of a fleet, as data."""
 
 from __future__ import annotations
 
@@ -6,67 +6,70 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from rich.console import Group, RenderableType
-from rich.markup import escape
-from rich.text import Text
 
-from diffthrust._support.tables import number, plain_table, with_error
-from diffthrust._support.words import joined, percent, probability, spelt
+from diffthrust._support.report import Report, Rows, Section, Styled, notes
+from diffthrust._support.words import joined, number, percent, probability, spelt, with_error
 from diffthrust.many._fleet.estimates import Estimates
 
 
-def fleet_table(
-    fleet: Estimates, spread: Any, outliers: Any, drift: Any, effects: Any, notes: Sequence[str]
-) -> RenderableType:
+def fleet_report(
+    fleet: Estimates, spread: Any, outliers: Any, drift: Any, effects: Any, remarks: Sequence[str]
+) -> Report:
     """Spread, outliers, drift (``None`` where there are no times), effects and notes."""
-    sentences = [*_outliers(outliers), *_drift(drift, fleet.time_unit), *_effects(effects)]
-    parts: list[RenderableType] = [
-        Text(f"Fits: {len(fleet.entries)}. Vehicles: {len(fleet.vehicles)}.", style="bold"),
-        Text(),
-        _spread(spread),
-        Text(),
-        *(Text(sentence) for sentence in sentences),
-        *(Text(f"Note: {note}") for note in notes),
-    ]
-    return Group(*parts)
+    counts = f"Fits: {len(fleet.entries)}. Vehicles: {len(fleet.vehicles)}."
+    return Report(
+        Section("", Styled(counts, "strong")),
+        Section("", _spread_rows(spread)),
+        Section(
+            "",
+            *_outliers(outliers),
+            *_drift(drift, fleet.time_unit),
+            *_effects(effects),
+            *notes(remarks),
+        ),
+    )
 
 
-def pooled_table(
-    population: Any, vehicles: Any, level: float, notes: Sequence[str]
-) -> RenderableType:
+def pooled_report(population: Any, vehicles: Any, level: float, remarks: Sequence[str]) -> Report:
     """The law of the fleet, each vehicle, and what is to be said of them."""
-    law = plain_table("Parameter", "Unit", "Median", "Interval", "Between sd", "Interval",
-                 numbers=(2, 4))  # fmt: skip
+    exact = bool((vehicles["likelihood"] == "exact").any())
+    return Report(
+        Section(f"The fleet ({percent(level)} intervals)", _population_rows(population)),
+        Section(
+            "Its vehicles",
+            _vehicle_rows(vehicles),
+            "* by the exact likelihood of its logs" if exact else "",
+        ),
+        Section("", *remarks),
+    )
+
+
+def _population_rows(population: Any) -> Rows:
+    rows = []
     for row in _rows(population):
-        spread = number(row.between_low, 2), number(row.between_high, 2)
         median, low, high = _interval(row.median, row.low, row.high)
-        law.add_row(escape(row.parameter), escape(row.unit), median, f"{low} to {high}",
-                    number(row.between_sd, 2), " to ".join(spread))  # fmt: skip
-    each = plain_table("Vehicle", "Parameter", "By itself", "Std error", "Pooled", "Sd", "Interval",
-                 "From the fleet", numbers=(2, 3, 4, 5, 7))  # fmt: skip
+        spread = f"{number(row.between_low, 2)} to {number(row.between_high, 2)}"
+        law = (row.parameter, row.unit, median, f"{low} to {high}", number(row.between_sd, 2))
+        rows.append((*law, spread))
+    headings = ("Parameter", "Unit", "Median", "Interval", "Between sd", "Interval")
+    return Rows.of(headings, rows, numbers=(2, 4))
+
+
+def _vehicle_rows(vehicles: Any) -> Rows:
+    rows = []
     for row in _rows(vehicles):
         error = row.separate_std_error if np.isfinite(row.separate_std_error) else None
         median, sd = with_error(row.median, row.sd)
         _, low, high = _interval(row.median, row.low, row.high)
         star = "*" if row.likelihood == "exact" else ""
-        each.add_row(f"{escape(row.vehicle)}{star}", escape(row.parameter),
-                    *with_error(row.separate, error), median, sd, f"{low} to {high}",
-                    percent(row.shrinkage))  # fmt: skip
-    parts: list[RenderableType] = [
-        Text(f"The fleet ({percent(level)} intervals)", style="bold"),
-        law,
-        Text(),
-        Text("Its vehicles", style="bold"),
-        each,
-        *(
-            [Text("* by the exact likelihood of its logs")]
-            if (vehicles["likelihood"] == "exact").any()
-            else []
-        ),
-        Text(),
-        *(Text(note) for note in notes),
-    ]
-    return Group(*parts)
+        separate = with_error(row.separate, error)
+        pooled = (median, sd, f"{low} to {high}", percent(row.shrinkage))
+        rows.append((f"{row.vehicle}{star}", row.parameter, *separate, *pooled))
+    headings = (
+        *("Vehicle", "Parameter", "By itself", "Std error"),
+        *("Pooled", "Sd", "Interval", "From the fleet"),
+    )
+    return Rows.of(headings, rows, numbers=(2, 3, 4, 5, 7))
 
 
 def _rows(table: Any) -> list[Any]:
@@ -79,13 +82,11 @@ def _interval(median: float, low: float, high: float) -> tuple[str, str, str]:
     return with_error(median, error)[0], with_error(low, error)[0], with_error(high, error)[0]
 
 
-def _spread(spread: Any) -> RenderableType:
-    table = plain_table("Parameter", "Unit", "Vehicles", "Median", "Robust sd", "Between sd",
-                   "Beyond errors", "Q", "Dof", "Alike?", numbers=range(2, 9))  # fmt: skip
-    for row in _rows(spread):
-        table.add_row(
-            escape(row.parameter),
-            escape(row.unit),
+def _spread_rows(spread: Any) -> Rows:
+    rows = (
+        (
+            row.parameter,
+            row.unit,
             str(row.vehicles),
             with_error(row.median, row.robust_sd or None)[0],
             number(row.robust_sd, 2),
@@ -95,7 +96,13 @@ def _spread(spread: Any) -> RenderableType:
             str(row.dof),
             probability(row.p_value),
         )
-    return table
+        for row in _rows(spread)
+    )
+    headings = (
+        *("Parameter", "Unit", "Vehicles", "Median", "Robust sd"),
+        *("Between sd", "Beyond errors", "Q", "Dof", "Alike?"),
+    )
+    return Rows.of(headings, rows, numbers=range(2, 9))
 
 
 def _outliers(outliers: Any) -> Iterator[str]:

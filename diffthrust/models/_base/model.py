@@ -9,6 +9,7 @@ from jax.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
+from diffthrust._support.report import Report, Rows, Section
 from diffthrust.models._base.component import Component, changed
 from diffthrust.models._base.effect import Effect, Ports
 from diffthrust.models._base.made_effect import MadeEffect
@@ -370,14 +371,16 @@ class Model(Component):
         return " + ".join([super().__repr__(), *(repr(effect) for effect in self.effects)])
 
     def _repr_html_(self) -> str:
-        from diffthrust._support.tables import html, number, texts_table, together
+        from diffthrust._support.notebook import notebook_html
+        from diffthrust._support.words import number
 
         rows = [
             (name, number(p.value), p.unit, *map(_end, p.bounds), "fixed" * p.fixed, p.doc)
             for name, p in self.parameters.items()
         ]
         headings = ("Parameter", "Value", "Unit", "From", "to", "", "")
-        return html(together(str(self), texts_table(headings, rows, (1, 3, 4))))
+        table = Rows.of(headings, rows, numbers=(1, 3, 4))
+        return notebook_html(Report(Section("", str(self), table)))
 
     def __str__(self) -> str:
         return " + ".join([self.name, *(effect.name for effect in self.effects)])

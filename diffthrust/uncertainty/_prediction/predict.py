@@ -12,6 +12,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
 from diffthrust._support.names import listing
 from diffthrust._support.progress import ProgressOption, progressing, teller
+from diffthrust._support.report import Report
 from diffthrust._support.results import Result
 from diffthrust._support.words import percent
 from diffthrust.estimation._registry import LIKELIHOODS
@@ -23,7 +24,6 @@ from diffthrust.uncertainty._prediction.replicates import mean_runs, random_runs
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from rich.console import RenderableType
 
 _SHORT = 0.05
 """A band covers too little where the share inside falls short of its level by more than this."""
@@ -102,16 +102,16 @@ class Prediction(Result):
             text += " That is what a model that lacks nothing would give."
         return text
 
-    def table(self) -> RenderableType:
-        """The report as a renderable of rich."""
-        from diffthrust.uncertainty._prediction.tables import prediction_table
+    def table(self) -> Report:
+        """The report as something that rich prints."""
+        from diffthrust.uncertainty._prediction.tables import prediction_report
 
-        return prediction_table(self.channels, self.level, self.sentence, self.notes)
+        return prediction_report(self.channels, self.level, self.sentence, self.notes)
 
     def _line(self) -> str:
         return self.sentence
 
-    def _told(self) -> RenderableType:
+    def _report(self) -> Report:
         return self.table()
 
     def to_json(self) -> dict[str, Any]:

@@ -11,6 +11,7 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
 from diffthrust._support.names import listing
+from diffthrust._support.report import Report
 from diffthrust._support.results import Result
 from diffthrust.logs._written import ShownUnits
 from diffthrust.uncertainty._prediction.derived_quantity import DerivedQuantity, summarised
@@ -25,7 +26,6 @@ from diffthrust.uncertainty._prediction.responses import responses
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from rich.console import RenderableType
 
 
 @dataclass(frozen=True, repr=False)
@@ -58,10 +58,10 @@ class Quantities(Result, Mapping[str, DerivedQuantity]):
     def __len__(self) -> int:
         return len(self.by_name)
 
-    def _told(self) -> RenderableType:
-        from diffthrust.uncertainty._prediction.tables import quantities_table
+    def _report(self) -> Report:
+        from diffthrust.uncertainty._prediction.tables import quantities_report
 
-        return quantities_table(list(self.values()), self.level, self.notes)
+        return quantities_report(self.values(), self.level, self.notes)
 
     def to_json(self) -> dict[str, Any]:
         """The intervals as plain data."""

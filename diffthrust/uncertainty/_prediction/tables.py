@@ -1,21 +1,18 @@
-"""Derived quantities and predictive bands as tables for people."""
+"""The reports of derived quantities and predictive bands, as data."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 
 import numpy as np
-from rich.console import Group, RenderableType
-from rich.markup import escape
-from rich.text import Text
 
-from diffthrust._support.tables import number, plain_table
-from diffthrust._support.words import percent
+from diffthrust._support.report import Report, Rows, Section, notes
+from diffthrust._support.words import number, percent
 from diffthrust.uncertainty._prediction.band import Band
 from diffthrust.uncertainty._prediction.derived_quantity import DerivedQuantity
 
 _POINTS = 12
-"""A table shows at most so many points of a curve."""
+"""Most points of a curve in a table."""
 
 
 def interval_text(median: float, low: float, high: float) -> tuple[str, str, str]:
@@ -36,45 +33,44 @@ def interval_text(median: float, low: float, high: float) -> tuple[str, str, str
     return number(median, digits), number(low, digits), number(high, digits)
 
 
-def prediction_table(
-    channels: Mapping[str, Band], level: float, sentence: str, notes: Iterable[str]
-) -> RenderableType:
+def prediction_report(
+    channels: Mapping[str, Band], level: float, sentence: str, remarks: Iterable[str]
+) -> Report:
     """Coverage by channel, and in words."""
-    table = plain_table("Channel", f"Inside {percent(level)} band", "Samples", numbers=(1, 2))
-    for name, band in channels.items():
-        table.add_row(escape(name), percent(band.coverage), str(band.samples))
-    return Group(table, Text(sentence), *(Text(f"Note: {note}") for note in notes))
+    rows = ((n, percent(band.coverage), str(band.samples)) for n, band in channels.items())
+    headings = ("Channel", f"Inside {percent(level)} band", "Samples")
+    return Report(Section("", Rows.of(headings, rows, numbers=(1, 2)), sentence, *notes(remarks)))
 
 
-def quantities_table(
-    quantities: Sequence[DerivedQuantity], level: float, notes: Iterable[str]
-) -> RenderableType:
+def quantities_report(
+    quantities: Iterable[DerivedQuantity], level: float, remarks: Iterable[str]
+) -> Report:
     """Intervals of the numbers, then each curve, at some of its points where it has many."""
-    share = percent(level)
-    parts: list[RenderableType] = []
+    ends = (f"{percent(level)} from", "to")
     quantities = [q.shown for q in quantities]
-    numbers = [q for q in quantities if q.grid is None]
-    if numbers:
-        table = plain_table("Quantity", "Median", f"{share} from", "to", "Unit", numbers=(1, 2, 3))
-        for q in numbers:
-            row = interval_text(float(q.median), float(q.low), float(q.high))
-            table.add_row(escape(q.name), *row, escape(q.unit))
-        parts += [table, Text()]
-    for q in quantities:
-        if q.grid is None:
-            continue
-        unit = f" [{q.grid_unit}]" if q.grid_unit else ""
-        head = f"{q.name}{f' [{q.unit}]' if q.unit else ''}"
-        headings = f"{q.grid_name}{unit}", head, f"{share} from", "to"
-        table = plain_table(*headings, numbers=(0, 1, 2, 3))
-        for at in _some(q):
-            row = interval_text(float(q.median[at]), float(q.low[at]), float(q.high[at]))
-            table.add_row(f"{float(q.grid[at]):.6g}", *row)
-        parts += [table, Text()]
-    return Group(*parts, *(Text(f"Note: {note}") for note in notes))
+    numbers = [
+        (q.name, *interval_text(float(q.median), float(q.low), float(q.high)), q.unit)
+        for q in quantities
+        if q.grid is None
+    ]
+    headings = ("Quantity", "Median", *ends, "Unit")
+    curves = (_curve_rows(q, q.grid, ends) for q in quantities if q.grid is not None)
+    return Report(
+        Section("", Rows.of(headings, numbers, numbers=(1, 2, 3))),
+        *(Section("", rows) for rows in curves),
+        Section("", *notes(remarks)),
+    )
 
 
-def _some(quantity: DerivedQuantity) -> Iterable[int]:
-    assert quantity.grid is not None
-    size = quantity.grid.size
-    return np.unique(np.linspace(0, size - 1, min(size, _POINTS)).round().astype(int)).tolist()
+def _curve_rows(q: DerivedQuantity, grid: np.ndarray, ends: tuple[str, str]) -> Rows:
+    unit = f" [{q.grid_unit}]" if q.grid_unit else ""
+    headings = (f"{q.grid_name}{unit}", f"{q.name}{f' [{q.unit}]' if q.unit else ''}", *ends)
+    points = np.unique(np.linspace(0, grid.size - 1, min(grid.size, _POINTS)).round().astype(int))
+    rows = (
+        (
+            f"{float(grid[at]):.6g}",
+            *interval_text(float(q.median[at]), float(q.low[at]), float(q.high[at])),
+        )
+        for at in points
+    )
+    return Rows.of(headings, rows, numbers=range(4))

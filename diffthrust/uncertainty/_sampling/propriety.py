@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diffthrust._support.tables import number
-from diffthrust._support.words import percent
+from diffthrust._support.words import number, percent
 from diffthrust.models._base.parameter import Parameter
 from diffthrust.uncertainty._profile import optimum_at
 from diffthrust.uncertainty._profile_lines import ParameterLine

@@ -1,115 +1,26 @@
-"""The tables of a diagnosis: the same rows for the terminal and for the page."""
+"""The tables of a diagnosis as rows."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
-from rich.console import Group, RenderableType
-from rich.markup import escape
-from rich.table import Table
-from rich.text import Text
+from diffthrust._support.report import Rows
+from diffthrust._support.words import number, percent, spelt, with_error
+from diffthrust.diagnosis._findings import Findings, Stage
+from diffthrust.diagnosis._report.learned import share_cells
+from diffthrust.diagnosis._report.remarks import effects_by_name, first_line
+from diffthrust.diagnosis._report.text import leading, stage_words
+from diffthrust.estimation._result import Fit
+from diffthrust.simulation._errors import Errors
 
-from diffthrust._support.tables import line_text, number, plain_table, with_error
-from diffthrust._support.words import percent, spelt
-from diffthrust.diagnosis._learned_words import learned_words
-from diffthrust.diagnosis._matter_words import leading, share_cells
-from diffthrust.diagnosis._skeleton import HOW, skeleton
-from diffthrust.diagnosis._words import (
-    bound_words,
-    caution_words,
-    closing_words,
-    dropped_words,
-    effects_known,
-    failure_words,
-    first_line,
-    group_words,
-    missing_words,
-    refused_words,
-    remaining_words,
-    silent_words,
-    stage_words,
-    summary,
-    verdict_words,
-)
-from diffthrust.estimation._tables import closing_parts
-
-if TYPE_CHECKING:
-    from diffthrust.diagnosis._findings import Findings, Stage
-    from diffthrust.estimation._result import Fit
-    from diffthrust.simulation._errors import Errors
-
-_SHOWN, _LEAST = 6, 1.0
-"""Candidates listed of each stage, and the likelihood ratio that they have; the best always."""
-
-
-@dataclass(frozen=True)
-class Rows:
-    """A table as text.
-
-    Args:
-        headings: one for each column; those in ``numbers`` are set to the right.
-        blocks: rows that belong together, each with a cell for every heading.
-        numbers: indices of the columns that hold numbers.
-    """
-
-    headings: tuple[str, ...]
-    blocks: tuple[tuple[tuple[str, ...], ...], ...]
-    numbers: tuple[int, ...] = ()
-
-    def __bool__(self) -> bool:
-        return any(self.blocks)
-
-
-def diagnosis_table(diag: Findings) -> RenderableType:
-    """Summary, stages, missing signal, ranking, groups, test, what remains, parameters, notes."""
-    colour = "green" if diag.verdict == "adequate" else "yellow"
-    parts: list[RenderableType] = [
-        Text.assemble(("Verdict: ", "bold"), (verdict_words(diag), f"bold {colour}")),
-        Text(summary(diag)),
-        *_section("Stages", _rich(stage_rows(diag)), dropped_words(diag)),
-        *_section(
-            "What each effect removes of the squared error over whole runs",
-            *([_rich(worth_rows(diag))] if worth_rows(diag) else []),
-        ),
-        *_section(
-            "How much there is to find",
-            *([_rich(headroom_rows(diag))] if diag.headroom else []),
-            *headroom_words(diag),
-        ),
-        *_section("Where the model as given fails", *failure_words(diag.before)),
-        *_section(
-            "Missing signal", *(missing_words(m, diag.model) for m in diag.shown(diag.missing))
-        ),
-        *_section("Errors by log", _rich(log_rows(diag))),
-        *_section(
-            "Effects tried",
-            *([_rich(ranking_rows(diag))] if diag.ranking else []),
-            *refused_words(diag),
-            *bound_words(diag),
-            silent_words(diag),
-        ),
-        *_section("What these logs cannot tell apart", *group_words(diag)),
-        *_section("Proposed test", *([diag.experiment.sentence] if diag.experiment else [])),
-    ]
-    if diag.remaining:
-        parts += _section(
-            "What remains",
-            remaining_words(diag),
-            *(missing_words(m, diag.model) for m in diag.shown(diag.left[:1])),
-            *([] if diag.laws else [HOW, skeleton(diag.fit.model, diag.remaining, diag.missing)]),
-        )
-    if diag.laws:
-        parts += _section("What was learned", *learned_words(diag), *map(_rich, form_rows(diag)))
-    for heading, rows in closing_tables(diag):
-        parts += _section(heading, _rich(rows))
-    notes = (Text(f"Note: {note}") for note in caution_words(diag))
-    return Group(*parts, *notes, *closing_parts(closing_words(diag)))
+_LISTED = 6
+"""Candidates of each stage in the ranking."""
+_LEAST_RATIO = 1.0
+"""Candidates below this likelihood ratio are not listed, except the best of a stage."""
 
 
 def headroom_rows(diag: Findings) -> Rows:
-    """What a flexible correction explains of the model as given and of the last stage."""
+    """What a flexible correction explains of the errors, as given and at the last stage."""
     rows = [
         (
             "as given" if k == 0 else "last stage",
@@ -125,19 +36,6 @@ def headroom_rows(diag: Findings) -> Rows:
     ]
     headings = ("Model", "Channel", "NRMSE", "corrected", "Share", "90 % interval", "Correction")
     return Rows(headings, (tuple(rows),), numbers=(2, 3, 4, 5))
-
-
-def headroom_words(diag: Findings) -> list[str]:
-    """Whether there is something to find, before the search and after it."""
-    if diag.headroom is None:
-        return []
-    first, last = diag.headroom
-    said = [first.summary]
-    if len(diag.stages) > 1:
-        said.append(f"At the last stage: {last.summary}")
-    if diag.remaining is not None and not last.worth:
-        said.append("From one sample to the next structure remains all the same: see what remains.")
-    return said
 
 
 def worth_rows(diag: Findings) -> Rows:
@@ -213,7 +111,7 @@ def ranking_rows(diag: Findings) -> Rows:
     for stage in sorted({c.stage for c in diag.ranking}):
         tried = [c for c in diag.ranking if c.stage == stage]
         rows = []
-        for c in [c for c in tried[:_SHOWN] if c.likelihood_ratio >= _LEAST] or tried[:1]:
+        for c in [c for c in tried[:_LISTED] if c.likelihood_ratio >= _LEAST_RATIO] or tried[:1]:
             shown = {spelt(name): e.shown for name, e in c.parameters.items()}
             estimates = [f"{name} {number(v, 3)} {u}".rstrip() for name, (v, _, u) in shown.items()]
             rows.append(
@@ -257,10 +155,10 @@ def stage_parameter_rows(diag: Findings) -> Rows:
 
 def meaning_rows(diag: Findings) -> Rows:
     """What each effect that is named does, in the words of its docstring."""
-    known = effects_known(diag)
+    effects = effects_by_name(diag)
     named = [*diag.added, *(name for group in diag.groups for name in group)]
     named += [c.effect for c in diag.ranking]
-    lines = [(spelt(name), first_line(name, known)) for name in dict.fromkeys(named)]
+    lines = [(spelt(name), first_line(name, effects)) for name in dict.fromkeys(named)]
     return Rows(("Effect", "What it does"), (tuple(row for row in lines if row[1]),))
 
 
@@ -286,20 +184,6 @@ def untestable_rows(diag: Findings) -> Rows:
     """Effects that the logs cannot test, and why."""
     rows = tuple((spelt(name), reason) for name, reason in diag.untestable.items())
     return Rows(("Effect", "Reason"), (rows,))
-
-
-CLOSING: tuple[tuple[str, Callable[[Findings], Rows]], ...] = (
-    ("Parameters", stage_parameter_rows),
-    ("Not testable by these logs", untestable_rows),
-)
-"""The tables at the end of the report and of the page; a new one is a function and its line."""
-
-
-def closing_tables(diag: Findings) -> Iterator[tuple[str, Rows]]:
-    """Those of them that have rows, with their headings."""
-    for heading, rows_of in CLOSING:
-        if rows := rows_of(diag):
-            yield heading, rows
 
 
 def check_rows(diag: Findings) -> Rows:
@@ -346,19 +230,3 @@ def _valued(fit: Fit, name: str) -> tuple[str, str]:
     e = fit.parameters[name]
     value, error = with_error(*e.shown[:2])
     return value, "fixed" if e.fixed else "at its bound" if e.at_bound else error
-
-
-def _section(title: str, *things: RenderableType) -> list[RenderableType]:
-    """A titled part; nothing where there is nothing to tell."""
-    texts = [line_text(thing) if isinstance(thing, str) else thing for thing in things]
-    kept = [thing for thing in texts if not isinstance(thing, Text) or thing.plain]
-    return [Text(), Text(title, style="bold"), *kept] if kept else []
-
-
-def _rich(rows: Rows) -> Table:
-    table = plain_table(*rows.headings, numbers=rows.numbers)
-    for block in rows.blocks:
-        for row in block:
-            table.add_row(*(escape(cell) for cell in row))
-        table.add_section()
-    return table

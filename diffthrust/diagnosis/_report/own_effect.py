@@ -24,7 +24,7 @@ _USED = """
 """
 
 
-def skeleton(model: Model, left: Remaining, missing: Sequence[Missing]) -> str:
+def own_effect(model: Model, left: Remaining, missing: Sequence[Missing]) -> str:
     """Python code of an effect with the port and the signal filled in.
 
     It runs as it stands: a term in proportion to the signal, of which the user makes the law.

@@ -4,60 +4,81 @@ from __future__ import annotations
 
 import ast
 import math
-from typing import TYPE_CHECKING
 
-from diffthrust._support.tables import number
-from diffthrust._support.words import capitalised, joined, spelt
+from diffthrust._support.words import capitalised, joined, number, percent, spelt
+from diffthrust.diagnosis._explained_share import Worth
+from diffthrust.diagnosis._findings import Findings
+from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
 from diffthrust.diagnosis._learning.closed_forms import FORMS
 from diffthrust.diagnosis._learning.hypotheses import NUMBER
-from diffthrust.diagnosis._matter_words import share_words
 from diffthrust.diagnosis._ports import place_words
+from diffthrust.effects._curve import Curve
+from diffthrust.effects._formula import Formula
 from diffthrust.effects._grammar import expression_of
 from diffthrust.logs._units import product_unit
+from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.made_effect import ARRIVING
 
-if TYPE_CHECKING:
-    from diffthrust.diagnosis._findings import Findings
-    from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
-    from diffthrust.effects._curve import Curve
-    from diffthrust.effects._formula import Formula
-    from diffthrust.models._base.effect import Effect
+
+def share_words(worth: Worth) -> str:
+    """A worth with its interval.
+
+    Example:
+        >>> share_words(Worth(0.72, 0.6, 0.8))
+        '72 % (60 % to 80 %)'
+    """
+    return "{} ({})".format(*share_cells(worth))
+
+
+def share_cells(worth: Worth) -> tuple[str, str]:
+    """A worth and its interval, each in words."""
+    share, low, high = (_signed(value) for value in (worth.share, worth.low, worth.high))
+    return share, f"{low} to {high}"
+
+
+def _signed(share: float) -> str:
+    if not math.isfinite(share):
+        return "?"
+    return f"-{percent(-share)}" if share < 0 else percent(share)
 
 
 def learned_words(diag: Findings) -> list[str]:
     """Of each learned law: where it acts, what it is worth, its form, and what it replaces."""
-    words = []
+    sentences = []
     for law in diag.laws:
-        before, after = diag.stages[0].fit, law.told
-        unseen = before.holdout is not None and after.holdout is not None
+        given, updated = diag.stages[0].fit, law.told
+        unseen = given.holdout is not None and updated.holdout is not None
         logs = "unseen logs" if unseen else "the training logs"
-        old, new = (f.holdout if unseen and f.holdout else f.train for f in (before, after))
-        words.append(
+        first, last = (f.holdout if unseen and f.holdout else f.train for f in (given, updated))
+        sentences.append(
             f"Learned: at {place_words(diag.model, law.curve.port)} {manner_words(law)}"
-            f"{'' if law.form else ', as yet without a name'}. Of the squared error over whole "
-            f"runs of {logs} it removes {share_words(law.worth)}; with it the NRMSE there is "
-            f"{number(new.nrmse, 2)}, as given {number(old.nrmse, 2)}.{_reach_words(law)}"
+            f"{'' if law.form else ', for which no closed form was found'}. Of the squared error "
+            f"over whole runs of {logs} it removes {share_words(law.worth)}; with it the NRMSE "
+            f"there is {number(last.nrmse, 2)}, as given {number(first.nrmse, 2)}."
+            f"{_range_words(law)}"
         )
         if law.form:
-            words.append(f"{capitalised(form_words(law, law.form))}.")
-        for one in law.alike:
-            words.append(f"These logs cannot tell this from another form: {form_words(law, one)}.")
+            sentences.append(f"{capitalised(form_words(law, law.form))}.")
+        sentences += [
+            f"These logs cannot tell this from another form: {form_words(law, rival)}."
+            for rival in law.alike
+        ]
         if law.superfluous:
             names = joined(spelt(name) for name in law.superfluous)
-            words.append(
+            sentences.append(
                 f"{capitalised(names)} only imitated it, or change"
                 f"{'s' if len(law.superfluous) == 1 else ''} nothing beside it."
             )
-    return words
+    return sentences
 
 
-def _reach_words(law: LearnedLaw) -> str:
-    """How far these logs tell of it: a wave goes on as it is."""
+def _range_words(law: LearnedLaw) -> str:
+    """Where these logs determine it; a wave continues beyond them."""
     if NUMBER in law.curve.given:
         return ""
     low, high = (number(law.shown.value * end, 2) for end in (law.curve.low, law.curve.high))
     ends = f"{low} to {high} {law.place_unit}".rstrip()
-    return f" These logs tell of it from {ends}, and no further."
+    return f" These logs determine it from {ends} only."
 
 
 def manner_words(law: LearnedLaw) -> str:
@@ -71,12 +92,12 @@ def manner_words(law: LearnedLaw) -> str:
 
 def signal_words(law: LearnedLaw, effect: Curve | Formula | None = None) -> str:
     """What a law is a function of, "the last 2 s of command**2", as an effect estimates it."""
-    now = effect or law.curve
+    estimated = effect or law.curve
     expression = expression_of(law.curve.signal)
     if NUMBER in expression.places:
-        (name,) = (n for n in expression.places if n not in now.given)
-        length = number(2 * math.pi / getattr(now, NUMBER), 2)
-        unit = product_unit(("rad", 1), (now.given[NUMBER]["unit"], -1))
+        (name,) = (n for n in expression.places if n not in estimated.given)
+        length = number(2 * math.pi / getattr(estimated, NUMBER), 2)
+        unit = product_unit(("rad", 1), (estimated.given[NUMBER]["unit"], -1))
         return f"waves of {name}, {length} {unit}".rstrip() + " long"
     if not expression.memories:
         return "what arrives" if law.curve.signal == ARRIVING else law.curve.signal
@@ -85,12 +106,12 @@ def signal_words(law: LearnedLaw, effect: Curve | Formula | None = None) -> str:
     if memory.kind == "integral":
         return "the time since the log began" if of == "1" else f"the integral of {of}"
     assert memory.size is not None
-    size = getattr(now, ast.unparse(memory.size))
+    size = getattr(estimated, ast.unparse(memory.size))
     if memory.kind == "lag":
         return f"the last {number(size, 2)} s of {of}{', from none on' if memory.start else ''}"
     per, unit = law.shown
-    most = f"{number(per * size, 2)} {unit}".rstrip()
-    return f"how far {of} has gone since it turned, {most} at most"
+    limit = f"{number(per * size, 2)} {unit}".rstrip()
+    return f"the travel of {of} since it last turned, at most {limit}"
 
 
 def form_words(law: LearnedLaw, tried: TriedForm) -> str:
@@ -100,20 +121,20 @@ def form_words(law: LearnedLaw, tried: TriedForm) -> str:
         >>> form_words(law, law.form)  # doctest: +SKIP
         'it is a hump of speed about 21 rad/s, 4.6 rad/s to either side: ...'
     """
-    form = next(one for one in FORMS if one.name == tried.name)
-    told = [name for name in tried.fit.parameters if name.startswith(f"{tried.formula.name}.")]
-    shown = [tried.fit.parameters[name].shown for name in told]
-    sizes = [f"{number(value, 2)} {unit}".rstrip() for value, _, unit in shown]
-    own = dict(zip(("a", *form.parameters), sizes, strict=False))
-    goes = form.words.format(x=signal_words(law, tried.formula), **own)
+    form = next(form for form in FORMS if form.name == tried.name)
+    names = [name for name in tried.fit.parameters if name.startswith(f"{tried.formula.name}.")]
+    amounts = [tried.fit.parameters[name].shown for name in names]
+    sizes = [f"{number(value, 2)} {unit}".rstrip() for value, _, unit in amounts]
+    by_parameter = dict(zip(("a", *form.parameters), sizes, strict=False))
+    verb = form.words.format(x=signal_words(law, tried.formula), **by_parameter)
     subject = "what is added" if law.manner == "scales" else "it"
     subject = "its factor" if tried.times == ARRIVING else subject
     times = f", times {tried.times}" if tried.times not in ("", ARRIVING) else ""
-    back = " (a play or backlash)" if "play(" in law.curve.signal else ""
-    names = (name.rpartition(".")[2] for name in told)
-    return f"{subject} {goes}{times}{back}: {tried.formula.expression}, with " + joined(
-        f"{name} = {size}" for name, size in zip(names, sizes, strict=True)
+    play = " (a play or backlash)" if "play(" in law.curve.signal else ""
+    listed = joined(
+        f"{name.rpartition('.')[2]} = {size}" for name, size in zip(names, sizes, strict=True)
     )
+    return f"{subject} {verb}{times}{play}: {tried.formula.expression}, with {listed}"
 
 
 def effects_of(diag: Findings) -> tuple[Effect, ...]:

@@ -1,0 +1,472 @@
+"""A diagnosis in plain sentences: the summary, and what it is made of."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from diffthrust._support.words import (
+    an,
+    apart,
+    capitalised,
+    joined,
+    number,
+    percent,
+    spelt,
+    with_error,
+)
+from diffthrust.diagnosis._explained_share import Worth
+from diffthrust.diagnosis._findings import Findings
+from diffthrust.diagnosis._given import OddLog
+from diffthrust.diagnosis._ports import place_words
+from diffthrust.diagnosis._report.learned import learned_words, share_words
+from diffthrust.estimation._estimate import Estimate
+from diffthrust.estimation._result import Fit
+from diffthrust.models._base.model import Model
+from diffthrust.simulation._errors import Errors
+
+_NAMED = 2
+"""Channels that the summary names (more are summed up by their mean), and hints it repeats."""
+_GROWN = 4.0
+"""Errors over whole runs are set against one-step errors from this multiple of them on."""
+
+
+def summary(diag: Findings) -> str:
+    """The outcome in a few sentences: what lacks, what it gains, what stays open.
+
+    Example:
+        >>> summary(diag)
+        'The basic thruster lacks a command dead band of 0.40 V: with it the speed error on unseen
+        logs falls from 5.6 to 0.30 rad/s (NRMSE 0.33 to 0.018).'
+    """
+    sentences = [
+        *stopped_words(diag),
+        *_verdict_sentences(diag),
+        *held_words(diag),
+        *added_bound_words(diag),
+        *worth_words(diag),
+    ]
+    if diag.verdict == "unexplained":
+        sentences += [remaining_words(diag), *learned_words(diag), *possible_words(diag)]
+    if not diag.best and diag.verdict != "undecided":
+        errors = gain_words(diag) if diag.held else level_words(diag)
+        without = "without what was learned " if diag.laws else ""
+        sentences.append(f"{capitalised(without + errors)}.")
+    if diag.verdict != "undecided":
+        sentences += forced_words(diag)
+    sentences += much_words(diag)
+    if diag.before.hints:
+        sentences.append("A channel may not mean what its name says:")
+        sentences += diag.before.hints[:_NAMED]
+    return " ".join(sentences)
+
+
+def _verdict_sentences(diag: Findings) -> list[str]:
+    model = model_words(diag.model)
+    if diag.best:
+        them = "it" if len(diag.best) == 1 else "them"
+        return [f"The {model} lacks {joined(_lacking(diag))}: with {them} {gain_words(diag)}."]
+    if diag.verdict == "undecided":
+        return undecided_words(diag)
+    if diag.verdict == "adequate":
+        return [_adequate_words(diag, model)]
+    if diag.held:  # `held_words` follows, and says it
+        return []
+    return [f"The {model} lacks something that no known effect explains."]
+
+
+def _adequate_words(diag: Findings, model: str) -> str:
+    if not (diag.ranking or diag.silent):
+        untried = (
+            "These logs can test none of the effects" if diag.untestable else "No effect was tried"
+        )
+        return f"{untried}: these logs cannot show whether the {model} lacks an effect."
+    errors = judged_errors(diag)[1].channels
+    blind = [spelt(name) for name, e in errors.items() if e.nrmse >= 1.0]
+    if blind:
+        return (
+            f"These logs show no effect that the {model} lacks, and yet it follows "
+            f"{joined(blind)} no better than a constant would: do they excite what drives it?"
+        )
+    count = len({c.effect for c in diag.ranking} | {*diag.silent})
+    tried = f"none of the {count} effects that were tried" if count > 1 else "no effect"
+    helps = "matters over whole runs" if diag.detectable else "helps on these logs"
+    return f"The {model} is adequate: {tried} {helps}."
+
+
+def verdict_words(diag: Findings) -> str:
+    """The verdict as a person would say it."""
+    if diag.verdict == "effects_found" and not diag.best:
+        return "a fixed constant disagrees with these logs"
+    return {
+        "adequate": "adequate",
+        "effects_found": "effects found",
+        "unexplained": "something remains unexplained",
+        "undecided": "undecided",
+    }[diag.verdict]
+
+
+def model_words(model: Model) -> str:
+    """The model in words: "basic thruster", "thruster with command dead band"."""
+    effects = joined(spelt(effect.name) for effect in model.effects)
+    return f"{spelt(model.name)} with {effects}" if effects else f"basic {spelt(model.name)}"
+
+
+# -- effects ---------------------------------------------------------------------------------------
+
+
+def sized_words(name: str, fit: Fit) -> str:
+    """An effect with the values that the fit found.
+
+    Example:
+        >>> sized_words("command_deadband", fit)
+        'a command dead band of 0.40 V'
+    """
+    estimates = {
+        full.removeprefix(f"{name}."): e
+        for full, e in fit.parameters.items()
+        if full.startswith(f"{name}.") and not e.fixed
+    }
+    form = next((effect.form for effect in fit.model.effects if effect.name == name), {})
+    formed = "".join(f", {spelt(key)} {value:g}" for key, value in form.items())
+    values = {key: measured(e) for key, e in estimates.items()}
+    if len(values) == 1:
+        return f"{an(spelt(name))} of {next(iter(values.values()))}{formed}"
+    listed = ", ".join(f"{spelt(key)} {value}" for key, value in values.items())
+    return f"{an(spelt(name))} ({listed}{formed})" if listed else an(spelt(name))
+
+
+def measured(estimate: Estimate) -> str:
+    """A value to the digits that its standard error allows, two or three."""
+    precise = estimate.std_error is not None and estimate.std_error < 0.003 * abs(estimate.value)
+    value, _, unit = estimate.shown
+    return _sized(value, unit, 3 if precise else 2)
+
+
+def leading(diag: Findings) -> tuple[str, ...]:
+    """The added effects, what is worth most first."""
+    worth = {name: diag.worth[name].share for name in diag.added if name in diag.worth}
+    return tuple(sorted(diag.added, key=lambda name: -worth.get(name, math.inf)))
+
+
+def stage_words(diag: Findings, index: int) -> str:
+    """What a stage added: "as given", "+ command dead band", "lever_arm freed"; "- ..." if lost."""
+    if index == 0:
+        return "as given"
+    current, previous = diag.stages[index].effects, diag.stages[index - 1].effects
+    added = [name for name in current if name not in previous]
+    changes = [f"{name} freed" if name in diag.held else f"+ {spelt(name)}" for name in added]
+    changes += [f"- {spelt(name)}" for name in previous if name not in current]
+    return ", ".join(changes)
+
+
+def _lacking(diag: Findings) -> list[str]:
+    """The added effects with their values, and what each cannot be told from."""
+    words, groups = [], dict(zip(diag.added, diag.groups, strict=True))
+    for name in leading(diag):
+        rivals = joined((an(spelt(rival)) for rival in groups[name] if rival != name), "or")
+        untold = f" (these logs cannot tell it from {rivals})" if rivals else ""
+        words.append(sized_words(name, diag.fit) + untold)
+    return words
+
+
+# -- errors and what reduces them ------------------------------------------------------------------
+
+
+def errors_of(diag: Findings) -> tuple[str, Errors, Errors]:
+    """Name of the logs that count, and the errors on them at the first and the last stage."""
+    first, last = diag.stages[0], diag.stages[-1]
+    if first.holdout is not None and last.holdout is not None:
+        return "unseen logs", first.holdout, last.holdout
+    return "the training logs", first.train, last.train
+
+
+def judged_errors(diag: Findings) -> tuple[str, Errors]:
+    """Name of the logs on which the verdict rests, and the errors of the last stage on them."""
+    logs, _, errors = errors_of(diag)
+    if diag.apart is None:
+        return logs, errors
+    return f"the other {logs.removeprefix('the ')}", diag.judged.errors
+
+
+def gain_words(diag: Findings) -> str:
+    """How the error of each channel changed from the first stage to the last."""
+    logs, first, last = errors_of(diag)
+    worst = sorted(first.channels, key=lambda name: -_rank(first.channels[name].nrmse))[:_NAMED]
+    phrases = []
+    for name in (name for name in first.channels if name in worst):
+        baseline, updated = first.channels[name], last.channels[name]
+        start, end = apart(baseline.shown.value, updated.shown.value)
+        low, high = apart(baseline.nrmse, updated.nrmse)
+        verb = "falls" if updated.rmse < baseline.rmse else "rises"
+        change = f"stays at {start}" if start == end else f"{verb} from {start} to {end}"
+        where = "" if phrases else f" on {logs}"
+        size = f"the {spelt(name)} error{where} {change} {baseline.shown.unit}".rstrip()
+        phrases.append(f"{size} (NRMSE {low} to {high})")
+    if len(first.channels) > _NAMED:
+        low, high = apart(first.nrmse, last.nrmse)
+        phrases.append(
+            f"the NRMSE over all {len(first.channels)} channels goes from {low} to {high}"
+        )
+    return joined(phrases)
+
+
+def level_words(diag: Findings) -> str:
+    """How large the error of each channel is at the last stage."""
+    logs, errors = judged_errors(diag)
+    return joined(
+        f"the {spelt(name)} error{'' if i else f' on {logs}'} is {_sized(*e.shown)} "
+        f"(NRMSE {number(e.nrmse, 2)})"
+        for i, (name, e) in enumerate(errors.channels.items())
+    )
+
+
+def worth_words(diag: Findings) -> list[str]:
+    """Of several effects what each is worth; and those that are certain and change nothing."""
+    logs = errors_of(diag)[0]
+    sentences, judged = [], [name for name in leading(diag) if name in diag.worth]
+    if len(judged) > 1:
+        shares = joined(f"{spelt(name)} {share_words(diag.worth[name])}" for name in judged)
+        sentences.append(f"Of the squared error over whole runs of {logs} each removes: {shares}.")
+    if diag.detectable:
+        several = len(diag.detectable) > 1
+        groups = diag.detectable_groups or [(name,) for name in diag.detectable]
+        sized = (
+            " or ".join(map(an, map(spelt, group))) + _at_most(diag.worth.get(group[0]))
+            for group in groups
+        )
+        sentences.append(
+            f"These logs also show {joined(sized)}: {'they are' if several else 'it is'} certain "
+            "from one sample to the next, but over whole runs "
+            f"{'they change' if several else 'it changes'} nothing that surely matters."
+        )
+    return sentences
+
+
+def undecided_words(diag: Findings) -> list[str]:
+    """That large, lasting errors may come from missing physics or from random forces."""
+    logs, errors = judged_errors(diag)
+    name = next(iter(diag.far), next(iter(errors.channels)))
+    error = errors.channels[name]
+    multiple = number(error.rmse / diag.one_step.get(name, math.nan), 2)
+    return [
+        f"Undecided: over whole runs of {logs} the {spelt(name)} error is {_sized(*error.shown)} "
+        f"(NRMSE {number(error.nrmse, 2)}), {multiple} times that from one sample to the next; on "
+        "these logs random forces explain it as well as missing physics.",
+        *possible_words(diag),
+        deciding_words(diag),
+    ]
+
+
+def possible_words(diag: Findings) -> list[str]:
+    """The effects that only whole runs speak for."""
+    logs = errors_of(diag)[0]
+    shares = [f"{an(spelt(name))} {share_words(worth)}" for name, worth in diag.possible.items()]
+    if not shares:
+        return []
+    return [
+        f"Possible, judged by whole runs alone, with the share of the squared error on {logs} "
+        f"that each would remove: {joined(shares, 'or')}."
+    ]
+
+
+def deciding_words(diag: Findings) -> str:
+    """Which record would decide."""
+    if diag.experiment and diag.possible:
+        return f"A further record would decide: {diag.experiment.sentence}"
+    return (
+        "To decide, record a run that repeats the inputs of one of these logs: errors that recur "
+        "are physics, the others are random forces."
+    )
+
+
+def forced_words(diag: Findings) -> list[str]:
+    """How much of the error over whole runs is left, and what it is attributed to."""
+    logs, errors = judged_errors(diag)
+    growth = {
+        n: e.rmse / diag.one_step[n] for n, e in errors.channels.items() if n in diag.one_step
+    }
+    name = max(growth, key=lambda n: _rank(growth[n]), default="")
+    if not name or not growth[name] > _GROWN:
+        return []
+    size, unit = errors.channels[name].shown
+    words = (
+        f"From one sample to the next the {spelt(name)} is predicted to within "
+        f"{_sized(size / growth[name], unit)}, over whole runs of {logs} to {_sized(size, unit)}"
+    )
+    if diag.verdict == "undecided":
+        return [f"{words}."]
+    if diag.verdict == "unexplained":
+        return [f"{words}: missing physics and random forces add up."]
+    return [
+        f"{words}: the difference is attributed to random forces and lasting sensor errors, which "
+        "no signal of these logs surely explains."
+    ]
+
+
+def _at_most(worth: Worth | None) -> str:
+    return "" if worth is None else f" (it removes {share_words(worth)} of the squared error)"
+
+
+# -- what remains ----------------------------------------------------------------------------------
+
+
+def remaining_words(diag: Findings) -> str:
+    """What no known effect explains: where it enters and on what it depends."""
+    remaining = diag.remaining
+    if remaining is None:
+        if diag.verdict == "unexplained":
+            return (
+                repeating_words(diag)
+                if diag.repeating
+                else "Structure remains that no known effect explains; its place is not clear."
+            )
+        if diag.verdict == "undecided":
+            return "What remains is lasting, and cannot be told from random forces."
+        return "What remains cannot be told from noise."
+    enters = "it enters at" if remaining.manner == "adds" else "it scales what passes"
+    still = "Structure still remains" if diag.best else "Structure remains"
+    return (
+        f"{still} that no known effect explains: {enters} "
+        f"{place_words(diag.model, remaining.port)} and depends on {remaining.depends_on}, which "
+        f"explains {percent(remaining.share)} of the squared one-step errors there."
+    )
+
+
+def repeating_words(diag: Findings) -> str:
+    """That large errors over whole runs repeat, as a flexible model shows."""
+    room = diag.room.channels if diag.room else {}
+    logs = judged_errors(diag)[0]
+    shares = [
+        f"{percent(room[name].share)} ({percent(max(room[name].low, 0.0))} to "
+        f"{percent(room[name].high)}) of the squared {spelt(name)} error"
+        for name in diag.repeating
+    ]
+    return (
+        f"Structure remains that no known effect explains: over whole runs of {logs} a flexible "
+        f"model of these signals explains {joined(shares)}, so it is repeatable; where it enters "
+        "is not clear."
+    )
+
+
+# -- what was given: logs that deviate, fixed constants, narrow bounds -----------------------------
+
+
+def much_words(diag: Findings) -> list[str]:
+    """The deviating logs that carry enough of the error to decide, and whether they do."""
+    sentences = [_odd_log(odd) for odd in diag.odd_logs if odd.much]
+    if diag.apart:
+        sentences.append(
+            "The verdict rests on the other logs alone, with the model fitted to them: the "
+            "deviating ones were recorded differently, or show what the others do not."
+        )
+    return sentences
+
+
+def odd_words(diag: Findings) -> list[str]:
+    """Every log that deviates from the others, and how.
+
+    Example:
+        >>> odd_words(diag)
+        ['Log 14V deviates from the others: its thrust error is 3.4 times that of the median log.
+        ...']
+    """
+    return [_odd_log(odd) for odd in diag.odd_logs]
+
+
+def held_words(diag: Findings) -> list[str]:
+    """Every fixed constant that the logs contradict.
+
+    Example:
+        >>> held_words(diag)
+        ["lever_arm is fixed at 0.5 m; these logs suggest 0.399 ± 0.002 m. Measure it again, or
+        ..."]
+    """
+    return [
+        f"{name} is fixed at {_amount(f'{held.value:.4g}', held.unit)}; these logs suggest "
+        f"{_amount(' ± '.join(with_error(held.wanted, held.std_error)), held.unit)}. Measure it "
+        f"again, or free it: model.free('{name}')."
+        for name, held in diag.held.items()
+    ]
+
+
+def stopped_words(diag: Findings) -> list[str]:
+    """Every parameter of the model as given that a bound has stopped.
+
+    Also those that a bound held until effects were added: these may stand in for what lies beyond.
+
+    Example:
+        >>> stopped_words(diag)
+        ['alpha stopped at its bound of 0.2 1/s: these logs favour a higher value. ...']
+    """
+    first, last = _stopped(diag.stages[0].fit), _stopped(diag.fit)
+    added = joined(an(spelt(name)) for name in diag.added)
+    sentences = []
+    for full, (name, amount, way) in {**first, **last}.items():
+        if full in diag.model.parameters and full in last:
+            sentences.append(
+                f"{name} stopped at its bound of {amount}: these logs favour a {way} value. What "
+                "follows holds under that bound: widen it, if physically possible, and diagnose "
+                "again."
+            )
+        elif full in diag.model.parameters and added:
+            sentences.append(
+                f"{name} was at its bound of {amount} without {added}, which may stand in for a "
+                f"{way} {name}: widen the bound, if physically possible, and diagnose again."
+            )
+    return sentences
+
+
+def added_bound_words(diag: Findings) -> list[str]:
+    """Every parameter of an added effect that a bound has stopped."""
+    return [
+        f"{name} {beyond_bound(amount)}"
+        for full, (name, amount, _) in _stopped(diag.fit).items()
+        if full not in diag.model.parameters
+    ]
+
+
+def beyond_bound(amount: str) -> str:
+    """What a parameter at its bound means for its effect, and the mend."""
+    return (
+        f"stopped at its bound of {amount}: the effect may explain more beyond it. Widen the "
+        "bound, if physically possible."
+    )
+
+
+def _stopped(fit: Fit) -> Mapping[str, tuple[str, str, str]]:
+    """Of each parameter that a bound stopped its name in words, the bound, and which way it went.
+
+    Without those at the null of their effect, or at the zero of a logarithm: there the effect has
+    vanished, which the notes say.
+    """
+    stopped = {}
+    for full, p in fit.model.parameters.items():
+        e, (low, high) = fit.parameters[full], p.limits
+        above = abs(e.value - high) < abs(e.value - low)
+        vanished = e.value == p.null or (p.transform == "log" and low <= 0 and not above)
+        if e.at_bound and not vanished:
+            effect, _, name = full.rpartition(".")
+            words = capitalised(f"{spelt(name)} of {an(spelt(effect))}") if effect else name
+            amount = _amount(f"{e.shown[0]:.4g}", e.shown[2])
+            stopped[full] = words, amount, "higher" if above else "lower"
+    return stopped
+
+
+def _odd_log(odd: OddLog) -> str:
+    return (
+        f"Log {odd.log} deviates from the others: {odd.evidence}. It carries {percent(odd.share)} "
+        f"of the squared {spelt(odd.channel)} error of all logs. Check how it was recorded."
+    )
+
+
+def _amount(size: str, unit: str) -> str:
+    return f"{size} {unit}".rstrip()
+
+
+def _sized(value: float, unit: str, digits: int = 2) -> str:
+    return f"{number(value, digits)} {unit}".rstrip()
+
+
+def _rank(value: float) -> float:
+    return -math.inf if math.isnan(value) else value
