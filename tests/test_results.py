@@ -11,6 +11,7 @@ from typing import Any
 import made_diagnosis
 import numpy as np
 import pytest
+from made_checks import CheckRow, FitRun
 from places import ROOT
 from rich.console import Group
 from rich.table import Table
@@ -18,8 +19,6 @@ from rich.text import Text
 
 import diffthrust as dft
 from diffthrust._support.tables import rendered  # private: the looks of all tables
-from diffthrust.checks._expected import CheckRow  # private: made by hand
-from diffthrust.checks._result import FitRun  # private: made by hand
 from diffthrust.checks._tables import check_table  # private: printed by a command
 from diffthrust.cli._tables import (  # private: printed by commands
     catalogue_table,

@@ -5,10 +5,8 @@ from __future__ import annotations
 import json
 
 import pytest
+from command_line import run
 from survey.strange_logs import thruster, write_table
-from typer.testing import CliRunner
-
-from diffthrust.cli import _app  # private: the app that the command runs
 
 
 @pytest.fixture(autouse=True)
@@ -21,12 +19,6 @@ def run1(tmp_path):
     log = thruster()
     table = {"t": log["time"], "pwm": 1500 + 400 * log["effort"], "rpm": 9.549 * log["speed"]}
     return write_table(tmp_path / "run1.csv", table)
-
-
-def run(*words, status=0):
-    result = CliRunner().invoke(_app.app, [str(word) for word in words])
-    assert result.exit_code == status, result.output
-    return result
 
 
 def test_look_prints_and_writes_a_spec_that_fits(run1, tmp_path):

@@ -7,9 +7,9 @@ from contextlib import suppress
 import numpy as np
 import pandas as pd
 import pytest
+from file_contents import contents
 
 from diffthrust import Column, InputError, read_log, read_robot_log
-from diffthrust.logs._contents import contents  # private: what the survey of a file is built on
 from tests.damaged_files import outcomes
 from tests.robot_files import (
     attitude,

@@ -9,10 +9,10 @@ import sys
 
 import numpy as np
 import pytest
+from file_contents import contents
 
 from diffthrust import InputError
 from diffthrust.logs import Column, read_log
-from diffthrust.logs._contents import contents  # private: what `look` is built on
 from diffthrust.logs._tables import csv, large_csv  # private: how long a large file is
 
 ROWS = 1200

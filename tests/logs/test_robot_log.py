@@ -5,11 +5,11 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
+from file_contents import contents
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from diffthrust import Column, InputError, Log, Thruster, read_log, read_robot_log, simulate
-from diffthrust.logs._contents import contents  # private: what the survey of a file is built on
 from diffthrust.logs._robots.resample import resample  # private: series without a file
 from diffthrust.logs._robots.series import Series, series_of  # private: likewise
 from diffthrust.specs import load_spec
