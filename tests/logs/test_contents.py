@@ -267,7 +267,7 @@ def test_no_change_of_a_byte_ends_in_a_traceback(tmp_path, kind):
 
 def test_files_of_no_kind(tmp_path):
     for content, words in [
-        (b"\xff\xd8\xff\xe0\0\x10JFIF\0", "binary data of no kind"),
+        (b"\xff\xd8\xff\xe0\0\x10JFIF\0", "binary data of an unknown format"),
         (b'{"t": [0, 1]}', "JSON"),
         (b"<html><body>404</body></html>", "HTML"),
         (b"\x1f\x8b" + bytes(60), "gzip"),

@@ -121,7 +121,7 @@ def test_a_file_says_the_same_in_blocks(tmp_path, in_blocks, monkeypatch, name):
     whole = outcome(path)
     in_blocks()
     if name in PLAIN:  # what is plain is never held as a whole
-        monkeypatch.setattr(csv, "_read_whole", None)
+        monkeypatch.setattr(csv, "_read_all_lines", None)
     assert outcome(path) == whole
 
 
