@@ -10,8 +10,7 @@ import numpy as np
 from diffthrust._support.figures import BLUE, GREY
 from diffthrust.diagnosis._figures import BAND, COLOURS, plainly
 from diffthrust.diagnosis._learned_words import manner_words, signal_words
-from diffthrust.diagnosis._learning.closed_forms import FORMS
-from diffthrust.diagnosis._learning.forms import form_values
+from diffthrust.diagnosis._unknown_term.closed_forms import FORMS, form_values
 from diffthrust.models._base.made_effect import ARRIVING
 
 if TYPE_CHECKING:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 from diffthrust._support.tables import number
 from diffthrust._support.words import capitalised, joined, spelt
-from diffthrust.diagnosis._learning.closed_forms import FORMS
-from diffthrust.diagnosis._learning.hypotheses import NUMBER
 from diffthrust.diagnosis._matter_words import share_words
 from diffthrust.diagnosis._ports import place_words
+from diffthrust.diagnosis._unknown_term.closed_forms import FORMS
+from diffthrust.diagnosis._unknown_term.terms import NUMBER
 from diffthrust.effects._grammar import expression_of
 from diffthrust.logs._units import product_unit
 from diffthrust.models._base.made_effect import ARRIVING
