@@ -195,7 +195,7 @@ def drop(trials: CandidateFitter, known: SearchState) -> SearchState:
             dropped = known.dropped if name == effects[-1] else (*known.dropped, name)
             detectable = tuple(n for n in known.detectable if n != name)
             known = replace(
-                known, present=CurrentModel(trials, without), dropped=dropped, detectable=detectable
+                known, current=CurrentModel(trials, without), dropped=dropped, detectable=detectable
             )
     return known
 

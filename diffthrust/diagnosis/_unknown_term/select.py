@@ -319,7 +319,7 @@ def _restrict_to(
         trial = trials.settled(kept, values, present.begin, present.limit)
     state = replace(
         state,
-        present=CurrentModel(trials, trial),
+        current=CurrentModel(trials, trial),
         stages=tuple(s for s in state.stages if {*s.effects} <= {*kept}),
         detectable=(),
         dropped=(*state.dropped, *dropped),
