@@ -70,7 +70,7 @@ def test_a_spec_may_have_any_ending(run1, tmp_path):
 
 def test_a_folder_of_logs_alone_points_to_look(run1):
     told = run("fit", run1.parent, status=2).output
-    assert "found logs alone" in told
+    assert "found only logs" in told
     assert f"diffthrust look {run1.parent} --spec fit.toml" in told
 
 
@@ -83,6 +83,6 @@ def test_what_is_no_log_is_told_with_what_is_read(tmp_path):
     assert "Mend:" in run("look", tmp_path / "x.bin", status=2).output
     assert "found none" in run("look", tmp_path / "absent.csv", status=2).output
     (tmp_path / "fit.toml").write_text('model = "thruster"\nalpha = 1\n')
-    assert "hardly a column" in run("look", tmp_path / "fit.toml", status=2).output
+    assert "fewer than two columns" in run("look", tmp_path / "fit.toml", status=2).output
     (tmp_path / "empty").mkdir()
     assert "expected a folder with logs" in run("look", tmp_path / "empty", status=2).output

@@ -547,7 +547,7 @@ def test_a_fit_on_all_messages_is_not_biased_by_late_inputs(spec):
     ("old", "new", "words"),
     [
         ('base = "speed"', "", ["line 3, logs.base", "no time base is chosen"]),
-        ('base = "speed"', 'time = "t"', ["line 5, logs.time", "stamps of its own"]),
+        ('base = "speed"', 'time = "t"', ["line 5, logs.time", "a log of messages"]),
         ('base = "speed"', "base = -1", ["expected a channel or a step above zero"]),
         ("stop = 2.0", 'stamps = "sent"', ["line 6, logs.stamps"]),
         ("/rpm.data[0]", "/rpn.data[0]", ["nearest is '/rpm'", "line 11"]),
