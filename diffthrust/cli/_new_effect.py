@@ -51,7 +51,7 @@ def new_effect_command(
     with session():
         from diffthrust.effects import Formula
         from diffthrust.effects._class_text import class_name
-        from diffthrust.specs._new_effect import at_home, new_effect, parameter_asked
+        from diffthrust.specs._new_effect import bound_to_model, new_effect, parse_parameter
 
         if learned:
             if formula or port or parameter:
@@ -64,8 +64,8 @@ def new_effect_command(
             effect, doc = (model + named).effects[-1], doc or told
             assert isinstance(effect, Formula)
         elif formula and port:
-            asked = dict(map(parameter_asked, parameter or []))
-            effect = at_home(Formula(port, formula, name=name, **asked))
+            asked = dict(map(parse_parameter, parameter or []))
+            effect = bound_to_model(Formula(port, formula, name=name, **asked))
         else:
             raise InputError(
                 "new-effect: expected a law and where it acts, found neither or one of them.",

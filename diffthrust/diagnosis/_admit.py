@@ -19,9 +19,9 @@ from diffthrust.diagnosis._findings import Refusal, Stage, TriedEffect
 from diffthrust.diagnosis._held import with_candidates
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, with_values
 from diffthrust.diagnosis._ports import KNOTS
+from diffthrust.diagnosis._residual_structure import gain_of
 from diffthrust.diagnosis._search_state import CurrentModel, SearchContext, SearchState
 from diffthrust.diagnosis._simulation_fit import change_between, fitted_beside, fitted_to_runs
-from diffthrust.diagnosis._structure import gain_of
 from diffthrust.logs._log import Log
 from diffthrust.simulation._runs import runs_over
 
@@ -195,7 +195,7 @@ def drop(trials: CandidateFitter, known: SearchState) -> SearchState:
             dropped = known.dropped if name == effects[-1] else (*known.dropped, name)
             detectable = tuple(n for n in known.detectable if n != name)
             known = replace(
-                known, present=CurrentModel(trials, without), dropped=dropped, detectable=detectable
+                known, current=CurrentModel(trials, without), dropped=dropped, detectable=detectable
             )
     return known
 

@@ -15,8 +15,7 @@ from diffthrust.diagnosis._findings import Missing
 from diffthrust.diagnosis._given import OddLog
 from diffthrust.diagnosis._held_values import held_values
 from diffthrust.diagnosis._innovations_fit import TrialFit
-from diffthrust.diagnosis._learning.learn import learned_law
-from diffthrust.diagnosis._missing import missing_signals
+from diffthrust.diagnosis._missing_signal import missing_signals
 from diffthrust.diagnosis._outlier_logs import no_longer_odd, odd_logs
 from diffthrust.diagnosis._result import Diagnosis
 from diffthrust.diagnosis._search_state import (
@@ -28,6 +27,7 @@ from diffthrust.diagnosis._search_state import (
 )
 from diffthrust.diagnosis._set_aside import set_aside
 from diffthrust.diagnosis._stages import next_stage
+from diffthrust.diagnosis._unknown_term.select import learned_law
 from diffthrust.diagnosis._verdict import verdict_of
 from diffthrust.diagnosis._whole_runs import from_simulation
 from diffthrust.estimation._arguments import by_input, check_arguments, listed

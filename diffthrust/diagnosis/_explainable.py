@@ -1,4 +1,14 @@
-"""How much of an error a flexible correction could explain on fresh records, and how surely.
+"""Regressions of moderate flexibility from signals to an error: a ladder of them, and their choice.
+
+Signals enter as they are and through first-order filters with time constants from fast to slow, so
+that what the past leaves behind can be seen; curves come from random features, tanh(w x + b) of the
+standardized signals, before the filters and behind them, summed by ridge regression. Rung and ridge
+are chosen by leaving out one record at a time.
+
+Source: Rahimi & Recht 2008, Weighted sums of random kitchen sinks; Hastie, Tibshirani & Friedman
+2009, The Elements of Statistical Learning, sections 3.4 and 7.10.
+
+How much of an error a flexible correction could explain on fresh records, and how surely.
 
 The share that a correction explains of errors it has not seen falls short of what its form could
 explain with records without end: it has learned from few. To first order the shortfall goes with
@@ -10,26 +20,275 @@ fewer than they seem, half of the shortfall, and all forms that may as well be t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from diffthrust._support.correlation import autocorrelation, integral
-from diffthrust.diagnosis._regressions import (
-    ErrorRecord,
-    Learner,
-    Rung,
-    chosen,
-    features_for,
-    learners_for,
-)
+
+_RANDOM_CURVES = 100
+_FILTERS = 5
+_RIDGES = 10.0 ** np.arange(-6.0, 3.0)
+"""Ridge, as a share of the samples."""
+_CLIPPED_AT = 4.0
+"""Standard deviations beyond which a signal counts as this far: no extrapolation."""
+
+
+class Rung(StrEnum):
+    """The forms of a correction, from none at all to the most flexible one."""
+
+    NOTHING = "nothing"
+    STATIC_LINEAR = "static, linear"
+    STATIC_CURVED = "static, curved"
+    DYNAMIC_LINEAR = "dynamic, linear"
+    DYNAMIC_CURVED = "dynamic, curved"
+
+    @property
+    def dynamic(self) -> bool:
+        """Whether the past counts."""
+        return self in (Rung.DYNAMIC_LINEAR, Rung.DYNAMIC_CURVED)
+
+    @property
+    def curved(self) -> bool:
+        """Whether it bends."""
+        return self in (Rung.STATIC_CURVED, Rung.DYNAMIC_CURVED)
+
+
+class ErrorRecord(NamedTuple):
+    """One record: signals and the error to be explained.
+
+    Args:
+        time: [s], ``(n,)``.
+        signals: by name, ``(n,)`` each.
+        error: ``(n,)``; NaN where nothing was measured.
+    """
+
+    time: np.ndarray
+    signals: Mapping[str, np.ndarray]
+    error: np.ndarray
+
+    def columns(self, names: Sequence[str]) -> np.ndarray:
+        """Some signals side by side, ``(n, d)``."""
+        return np.stack([self.signals[name] for name in names], axis=1)
+
+
+@dataclass(frozen=True)
+class Features:
+    """Regressors from the signals of a record, scaled as in the records that they were made for.
+
+    Args:
+        names: signals that are used.
+        lags: time constants of the filters [s].
+        centre: of each signal and filtered signal, ``(d (1 + filters),)``.
+        scale: likewise.
+        seed: of the random features.
+    """
+
+    names: tuple[str, ...]
+    lags: tuple[float, ...]
+    centre: np.ndarray
+    scale: np.ndarray
+    seed: int
+
+    def of(self, record: ErrorRecord, rung: Rung) -> np.ndarray:
+        """``(n, p)`` regressors of a rung, with a column of ones in front."""
+        wide = through_filters(record.time, record.columns(self.names), self.lags) - self.centre
+        wide = np.clip(wide / self.scale, -_CLIPPED_AT, _CLIPPED_AT)
+        present = wide[:, : len(self.names)]
+        parts = [np.ones((record.time.size, 1)), wide if rung.dynamic else present]
+        if rung.curved:
+            parts.append(_random_curves(present, *self._curves[True]))
+        if rung.curved and rung.dynamic:
+            parts.append(_random_curves(wide, *self._curves[False]))
+            parts[-2] = through_filters(record.time, parts[-2], self.lags)
+        return np.concatenate(parts, axis=1)
+
+    @cached_property
+    def _curves(self) -> dict[bool, tuple[np.ndarray, np.ndarray]]:
+        rng, curves = np.random.default_rng(self.seed), {}
+        for static, inputs in ((True, len(self.names)), (False, self.centre.size)):
+            slopes = rng.standard_normal((inputs, _RANDOM_CURVES)) * (1.5 / np.sqrt(inputs))
+            curves[static] = slopes, rng.uniform(-1.5, 1.5, _RANDOM_CURVES)
+        return curves
+
+
+def through_filters(time: np.ndarray, columns: np.ndarray, lags: Sequence[float]) -> np.ndarray:
+    """Series, and each through first-order lags that begin settled, ``(n, d (1 + lags))``."""
+    from scipy.signal import lfilter  # takes a while
+
+    parts, steps = [columns], np.diff(time)
+    even = np.ptp(steps) <= 1e-6 * np.median(steps)
+    for lag in lags:
+        kept = np.exp(-steps / lag)
+        if even:
+            a = kept[0]
+            parts.append(lfilter([1.0 - a], [1.0, -a], columns, axis=0, zi=a * columns[:1])[0])
+            continue
+        out = columns.copy()
+        for k in range(steps.size):
+            out[k + 1] += kept[k] * (out[k] - columns[k + 1])
+        parts.append(out)
+    return np.concatenate(parts, axis=1)
+
+
+def _random_curves(columns: np.ndarray, slopes: np.ndarray, shifts: np.ndarray) -> np.ndarray:
+    return np.tanh(columns @ slopes + shifts)
+
+
+def features_for(records: Sequence[ErrorRecord], seed: int) -> Features:
+    """Features scaled to these records; signals that never move are left out."""
+    step = float(np.median(np.concatenate([np.diff(r.time) for r in records])))
+    longest = max(float(r.time[-1] - r.time[0]) for r in records)
+    lags = tuple(np.geomspace(2.0 * step, max(4.0 * step, longest / 10.0), _FILTERS))
+    moving = [
+        name
+        for name in records[0].signals
+        if all(name in r.signals for r in records)
+        and np.ptp(np.concatenate([r.signals[name] for r in records])) > 0
+    ]
+    wide = np.concatenate([through_filters(r.time, r.columns(moving), lags) for r in records])
+    scale = np.std(wide, axis=0)
+    return Features(
+        tuple(moving), lags, np.mean(wide, axis=0), np.where(scale > 0, scale, 1.0), seed
+    )
+
+
+@dataclass(frozen=True)
+class Learner:
+    """A rung with the ridge that predicts left-out records best, ready to learn from any of them.
+
+    Args:
+        rung: its form.
+        ridge: as a share of the samples.
+        loss: squared error of what was left out, as a share of that of no correction.
+        features: what turns a record into regressors.
+        blocks: what it needs of each record.
+        basis: what turns a solution into weights.
+    """
+
+    rung: Rung
+    ridge: float
+    loss: float
+    features: Features
+    blocks: Sequence[_Sums]
+    basis: np.ndarray
+
+    def weights(self, of: Sequence[int]) -> np.ndarray:
+        """What some of the records teach, ``(p,)``."""
+        return self.basis @ ridge_solution(pooled_sums([self.blocks[i] for i in of]), self.ridge)
+
+    def samples(self, of: Sequence[int]) -> int:
+        """How many samples these records have."""
+        return sum(self.blocks[i].samples for i in of)
+
+
+def learners_for(records: Sequence[ErrorRecord], features: Features) -> list[Learner]:
+    """A learner for each rung above none; without those whose equations have no solution."""
+    learners = []
+    for rung in list(Rung)[1:]:
+        blocks, basis = regression(records, features, rung)
+        losses = _left_out(blocks)
+        if np.all(np.isfinite(losses)):
+            least = int(np.argmin(losses))
+            ridge, loss = float(_RIDGES[least]), float(losses[least])
+            learners.append(Learner(rung, ridge, loss, features, blocks, basis))
+    return learners
+
+
+def chosen(learners: Sequence[Learner]) -> Learner | None:
+    """The learner that predicts left-out records best; none where no correction does as well.
+
+    A higher rung must be better than the last good one by a hundredth of the squared error: a tie
+    goes to the simpler model.
+    """
+    best, taken = 1.0, None
+    for learner in learners:
+        if learner.loss < best - 0.01:
+            best, taken = learner.loss, learner
+    return taken
+
+
+class _Sums(NamedTuple):
+    """What ridge regression needs of one record, or of several."""
+
+    squares: np.ndarray
+    products: np.ndarray
+    total: float
+    samples: int
+
+
+def regression(
+    records: Sequence[ErrorRecord], features: Features, rung: Rung
+) -> tuple[list[_Sums], np.ndarray]:
+    """What to solve for each record, and what turns a solution into weights of the regressors.
+
+    Where there are more regressors than samples, weights are sought in the span of the samples
+    alone: ridge regression finds none outside it, and the systems are smaller.
+    """
+    from scipy.linalg import block_diag, qr  # takes a while
+
+    finite = [np.isfinite(r.error) for r in records]
+    parts = [features.of(r, rung)[s] for r, s in zip(records, finite, strict=True)]
+    samples, basis = sum(map(len, parts)), np.eye(parts[0].shape[1])
+    if samples < len(basis):
+        span = qr(np.concatenate(parts)[:, 1:].T, mode="economic", check_finite=False)[0]
+        basis = np.asarray(block_diag(1.0, span))  # the mean is free, and stays as it is
+        parts = [x @ basis for x in parts]
+    errors = [r.error[s] for r, s in zip(records, finite, strict=True)]
+    return [
+        _Sums(x.T @ x, x.T @ y, float(y @ y), y.size) for x, y in zip(parts, errors, strict=True)
+    ], basis
+
+
+def pooled_sums(blocks: Sequence[_Sums]) -> _Sums:
+    squares, products = blocks[0].squares.copy(), blocks[0].products.copy()
+    for block in blocks[1:]:  # in place: they are large
+        squares += block.squares
+        products += block.products
+    total, samples = sum(b.total for b in blocks), sum(b.samples for b in blocks)
+    return _Sums(squares, products, total, samples)
+
+
+def ridge_solution(sums: _Sums, ridge: float) -> np.ndarray:
+    from scipy.linalg import LinAlgError, cho_factor, cho_solve  # takes a while
+
+    squares = sums.squares.copy()
+    squares.flat[len(squares) + 1 :: len(squares) + 1] += ridge * sums.samples
+    squares[0, 0] += 1e-12 * sums.samples  # the mean is free
+    try:
+        factor = cho_factor(squares, overwrite_a=True, check_finite=False)
+    except LinAlgError:  # a simulation that has run away: nothing can be learned from it
+        return np.full(len(squares), np.nan)
+    return cho_solve(factor, sums.products, check_finite=False)
+
+
+def _left_out(blocks: Sequence[_Sums]) -> np.ndarray:
+    """For each ridge, the squared error on each record by the weights of the others.
+
+    As a share of that of no correction.
+    """
+    losses = np.zeros(_RIDGES.size)
+    for k, left_out in enumerate(blocks):
+        training = pooled_sums([b for i, b in enumerate(blocks) if i != k])
+        for i, ridge in enumerate(_RIDGES):
+            w = ridge_solution(training, float(ridge))
+            losses[i] += (
+                left_out.total
+                - 2.0 * float(w @ left_out.products)
+                + float(w @ left_out.squares @ w)
+            )
+    return losses / max(sum(b.total for b in blocks), 1e-300)
+
 
 _SPLITS = 4
 """So often the records to learn from are split in halves."""
-_NEAR = 0.02
+_NEAR_LOSS = 0.02
 """Forms whose squared errors on left-out records are this near to the best may be the right one."""
-_WIDTH = 1.895
+_T_QUANTILE = 1.895
 """Standard deviations on either side of an interval of 90 %: Student's t of seven degrees, for the
 scatter is known from a few stretches of errors that last."""
 
@@ -79,7 +338,9 @@ def explainable(
     best = chosen(learners)
     least = min(learner.loss for learner in learners)
     near = [
-        candidate for candidate in learners if candidate.loss <= least + _NEAR or candidate is best
+        candidate
+        for candidate in learners
+        if candidate.loss <= least + _NEAR_LOSS or candidate is best
     ]
     estimates = {candidate.rung: _estimate(candidate, train, test, seed) for candidate in near}
     high = max(candidate.high for candidate in estimates.values())
@@ -96,9 +357,9 @@ def _estimate(
     """What one form explains, and how much it could."""
     rng, everyone = np.random.default_rng(seed), list(range(len(train)))
     corrected, halves, reaches = [], [], []
-    shared = _taught(learner, everyone, rng) if test else None
+    shared = _teach(learner, everyone, rng) if test else None
     for k, record in enumerate(test or train):
-        taught = shared or _taught(learner, [i for i in everyone if i != k], rng)
+        taught = shared or _teach(learner, [i for i in everyone if i != k], rng)
         regressors = learner.features.of(record, learner.rung)
         rests = record.error[:, None] - regressors @ taught.weights
         corrected.append(rests[:, 0] ** 2)
@@ -118,8 +379,8 @@ def _estimate(
     lags = max(1, min(score.size for score in scores) // 2)
     lasting = integral(autocorrelation(scores, lags))
     scatter = float(np.std(np.concatenate(scores))) * np.sqrt(lasting / samples)
-    wide = _WIDTH * float(np.hypot(scatter, 0.5 * short))
-    low = min(share + short - wide, share - _WIDTH * scatter)
+    wide = _T_QUANTILE * float(np.hypot(scatter, 0.5 * short))
+    low = min(share + short - wide, share - _T_QUANTILE * scatter)
     return _Estimate(share, float(low), min(max(share, share + short, 0.0) + wide, 1.0))
 
 
@@ -133,7 +394,7 @@ class _Taught(NamedTuple):
     reach: float
 
 
-def _taught(learner: Learner, records: list[int], rng: np.random.Generator) -> _Taught:
+def _teach(learner: Learner, records: list[int], rng: np.random.Generator) -> _Taught:
     halves = []
     for split in range(_SPLITS):
         order, middle = rng.permutation(records), (len(records) + split % 2) // 2

@@ -15,8 +15,7 @@ from diffthrust._support.report import Report, Rows, Section
 from diffthrust._support.results import Result
 from diffthrust._support.words import percent
 from diffthrust.comparison._compare import Comparison, compare
-from diffthrust.diagnosis._explainable import Explainable, explainable
-from diffthrust.diagnosis._regressions import ErrorRecord, Rung
+from diffthrust.diagnosis._explainable import ErrorRecord, Explainable, Rung, explainable
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._runs import Run
@@ -24,15 +23,15 @@ from diffthrust.simulation._runs import Run
 if TYPE_CHECKING:
     from diffthrust.estimation._result import Fit
 
-_BLOCKS = 4
+_STRETCHES = 4
 """Stretches that one record or two are cut into, so that some can be left out, and halved;"""
-_FEWEST = 3
+_FEWEST_RECORDS = 3
 """so many records are left whole."""
-_MOST = 20_000
+_MOST_SAMPLES = 20_000
 """Samples that are used; more are thinned."""
-_LEAST = 100
+_LEAST_SAMPLES = 100
 """Fewer samples teach no correction."""
-_WORTH = 0.1
+_WORTH_SHARE = 0.1
 """A share that is surely below this is not worth a search."""
 
 
@@ -88,7 +87,7 @@ class Headroom(Result):
     @property
     def worth(self) -> bool:
         """Whether a channel has a tenth of its squared error, or may have, for a model to find."""
-        return any(c.high >= _WORTH and c.low > 0 for c in self.channels.values())
+        return any(c.high >= _WORTH_SHARE and c.low > 0 for c in self.channels.values())
 
     @property
     def summary(self) -> str:
@@ -197,7 +196,7 @@ def _record(model: Model, run: Run, name: str) -> ErrorRecord:
 
 def _thinned(records: list[ErrorRecord]) -> list[ErrorRecord]:
     """Fewer samples of what is measured; signals keep theirs, for the filters."""
-    every = -(-sum(r.time.size for r in records) // _MOST)
+    every = -(-sum(r.time.size for r in records) // _MOST_SAMPLES)
     kept = [np.arange(r.time.size) % every == 0 for r in records]
     return [
         r._replace(error=np.where(k, r.error, np.nan)) for r, k in zip(records, kept, strict=True)
@@ -207,11 +206,11 @@ def _thinned(records: list[ErrorRecord]) -> list[ErrorRecord]:
 def _channel(
     train: list[ErrorRecord], test: list[ErrorRecord], measured: np.ndarray, seed: int
 ) -> ChannelHeadroom:
-    if len(train) < _FEWEST:
-        train = [stretch for record in train for stretch in _cut(record, _BLOCKS // len(train))]
+    if len(train) < _FEWEST_RECORDS:
+        train = [stretch for record in train for stretch in _cut(record, _STRETCHES // len(train))]
     samples = sum(int(np.isfinite(r.error).sum()) for r in train)
     nothing = Explainable(0.0, 0.0, 1.0, Rung.NOTHING, ())
-    explained = explainable(train, test, seed) if samples >= _LEAST else nothing
+    explained = explainable(train, test, seed) if samples >= _LEAST_SAMPLES else nothing
     errors = np.concatenate([record.error for record in test or train])
     physics = float(np.sqrt(np.nanmean(errors**2))) / float(np.nanstd(measured))
     corrected = physics * float(np.sqrt(1.0 - explained.share))
@@ -235,12 +234,12 @@ def _share(value: float) -> str:
 
 def _words(name: str, c: ChannelHeadroom, judged_on: str) -> str:
     where, interval = f"on {judged_on} logs", f"{_share(c.low)} to {_share(c.high)}"
-    if c.samples < _LEAST:
+    if c.samples < _LEAST_SAMPLES:
         return (
             f"What a flexible model could explain of the error of {name} {where}, {c.samples} "
-            f"samples to learn from do not tell: {_LEAST} are needed."
+            f"samples to learn from do not tell: {_LEAST_SAMPLES} are needed."
         )
-    if c.high < _WORTH:
+    if c.high < _WORTH_SHARE:
         return (
             f"Of the squared error of {name} {where}, a flexible model explains {_share(c.share)} "
             f"({interval}): what is left does not repeat, or these signals do not tell it."

@@ -22,8 +22,8 @@ from jaxtyping import Float
 
 from diffthrust._support.errors import InputError
 from diffthrust.diagnosis._held import of_effect
+from diffthrust.diagnosis._linear_response import LinearResponse
 from diffthrust.diagnosis._ports import places_of
-from diffthrust.diagnosis._response import Response
 from diffthrust.diagnosis._score_test import promised_gain
 from diffthrust.estimation._arrange import build
 from diffthrust.estimation._laws import StudentT
@@ -149,9 +149,9 @@ class TrialFit:
         return [one.path for one in self.passed]
 
     @cached_property
-    def response(self) -> Response:
+    def response(self) -> LinearResponse:
         """What the errors answer to anything that is added to the model."""
-        return Response(self._within(self.bare()))
+        return LinearResponse(self._within(self.bare()))
 
 
 class Compiled(NamedTuple):

@@ -1,8 +1,9 @@
 """What effects promise beside a trial, by the linear response of its errors: no fit is made.
 
 Next to its null an effect is what its derivatives are along the path of the trial; at a size, what
-it makes of the signals that pass its ports there. Either is carried to the errors (`Response`), and
-a Gauss-Newton step of the effect's parameters with all others tells what a fit would gain, about.
+it makes of the signals that pass its ports there. Either is carried to the errors
+(`LinearResponse`), and a Gauss-Newton step of the effect's parameters with all others tells what a
+fit would gain, about.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._support._running.programs import program
-from diffthrust.diagnosis._response import Response
+from diffthrust.diagnosis._linear_response import LinearResponse
 from diffthrust.diagnosis._score_test import promised_gain
 from diffthrust.diagnosis._step_slopes import Passing
 from diffthrust.models._base.effect import Effect
@@ -48,7 +49,7 @@ class Promise(NamedTuple):
 
 
 def promises(
-    response: Response, effect: Effect, near: Sequence[Point], far: Sequence[Point]
+    response: LinearResponse, effect: Effect, near: Sequence[Point], far: Sequence[Point]
 ) -> list[Promise]:
     """What an effect would gain from some points.
 
@@ -82,13 +83,13 @@ class _Asked(NamedTuple):
     shifts: list[Shift]
 
 
-def acts(response: Response, effect: Effect, point: Point) -> bool:
+def acts(response: LinearResponse, effect: Effect, point: Point) -> bool:
     """Whether an effect adds anything anywhere."""
     shift = shift_of(response, effect, {n.partition(".")[2]: v for n, v in point.items()})
     return any(np.any(one) for parts in shift.values() for one in parts[0])
 
 
-def _asked(response: Response, effect: Effect, point: Point, near: bool) -> _Asked:
+def _asked(response: LinearResponse, effect: Effect, point: Point, near: bool) -> _Asked:
     named = effect._parameters
     values = {name.partition(".")[2]: value for name, value in point.items()}
     here = shift_of(response, effect, values)
@@ -115,7 +116,7 @@ def _difference(one: Shift, other: Shift, per: float) -> Shift:
 
 
 def _promised(
-    response: Response, effect: Effect, asked: _Asked, found: list[np.ndarray]
+    response: LinearResponse, effect: Effect, asked: _Asked, found: list[np.ndarray]
 ) -> Promise:
     nothing = Promise(0.0, asked.point, False)
     if not all(np.all(np.isfinite(part)) for part in found):
@@ -147,7 +148,7 @@ def _promised(
     return Promise(gain, asked.point, bool(acts))
 
 
-def answered(response: Response, shifts: Sequence[Shift]) -> list[np.ndarray]:
+def answered(response: LinearResponse, shifts: Sequence[Shift]) -> list[np.ndarray]:
     """The errors' answers to some shifts of one effect, by batch ``(B, K, C, T)``."""
     shape = [(e.shape[0], len(shifts), *e.shape[1:]) for e in response.errors]
     total = [np.zeros(one) for one in shape]
@@ -161,7 +162,7 @@ def answered(response: Response, shifts: Sequence[Shift]) -> list[np.ndarray]:
     return total
 
 
-def shift_of(response: Response, effect: Effect, values: Point) -> Shift:
+def shift_of(response: LinearResponse, effect: Effect, values: Point) -> Shift:
     """What an effect adds at its places along the path."""
     effect = effect._bound(dict(values))
     out: Shift = {}

@@ -11,7 +11,7 @@ from diffthrust.estimation._likelihood import Quadratic
 
 _MOST_REMOVED = 0.9
 """No step is taken to remove more of the squared errors than this, whatever it promises."""
-_SAME = 1e-6
+_REDUNDANT = 1e-6
 """An effect is redundant that keeps less than this of its information beside the others."""
 
 
@@ -84,4 +84,4 @@ def redundant(q: Quadratic, names: Sequence[str], effect: str) -> bool:
     remaining = (
         scaled[np.ix_(of_this, of_this)] - cross @ np.linalg.pinv(nuisance, 1e-12, True) @ cross.T
     )
-    return bool(np.diagonal(remaining).max() < _SAME)
+    return bool(np.diagonal(remaining).max() < _REDUNDANT)

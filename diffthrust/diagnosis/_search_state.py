@@ -18,7 +18,7 @@ from diffthrust.diagnosis._criteria import criterion
 from diffthrust.diagnosis._explained_share import Worth
 from diffthrust.diagnosis._findings import Refusal, Remaining, Stage, TriedEffect
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
-from diffthrust.diagnosis._structure import remaining_structure
+from diffthrust.diagnosis._residual_structure import remaining_structure
 from diffthrust.effects import EFFECTS
 from diffthrust.estimation._fit import fit as fit_model
 from diffthrust.estimation._result import Fit

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from diffthrust.comparison._compare import Comparison, compare
+from diffthrust.diagnosis._residual_structure import remaining_structure
 from diffthrust.diagnosis._result import Diagnosis
 from diffthrust.diagnosis._search_state import SearchContext, compiled_fitter
-from diffthrust.diagnosis._structure import remaining_structure
 from diffthrust.logs._log import Log
 
 

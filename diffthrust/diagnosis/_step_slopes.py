@@ -27,7 +27,7 @@ from diffthrust.simulation._trajectory import (
     starting_point,
 )
 
-_NOTES = ("moved.", "pushed.", "rest.")
+_NOTED = ("moved.", "pushed.", "rest.")
 """What a path notes besides states begins with these."""
 
 
@@ -87,19 +87,19 @@ def step_slopes(
 ) -> list[StepSlopes]:
     """By batch, along the paths of a pass at coordinates ``z``."""
     out = []
-    for index, slopes in enumerate(_slopes(layout, numbers, z, list(paths))):
+    for index, slopes in enumerate(_linearised(layout, numbers, z, list(paths))):
         parts = jax.tree.map(np.asarray, slopes)
-        places = (*layout.key.model.ports, *layout.channels, *_inputs(numbers, index))
+        places = (*layout.key.model.ports, *layout.channels, *_input_names(numbers, index))
         out.append(StepSlopes(places, *parts))
     return out
 
 
-def _inputs(numbers: Any, index: int) -> tuple[str, ...]:
+def _input_names(numbers: Any, index: int) -> tuple[str, ...]:
     return tuple(sorted(numbers.batches[index].inputs))
 
 
 @program(1)
-def _slopes(layout: Any, numbers: Any, z: Any, paths: Any) -> Any:
+def _linearised(layout: Any, numbers: Any, z: Any, paths: Any) -> Any:
     shared, starts = numbers.split(z, layout.shared)
     out = []
     for index, (batch, start, path) in enumerate(zip(numbers.batches, starts, paths, strict=True)):
@@ -107,7 +107,7 @@ def _slopes(layout: Any, numbers: Any, z: Any, paths: Any) -> Any:
         def log_slopes(log_and_path: Any, index: int = index) -> Any:
             return _Step(layout, index, numbers, shared, *log_and_path).slopes()
 
-        states = {n: v for n, v in path.items() if not n.startswith(_NOTES)}
+        states = {n: v for n, v in path.items() if not n.startswith(_NOTED)}
         out.append(jax.lax.map(log_slopes, (replace(batch, start=start), states)))
     return out
 
@@ -120,7 +120,7 @@ class _Step:
     ) -> None:
         self.layout, self.grid, self.numbers = layout, layout.grids[index], numbers
         self.z, self.log, self.path = z, log, path
-        self.names, self.inputs = tuple(path), _inputs(numbers, index)
+        self.names, self.inputs = tuple(path), _input_names(numbers, index)
         self.pushed = (*layout.key.model.ports, *layout.channels)
         self.model = layout.key.model + [pushed_at(place)() for place in self.pushed]
         count = len(self.pushed) + len(self.inputs)

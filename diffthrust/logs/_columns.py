@@ -27,13 +27,13 @@ class Column:
         noise: known standard deviation, in the unit of the column.
         hold: for an input, ``"zero"`` (keeps its last value) or ``"linear"``.
         scale: multiplies the numbers, such as -1 for a sensor that is mounted backward.
-        offset: added to them then; both lead to numbers in ``unit``.
+        offset: added after scaling; the result is in ``unit``.
         pwm: the numbers are widths of pulses: ``{"stop": 1500, "full": 1900}``, and ``"reverse"``
-            where full astern is not as far from the stop. They become an effort, 1 at full; a
-            servo's become an angle by ``scale=35, unit="deg"``, the angle at full.
+            where full astern is at another distance from the stop. They become an effort, 1 at
+            full; those of a servo become an angle by ``scale=35, unit="deg"``, the angle at full.
         effort: the numbers are a share of the full effort: 1 (or 100 with ``unit="%"``) at full.
-        dates: for the time, how its dates are written where they do not begin with the year, as
-            Python's ``strptime`` has it: ``"%d.%m.%Y %H:%M:%S"``.
+        dates: for the time, the format of dates that do not begin with the year, in the notation
+            of Python's ``strptime``: ``"%d.%m.%Y %H:%M:%S"``.
         rails: where the range of the sensor ends, ``(low, high)`` in ``unit``, as in `Log`.
         censored: samples at a rail count as "at least" or "at most" it, as in `Log`.
 
@@ -57,7 +57,7 @@ class Column:
 
     @property
     def kept_unit(self) -> str:
-        """The unit of the numbers once they are read: an effort is one of its own.
+        """The unit of the numbers after reading; an effort has its own unit.
 
         Example:
             >>> dft.Column("RCOU.C1", pwm={"stop": 1500, "full": 1900}).kept_unit
@@ -67,10 +67,10 @@ class Column:
         return "effort" if pulses or self.effort else self.unit
 
     def checked(self, place: Place) -> "Column":
-        """The column with its widths of pulses as a `PWM`.
+        """The checked column, its widths of pulses as a `PWM`.
 
         Raises:
-            InputError: a field that cannot be meant.
+            InputError: a field is invalid.
 
         Example:
             >>> dft.Column("rpm", unit="rpm").checked("fit.toml").unit
@@ -100,18 +100,18 @@ class Column:
             return self
         if self.effort:
             raise InputError.at(
-                place, "expected pwm or effort, found both.", "leave effort out: pwm says it."
+                place, "expected pwm or effort, found both.", "leave effort out: pwm implies it."
             )
         return replace(self, pwm=PWM.of(self.pwm, place))
 
     def read(self, numbers: np.ndarray, place: Place) -> tuple[np.ndarray, Written, str | None]:
-        """Numbers of a file as the channel has them, in `kept_unit`.
+        """Convert numbers of a file to those of the channel, in `kept_unit`.
 
         Returns:
             The numbers, how the user wrote them, and a sentence to keep with the log, or None.
 
         Raises:
-            InputError: widths of pulses that cannot be.
+            InputError: widths of pulses out of range.
 
         Example:
             >>> dft.Column("u", unit="V", scale=0.1).read(np.array([10.0, 20.0]), "run1.csv")
@@ -135,14 +135,14 @@ class Column:
 
 def _check_effort(numbers: np.ndarray, place: Place) -> None:
     """Raise InputError for numbers that are far beyond a full command."""
-    seen = numbers[np.isfinite(numbers)]
-    low, high = np.min(seen, initial=0.0), np.max(seen, initial=0.0)
+    finite = numbers[np.isfinite(numbers)]
+    low, high = np.min(finite, initial=0.0), np.max(finite, initial=0.0)
     if max(-low, high) <= FURTHEST:
         return
     pulses = 700 <= high <= 2300
     raise InputError.at(
         place,
-        f"expected an effort, 1 at the full command, found numbers from {np.min(seen):g} to "
+        f"expected an effort, 1 at the full command, found numbers from {np.min(finite):g} to "
         f"{high:g}.",
         "these look like widths of pulses: declare them by pwm = {'stop': 1500, 'full': 1900}."
         if pulses
@@ -155,10 +155,11 @@ def channel_columns(
     inputs: Mapping[str, str | Column] | None,
     measured: Mapping[str, str | Column] | None,
 ) -> dict[str, Column]:
-    """Give the column of each channel.
+    """The column of each channel.
 
     Raises:
-        InputError: a channel is named twice or ``"time"``, none is named, or one is ill described.
+        InputError: a channel is named twice or ``"time"``, no channel is named, or a description is
+            invalid.
     """
     columns = {
         **each_column(inputs, file, "inputs"),
@@ -217,7 +218,7 @@ def fields_of_columns(
     notes: Iterable[str],
     at: PlaceOf,
 ) -> dict[str, Any]:
-    """The fields of a log of channels that were read from a file.
+    """The fields of a log whose channels were read from a file.
 
     Args:
         columns: the column of each channel.

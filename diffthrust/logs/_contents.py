@@ -27,11 +27,11 @@ class Contents:
 
     Args:
         path: the file.
-        kind: what it is, for people: ``"CSV table"``, ``"ROS 2 bag"``.
-        messages: its fields have clocks of their own and are read by `read_robot_log`.
+        kind: readable kind: ``"CSV table"``, ``"ROS 2 bag"``.
+        messages: its fields have separate clocks; the file is read by `read_robot_log`.
         fields: its columns or fields, in the order of the file; those of a table have one length.
         notes: sentences on what was left out or is damaged.
-        sheet: the sheet of an Excel file with several, which `read_log` must be told.
+        sheet: the sheet of an Excel file with several sheets, to be passed to `read_log`.
     """
 
     path: Path
@@ -43,14 +43,14 @@ class Contents:
 
 
 def contents(path: str | PathLike[str], sheet: str | None = None) -> Contents:
-    """List everything that is in a file of a log; what cannot be read is left out and told.
+    """List everything in a log file; whatever cannot be read is skipped and noted.
 
     Args:
         path: a file or folder that `read_log` or `read_robot_log` reads.
         sheet: the sheet of an Excel file; the one with the largest table where None.
 
     Raises:
-        InputError: there is no such file, or nobody reads it.
+        InputError: there is no such file, or its format is not supported.
     """
     file = Path(path)
     kind = kind_of(file)
@@ -58,35 +58,37 @@ def contents(path: str | PathLike[str], sheet: str | None = None) -> Contents:
         fields, notes = all_fields(file, kind)
         return Contents(file, kind.article.split(" ", 1)[1], True, fields, notes)
     source = open_table(file, kind, (), sheet, strict=False)
-    said = list(source.notes)
-    columns = _columns(source, said)
+    remarks = list(source.notes)
+    columns = _columns(source, remarks)
     if not any(np.isfinite(field.values).any() for field in columns):
-        found = next((note for note in said if note.startswith("left out")), "found none.")
+        problem = next((note for note in remarks if note.startswith("left out")), "found none.")
         raise InputError(
-            f"{source.file}: expected a table with numbers; {found}",
+            f"{source.file}: expected a table with numbers; {problem}",
             "check that it is a log, and that the recording was saved.",
         )
-    return Contents(file, source.kind, False, columns, tuple(said), source.sheet)
+    return Contents(file, source.kind, False, columns, tuple(remarks), source.sheet)
 
 
 def _columns(source: OpenTable, notes: list[str]) -> tuple[Field, ...]:
-    """The columns of a table that have numbers, dates or text; the rest is noted."""
+    """The columns of a table with numbers, dates or text; others are noted."""
     word = source.column_word
     counts = Counter(source.names)
     double = [name for name, count in counts.items() if count > 1]
     if double:
         notes.append(f"several {word}s are named {listing(double, 5)}: only the first is listed.")
     cells = source.read(list(counts), ())
-    others = {name: c.found for name, c in cells.items() if isinstance(c, Other)}
+    skipped = {name: c.description for name, c in cells.items() if isinstance(c, Other)}
     fields = [_field(source, name, c) for name, c in cells.items() if not isinstance(c, Other)]
     sizes = Counter(field.values.size for field in fields)
     size = max(sizes, key=lambda n: (n > 1, sizes[n], n), default=0)
-    others |= {f.name: f"{f.values.size} values" for f in fields if f.values.size != size}
+    skipped |= {f.name: f"{f.values.size} values" for f in fields if f.values.size != size}
     matrices = {name.split("(")[0] for name in cells if name.endswith(")")}  # listed by columns
-    told = [f"{name!r} ({found})" for name, found in others.items() if name not in matrices]
-    if told:
-        more = f" and {len(told) - 8} more" if len(told) > 8 else ""
-        notes.append(f"left out: {', '.join(told[:8])}{more}.")
+    skipped_texts = [
+        f"{name!r} ({content})" for name, content in skipped.items() if name not in matrices
+    ]
+    if skipped_texts:
+        more = f" and {len(skipped_texts) - 8} more" if len(skipped_texts) > 8 else ""
+        notes.append(f"left out: {', '.join(skipped_texts[:8])}{more}.")
     return tuple(field for field in fields if field.values.size == size)
 
 
@@ -100,7 +102,11 @@ def _field(source: OpenTable, name: str, cells: Cells) -> Field:
 
 
 def _text_field(name: str, cells: Sequence[str | None], unit: str, comma: bool) -> Field:
-    """A column of text: numbers with words among them, dates, or words alone."""
+    """Parse a column of text: numbers mixed with words, dates, or words only.
+
+    Each word that is no number is taken as a mark for missing samples, and the column is read
+    again, until it parses.
+    """
     missing: set[str] = set()
     text = ""
     while True:
@@ -116,13 +122,14 @@ def _text_field(name: str, cells: Sequence[str | None], unit: str, comma: bool) 
                 date_formats=tuple(bad.formats),
             )
         except BadCell as bad:
-            found = (cells[bad.index] or "").strip()
-            text = text or found
-            missing.add(found)
-            if len(missing) > _WORDS:  # names, remarks, or numbers written in a way of their own
+            word = (cells[bad.index] or "").strip()
+            text = text or word
+            missing.add(word)
+            if len(missing) > _WORDS:  # names, remarks, or numbers in an unknown notation
                 return Field(name, np.full(len(cells), np.nan), unit=unit, text=text)
             continue
         return Field(name, values, unit="s" if dates else unit, text=text, dates=dates)
 
 
 _WORDS = 50
+"""A column with more distinct words than this holds names or remarks, not numbers."""

@@ -1,4 +1,4 @@
-"""One column of a file, or one field of its messages, as a survey of the file finds it."""
+"""A column of a file, or a field of its messages, with its numbers."""
 
 from dataclasses import dataclass
 
@@ -13,12 +13,12 @@ class Field:
         name: what ``Column(...)`` takes, such as ``"rpm"``, ``"RCOU.C1"`` or
             ``"/odom.twist.twist.linear.x"``.
         values: numbers, ``(n,)``, NaN where missing or no number.
-        time: own stamps [s] from the log's first message, ``(n,)``; None in a table.
-        unit: what the file itself says, empty where it says nothing.
-        text: an example of a cell that is no number, empty where there is none.
+        time: time stamps of the field [s], from the log's first message, ``(n,)``; None in a table.
+        unit: the unit stated in the file; empty if none is.
+        text: an example of a cell that is not a number; empty if there is none.
         dates: a column of dates; its values are seconds after the first.
-        date_formats: of dates that do not begin with the year, what ``Column(dates=)`` takes; two
-            where the file does not tell the day from the month.
+        date_formats: for dates that do not begin with the year, the values for ``Column(dates=)``;
+            two if day and month cannot be told apart.
     """
 
     name: str

@@ -1,37 +1,38 @@
-"""Sensors that are read more slowly than a log is written, and held in between."""
+"""Detect sensors that are read more slowly than the log is written, and held in between."""
 
 from __future__ import annotations
 
 import numpy as np
 
 _LEAST = 12
-"""So many waits from one change to the next tell whether they are regular."""
+"""Fewest intervals between changes from which regularity can be judged."""
 _REGULAR = 0.95
-"""Share of the waits that must be whole holds; a few samples may be lost."""
+"""Share of the intervals that must be multiples of the hold; a few samples may be lost."""
 _COUNTED = 0.9
-"""Where so large a share of the changes is of one size, a coarse sensor counts on."""
+"""If a larger share of the changes has one size, the sensor is a coarse counter, not a held one."""
 
 
 def held_readings(values: np.ndarray) -> tuple[float, np.ndarray] | None:
-    """Every how many samples a sensor is read, and which samples are readings.
+    """Find the hold of a sensor and which samples are readings.
 
-    A held sensor keeps exactly one value and then changes: at every second sample, or at every
-    fifth. One that rests, or is coarse, changes anywhere, and one that counts always by as much.
-    Its clock need not be that of the log: holds of two and three samples in turn are one of two
-    and a half. A reading that repeats the one before it, as at rest, is a reading still; what is
-    held when the log begins is none, for its age is not known.
+    A held sensor keeps exactly one value and then changes, for example at every fifth sample. A
+    sensor at rest, or a coarse one, changes at irregular intervals, and a counter always by the
+    same amount. The sensor's clock need not be that of the log: holds of two and three samples in
+    turn are a hold of two and a half. A reading equal to the previous reading, as at rest, still
+    counts; the value held when the log begins does not, because its age is unknown.
 
     Args:
         values: a measured channel, ``(n,)``; NaN where nothing was measured.
 
     Returns:
-        Samples from one reading to the next on average, and for each sample whether it is a
-        reading, ``(n,)``; ``None`` where the sensor is not held.
+        Mean number of samples from one reading to the next, and for each sample whether it is a
+        reading, ``(n,)``; ``None`` if the sensor is not held.
     """
     steps = np.diff(values)
     if np.count_nonzero(steps == 0) < 0.4 * np.count_nonzero(np.isfinite(steps)):
         return None
     new = np.flatnonzero(np.isfinite(steps) & (steps != 0)) + 1
+    # Intervals across missing samples are left out: a change in between would go unnoticed.
     blind = np.cumsum(np.isnan(values))
     waits = np.diff(new)[blind[new[1:]] == blind[new[:-1]]]
     if waits.size < _LEAST:
@@ -51,7 +52,7 @@ def held_readings(values: np.ndarray) -> tuple[float, np.ndarray] | None:
 
 
 def _due(new: np.ndarray, every: float, size: int) -> np.ndarray:
-    """Where readings are due: at each new value, and in between as often as the sensor is read."""
+    """Mark the readings: each new value, and in between one at every hold (repeated readings)."""
     due = np.zeros(size, bool)
     first = new[0] - np.round(np.arange(every, new[0] + 0.5, every)).astype(int)
     due[first] = True

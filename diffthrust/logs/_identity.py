@@ -1,4 +1,4 @@
-"""What makes a log that log: a hash of its content, and the file that it came from."""
+"""Identity of a log: a hash of its content, and the file it came from."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ class LogFile:
 
 @dataclass(frozen=True)
 class LogIdentity:
-    """By what a log is known again.
+    """What identifies a log.
 
     Args:
         name: of the log.
-        samples: how many.
+        samples: number of samples.
         duration: from the first to the last [s].
         sha256: of its content; see `Log.sha256`.
         file: where it was read from; ``None`` for a log of arrays.
@@ -44,7 +44,7 @@ class LogIdentity:
 
 
 class _Recorded(Protocol):
-    """What of a log is hashed."""
+    """The fields of a log that enter its hash."""
 
     @property
     def time(self) -> np.ndarray: ...
@@ -67,9 +67,9 @@ class _Recorded(Protocol):
 
 
 def content_hash(log: _Recorded) -> str:
-    """The sha256 of what a log says: the bits of its numbers, in the library's units.
+    """The sha256 of a log's content: the bits of its numbers, in the library's units.
 
-    Names and notes do not count, nor the order of channels; all missing samples are alike.
+    Name, notes and the order of channels do not count, and all NaN are equal.
     """
     digest = sha256()
 
@@ -82,18 +82,19 @@ def content_hash(log: _Recorded) -> str:
     for name, samples in sorted(log.inputs.items()):
         add(("input", name, log.units[name], log.hold[name]), samples)
     for name, samples in sorted(log.measured.items()):
+        # Options are added only if set, so that hashes in stored results stay valid.
         sigma = float(log.noise.get(name, np.nan))
-        told: tuple[object, ...] = (
+        description: tuple[object, ...] = (
             *("measured", name, log.units[name], name in log.unsigned, sigma),
             *((log.rails[name],) if name in log.rails else ()),
             *(("censored",) if name in log.censored else ()),
         )
-        add(told, samples)
+        add(description, samples)
     return digest.hexdigest()
 
 
 def log_file(path: Path) -> LogFile:
-    """The file of a log with the hash of its bytes; for a folder, of its files by their names."""
+    """The file of a log with its hash; for a folder, the hash of its files and their names."""
     files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
     hashes = []
     for file in files:

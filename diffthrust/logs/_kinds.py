@@ -1,4 +1,4 @@
-"""What kind of file a log is in: its first bytes say it, where they are silent its ending."""
+"""Recognize the format of a log file by its first bytes, or else by its suffix."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ class Kind:
     Args:
         word: a short name.
         article: what it is called in a sentence.
-        messages: it holds messages with stamps of their own.
+        messages: it holds messages, each with its own time stamp.
         begins: the first bytes of such a file.
-        endings: of files that do not begin in a way of their own.
+        endings: suffixes, for formats without distinctive first bytes.
     """
 
     word: str
@@ -66,7 +66,7 @@ def kind_of(path: Path) -> Kind:
     """What kind of log a file is.
 
     Raises:
-        InputError: there is no such file, it is empty, or nobody reads it.
+        InputError: there is no such file, it is empty, or its format is not supported.
     """
     try:
         if is_bag(path):
@@ -107,7 +107,7 @@ def kind_of(path: Path) -> Kind:
         if head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(begin):
             raise InputError(f"{path.name}: expected a log, found {what}.", mend)
     ending = path.suffix.lower()
-    # zeros behind a text were never written: the power went
+    # Zeros at the end of a text were never written: the logger lost power.
     text = head[:2] in (b"\xff\xfe", b"\xfe\xff") or not set(head.rstrip(b"\0") or head) & _CONTROL
     for kind in _KINDS:
         if ending in kind.endings and not (text and kind is not TELEMETRY):
@@ -115,14 +115,12 @@ def kind_of(path: Path) -> Kind:
     if text:
         return TEXT
     if ending in (".csv", ".txt", ".tsv"):
-        return TEXT  # whose reader tells what it found
-    raise InputError(
-        f"{path.name}: expected a log, found binary data of no kind that is known.", _READ
-    )
+        return TEXT  # its reader reports the binary data
+    raise InputError(f"{path.name}: expected a log, found binary data of an unknown format.", _READ)
 
 
 def is_log(path: Path) -> bool:
-    """Whether a file is a log, as far as its first bytes and the ending of a text tell."""
+    """Whether a file is a log, judged by its first bytes, or for text by its suffix."""
     try:
         kind = kind_of(path)
     except InputError:
@@ -137,9 +135,9 @@ def _is_other_archive(path: Path) -> bool:
     try:
         with ZipFile(path) as archive:
             return not any(name.startswith("xl/") for name in archive.namelist())
-    except (BadZipFile, OSError, ValueError):  # a damaged one, which its reader tells
+    except (BadZipFile, OSError, ValueError):  # a damaged archive: its reader reports it
         return False
 
 
-# Bytes that no text has.
+# Bytes that never occur in text.
 _CONTROL = frozenset([*range(9), *range(14, 32)])

@@ -1,4 +1,4 @@
-"""How large a log may be once it is unpacked: a small file can unpack to more than memory holds."""
+"""Limit of the unpacked size of a log: a small file can unpack to more than memory holds."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ _USUAL = 512.0
 _MB = 2**20
 
 
-class Room:
-    """The bytes that a log may still take, spent before they are needed.
+class MemoryBudget:
+    """Bytes that a log may still take; reserved before they are allocated.
 
     Args:
         path: the file, which the message names.
 
     Raises:
-        InputError: the environment gives no number for the limit.
+        InputError: the environment variable for the limit is not a number.
     """
 
     def __init__(self, path: Path) -> None:
@@ -29,15 +29,15 @@ class Room:
         self._taken = 0
 
     @property
-    def left(self) -> int:
-        """How many bytes are left."""
+    def remaining(self) -> int:
+        """Bytes still available."""
         return self._most - self._taken
 
     def take(self, size: int) -> None:
-        """Spend some bytes.
+        """Reserve bytes.
 
         Raises:
-            InputError: they are more than there are left.
+            InputError: fewer are available.
         """
         self._taken += size
         if self._taken > self._most:
@@ -45,17 +45,17 @@ class Room:
             raise InputError(
                 f"{self._file}: expected a log of at most {self._most / _MB:g} MB in memory, found "
                 f"one that unpacks to {needed} MB or more.",
-                "check that it is the log that you mean; if it is, raise the limit by the "
+                "check that it is the intended log; if it is, raise the limit by the "
                 f"environment variable {LARGEST}, in MB.",
             )
 
 
 def _largest() -> int:
-    given = os.environ.get(LARGEST) or _USUAL
+    text = os.environ.get(LARGEST) or _USUAL
     try:
-        return round(float(given) * _MB)
+        return round(float(text) * _MB)
     except (ValueError, OverflowError):
         raise InputError(
-            f"{LARGEST}: expected a number of MB, found {given!r}.",
+            f"{LARGEST}: expected a number of MB, found {text!r}.",
             "correct the environment variable, or remove it.",
         ) from None

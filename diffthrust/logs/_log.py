@@ -46,19 +46,19 @@ class Log:
         written: how channels were written, where ``units`` does not say it: an effort that was
             ``PWM(stop=1500, full=1900).effort(widths)`` by ``Written("us", pwm=PWM(1500, 1900))``.
         rails: where the range of a sensor ends, ``(low, high)`` by measured channel, in the unit of
-            the channel as given: samples there carry no weight. Rails of other channels are looked
-            for; ``(-inf, inf)`` says that there are none.
-        censored: measured channels of which samples at a rail count as "at least" or "at most" it
-            in fits of the simulation error with white Gaussian noise, rather than not at all.
+            the channel as given: samples there carry no weight. Rails of channels not named are
+            detected; ``(-inf, inf)`` says that a channel has none.
+        censored: measured channels whose samples at a rail count as "at least" or "at most" it
+            in fits of the simulation error with white Gaussian noise, instead of being ignored.
 
     Attributes:
         time: time stamps [s], shape (n,).
         units: unit in which the stored numbers are (SI); empty where the user gave none.
         hold: ``"zero"`` or ``"linear"`` for each input.
-        written: for each channel in which unit the user wrote it, and the way back; tables and
-            figures speak these units.
-        notes: what was dropped, trimmed, missing or interpolated, one sentence each.
-        file: the file that it was read from, with its hash; ``None`` for a log of arrays.
+        written: for each channel the unit in which the user wrote it, and the conversion back;
+            tables and figures use these units.
+        notes: one sentence for whatever was dropped, trimmed, missing or interpolated.
+        file: the file it was read from, with its hash; ``None`` for a log made from arrays.
 
     Raises:
         InputError: lengths differ, time does not increase, an input is missing a sample, a number
@@ -148,13 +148,13 @@ class Log:
         stop: float | None = None,
         name: str = "log",
     ) -> "Log":
-        """Make a log of a pandas DataFrame.
+        """Make a log from a pandas DataFrame.
 
         Args:
             frame: a DataFrame, one sample a row.
             time: the time column, or the name of the index; None for the index, which may hold
-                dates with a zone or without, durations, or seconds. A number is the step [s] of
-                samples that have no time.
+                dates (with or without a time zone), durations or seconds. A number is the step [s]
+                of samples without time stamps.
             inputs: the column of each input, by channel name.
             measured: the column of each measured channel, by channel name.
             missing_values: texts or numbers that mean missing.
@@ -164,7 +164,7 @@ class Log:
             name: a name for messages and figures.
 
         Raises:
-            InputError: as in `read_log`; or the index counts rows, which is no time.
+            InputError: as in `read_log`; or the index only counts rows.
 
         Example:
             >>> import pandas as pd
@@ -187,7 +187,7 @@ class Log:
 
     @classmethod
     def of_checked(cls, fields: Mapping[str, Any]) -> "Log":
-        """Make a log of fields that are checked and in the library's units already.
+        """Make a log from fields that are already checked and in the library's units.
 
         Example:
             >>> fields = {name: value for name, value in vars(log).items() if name != "file"}
@@ -199,9 +199,9 @@ class Log:
         return log
 
     def replaced(self, **fields: Any) -> "Log":
-        """A copy with other fields, which are not checked; `dataclasses.replace` checks them.
+        """Copy the log with some fields replaced, unchecked; `dataclasses.replace` checks them.
 
-        ``units`` are those of some channels; the others keep theirs.
+        ``units`` may name only some channels; the remaining channels keep their units.
 
         Example:
             >>> log.replaced(name="another.csv").name
@@ -212,7 +212,7 @@ class Log:
         return Log.of_checked({**kept, **fields, "units": units})
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Read-only mappings cannot be pickled; worker processes need the log.
+        # A MappingProxyType cannot be pickled, and worker processes need the log.
         fields = {key: getattr(self, key) for key in self.__dataclass_fields__}
         plain = {k: dict(v) if isinstance(v, Mapping) else v for k, v in fields.items()}
         return Log.of_checked, (plain,)
@@ -243,7 +243,7 @@ class Log:
 
     @cached_property
     def even(self) -> bool:
-        """Whether samples are equally far apart, but for the rounding of the time stamps.
+        """Whether samples are equally spaced, up to rounding of the time stamps.
 
         Example:
             >>> log.even
@@ -254,10 +254,11 @@ class Log:
 
     @cached_property
     def unrepeated(self) -> "Log":
-        """The log in which the repeats of held sensors are missing samples; itself without any.
+        """The log with repeats of held sensors marked missing; the log itself if there are none.
 
-        A sensor that is read at every tenth sample and held in between says one thing once, and
-        not ten times. A note tells of it.
+        A sensor read at every tenth sample and held in between gives one reading, not ten.
+        Counted as ten, its one-step errors would be almost zero and any model would look
+        adequate. A note records what was done.
 
         Example:
             >>> log.unrepeated.measured["speed"].shape
@@ -265,9 +266,9 @@ class Log:
         """
         measured, notes = dict(self.measured), list(self.notes)
         for channel, values in self.measured.items():
-            found = held_readings(values)
-            if found is not None:
-                every, read = found
+            held = held_readings(values)
+            if held is not None:
+                every, read = held
                 measured[channel] = np.where(read, values, np.nan)
                 notes.append(
                     f"{channel} is read at every {every:.3g} samples and held in between: only "
@@ -279,32 +280,31 @@ class Log:
 
     @cached_property
     def railed(self) -> Mapping[str, Railed]:
-        """The samples at the ends of a sensor's range, by measured channel; mostly none.
+        """Samples at the ends of a sensor's range, by measured channel; usually empty.
 
-        Rails are those that the log gives, or that its values show.
+        Rails are given by the log, or detected from its values.
 
         Example:
             >>> log.railed
             {}
         """
-        found = {}
+        by_channel = {}
         for channel, values in self.unrepeated.measured.items():
             if channel in self.rails:
                 at = railed_between(values, *self.rails[channel])
             else:
-                others = [v for name, v in self.measured.items() if name != channel]
-                at = railed(values, [*self.inputs.values()], others)
+                companions = [v for name, v in self.measured.items() if name != channel]
+                at = railed(values, [*self.inputs.values()], companions)
             if at is not None:
-                found[channel] = at
-        return found
+                by_channel[channel] = at
+        return by_channel
 
     @cached_property
     def counted(self) -> "Log":
-        """The log with what carries weight: neither repeats of held sensors nor samples at a rail.
+        """The log without repeats of held sensors and without samples at a rail.
 
-        A sensor at the end of its range says "at least" and not "as much". Fits, comparisons and
-        diagnoses work with this log, in which such samples are missing; a note tells of each
-        channel.
+        A sensor at the end of its range says "at least", not "exactly". Fits, comparisons and
+        diagnoses use this log, in which such samples are missing; a note names each channel.
 
         Example:
             >>> log.counted is log  # no sample lies at a rail of its sensor
@@ -318,7 +318,7 @@ class Log:
             measured[channel] = np.where(at.side == 0, measured[channel], np.nan)
             about = (shown, self.units[channel], channel in self.censored)
             notes.append(railed_note(channel, at, *about))
-        # what is left has its rails behind it
+        # These channels have no samples at rails any more: do not detect new ones in what remains.
         rails = {**self.rails, **dict.fromkeys(ends, (-np.inf, np.inf))}
         return self.replaced(measured=measured, rails=rails, notes=tuple(notes))
 
@@ -326,7 +326,7 @@ class Log:
     def sha256(self) -> str:
         """Hash of the content: time, and channels in the library's units, to the last bit.
 
-        Equal for logs that say the same, however they are named and wherever they were read.
+        Equal for logs with the same content, whatever their name and file.
 
         Example:
             >>> len(log.sha256)
@@ -336,7 +336,7 @@ class Log:
 
     @property
     def identity(self) -> LogIdentity:
-        """By what the log is known again: name, length, hash, and the file that it came from.
+        """What identifies the log: name, length, hash, and the file it came from.
 
         Example:
             >>> log.identity.name, log.identity.samples
@@ -345,12 +345,12 @@ class Log:
         return LogIdentity(self.name, len(self), self.duration, self.sha256, self.file)
 
     def values(self, channel: str, unit: str) -> np.ndarray:
-        """Give the samples of a channel in the unit that a model wants.
+        """Samples of a channel in the unit that a model needs.
 
         Args:
             channel: name of an input or a measured channel.
             unit: the unit wanted. Where the log or the caller names none, the stored numbers are
-                given as they are.
+                returned unchanged.
 
         Returns:
             Samples in ``unit``, float64, shape (n,).
@@ -373,7 +373,7 @@ class Log:
         return convert(samples, stored, unit, where=_place(self.name, channel))
 
     def noise_in(self, channel: str, unit: str) -> float | None:
-        """Give the known standard deviation of a measured channel.
+        """The known standard deviation of a measured channel.
 
         Args:
             channel: name of a measured channel.
@@ -397,7 +397,7 @@ class Log:
         return convert_scale(sigma, stored, unit, where=_place(self.name, channel))
 
     def slice(self, start: float | None = None, stop: float | None = None) -> "Log":
-        """Cut a part out of the log; the time stamps stay as they are.
+        """Cut a segment out of the log; time stamps are unchanged.
 
         Args:
             start: first moment to keep, in seconds after the first time stamp.
@@ -427,20 +427,20 @@ class Log:
         )
 
     def averaged(self, samples: int) -> "Log":
-        """Average every so many samples into one: a record faster than what moves in it.
+        """Average blocks of samples into one, for a log sampled faster than the system moves.
 
-        The means stand at the middle of their samples; inputs are linear between them. Missing
-        samples are left out of the means, a known noise falls with the root of ``samples``, and
-        angles in rad or deg are averaged across their jumps. A rest at the end is left away.
+        Each mean is placed at the middle of its block; inputs are linear in between. Means skip
+        missing samples, a known noise falls with the square root of ``samples``, and angles in rad
+        or deg are averaged across their jumps. An incomplete block at the end is dropped.
 
         Args:
-            samples: how many samples make one.
+            samples: block length.
 
         Returns:
-            A new log with a note of what was done.
+            A new log, with a note.
 
         Raises:
-            InputError: not a whole number, or more than the log has.
+            InputError: not an integer, or more than the log has.
 
         Example:
             >>> log.averaged(4).time.shape
@@ -450,24 +450,24 @@ class Log:
             raise InputError(
                 f"log {self.name!r}: expected a whole number of samples from 1 to {len(self)}, "
                 f"found {samples!r}.",
-                "Give how many samples are to make one.",
+                "give the number of samples to average into one.",
             )
-        whole = len(self) // samples * samples
+        used = len(self) // samples * samples
 
         def mean(name: str, values: np.ndarray) -> np.ndarray:
             turn = {"rad": 2 * np.pi, "deg": 360.0}.get(self.units.get(name, ""))
             if turn:
-                seen = np.isfinite(values)
+                finite = np.isfinite(values)
                 values = values.copy()
-                values[seen] = np.unwrap(values[seen], period=turn)
-            blocks = values[:whole].reshape(-1, samples)
-            seen = np.isfinite(blocks)
-            counts = seen.sum(axis=1)
-            sums = np.where(seen, blocks, 0.0).sum(axis=1)
+                values[finite] = np.unwrap(values[finite], period=turn)
+            blocks = values[:used].reshape(-1, samples)
+            finite = np.isfinite(blocks)
+            counts = finite.sum(axis=1)
+            sums = np.where(finite, blocks, 0.0).sum(axis=1)
             return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
 
         return self.replaced(
-            time=self.time[:whole].reshape(-1, samples).mean(axis=1),
+            time=self.time[:used].reshape(-1, samples).mean(axis=1),
             inputs={key: mean(key, value) for key, value in self.inputs.items()},
             measured={key: mean(key, value) for key, value in self.measured.items()},
             noise={key: value / samples**0.5 for key, value in self.noise.items()},
@@ -477,10 +477,10 @@ class Log:
 
     @showing
     def plot(self) -> "Figure":
-        """Draw all channels over time, below each other: inputs on top, gaps in time shaded.
+        """Plot all channels over time, stacked: inputs on top, gaps in time shaded.
 
         Returns:
-            The figure; its time begins with the first sample, as ``start`` and ``stop`` do.
+            The figure; its time axis starts at the first sample, as ``start`` and ``stop`` do.
 
         Example:
             >>> log.plot().savefig("run1.png")
@@ -517,11 +517,11 @@ class Log:
         shown, rows = ShownUnits([self.written]), []
         for name, samples in {**self.inputs, **self.measured}.items():
             unit = shown.unit(name, self.units[name])
-            seen = shown.values(name, samples[np.isfinite(samples)], self.units[name])
-            ends = [number(float(pick(seen)), 4) for pick in (np.min, np.mean, np.max)]
+            valid = shown.values(name, samples[np.isfinite(samples)], self.units[name])
+            ends = [number(float(pick(valid)), 4) for pick in (np.min, np.mean, np.max)]
             kind = "input" if name in self.inputs else "measured"
             kind += ", unsigned" * (name in self.unsigned)
-            rows.append((name, kind, *ends, unit, str(samples.size - seen.size)))
+            rows.append((name, kind, *ends, unit, str(samples.size - valid.size)))
         headings = ("Channel", "", "Least", "Mean", "Greatest", "Unit", "Missing")
         size = f"Log {self.name!r}: {len(self)} samples over {self.duration:.6g} s, "
         size += f"a sample every {self.step:.4g} s"
@@ -529,17 +529,18 @@ class Log:
         return notebook_html(Report(Section("", size, table, *self.notes)))
 
     def _no_channel(self, channel: str) -> InputError:
-        known = [*self.inputs, *self.measured]
-        near = nearest(str(channel), known)
+        channels = [*self.inputs, *self.measured]
+        near = nearest(str(channel), channels)
         return InputError.at(
             Place(f"log {self.name!r}", channel=channel),
-            f"expected a channel {channel!r}, found {listing(known)}{'; ' + near if near else ''}.",
+            f"expected a channel {channel!r}, found {listing(channels)}"
+            f"{'; ' + near if near else ''}.",
             f"map a column of the log to {channel!r}.",
         )
 
 
 def _place(log: str, channel: str, index: int | None = None) -> Place:
-    """Name a channel of a log, or its time, and the sample where one is to blame."""
+    """Name a channel of a log, or its time, and the sample where a single one is at fault."""
     sample = "" if index is None else f", sample {index}"
     if channel == "time":
         return Place(f"log {log!r}, time{sample}")

@@ -1,4 +1,4 @@
-"""Where the range of a sensor ends: samples that say no more than "at least" or "at most"."""
+"""Detect samples at the ends of a sensor's range, which say only "at least" or "at most"."""
 
 from __future__ import annotations
 
@@ -18,38 +18,38 @@ _LEAST = 20
 _SHARE = 0.03
 """... and that share of the log."""
 _VISITS = 5
-"""So many stretches at an extreme are more than a sensor that stands still."""
+"""This many separate stretches at an extreme are more than a sensor that stands still."""
 _STRETCH = 3
-"""Fewer samples in a row are no stretch."""
+"""Fewest samples in a row that count as a stretch."""
 _REST = 0.02
-"""An extreme of less than this share of the largest value is the sensor at rest."""
+"""An extreme below this share of the largest value is the sensor at rest, not a rail."""
 _GAP = 0.15
-"""Values come so near to a rail, as a share of their range; what a logger writes for a missing
-value stands apart from all others."""
+"""Largest gap between a rail and the next value, as a share of the range; a logger's mark for a
+missing value, such as -999, lies further away."""
 _NOISY = 1.5
-"""Noise of so many steps of the resolution cannot rest on one of them."""
+"""Noise above this multiple of the resolution cannot repeat one value by chance."""
 _ALTERNATING = 0.6
-"""Of white noise 77 of 100 third differences differ in sign from the one before; of a signal that
+"""In white noise 77 % of the third differences change sign from one to the next; in a signal that
 is sampled fast enough hardly any do."""
 _BROAD = 0.03
-"""Steps of this share of the range are so broad that a sensor rests on its last one; and so near
-to an extreme the way to it is slow where a signal settles there."""
+"""Steps above this share of the range are too coarse to tell a rail from a sensor that rests on
+its last step. A signal that settles at its extreme takes long over the last such share."""
 _SETTLED = 0.3
-"""A way of this share of the time at the extreme is slow."""
+"""An approach that takes this share of the time spent at the extreme is slow."""
 _DRIVEN = 0.3
-"""An input has moved if by this share of its range (10th to 90th percentile)."""
+"""An input has moved if it covers this share of its range (10th to 90th percentile)."""
 _MOVED = 0.07
-"""Another sensor has, if by this share of its range ..."""
+"""Another sensor has moved if it covers this share of its range ..."""
 _CLEAR = 8.0
-"""... and so many times its noise."""
+"""... and this multiple of its noise."""
 
 
 class Railed(NamedTuple):
     """The samples of a channel that stand at the ends of its sensor's range.
 
     Args:
-        low: lower end; minus infinity where none is known.
-        high: upper end; infinity where none is known.
+        low: lower end; minus infinity if there is none.
+        high: upper end; infinity if there is none.
         side: -1 at the lower end, 1 at the upper end, 0 between them, ``(n,)``.
     """
 
@@ -64,7 +64,7 @@ class Railed(NamedTuple):
 
 
 def railed_between(values: np.ndarray, low: float, high: float) -> Railed | None:
-    """The samples at rails that are known; ``None`` where there are none."""
+    """Samples at given rails; ``None`` if there are none."""
     slack = 1e-9 * np.array([abs(low), abs(high)])
     slack = np.where(np.isfinite(slack), slack, 0.0)
     side = np.zeros(values.size, np.int8)
@@ -76,73 +76,77 @@ def railed_between(values: np.ndarray, low: float, high: float) -> Railed | None
 def railed_note(
     channel: str, at: Railed, shown: ShownUnits, unit: str, censored: bool = False
 ) -> str:
-    """How many samples of a channel stand at its rails, and what becomes of them."""
+    """A note: how many samples of a channel are at its rails, and how they are used."""
     from diffthrust._support.words import number
 
-    told = []
+    counts = []
     for side, end in ((-1, at.low), (1, at.high)):
         if count := int(np.count_nonzero(at.side == side)):
             value = number(float(shown.values(channel, end, unit)))
-            told.append(f"{count} at {value} {shown.unit(channel, unit)}".rstrip())
+            counts.append(f"{count} at {value} {shown.unit(channel, unit)}".rstrip())
     return (
-        f"measured {channel!r}: {' and '.join(told)} of {at.side.size} samples stand where the "
+        f"measured {channel!r}: {' and '.join(counts)} of {at.side.size} samples stand where the "
         f"sensor's range ends; they {'are in no error' if censored else 'carry no weight'}."
     )
 
 
-@np.errstate(over="ignore", invalid="ignore")  # numbers of wrong units are told
+@np.errstate(
+    over="ignore", invalid="ignore"
+)  # numbers in a wrong unit may overflow; they are reported elsewhere
 def railed(
     values: np.ndarray, inputs: Collection[np.ndarray], measured: Collection[np.ndarray]
 ) -> Railed | None:
-    """The samples of a sensor at rails that nobody told of; ``None`` where there are none.
+    """Detect samples of a sensor at its rails; ``None`` if there are none.
 
-    A rail is an extreme value that is repeated far more often than a signal would. Of a sensor
-    whose noise is wider than its resolution no value is repeated so: the extreme is the tail of
-    the noise, and seen less often than what lies next to it. A sensor without such noise repeats
-    every value at which it settles; there a rail is told by a way to it that is not slow, and by
-    other sensors, which move on meanwhile. (Where these stand still too, the system is at its
-    limit, and not the sensor.) Only where there are none an input tells it.
+    A rail is an extreme value that is repeated far more often than a signal would repeat it. A
+    sensor whose noise is wider than its resolution does not repeat any value like that: the extreme
+    is the tail of the noise and rarer than the values next to it. A sensor without such noise
+    repeats every value at which it settles; there a rail shows by a fast approach, and by other
+    sensors that keep moving meanwhile. (If these stand still too, the system is at its limit, not
+    the sensor.) Inputs are considered only if there are no other sensors.
 
     Args:
         values: a measured channel, ``(n,)``; NaN where nothing was measured, or a reading is held.
         inputs: the inputs of the log, ``(n,)`` each.
         measured: its other measured channels, ``(n,)`` each.
     """
-    seen = np.isfinite(values)
-    here = values[seen]
+    finite = np.isfinite(values)
+    here = values[finite]
     if here.size < 3 * _LEAST or not np.ptp(here) > 0:
         return None
-    drives, sensors = ([v[seen] for v in series] for series in (inputs, measured))
-    high = here.max() if _ends(here, drives, sensors) else np.inf
-    low = here.min() if _ends(-here, drives, sensors) else -np.inf
+    drives, sensors = ([v[finite] for v in series] for series in (inputs, measured))
+    high = here.max() if _is_rail(here, drives, sensors) else np.inf
+    low = here.min() if _is_rail(-here, drives, sensors) else -np.inf
     if np.isinf(low) and np.isinf(high):
         return None
     same = _SAME * np.ptp(here)
-    found = railed_between(values, float(low) + same, float(high) - same)
-    return found and found._replace(low=float(low), high=float(high))
+    at_rails = railed_between(values, float(low) + same, float(high) - same)
+    return at_rails and at_rails._replace(low=float(low), high=float(high))
 
 
-def _ends(
+def _is_rail(
     values: np.ndarray, drives: Collection[np.ndarray], sensors: Collection[np.ndarray]
 ) -> bool:
     """Whether the largest value is a rail."""
     extreme = values.max()
     at = values >= extreme - _SAME * np.ptp(values)
-    count, rest = int(at.sum()), values[~at]
-    if count < _FEWEST or rest.size < _LEAST or abs(extreme) <= _REST * np.abs(values).max():
+    count, remaining = int(at.sum()), values[~at]
+    if count < _FEWEST or remaining.size < _LEAST or abs(extreme) <= _REST * np.abs(values).max():
         return False
-    if not extreme - rest.max() <= _GAP * np.ptp(rest):
+    if not extreme - remaining.max() <= _GAP * np.ptp(remaining):
         return False
     edges = np.flatnonzero(np.diff(np.concatenate([[0], at.astype(np.int8), [0]])))
     begins, lengths = edges[::2], edges[1::2] - edges[::2]
-    if begins.size >= _VISITS and _too_often(values, at):
+    if begins.size >= _VISITS and _repeats_too_often(values, at):
         return True
-    stands = count >= _LEAST and (_too_often(values, at) or _cut(values, begins, lengths))
-    return stands and _went_on(at, drives, sensors)
+    stands = count >= _LEAST and (
+        _repeats_too_often(values, at) or _is_clipped(values, begins, lengths)
+    )
+    return stands and _companions_moved(at, drives, sensors)
 
 
-def _too_often(values: np.ndarray, at: np.ndarray) -> bool:
-    """Whether the noise that is seen elsewhere would not repeat the extreme so often."""
+def _repeats_too_often(values: np.ndarray, at: np.ndarray) -> bool:
+    """Whether the extreme is repeated more often than the noise elsewhere allows."""
     apart = np.convolve(at, np.ones(4, int))[3 : at.size] == 0  # four samples off the extreme
     bends = np.diff(values, 3)
     both = apart[1:] & apart[:-1]
@@ -156,18 +160,22 @@ def _too_often(values: np.ndarray, at: np.ndarray) -> bool:
 
 
 def _noise(bends: np.ndarray) -> float:
-    """Standard deviation of the noise of a series, from its third differences."""
+    """Standard deviation of the noise of a series, from its third differences.
+
+    0.6745 turns a median of absolute values into a standard deviation; white noise of variance 1
+    has third differences of variance 1 + 9 + 9 + 1 = 20.
+    """
     return float(np.median(np.abs(bends))) / 0.6745 / np.sqrt(20.0)
 
 
 def _resolution(values: np.ndarray) -> float:
-    """The least step between two readings."""
+    """The smallest step between two readings."""
     steps = np.diff(np.unique(values))
     return float(steps[steps > _SAME * np.ptp(values)].min(initial=np.ptp(values)))
 
 
-def _cut(values: np.ndarray, begins: np.ndarray, lengths: np.ndarray) -> bool:
-    """Whether stretches at the extreme are long, and the ways to them are not slow."""
+def _is_clipped(values: np.ndarray, begins: np.ndarray, lengths: np.ndarray) -> bool:
+    """Whether stretches at the extreme are long and reached fast: a clipped signal."""
     at, long = lengths.sum(), lengths[lengths >= _STRETCH].sum()
     if long < max(_LEAST, _SHARE * values.size, 0.6 * at):
         return False
@@ -175,28 +183,32 @@ def _cut(values: np.ndarray, begins: np.ndarray, lengths: np.ndarray) -> bool:
     if _resolution(values) > broad:
         return False
     far = np.flatnonzero(values < values.max() - broad)
-    before = np.searchsorted(far, begins) - 1
-    ways = begins - np.where(before >= 0, far[before], -1) - 1
+    previous = np.searchsorted(far, begins) - 1
+    ways = begins - np.where(previous >= 0, far[previous], -1) - 1
     return bool(np.minimum(ways, lengths)[lengths >= _STRETCH].sum() <= _SETTLED * long)
 
 
-def _went_on(
+def _companions_moved(
     at: np.ndarray, drives: Collection[np.ndarray], sensors: Collection[np.ndarray]
 ) -> bool:
-    """Whether other channels moved while this one stood at its extreme."""
+    """Whether other channels moved while this channel stood at its extreme."""
     moving = [v for v in sensors if np.isfinite(v).any() and np.nanmax(v) > np.nanmin(v)]
     if moving:
-        return any(_moved(v, at, _MOVED, _CLEAR) for v in moving)
-    return any(_moved(v, at, _DRIVEN) for v in drives)
+        return any(_moved_beyond_noise(v, at, _MOVED, _CLEAR) for v in moving)
+    return any(_moved_beyond_noise(v, at, _DRIVEN) for v in drives)
 
 
-def _moved(values: np.ndarray, during: np.ndarray, share: float, clear: float = 0.0) -> bool:
-    """Whether a channel moved meanwhile by a share of its range, and clearly beyond its noise."""
-    whole = values[np.isfinite(values)]
+def _moved_beyond_noise(
+    values: np.ndarray, during: np.ndarray, share: float, clear: float = 0.0
+) -> bool:
+    """Whether a channel moved by a share of its range and clearly beyond its noise."""
+    finite = values[np.isfinite(values)]
     here = values[during & np.isfinite(values)]
     if here.size < _STRETCH:
         return False
     width = float(np.ptp(np.quantile(here, (0.1, 0.9))))
-    least = share * float(np.ptp(np.quantile(whole, (0.02, 0.98))))
-    read = whole[np.flatnonzero(np.diff(whole, prepend=np.nan))]  # once, where a sensor is held
+    least = share * float(np.ptp(np.quantile(finite, (0.02, 0.98))))
+    read = finite[
+        np.flatnonzero(np.diff(finite, prepend=np.nan))
+    ]  # readings of a held sensor count once
     return width > max(least, clear * _noise(np.diff(read, 3))) > 0

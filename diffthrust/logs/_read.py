@@ -1,4 +1,4 @@
-"""Logs out of files: columns are mapped to channels, and every defect is told with its place."""
+"""Read logs from files: columns become channels, and every defect is reported with its place."""
 
 from collections.abc import Mapping, Sequence
 from os import PathLike
@@ -29,30 +29,30 @@ def read_log(
 ) -> Log:
     """Read a log from a file with a table: CSV, Excel, Parquet, MATLAB or HDF5.
 
-    What a file is, its content says and not its ending. Nothing is dropped silently: ``log.notes``
-    counts what was skipped above and below the header, blank rows, missing samples, interpolated
-    inputs and what ``start`` and ``stop`` cut away, and names the largest gaps.
+    The format is recognized by content, not by suffix. Nothing is dropped silently: ``log.notes``
+    counts rows skipped above and below the header, blank rows, missing samples, interpolated
+    inputs and samples cut by ``start`` and ``stop``, and names the largest gaps.
 
     Args:
-        path: a file of text (.csv, .tsv, .txt), of Excel (.xlsx), .parquet, .mat, or .h5.
+        path: a text file (.csv, .tsv, .txt), an Excel file (.xlsx), .parquet, .mat, or .h5.
         time: the time column, in seconds where no unit is given; dates become seconds after the
-            first. A number is the step [s] of samples that have no time. None for a static table,
+            first. A number is the step [s] of samples without time stamps. None for a static table,
             whose samples are then counted 0, 1, 2, ...
         inputs: the column of each input, by channel name. In MATLAB's files ``"run.speed"`` is a
             field of a struct and ``"data(:,2)"`` a column of a matrix.
         measured: the column of each measured channel, by channel name; its empty cells become NaN.
-        sheet: the sheet of an Excel file; where None, the one that has the columns.
+        sheet: the sheet of an Excel file; if None, the sheet that has the columns.
         missing_values: texts or numbers in the file that mean missing, such as ``"n/a"``.
         interpolate_inputs: fill missing samples of inputs instead of refusing them.
         start: first moment to keep, in seconds after the first time stamp.
         stop: last moment to keep, in seconds after the first time stamp.
-        name: name of the log; the file's name where not given.
+        name: name of the log; by default the file's name.
 
     Returns:
         The log, in the library's units.
 
     Raises:
-        InputError: the file or a part of it cannot be used. The message names file, line and
+        InputError: the file or a column cannot be used. The message names file, line and
             column, what was expected and found, and the mend.
 
     Example:
@@ -71,8 +71,8 @@ def read_log(
     kind = kind_of(file)
     if kind.messages:
         raise InputError(
-            f"{file.name}: expected a table, found {kind.article}, whose messages have stamps of "
-            "their own.",
+            f"{file.name}: expected a table, found {kind.article}, whose messages have separate "
+            "time stamps.",
             "read it with read_robot_log, and choose a time base: base = 'messages'.",
         )
     source = open_table(file, kind, request.wanted, sheet)

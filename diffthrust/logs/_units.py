@@ -1,4 +1,4 @@
-"""Units on the way in and out. Inside, every channel has one unit and numbers carry none."""
+"""Unit conversion at input and output. Inside the library every channel has one fixed unit."""
 
 import re
 from contextlib import suppress
@@ -50,7 +50,7 @@ def _registry() -> Any:
     registry.define("@alias percent = pct")
     # Without this line pint reads 'Nm' as the metric count of a yarn.
     registry.define("newton_meter = newton * meter = Nm")
-    # a share of the full command: its own dimension, for it is no voltage and no speed
+    # a share of the full command: its own dimension, being neither a voltage nor a speed
     registry.define("effort = [effort]")
     return registry
 
@@ -86,15 +86,15 @@ def _parse(unit: str) -> Any:
         raise InputError(f"{unit!r} is not a known unit", _mend_unknown(str(word))) from None
 
 
-def _its_unit(where: Place | str) -> Place | str:
-    """The same place, told that its unit is to blame."""
+def _blame_unit(where: Place | str) -> Place | str:
+    """The same place, marked as a fault of its unit."""
     return replace(where, unit=True) if isinstance(where, Place) else where
 
 
 def _parsed(unit: str, where: Place | str) -> Any:
     if not isinstance(unit, str):
         raise InputError.at(
-            _its_unit(where),
+            _blame_unit(where),
             f"expected a unit as text, found {unit!r}.",
             "write it as in unit = 'rpm'.",
         )
@@ -135,10 +135,10 @@ def unit_in(header: str) -> str:
     return ""
 
 
-def same_unit(one: str, other: str) -> bool:
-    """Whether two units are one, however they are spelt; an unknown one is no other."""
+def same_unit(first: str, second: str) -> bool:
+    """Whether two spellings mean the same unit; an unknown unit equals none."""
     try:
-        return bool(one and other) and bool(_parse(one) == _parse(other))
+        return bool(first and second) and bool(_parse(first) == _parse(second))
     except InputError:
         return False
 
@@ -155,18 +155,18 @@ def _check_same(unit_from: str, unit_to: str, where: Place | str) -> None:
     source, target = _parsed(unit_from, where), _parsed(unit_to, where)
     if source.dimensionality != target.dimensionality:
         raise InputError.at(
-            _its_unit(where),
+            _blame_unit(where),
             f"expected a unit that agrees with {unit_to!r} ({_dimension(target)}), "
             f"found {unit_from!r} ({_dimension(source)}).",
             f"give the unit in which the numbers are written, of the same kind as {unit_to!r}, "
-            f"or choose another column.{_as_effort(source)}",
+            f"or choose another column.{_effort_hint(source)}",
         )
     if set(source.dimensionality) <= {"[time]"} and _base(source)[1] != _base(target)[1]:
         # pint takes 1 Hz for 1 rad/s, which is wrong by 2 pi for whoever means turns.
         if source.dimensionless:
             problem, mend = "one is an angle and the other a plain number", "write 'rad' or 'deg'."
         else:
-            problem = "one counts an angle and the other does not, so turns and radians are open"
+            problem = "only one of them counts an angle, so turns or radians is undecided"
             mend = "write 'rev/s' or 'rad/s' (or 'rpm', 'deg/s') for a speed of rotation."
         raise InputError.at(
             where,
@@ -175,8 +175,8 @@ def _check_same(unit_from: str, unit_to: str, where: Place | str) -> None:
         )
 
 
-def _as_effort(source: Any) -> str:
-    """What to write where the unit looks like that of a vehicle's command."""
+def _effort_hint(source: Any) -> str:
+    """An extra hint where the unit looks like that of a vehicle's command."""
     if dict(source.dimensionality) == {"[time]": 1}:
         return " Widths of pulses are declared by pwm = {'stop': 1500, 'full': 1900}."
     if source.dimensionless and not _base(source)[1]:
@@ -191,10 +191,10 @@ def _dimension(unit: Any) -> str:
     return text
 
 
-def same_quantity(unit: str, other: str) -> bool:
+def same_quantity(unit: str, target: str) -> bool:
     """Whether numbers in one unit can be converted to another."""
     try:
-        _check_same(unit, other, "")
+        _check_same(unit, target, "")
     except InputError:
         return False
     return True
@@ -238,7 +238,7 @@ def convert(values: ArrayLike, unit_from: str, unit_to: str, *, where: Place | s
 
 
 def convert_scale(value: float, unit_from: str, unit_to: str, *, where: Place | str) -> float:
-    """Convert a width, such as a standard deviation: the offset of a unit does not count.
+    """Convert a difference, such as a standard deviation: offsets of units cancel.
 
     Args:
         value: a difference of two numbers in ``unit_from``.
@@ -256,12 +256,12 @@ def convert_scale(value: float, unit_from: str, unit_to: str, *, where: Place | 
         >>> round(convert_scale(1.8, "degF", "K", where="the sensor"), 6)
         1.0
     """
-    one, zero = convert([1.0, 0.0], unit_from, unit_to, where=where)
-    return float(value * (one - zero))
+    scaled, zero = convert([1.0, 0.0], unit_from, unit_to, where=where)
+    return float(value * (scaled - zero))
 
 
 def si_unit(unit: str, channel: str = "", where: Place | str = "") -> str:
-    """Say in which unit the library keeps numbers that were given in ``unit``.
+    """The unit in which the library keeps numbers given in ``unit``.
 
     Args:
         unit: the user's unit; an empty string (no unit given) is returned as it is.
@@ -291,14 +291,14 @@ def si_unit(unit: str, channel: str = "", where: Place | str = "") -> str:
         return standard
     base, angle = _base(parsed)
     for name in _NAMED_SI:
-        other = _base(_parse(name))
-        if other[0].dimensionality == base.dimensionality and other[1] == angle:
+        candidate = _base(_parse(name))
+        if candidate[0].dimensionality == base.dimensionality and candidate[1] == angle:
             return name
     return f"{base:~C}" or "dimensionless"
 
 
 def product_unit(*powers: tuple[str, int]) -> str:
-    """The unit of a product of powers; "" for a pure number, and where one of them is no unit.
+    """The unit of a product of powers; "" for a pure number, or if a factor is not a unit.
 
     Example:
         >>> product_unit(("rad/s^2", 1), ("rad/s", -2))

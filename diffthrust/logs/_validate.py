@@ -1,4 +1,4 @@
-"""The checks that every log passes, whether it came from arrays or from a file."""
+"""Checks that every log passes, whether made from arrays or read from a file."""
 
 import math
 from collections.abc import Callable, Collection, Mapping
@@ -12,7 +12,7 @@ from diffthrust._support.validation import numeric_vector
 from diffthrust.logs._units import convert, convert_scale, si_unit
 from diffthrust.logs._written import Written
 
-# Names a place for a message: the channel (or "time"), and the sample where one is to blame.
+# Names a place for a message: the channel (or "time"), and the sample if a single one is at fault.
 PlaceOf = Callable[[str, int | None], Place]
 
 
@@ -28,10 +28,10 @@ def check_time(time: np.ndarray, at: PlaceOf) -> None:
     bad = np.flatnonzero(~np.isfinite(time))
     if bad.size:
         index = int(bad[0])
-        found = "none" if np.isnan(time[index]) else f"{time[index]}"
+        description = "none" if np.isnan(time[index]) else f"{time[index]}"
         raise InputError.at(
             at("time", index),
-            f"expected a time stamp, found {found}{others(bad.size)}.",
+            f"expected a time stamp, found {description}{more_like_it(bad.size)}.",
             "complete the time stamp, or remove the sample.",
         )
     with np.errstate(all="ignore"):
@@ -43,7 +43,7 @@ def check_time(time: np.ndarray, at: PlaceOf) -> None:
         raise InputError.at(
             at("time", index),
             f"expected a time stamp after {time[index - 1]:.15g} s, "
-            f"found {time[index]:.15g} s ({kind}){others(bad.size)}.",
+            f"found {time[index]:.15g} s ({kind}){more_like_it(bad.size)}.",
             "remove the repeated or misplaced samples; if the clock was restarted, split the log.",
         )
     if not np.isfinite(time[-1] - time[0]):
@@ -54,18 +54,18 @@ def check_time(time: np.ndarray, at: PlaceOf) -> None:
         )
 
 
-def others(count: int) -> str:
-    """Say that more samples have the same defect: ``', and 3 more like it'``."""
+def more_like_it(count: int) -> str:
+    """A phrase for further samples with the same defect: ``', and 3 more like it'``."""
     return f", and {count - 1} more like it" if count > 1 else ""
 
 
 def check_finite_or_missing(values: np.ndarray, channel: str, at: PlaceOf) -> None:
-    """Raise InputError where a sample is infinite: NaN means missing, infinity means nothing."""
+    """Raise InputError if a sample is infinite: only NaN means missing."""
     bad = np.flatnonzero(np.isinf(values))
     if bad.size:
         raise InputError.at(
             at(channel, int(bad[0])),
-            f"expected a finite number, found {values[bad[0]]}{others(bad.size)}.",
+            f"expected a finite number, found {values[bad[0]]}{more_like_it(bad.size)}.",
             "correct the sample; a missing one is written as nan or left empty.",
         )
 
@@ -73,7 +73,7 @@ def check_finite_or_missing(values: np.ndarray, channel: str, at: PlaceOf) -> No
 def complete_input(
     time: np.ndarray, values: np.ndarray, channel: str, interpolate: bool, at: PlaceOf
 ) -> tuple[np.ndarray, str | None]:
-    """Fill the missing samples of an input, if the user asked for it.
+    """Fill the missing samples of an input if the user allows it.
 
     Args:
         time: time stamps [s], shape (n,).
@@ -83,7 +83,7 @@ def complete_input(
         at: names a place for the message.
 
     Returns:
-        The samples without gaps, shape (n,), and a sentence that says what was filled, or None.
+        The samples without gaps, shape (n,), and a note on what was filled, or None.
 
     Raises:
         InputError: a sample is missing and ``interpolate`` is false, or all are missing.
@@ -102,14 +102,14 @@ def complete_input(
     if not interpolate:
         raise InputError.at(
             at(channel, first),
-            f"expected a value of the input, found none{others(count)}.",
+            f"expected a value of the input, found none{more_like_it(count)}.",
             "complete it, cut the log with start and stop, or set interpolate_inputs = true.",
         )
     filled = values.copy()
     with np.errstate(all="ignore"):
         filled[missing] = np.interp(time[missing], time[~missing], values[~missing])
     check_finite_or_missing(filled, channel, at)
-    if np.isnan(filled).any():  # neighbours too far apart for the slope between them
+    if np.isnan(filled).any():  # the slope between huge neighbours overflows
         raise InputError.at(
             at(channel, first),
             "the gap cannot be interpolated, its neighbours are too large.",
@@ -129,7 +129,7 @@ def missing_note(values: np.ndarray, channel: str, at: PlaceOf) -> str | None:
         at: names a place for the message.
 
     Returns:
-        A sentence that counts them, or None where there are none.
+        A note with the count, or None if there are none.
 
     Raises:
         InputError: every sample is missing.
@@ -149,20 +149,20 @@ def missing_note(values: np.ndarray, channel: str, at: PlaceOf) -> str | None:
 
 
 _GAP = 10.0
-"""So many times the usual step is a gap."""
+"""A step above this multiple of the usual step is a gap."""
 
 
 def gap_note(time: np.ndarray) -> str | None:
-    """Tell the largest gaps in the time, with moment and length.
+    """A note on the largest gaps in time, with moment and length.
 
-    The usual step is one that nine in ten do not exceed: where messages of several senders are
-    merged, their median is a step between two of one moment.
+    The usual step is the 90 % quantile of the steps, not their median: where messages of several
+    senders are merged, half of the steps lie between messages sent together.
 
     Args:
         time: time stamps [s], strictly increasing, shape (n,).
 
     Returns:
-        A sentence, or None where no step is many times the usual one.
+        A note, or None if no step is much longer than the usual step.
     """
     steps = np.diff(time)
     if steps.size < 3:
@@ -172,11 +172,11 @@ def gap_note(time: np.ndarray) -> str | None:
     if not gaps.size:
         return None
     largest = gaps[np.argsort(-steps[gaps], kind="stable")][:3]
-    told = ", ".join(f"{steps[k]:.3g} s after {time[k] - time[0]:.6g} s" for k in sorted(largest))
+    listed = ", ".join(f"{steps[k]:.3g} s after {time[k] - time[0]:.6g} s" for k in sorted(largest))
     many = (
         f"{gaps.size} gaps, the largest" if gaps.size > 3 else "gaps" if gaps.size > 1 else "a gap"
     )
-    return f"time: {many} of {told} from the start; the usual step is {usual:.3g} s."
+    return f"time: {many} of {listed} from the start; the usual step is {usual:.3g} s."
 
 
 def window(time: np.ndarray, start: float | None, stop: float | None) -> np.ndarray:
@@ -218,11 +218,10 @@ def checked_fields(
     censored: Collection[str],
     at: PlaceOf,
 ) -> dict[str, Any]:
-    """Check, copy and convert what makes a log.
+    """Check, copy and convert the fields of a log.
 
-    The arguments are those of ``Log``; ``written`` says how the channels were written, where the
-    units do not say it, and ``at`` names places, so that a file's line and column stand in the
-    message where there is a file.
+    The arguments are those of ``Log``; ``written`` describes how the channels were written where
+    ``units`` does not, and ``at`` names places, so that a message gives line and column of a file.
 
     Returns:
         The fields of a log, by name.
@@ -233,8 +232,8 @@ def checked_fields(
     unsigned = (unsigned,) if isinstance(unsigned, str) else unsigned
     censored = (censored,) if isinstance(censored, str) else censored
     hold = dict.fromkeys(inputs, hold) if isinstance(hold, str) else hold
-    told = {"unsigned": unsigned, "noise": noise, "rails": rails, "censored": censored}
-    _check_names(inputs, measured, units, told, hold, name, at)
+    options = {"unsigned": unsigned, "noise": noise, "rails": rails, "censored": censored}
+    _check_names(inputs, measured, units, options, hold, name, at)
     for key, word in hold.items():
         check_hold(word, at(key, None))
 
@@ -275,8 +274,8 @@ def checked_fields(
     for key in unsigned:
         if negative := int((stored[key] < 0).sum()):
             sentences.append(
-                f"measured {key!r}: {negative} samples are negative although the sensor is said "
-                "to report the absolute value."
+                f"measured {key!r}: {negative} samples are negative although the sensor is "
+                "declared to report the absolute value."
             )
     return dict(
         time=stamps,
@@ -298,24 +297,24 @@ def _check_names(
     inputs: Collection[str],
     measured: Collection[str],
     units: Collection[str],
-    told: Mapping[str, Collection[str]],
+    options: Mapping[str, Collection[str]],
     hold: Collection[str],
     name: str,
     at: PlaceOf,
 ) -> None:
-    """Raise InputError unless each channel has one place, and what is told is told of channels."""
-    known = [*inputs, *measured]
+    """Raise InputError unless each channel has one role and every option names a channel."""
+    channels = [*inputs, *measured]
     for key in set(inputs) & set(measured):
         raise InputError.at(
             at(key, None),
             "expected an input or a measured channel, found both.",
             "give it under one of the two.",
         )
-    if "time" in known:
+    if "time" in channels:
         raise InputError(f"log {name!r}: a channel is called 'time'.", "give it another name.")
     for kind, keys, allowed in (
-        ("units", units, [*known, "time"]),
-        *((kind, keys, measured) for kind, keys in told.items()),
+        ("units", units, [*channels, "time"]),
+        *((kind, keys, measured) for kind, keys in options.items()),
         ("hold", hold, inputs),
     ):
         for key in keys:
@@ -329,7 +328,7 @@ def _check_names(
 
 
 def check_hold(word: str, where: Place) -> None:
-    """Raise InputError unless a hold is one of the two that there are."""
+    """Raise InputError unless a hold is 'zero' or 'linear'."""
     if word not in ("zero", "linear"):
         raise InputError.at(
             where,

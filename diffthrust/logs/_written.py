@@ -1,4 +1,4 @@
-"""How the user wrote a channel: the unit to read it in, and widths of pulses as an effort."""
+"""How the user wrote a channel: its unit, and pulse widths as an effort."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from diffthrust._support.names import listing, nearest
 from diffthrust.logs._units import convert, convert_scale
 
 FURTHEST = 3.0
-"""What is further from the stop than so many full commands is no effort, or another map's."""
+"""Numbers more than this many full commands from the stop are no effort, or use other widths."""
 
 
 @dataclass(frozen=True)
 class PWM:
-    """What widths of pulses mean to a motor controller.
+    """Map from pulse widths to the effort of a motor controller.
 
-    Below ``stop`` the effort is counted against ``reverse``, which is as far from the stop as
-    ``full`` where it is not given. A width of zero is no pulse at all, as an autopilot logs while
-    it is disarmed: the motor stands.
+    Below ``stop`` the effort is scaled by ``reverse``, which by default is as far from the stop as
+    ``full``. A width of zero means no pulse, as an autopilot logs while disarmed: the motor stands
+    still.
 
     Args:
         stop: width at which the motor stands, such as 1500.
@@ -44,30 +44,30 @@ class PWM:
     reverse: float | None = None
 
     @classmethod
-    def of(cls, given: Any, place: Place | str) -> PWM:
+    def of(cls, widths: Any, place: Place | str) -> PWM:
         """The widths that a user gave, as a `PWM` or a mapping.
 
         Raises:
-            InputError: a width is missing, unknown or no number, or two of them are one.
+            InputError: a width is missing, unknown or not a number, or two widths coincide.
         """
-        if not isinstance(given, PWM):
-            known = [field.name for field in fields(cls)]
+        if not isinstance(widths, PWM):
+            names = [field.name for field in fields(cls)]
             example = "write pwm = {'stop': 1500, 'full': 1900}."
-            if not isinstance(given, Mapping) or not {"stop", "full"} <= set(given):
+            if not isinstance(widths, Mapping) or not {"stop", "full"} <= set(widths):
                 raise InputError.at(
-                    place, f"expected pwm with a stop and a full width, found {given!r}.", example
+                    place, f"expected pwm with a stop and a full width, found {widths!r}.", example
                 )
-            for key in given:
-                if key not in known:
-                    near = nearest(str(key), known)
+            for key in widths:
+                if key not in names:
+                    near = nearest(str(key), names)
                     raise InputError.at(
                         place,
-                        f"pwm knows {listing(known)}, found {key!r}{'; ' + near if near else ''}.",
+                        f"pwm knows {listing(names)}, found {key!r}{'; ' + near if near else ''}.",
                         example,
                     )
-            given = cls(**given)
-        given._check(place)
-        return given
+            widths = cls(**widths)
+        widths._check(place)
+        return widths
 
     def _check(self, place: Place | str) -> None:
         widths = [self.stop, self.full, *([] if self.reverse is None else [self.reverse])]
@@ -104,10 +104,10 @@ class PWM:
         return self.stop + effort * span
 
     def read(self, widths: np.ndarray, place: Place) -> tuple[np.ndarray, str | None]:
-        """The efforts of recorded widths, and a sentence on those without a pulse.
+        """The efforts of recorded widths, and a note on samples without a pulse.
 
         Raises:
-            InputError: widths that cannot be of this map.
+            InputError: widths that do not fit this map.
         """
         effort = self.effort(widths)
         furthest = np.nanmax(np.abs(effort), initial=0.0)
@@ -126,7 +126,7 @@ class PWM:
 
 @dataclass(frozen=True)
 class Written:
-    """How the user wrote a channel, and the way back to it.
+    """How the user wrote a channel, and the conversion back to it.
 
     Args:
         unit: the unit to read the channel in; empty where none was given.
@@ -147,33 +147,33 @@ class Written:
     scale: float = 1.0
 
     def values(self, numbers: Any, unit: str, where: Place | str) -> np.ndarray:
-        """Numbers of this channel that are in ``unit``, as the user would write them."""
+        """Convert numbers of this channel from ``unit`` to the user's notation."""
         if self.pwm is not None:
             return self.pwm.widths(numbers)
         return convert(numbers, self._share(unit), self.unit, where=where)
 
     def width(self, number: float, unit: str, where: Place | str) -> float:
-        """A difference of two numbers, such as an error, as the user would write it."""
+        """Convert a difference of two numbers, such as an error, to the user's notation."""
         if self.pwm is not None:
             return number * abs(self.pwm.full - self.pwm.stop)
         return convert_scale(number, self._share(unit), self.unit, where=where)
 
     def _share(self, unit: str) -> str:
-        # an effort was a plain number, or so many per cent, before it was declared as one
+        # before it was declared as an effort, the column held plain numbers or per cent
         return "dimensionless" if unit == "effort" else unit
 
 
 class Size(NamedTuple):
-    """A number with its unit, as people are told."""
+    """A number with its unit, as shown to the user."""
 
     value: float
     unit: str
 
 
 class ShownUnits:
-    """The units in which people are told of some logs: those in which they wrote them.
+    """The units in which results are shown: those in which the logs were written.
 
-    Of a channel that they wrote in several, the one of the first log.
+    If logs wrote a channel in several units, that of the first log.
 
     Args:
         logs: how each channel was written, of every log.
@@ -196,20 +196,20 @@ class ShownUnits:
         return None if way is None or not unit or way.unit == unit else way
 
     def unit(self, channel: str, unit: str) -> str:
-        """The unit to tell of a channel whose numbers are in ``unit``."""
+        """The unit in which a channel with numbers in ``unit`` is shown."""
         way = self._way(channel, unit)
         return unit if way is None else way.unit
 
     def values(self, channel: str, numbers: Any, unit: str) -> np.ndarray:
-        """Numbers of a channel that are in ``unit``, in the unit to tell."""
+        """Convert numbers of a channel from ``unit`` to the shown unit."""
         way = self._way(channel, unit)
         plain = np.asarray(numbers, np.float64)
         return plain if way is None else way.values(plain, unit, f"channel {channel!r}")
 
     def size(self, channel: str, number: float, unit: str) -> Size:
-        """A difference of two numbers of a channel, in the unit to tell.
+        """Convert a difference of two numbers of a channel to the shown unit.
 
-        What counts from the stop, such as an effort or a dead band, is one too.
+        Quantities counted from the stop, such as an effort or a dead band, are differences too.
         """
         way = self._way(channel, unit)
         if way is None:

@@ -1,4 +1,4 @@
-"""Results out of files: fits, diagnoses and posteriors as they were saved."""
+"""Load saved fits, diagnoses and posteriors."""
 
 import lazy_loader as _lazy
 

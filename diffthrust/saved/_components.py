@@ -1,4 +1,4 @@
-"""Models and effects made of what a file tells of them."""
+"""Restore models and effects from saved files."""
 
 from __future__ import annotations
 
@@ -19,70 +19,70 @@ from diffthrust.models._base.registry import catalogue
 _C = TypeVar("_C", bound=Component)
 
 
-def model_made(decoder: Decoder, plain: dict[str, Any], own: Sequence[type]) -> Model:
-    """The model that `Model.as_plain` tells of, with its effects.
+def restore_model(decoder: Decoder, plain: dict[str, Any], classes: Sequence[type]) -> Model:
+    """Restore a model with its effects from the output of `Model.as_plain`.
 
     Args:
-        decoder: reads the parameters.
-        plain: what was told.
-        own: classes of the user's own, of which it may be made.
+        decoder: decodes the parameters.
+        plain: the saved description.
+        classes: the user's own classes that may be used.
 
     Raises:
-        InputError: a class that is not there, or is another one by now.
+        InputError: a class is missing, or has changed.
     """
-    model = component_made(Model, decoder, plain, own)
+    model = restore_component(Model, decoder, plain, classes)
     for effect in plain["effects"]:
-        model = model + component_made(Effect, decoder, effect, own)
+        model = model + restore_component(Effect, decoder, effect, classes)
     return model
 
 
-def component_made(
-    base: type[_C], decoder: Decoder, plain: dict[str, Any], own: Sequence[type]
+def restore_component(
+    base: type[_C], decoder: Decoder, plain: dict[str, Any], classes: Sequence[type]
 ) -> _C:
-    """The model without its effects, or the effect, that `Component.as_plain` tells of."""
+    """Restore a model without effects, or an effect, from the output of `Component.as_plain`."""
     name, what = plain["name"], base.__name__.lower()
-    cls = _class_of(base, plain, own)
-    thing = cls(**{key: _restored(value) for key, value in plain["arguments"].items()})
+    cls = _class_of(base, plain, classes)
+    component = cls(**{key: _restored(value) for key, value in plain["arguments"].items()})
     saved = {
         key: decoder.decoded(Parameter, described) for key, described in plain["parameters"].items()
     }
-    differing = sorted(set(saved) ^ set(thing._parameters))
+    differing = sorted(set(saved) ^ set(component._parameters))
     if differing:
         raise InputError(
             f"The {what} '{name}' was saved with the parameters {listing(saved)}; its "
-            f"class {cls.__name__} has {listing(thing._parameters)} now.",
-            "Fit again with the class as it is, or load with the one that it was.",
+            f"class {cls.__name__} has {listing(component._parameters)} now.",
+            "Fit again with the current class, or load with the class as it was saved.",
         )
-    return thing._copy(_parameters=saved, **{key: p.value for key, p in saved.items()})
+    return component._copy(_parameters=saved, **{key: p.value for key, p in saved.items()})
 
 
-def _class_of(base: type, plain: dict[str, Any], own: Sequence[type]) -> Any:
-    name, told = plain["name"], plain["own"]
-    known: Mapping[str, Any] = MODELS if base is Model else {**catalogue(), **MADE_EFFECTS}
-    candidates: list[Any] = [*own, *known.values()]  # those of installed packages are known too
-    if told is None:
-        if name in known:
-            return known[name]
+def _class_of(base: type, plain: dict[str, Any], classes: Sequence[type]) -> Any:
+    name, origin = plain["name"], plain["own"]
+    by_name: Mapping[str, Any] = MODELS if base is Model else {**catalogue(), **MADE_EFFECTS}
+    candidates: list[Any] = [*classes, *by_name.values()]  # also of installed packages
+    if origin is None:
+        if name in by_name:
+            return by_name[name]
         raise InputError(
             f"The {base.__name__.lower()} '{name}' is not known to this version of diffthrust.",
             "Load it with the version that it was saved with; the file names that.",
         )
     for cls in candidates:
-        named = issubclass(cls, base) and cls.__qualname__ == told["class"]
-        if named and (cls in own or cls.__module__ == told["module"]):
+        named = issubclass(cls, base) and cls.__qualname__ == origin["class"]
+        if named and (cls in classes or cls.__module__ == origin["module"]):
             return cls
-    where = f" ({told['file']})" if told["file"] else ""
-    word = f"'{told['file'] or 'script.py'}:{told['class']}'"
+    where = f" ({origin['file']})" if origin["file"] else ""
+    word = f"'{origin['file'] or 'script.py'}:{origin['class']}'"
     raise InputError(
-        f"The {base.__name__.lower()} '{name}' is of a class of your own, {told['class']} in "
-        f"{told['module']}{where}; loading runs no code that you did not ask for.",
-        f"Give the class, or the script that defines it: dft.load(path, classes=[{told['class']}]) "
-        f"or classes=[{word}].",
+        f"The {base.__name__.lower()} '{name}' is of a class of your own, {origin['class']} in "
+        f"{origin['module']}{where}; loading runs no code that you did not ask for.",
+        f"Give the class, or the script that defines it: dft.load(path, "
+        f"classes=[{origin['class']}]) or classes=[{word}].",
     )
 
 
 def _restored(value: Any, described: bool = False) -> Any:
-    """What JSON made a list was a tuple; in a description of a parameter, "inf" is a number."""
+    """Undo JSON: lists become tuples, and "inf" in a parameter becomes a number."""
     if isinstance(value, dict):
         return {key: _restored(each, True) for key, each in value.items()}
     if isinstance(value, list):

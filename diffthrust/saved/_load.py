@@ -1,4 +1,4 @@
-"""Results out of files."""
+"""Load saved results."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from diffthrust.logs._log import Log
 from diffthrust.models._base.component import Component
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
-from diffthrust.saved._components import component_made, model_made
+from diffthrust.saved._components import restore_component, restore_model
 from diffthrust.specs._scripts import own_class
 
 Classes = type[Component] | str | Sequence[type[Component] | str]
@@ -27,24 +27,24 @@ _KINDS: dict[str, type] = {"fit": Fit, "diagnosis": Diagnosis}
 
 
 def load(path: str | PathLike[str], *, classes: Classes = ()) -> Any:
-    """Make a result again that was saved: a fit, a diagnosis, or a posterior.
+    """Load a saved fit, diagnosis or posterior.
 
-    A fit is equal to the one that was saved to the last digit, and takes its place everywhere: in
-    `compare`, `intervals`, `sample`, `predict`, `diagnose`. Nothing is run that you did not ask
-    for: a model or an effect of your own is made only of the classes that you give.
+    A loaded fit equals the saved fit to the last digit and can be used everywhere: in `compare`,
+    `intervals`, `sample`, `predict`, `diagnose`. Loading runs no code from the file: your own
+    models and effects are restored only from classes that you pass.
 
     Args:
-        path: what ``fit.save`` or ``diag.save`` has written (``.json``), or a posterior as ArviZ
-            writes it, ``post.to_netcdf("posterior.nc")``.
-        classes: models and effects of your own: classes, or ``"script.py:Class"``, whose script is
+        path: a file written by ``fit.save`` or ``diag.save`` (``.json``), or a posterior written by
+            ArviZ, ``post.to_netcdf("posterior.nc")``.
+        classes: your own models and effects: classes, or ``"script.py:Class"``, whose script is
             then run.
 
     Returns:
         `Fit`, `Diagnosis`, or `arviz.InferenceData`.
 
     Raises:
-        InputError: there is no such file, it is damaged, of a newer version, or of another kind; a
-            class of your own is missing, or has changed.
+        InputError: there is no such file; it is damaged, of a newer version or another kind; or a
+            class of your own is missing or has changed.
 
     Example:
         >>> fit.save("run1.fit.json")
@@ -61,7 +61,7 @@ def load(path: str | PathLike[str], *, classes: Classes = ()) -> Any:
         from diffthrust.uncertainty._sampling.arviz import read_posterior
 
         return read_posterior(file)
-    _refuse_others(file)
+    _check_suffix(file)
     document = read_saved(file)
     kind = document["kind"]
     if kind not in _KINDS:
@@ -69,15 +69,15 @@ def load(path: str | PathLike[str], *, classes: Classes = ()) -> Any:
             f"{file}: expected a saved {listing(_KINDS)}, found the kind {kind!r}.",
             "Load it with the version of diffthrust that wrote it.",
         )
-    own = tuple(
+    resolved = tuple(
         own_class(each, Path()) if isinstance(each, str) else each
         for each in ([classes] if isinstance(classes, str | type) else classes)
     )
     decoder = Decoder(
         arrays=document["arrays"],
         makers={
-            Model: lambda d, plain: model_made(d, plain, own),
-            Effect: lambda d, plain: component_made(Effect, d, plain, own),
+            Model: lambda d, plain: restore_model(d, plain, resolved),
+            Effect: lambda d, plain: restore_component(Effect, d, plain, resolved),
             Log: lambda d, plain: Log.of_checked(d.fields_of(Log, plain)),
         },
         names={"Fit": Fit, "Experiment": Experiment},
@@ -95,8 +95,8 @@ def load(path: str | PathLike[str], *, classes: Classes = ()) -> Any:
         ) from None
 
 
-def _refuse_others(file: Path) -> None:
-    """Raise `InputError` for files that tell something else by their ending."""
+def _check_suffix(file: Path) -> None:
+    """Raise `InputError` for files with the suffix of another kind."""
     mends = {
         ".html": "Load the file that diag.save('NAME.json') writes beside the page.",
         ".h5": "A chain is read by dft.sample(fit, logs, file=...), which goes on where it ended; "

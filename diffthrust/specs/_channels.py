@@ -1,4 +1,4 @@
-"""The channels of a spec file: which drive the model, which are compared, and their columns."""
+"""The channels of a spec file: their roles (input or measured) and columns."""
 
 from __future__ import annotations
 
@@ -14,60 +14,62 @@ from diffthrust.specs._parts import ChannelPart, SpecFile
 
 
 def roles_of(model: Model, file: SpecFile, text: str, path: Path) -> dict[str, str]:
-    """Which channels drive the model and which are compared; the model decides.
+    """The role of each channel, decided by the model.
 
     Raises:
-        InputError: a channel that the model does not have, a key that does not suit the role, or a
-            channel that is missing.
+        InputError: the model has no such channel, a key does not suit the role, or a channel is
+            missing.
     """
     needs = [name for effect in model.effects for name in effect.needs]
     inputs = {*model.inputs, *model.optional_inputs, *model.states, *needs}
-    # without what drives it, a state that may be an input is one
+    # if the model's inputs are absent, states that may be prescribed are inputs
     undriven = bool(model.inputs) and not set(model.inputs) & set(file.channels)
     roles = {}
-    for name, part in file.channels.items():
+    for name, channel in file.channels.items():
         loc = ("channels", name)
         if name not in inputs and name not in model.outputs:
-            known = [n for n in (*model.inputs, *model.optional_inputs, *needs, *model.outputs)]
-            near = nearest(name, known)
+            names = [n for n in (*model.inputs, *model.optional_inputs, *needs, *model.outputs)]
+            near = nearest(name, names)
             raise InputError(
                 f"{line_of(text, path, loc)}: the model '{model}' has no channel {name!r}"
                 f"{'; ' + near if near else ''}.",
                 "Name the column under [logs] time."
                 if name == "time"
-                else f"Correct the name; there are {listing(dict.fromkeys(known))}.",
+                else f"Correct the name; there are {listing(dict.fromkeys(names))}.",
             )
-        if part.role is None:
+        if channel.role is None:
             driving = name in model.inputs or name in needs or name not in model.outputs
             driving = driving or (undriven and name in model.optional_inputs)
             roles[name] = "input" if driving else "measured"
         else:
-            roles[name] = part.role
-            if name not in (inputs if part.role == "input" else model.outputs):
+            roles[name] = channel.role
+            if name not in (inputs if channel.role == "input" else model.outputs):
                 raise InputError(
                     f"{line_of(text, path, (*loc, 'role'))}: the model '{model}' does not "
-                    f"{'read' if part.role == 'input' else 'put out'} the channel {name!r}.",
+                    f"{'read' if channel.role == 'input' else 'put out'} the channel {name!r}.",
                     "Remove the role.",
                 )
-        _suits(part, roles[name], text, path, loc)
-    _complete(model, roles, text, path)
+        _check_keys(channel, roles[name], text, path, loc)
+    _check_complete(model, roles, text, path)
     return roles
 
 
-def _suits(part: ChannelPart, role: str, text: str, path: Path, loc: tuple[str, ...]) -> None:
+def _check_keys(
+    channel: ChannelPart, role: str, text: str, path: Path, loc: tuple[str, ...]
+) -> None:
     of_sensors = ("unsigned", "noise", "rails", "censored")
     for key in of_sensors if role == "input" else ("hold",):
-        if getattr(part, key) not in (None, False):
-            other = "measured channel" if role == "input" else "input"
+        if getattr(channel, key) not in (None, False):
+            opposite = "measured channel" if role == "input" else "input"
             kind = "an input" if role == "input" else "a measured channel"
             raise InputError(
                 f"{line_of(text, path, (*loc, key))}: this channel is {kind}, and {key!r} says "
-                f"something of {'an' if other == 'input' else 'a'} {other}.",
-                f'Remove {key}, or give role = "{other.split()[0]}".',
+                f"something of {'an' if opposite == 'input' else 'a'} {opposite}.",
+                f'Remove {key}, or give role = "{opposite.split()[0]}".',
             )
 
 
-def _complete(model: Model, roles: Mapping[str, str], text: str, path: Path) -> None:
+def _check_complete(model: Model, roles: Mapping[str, str], text: str, path: Path) -> None:
     driving = [name for name, role in roles.items() if role == "input"]
     prescribed = [name for name in driving if name in model.states]
     missing = [name for name in model.inputs if name not in driving]
@@ -96,4 +98,6 @@ def _complete(model: Model, roles: Mapping[str, str], text: str, path: Path) -> 
 
 def columns_of(file: SpecFile, role: str, roles: Mapping[str, str]) -> dict[str, Column]:
     """The columns of the channels of a role, "input" or "measured"."""
-    return {name: part.as_column() for name, part in file.channels.items() if roles[name] == role}
+    return {
+        name: channel.as_column() for name, channel in file.channels.items() if roles[name] == role
+    }

@@ -1,4 +1,4 @@
-"""Which specs share compiled code, as seen from the outside."""
+"""Guess which specs share compiled code, without building them."""
 
 from __future__ import annotations
 
@@ -9,16 +9,18 @@ from diffthrust.specs._file import parse_spec, read_spec_text
 
 
 def compile_key(file: Path) -> str:
-    """The same text for specs that share code: model, channels, options, lengths of logs.
+    """A key that is equal for specs that share code: model, channels, options, lengths of logs.
 
-    A guess, which costs a compilation where it is wrong and nothing else.
+    A wrong guess only costs a compilation.
     """
     try:
         spec = parse_spec(read_spec_text(file), file)
     except InputError:
         return ""
-    channels = {name: bool(part.noise) for name, part in sorted(spec.channels.items())}
-    fixed = {name: part.fixed for name, part in spec.parameters.items() if part.fixed is not None}
+    channels = {name: bool(entry.noise) for name, entry in sorted(spec.channels.items())}
+    fixed = {
+        name: entry.fixed for name, entry in spec.parameters.items() if entry.fixed is not None
+    }
     lengths = [_lines(file.parent / name) for name in (*spec.logs.train, *spec.logs.holdout)]
     return repr((spec.model, spec.effects, spec.options, channels, fixed, spec.fit, lengths))
 

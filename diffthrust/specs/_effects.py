@@ -16,16 +16,16 @@ from diffthrust.specs._scripts import check_place, effect_class
 
 
 def effect_of(entry: str | Mapping[str, Any], folder: Path, trust: Sequence[Path | str]) -> Effect:
-    """The effect that an entry of ``effects`` asks for.
+    """The effect of an entry under ``effects``.
 
     Args:
         entry: a name, a ``script.py:Class``, or a table.
-        folder: that of the spec.
-        trust: folders from which scripts are run as well.
+        folder: folder of the spec.
+        trust: further folders whose scripts may be run.
 
     Raises:
-        InputError: an effect that is not known, a script that may not be run or fails, or a table
-            that is none of an effect.
+        InputError: the effect is unknown, a script may not be run or fails, or a table does not
+            describe an effect.
 
     Example:
         >>> effect_of({"formula": "-a * speed", "port": "shaft", "a": "rad/s^2"}, Path(), ())

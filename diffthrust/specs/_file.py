@@ -1,10 +1,10 @@
-"""The text of a spec file becomes its keys, and messages for what it may not hold."""
+"""Parse the text of a spec file; every invalid key gets a message with its line."""
 
 from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
@@ -15,7 +15,6 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.files import oddity
 from diffthrust._support.names import listing, nearest, shortly
 from diffthrust.logs._kinds import is_log, kind_of
-from diffthrust.specs._extent import check_extent, check_keys, too_deep, too_long
 from diffthrust.specs._lines import line_of
 from diffthrust.specs._parts import ExpectedNumber, ParameterPart, SpecFile
 
@@ -27,7 +26,7 @@ def read_spec_text(path: Path) -> str:
     """The text of a spec file, line ends untouched.
 
     Raises:
-        InputError: there is no such file, it is a log, no file at all, or not UTF-8 text.
+        InputError: there is no such file, it is a log, not a regular file, or not UTF-8.
     """
     if what := oddity(path):
         raise InputError(
@@ -49,10 +48,10 @@ def read_spec_text(path: Path) -> str:
     except OSError as error:
         folder = path.parent
         inside = sorted(folder.iterdir()) if path.name == NAME and folder.is_dir() else []
-        others = any(file.suffix.lower() == ".toml" for file in inside)
-        if not others and any(map(is_log, inside)):
+        has_spec = any(file.suffix.lower() == ".toml" for file in inside)
+        if not has_spec and any(map(is_log, inside)):
             raise InputError(
-                f"{folder}: expected a {NAME} in this folder, found logs alone.", _look(folder)
+                f"{folder}: expected a {NAME} in this folder, found only logs.", _look(folder)
             ) from None
         raise InputError(
             f"{path}: the spec file cannot be read ({error.strerror or error}).",
@@ -65,7 +64,7 @@ def _is_toml(path: Path) -> bool:
         return True
     try:
         return bool(tomllib.loads(path.read_text("utf-8")))
-    except (ValueError, RecursionError):  # of TOML and of UTF-8
+    except (ValueError, RecursionError):  # invalid TOML or UTF-8
         return False
 
 
@@ -80,7 +79,7 @@ def parse_toml(text: str, file: Path | str) -> dict[str, Any]:
     """The tables of a TOML text.
 
     Raises:
-        InputError: the text is not TOML, or no sane one; the message names file, line and column.
+        InputError: the text is not TOML, or nested too deep; the message names line and column.
     """
     check_keys(text, file)
     try:
@@ -90,26 +89,26 @@ def parse_toml(text: str, file: Path | str) -> dict[str, Any]:
     except RecursionError:
         raise too_deep(text, file) from None
     except tomllib.TOMLDecodeError as error:
-        said = str(error)
-        at = re.search(r"\(at (?:line (\d+), column (\d+)|end of document)\)", said)
+        message = str(error)
+        at = re.search(r"\(at (?:line (\d+), column (\d+)|end of document)\)", message)
         line = at[1] if at and at[1] else str(len(text.splitlines()))
         column = f", column {at[2]}" if at and at[2] else ""
-        what = said[: at.start()].strip() if at else said
+        what = message[: at.start()].strip() if at else message
         raise InputError(
             f"{file}, line {line}{column}: this is not TOML: {what[:1].lower()}{what[1:]}.",
             'Correct the line; text is written "in quotes", lists as [1, 2], tables as [logs].',
         ) from None
     except InputError:
         raise
-    except ValueError:  # of Python, which reads no integer of some thousand digits
+    except ValueError:  # raised by Python for an integer of thousands of digits
         raise too_long(text, file) from None
 
 
 def parse_spec(text: str, file: Path | str) -> SpecFile:
-    """A spec out of its text.
+    """Parse a spec.
 
     Raises:
-        InputError: a key is unknown, missing, or holds something else than expected.
+        InputError: a key is unknown or missing, or has an invalid value.
     """
     data = parse_toml(text, file)
     _dotted(data)
@@ -117,13 +116,13 @@ def parse_spec(text: str, file: Path | str) -> SpecFile:
         return SpecFile.model_validate(data)
     except ValidationError as error:
         problems = error.errors()
-    # a misspelt key is reported twice, as unknown and as missing: the first says more
+    # A misspelt key is reported twice, as unknown and as missing: show the first.
     problems.sort(key=lambda problem: problem["type"] != "extra_forbidden")
     raise _refusal(problems[0], text, file, len(problems) - 1)
 
 
 def _dotted(data: dict[str, Any]) -> None:
-    """Read ``effect.parameter = ...``, which TOML nests, as one name."""
+    """Flatten ``effect.parameter = ...``, which TOML nests, to one name."""
     effects = data.get("effects", [])
     effects = [effects] if isinstance(effects, str | dict) else effects
     effects = effects if isinstance(effects, list) else []
@@ -142,7 +141,7 @@ def _dotted(data: dict[str, Any]) -> None:
 
 
 def _refusal(problem: Mapping[str, Any], text: str, file: Path | str, more: int) -> InputError:
-    members = ("str", "bool", "int", "float", "TimePart")  # of a union, not keys
+    members = ("str", "bool", "int", "float", "TimePart")  # members of a union, not keys
     loc = tuple(p for p in problem["loc"] if not str(p).startswith("function-"))
     loc = tuple(p for k, p in enumerate(loc) if k < 2 or p not in members)
     where = line_of(text, file, loc)
@@ -150,11 +149,11 @@ def _refusal(problem: Mapping[str, Any], text: str, file: Path | str, more: int)
     also = f" ({more} more after this one.)" if more else ""
     table = f"[{'.'.join(map(str, parent))}]" if parent else "the top of the file"
     if problem["type"] == "extra_forbidden":
-        known = _keys(parent)
-        near = nearest(key, known)
+        keys = _keys(parent)
+        near = nearest(key, keys)
         return InputError(
             f"{where}: the key {key!r} is not known in {table}{'; ' + near if near else ''}.{also}",
-            f"Correct the key; known there are {listing(known)}.",
+            f"Correct the key; known there are {listing(keys)}.",
         )
     if problem["type"] == "missing":
         example = f"[{key}]" if not parent and key in ("logs", "channels") else f"{key} = ..."
@@ -162,23 +161,85 @@ def _refusal(problem: Mapping[str, Any], text: str, file: Path | str, more: int)
             f"{where}: expected the key {key!r} in {table}, found none.{also}",
             f"Add {example} to {table}." if parent or "=" in example else f"Add {example}.",
         )
-    said = problem["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
-    said = said.replace("a valid ", "a ").replace("dictionary", "table")
-    said = re.sub(r" or instance of \w+$", "", said)
+    message = problem["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
+    message = message.replace("a valid ", "a ").replace("dictionary", "table")
+    message = re.sub(r" or instance of \w+$", "", message)
     return InputError(
-        f"{where}: expected {said[:1].lower()}{said[1:]}, found {shortly(problem['input'])}.{also}",
+        f"{where}: expected {message[:1].lower()}{message[1:]}, found "
+        f"{shortly(problem['input'])}.{also}",
         f"Correct {'.'.join(map(str, loc))}.",
     )
 
 
 def _keys(loc: Sequence[Any]) -> list[str]:
-    """The keys that the table at a path may have."""
+    """The valid keys of the table at a path."""
     here: Any = SpecFile
-    for part in loc:
+    for name in loc:
         if isinstance(here, type) and issubclass(here, BaseModel):
-            here = here.model_fields[str(part)].annotation
+            here = here.model_fields[str(name)].annotation
         else:
             here = get_args(here)[-1]
         while get_origin(here) in (Annotated, Union, UnionType):
             here = next(a for a in get_args(here) if a is not type(None))
     return list(here.model_fields) if hasattr(here, "model_fields") else []
+
+
+_DEEPEST = 50
+_BITS = 64
+"""Size of an integer that every TOML parser must support."""
+_LONG = re.compile(r"[0-9a-fA-F_]{17,}")
+
+_DOTTED = re.compile(r"(?:\.[ \t]{0,9}[\w\"'-]{1,99}[ \t]{0,9}){50}")
+
+
+def check_keys(text: str, file: Path | str) -> None:
+    """Refuse a key of many dots, which Python takes minutes to parse.
+
+    Raises:
+        InputError: there is such a key.
+    """
+    if _DOTTED.search(text):
+        raise too_deep(text, file)
+
+
+def check_extent(tables: Mapping[str, Any], text: str, file: Path | str) -> None:
+    """Check the tables of a TOML text.
+
+    Raises:
+        InputError: they are nested too deep, or an integer is too long.
+    """
+    level: list[Any] = [tables]
+    for _ in range(_DEEPEST):
+        level = [inner for each in level for inner in _inside(each)]
+        if any(isinstance(each, int) and each.bit_length() > _BITS for each in level):
+            raise too_long(text, file)
+    if level:
+        raise too_deep(text, file)
+
+
+def too_deep(text: str, file: Path | str) -> InputError:
+    """The error for tables or lists nested too deep."""
+    lines = text.splitlines()
+    counts = [sum(map(line.count, "[{.")) for line in lines]
+    return InputError(
+        f"{file}, line {counts.index(max(counts)) + 1}: expected tables and lists nested at most "
+        f"{_DEEPEST} deep, found more.",
+        "Remove the brackets or dots.",
+    )
+
+
+def too_long(text: str, file: Path | str) -> InputError:
+    """The error for an integer of too many bits."""
+    lengths = [max(map(len, _LONG.findall(line)), default=0) for line in text.splitlines()]
+    return InputError(
+        f"{file}, line {lengths.index(max(lengths)) + 1}: expected integers of at most {_BITS} "
+        "bits, found one of more.",
+        "Correct the number.",
+    )
+
+
+def _inside(value: Any) -> Iterator[Any]:
+    if isinstance(value, Mapping):
+        yield from value.values()
+    elif isinstance(value, list):
+        yield from value

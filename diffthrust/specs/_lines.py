@@ -1,4 +1,4 @@
-"""Where in the text of a spec file a key stands."""
+"""Locate a key in the text of a spec file."""
 
 from __future__ import annotations
 
@@ -9,8 +9,11 @@ from typing import Any
 
 
 def line_of(text: str, file: Path | str, loc: Iterable[Any]) -> str:
-    """Where a key stands: file, line where it can be found, and the path of the key."""
-    path = tuple(str(part) for part in loc if not isinstance(part, int))
+    """The place of a key: file, line if it can be found, and the path of the key.
+
+    The text is searched line by line, since Python's TOML parser keeps no line numbers.
+    """
+    path = tuple(str(key) for key in loc if not isinstance(key, int))
     line, best, table = 0, 0, ()
     for number, row in enumerate(text.splitlines(), 1):
         if header := re.match(r"\s*\[+([^\[\]]+)\]+\s*(#.*)?$", row):
@@ -23,7 +26,7 @@ def line_of(text: str, file: Path | str, loc: Iterable[Any]) -> str:
         joined, shared = ".".join(here), ".".join(path)
         if (shared == joined or shared.startswith(f"{joined}.")) and len(here) > best:
             line, best = number, len(here)
-    # a key that stands nowhere, because it is missing, is placed at its table
+    # a missing key gets the line of its table
     at = f", line {line}" if line else ""
     return f"{file}{at}, {'.'.join(path)}" if path else f"{file}"
 

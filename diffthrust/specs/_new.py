@@ -1,4 +1,4 @@
-"""A folder for a new fit, which runs at once, and the workflow that checks all of them."""
+"""Create the folder of a new fit that runs immediately, and a workflow that checks all fits."""
 
 from __future__ import annotations
 
@@ -6,38 +6,42 @@ import re
 from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import made_folder, write_whole
 from diffthrust._support.names import listing, nearest
+from diffthrust.logs._log import Log
 from diffthrust.models import MODELS
 from diffthrust.models._base.model import Model
+from diffthrust.simulation._simulate import simulate
 from diffthrust.specs._file import NAME
-from diffthrust.specs._new_logs import example_table
 
 _TRAIN, _HOLDOUT = "example_train.csv", "example_unseen.csv"
 _WORKFLOW = Path(".github", "workflows", "fits.yml")
 _WORD = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
 _HELD = {"dc_motor_thruster": ("inertia",)}
-"""Parameters that no log tells apart from the others: torques over inertia are all that shows."""
+"""Parameters that logs cannot identify: only torques divided by inertia are observable."""
 _UNITS = {"rad/s": "rpm", "rad": "deg", "rev/s": "rpm", "V": "mV", "m/s": "kn", "N": "kN"}
-"""Another unit that logs often have, as a hint."""
+"""Alternative units, common in logs, for a hint."""
 
 
 def new_fit(name: str, model: str = "thruster", directory: Path | str = "fits") -> Path:
-    """Make a folder with a commented spec file and two small logs that were made up.
+    """Make a folder with a commented spec file and two small simulated logs.
 
     Args:
-        name: of the fit, and of its folder; ``harbour/run1`` makes a folder in a folder.
+        name: of the fit and its folder; ``harbour/run1`` makes nested folders.
         model: a model of the catalogue.
-        directory: where the fits are.
+        directory: folder of all fits.
 
     Returns:
         The folder, as `load_spec` takes it.
 
     Raises:
-        InputError: a name that cannot be that of a folder, or is taken; a model that is not known;
-            a folder that cannot be written to.
+        InputError: the name is invalid or taken, the model is unknown, or the folder is not
+            writable.
 
     Example:
         >>> load_spec(new_fit("bollard")).fit().status.value
@@ -70,7 +74,7 @@ def new_workflow(directory: Path | str = "fits") -> Path:
     """Write a GitHub workflow that checks the fits at each push.
 
     Args:
-        directory: where the fits are.
+        directory: folder of all fits.
 
     Returns:
         The file, as `workflow_place` names it.
@@ -87,15 +91,15 @@ def new_workflow(directory: Path | str = "fits") -> Path:
 
 
 def workflow_place(directory: Path | str) -> tuple[Path, str]:
-    """Where the workflow goes, and what it calls the folder of the fits.
+    """The path of the workflow, and the folder of the fits relative to its root.
 
     Returns:
-        ``.github/workflows/fits.yml`` in the root of the git repository that holds the fits, or in
-        the present folder where there is none; and the folder of the fits as seen from there.
+        ``.github/workflows/fits.yml`` in the root of the git repository of the fits, or in the
+        working directory if there is none; and the folder of the fits relative to that root.
 
     Raises:
-        InputError: there is such a file, or the fits lie outside the present folder and no
-            repository holds them.
+        InputError: the file exists, or the fits lie neither in a repository nor in the working
+            directory.
     """
     fits = Path(directory).resolve()
     root = next((place for place in (fits, *fits.parents) if (place / ".git").exists()), Path.cwd())
@@ -114,8 +118,8 @@ def workflow_place(directory: Path | str) -> tuple[Path, str]:
 
 
 def _checked(name: str) -> str:
-    parts = name.split("/")
-    if not all(_WORD.fullmatch(part) for part in parts):
+    segments = name.split("/")
+    if not all(_WORD.fullmatch(segment) for segment in segments):
         raise InputError(
             f"{name!r}: expected a name of letters, digits and '_', with '-' and '.' within, as "
             "that of a folder.",
@@ -152,3 +156,57 @@ def _write(folder: Path, texts: Mapping[str, str]) -> None:
     made_folder(folder, "Name another place.")
     for name, text in texts.items():
         write_whole(folder / name, text.encode())
+
+
+_OTHER = 1.15
+"""Parameters of the simulated system, relative to those at which the search begins."""
+_NOISE = 0.02
+"""Noise of a channel, as a share of its spread."""
+
+
+class _Run(NamedTuple):
+    """Input signal of a model: random levels within ranges, each held for some samples."""
+
+    step: float
+    hold: int
+    samples: int
+    ranges: Mapping[str, tuple[float, float]]
+
+
+_RUNS = {
+    "thruster": _Run(0.05, 25, 300, {"command": (-3.0, 3.0)}),
+    "speed_loop_thruster": _Run(0.05, 25, 300, {"command": (-1.0, 1.0)}),
+    "ducted_thruster": _Run(0.05, 25, 300, {"command": (-1.0, 1.0)}),
+    "dc_motor_thruster": _Run(0.02, 40, 400, {"command": (-12.0, 12.0)}),
+    "axis_vehicle": _Run(0.2, 25, 300, {"thrust": (-100.0, 100.0)}),
+    "linear_sensor": _Run(1.0, 1, 20, {"depth": (0.0, 4.0)}),
+    "vessel": _Run(0.2, 30, 300, {"propeller_speed": (60.0, 120.0), "rudder_angle": (-0.45, 0.45)}),
+}
+
+
+def example_table(model: Model, seed: int) -> str:
+    """A log of a model as the text of a CSV file: time, inputs, and outputs with white noise.
+
+    Args:
+        model: a model of the catalogue with default parameters.
+        seed: random seed of input levels and noise.
+    """
+    run = _RUNS[model.name]
+    rng = np.random.default_rng(seed)
+    time = run.step * np.arange(run.samples)
+    inputs = {
+        name: np.repeat(rng.uniform(*ends, -(-run.samples // run.hold)), run.hold)[: run.samples]
+        for name, ends in run.ranges.items()
+    }
+    perturbed = {name: _OTHER * p.value for name, p in model.parameters.items() if not p.fixed}
+    outputs = simulate(model.replace(perturbed), Log(time, inputs, {}))
+    noisy = {
+        name: values + _NOISE * np.std(values) * rng.standard_normal(run.samples)
+        for name, values in outputs.items()
+        if name in model.outputs
+    }
+    columns = {"time": time, **inputs, **noisy}
+    rows = (
+        ",".join(f"{value:.5g}" for value in row) for row in zip(*columns.values(), strict=True)
+    )
+    return "\n".join([",".join(columns), *rows, ""])

@@ -1,4 +1,4 @@
-"""A script with an effect of one's own, and its tests, from a formula."""
+"""Write a script with a user's own effect, and its tests, from a formula."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from diffthrust.models._base.registry import catalogue
 def new_effect(
     formula: Formula, *, doc: str = "", directory: Path | str = "."
 ) -> tuple[Path, Path]:
-    """Write a class that does what a formula does, and tests of it that pass.
+    """Write a class equivalent to a formula, with passing tests.
 
     Args:
-        formula: the effect. Its name becomes that of the files, and the class's: ``tip_loss`` is
-            ``TipLoss`` in ``tip_loss.py``, which a spec file names as ``"tip_loss.py:TipLoss"``.
-        doc: what happens, in a sentence.
-        directory: where the files go.
+        formula: the effect. Its name gives file and class: ``tip_loss`` becomes ``TipLoss`` in
+            ``tip_loss.py``, in a spec file ``"tip_loss.py:TipLoss"``.
+        doc: docstring of the class, one sentence.
+        directory: folder of the files.
 
     Returns:
         The script and its tests.
 
     Raises:
-        InputError: a name that a known effect or a word of Python has, a file that exists already,
-            or a folder that cannot be written to.
+        InputError: the name is that of a known effect or a keyword of Python, a file exists
+            already, or the folder is not writable.
     """
     name, folder = formula.name, Path(directory)
     if name in catalogue() or keyword.iskeyword(name):
@@ -58,17 +58,17 @@ def new_effect(
     return script, tests
 
 
-def parameter_asked(text: str) -> tuple[str, Any]:
-    """A parameter as a command line has it: ``a=rad/s^2``, or fields, ``p={ value = 1.5 }``.
+def parse_parameter(text: str) -> tuple[str, Any]:
+    """Parse a parameter of the command line: ``a=rad/s^2``, or with fields, ``p={ value = 1.5 }``.
 
     Raises:
-        InputError: it is neither.
+        InputError: neither form fits.
 
     Example:
-        >>> parameter_asked("p={ value = 1.5, bounds = [0.5, 3] }")
+        >>> parse_parameter("p={ value = 1.5, bounds = [0.5, 3] }")
         ('p', {'value': 1.5, 'bounds': [0.5, 3]})
     """
-    name, equal, described = (part.strip() for part in text.partition("="))
+    name, equal, described = (piece.strip() for piece in text.partition("="))
     if not equal:
         raise InputError(
             f"--parameter {text}: expected NAME=UNIT, found no '='.",
@@ -85,14 +85,14 @@ def parameter_asked(text: str) -> tuple[str, Any]:
         ) from None
 
 
-def at_home(formula: Formula) -> Formula:
-    """The formula in the first model of the catalogue that has its port and its signals.
+def bound_to_model(formula: Formula) -> Formula:
+    """Bind a formula to the first model of the catalogue that has its port and its signals.
 
-    It then knows which channels a log must have. Where no model has the port it is left as it is:
-    that of a model of the user's own.
+    It then knows which channels a log must have. If no model has the port, it belongs to a user's
+    own model and is returned unchanged.
 
     Raises:
-        InputError: models have the port, and none the signals.
+        InputError: models have the port, but none has the signals.
     """
     error = None
     for model in (*(cls() for cls in MODELS.values()), Vessel(drive="twin")):

@@ -149,10 +149,10 @@ class ChannelPart(_Part):
 
     def as_column(self) -> Column:
         """The column that it describes."""
-        given = {key: getattr(self, key) for key in self.model_fields_set if key != "role"}
+        fields = {key: getattr(self, key) for key in self.model_fields_set if key != "role"}
         if self.pwm is not None:
-            given["pwm"] = PWM(**self.pwm.model_dump())
-        return Column(**{key: value for key, value in given.items() if value is not None})
+            fields["pwm"] = PWM(**self.pwm.model_dump())
+        return Column(**{key: value for key, value in fields.items() if value is not None})
 
 
 class PriorPart(_Part):

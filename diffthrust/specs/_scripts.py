@@ -1,4 +1,4 @@
-"""Models and effects by the names that spec files use."""
+"""Models and effects by their names in spec files, including users' scripts."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ from diffthrust.models._base.model import Model
 from diffthrust.models._base.registry import catalogue
 
 _USERS = "_user_"
-"""How the names of modules begin that are users' scripts."""
+"""Prefix of the module names of users' scripts."""
 
 
 def model_class(word: str, folder: Path) -> type[Model]:
-    """The class of a model: a name of the catalogue, or ``script.py:Class`` of the user's own."""
+    """The class of a model: a name of the catalogue, or ``script.py:Class``."""
     return _class(word, folder, Model, MODELS, "model")
 
 
 def effect_class(word: str, folder: Path) -> type[Effect]:
-    """The class of an effect: a canonical name, or ``script.py:Class`` of the user's own."""
+    """The class of an effect: a name of the catalogue, or ``script.py:Class``."""
     return _class(word, folder, Effect, catalogue(), "effect")
 
 
 def own_class(word: str, folder: Path) -> type[Component]:
-    """The class that ``script.py:Class`` names: a model or an effect of the user's own.
+    """The user's model or effect named by ``script.py:Class``.
 
     Raises:
-        InputError: another word, no such script or class, or a script that fails.
+        InputError: the word has another form, there is no such script or class, or it fails.
     """
     if script_file(word, folder) is None:
         raise InputError(
@@ -50,46 +50,45 @@ def own_class(word: str, folder: Path) -> type[Component]:
 
 
 def model_with(cls: type[Model], options: Mapping[str, Any]) -> Model:
-    """The model with these options of its constructor.
+    """Construct a model with options.
 
     Raises:
-        InputError: an option that the model does not have.
+        InputError: the model has no such option.
     """
-    known = [
+    names = [
         name
         for name, p in inspect.signature(cls.__init__).parameters.items()
         if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY) and name != "self"
     ]
     for name in options:
-        if name not in known:
-            near = nearest(name, known)
+        if name not in names:
+            near = nearest(name, names)
             raise InputError(
                 f"the model '{cls.name}' has no option {name!r}{'; ' + near if near else ''}; "
-                f"it has {listing(known)}.",
+                f"it has {listing(names)}.",
                 "Correct or remove the option; values of parameters belong under [parameters].",
             )
     return cls(**options)
 
 
 def script_file(word: str, folder: Path) -> Path | None:
-    """The script that a word names as ``script.py:Class``; ``None`` of a name of the catalogue."""
+    """The script of ``script.py:Class``; ``None`` for a name of the catalogue."""
     script, colon, _ = word.rpartition(":")
     return folder / script if colon and script.endswith(".py") else None
 
 
 def check_place(word: str, folder: Path, trust: Iterable[Path | str] = ()) -> None:
-    """Refuse a script that a spec names outside its own folder and outside those that are trusted.
+    """Refuse a script outside the spec's folder and outside the trusted folders.
 
-    Whoever looks at a spec sees what lies beside it; a script from elsewhere is code that nobody
-    may have looked at.
+    A user who inspects a spec sees the files beside it; a script from elsewhere may run unseen.
 
     Args:
-        word: what the spec names.
-        folder: that of the spec.
-        trust: folders from which scripts are run as well.
+        word: a name of a model or effect in the spec.
+        folder: folder of the spec.
+        trust: further folders whose scripts may be run.
 
     Raises:
-        InputError: the script lies elsewhere, once all links are followed.
+        InputError: the script lies elsewhere, after following links.
     """
     script = script_file(word, folder)
     if script is None:
@@ -105,10 +104,10 @@ def check_place(word: str, folder: Path, trust: Iterable[Path | str] = ()) -> No
 
 
 def error_in_script(error: BaseException) -> InputError | None:
-    """What a person is told of an error that a user's script raised when it was called.
+    """The message for an exception raised inside a user's script.
 
     Returns:
-        The error with the last line of a script on the way to it; ``None`` where no script is.
+        The error with the innermost line of a script in the traceback; ``None`` if there is none.
     """
     way = traceback.walk_tb(error.__traceback__)
     lines = [(f, n) for f, n in way if str(f.f_globals.get("__name__")).startswith(_USERS)]
@@ -121,7 +120,7 @@ def error_in_script(error: BaseException) -> InputError | None:
     )
 
 
-def _class(word: str, folder: Path, base: type, known: Mapping[str, type], what: str) -> Any:
+def _class(word: str, folder: Path, base: type, classes: Mapping[str, type], what: str) -> Any:
     if script := script_file(word, folder):
         name = word.rpartition(":")[2]
         defined = getattr(_script(script.resolve()), name, None)
@@ -132,19 +131,19 @@ def _class(word: str, folder: Path, base: type, known: Mapping[str, type], what:
             "found none.",
             f"Define class {name}(dft.{base.__name__}) there.",
         )
-    if word in known:
-        return known[word]
-    near = nearest(word, known)
+    if word in classes:
+        return classes[word]
+    near = nearest(word, classes)
     raise InputError(
         f"the {what} {word!r} is not known{'; ' + near if near else ''}; "
-        f"there are {listing(known)}.",
+        f"there are {listing(classes)}.",
         f"Correct the name; {'an' if what == 'effect' else 'a'} {what} of your own is named as "
         f"'script.py:Class'.",
     )
 
 
 def _script(path: Path) -> ModuleType:
-    """What a user's script defines, as its text is now."""
+    """The module of a user's script, from its current text."""
     if what := oddity(path):
         raise InputError(f"{path}: expected a Python script, found {what}.", "Correct the path.")
     try:
@@ -159,14 +158,14 @@ def _script(path: Path) -> ModuleType:
 
 @lru_cache(maxsize=64)
 def _executed(path: Path, source: bytes) -> ModuleType:
-    """A module of this very text: not of compiled code that lies beside it, nor of an older text.
+    """Execute a script's text, not cached bytecode beside it, which may be older.
 
-    Whatever the script raises is an error of the script, also where it ends the interpreter: an
-    exit status of zero would say that all is well.
+    Anything the script raises becomes an InputError, even SystemExit: a script that calls
+    ``sys.exit(0)`` would end a command with the status of success.
     """
     module = ModuleType(f"{_USERS}{path.stem}_{sha256(source).hexdigest()[:12]}")
     module.__file__ = str(path)
-    sys.modules[module.__name__] = module  # dataclasses look their module up there
+    sys.modules[module.__name__] = module  # dataclasses look up their module there
     try:
         exec(compile(source, str(path), "exec"), module.__dict__)
     except KeyboardInterrupt:

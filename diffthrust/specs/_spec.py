@@ -1,4 +1,4 @@
-"""Spec files: a model, its effects and its logs, written down."""
+"""Spec files: a model, its effects and its logs in one file."""
 
 from __future__ import annotations
 
@@ -48,12 +48,12 @@ class Spec(Brief):
     """A spec file, read and checked.
 
     Args:
-        path: where the file lies; paths inside it are relative to its folder.
-        text: the file as it is written.
-        file: what it holds.
-        model: the model with its effects and with the parameters as given.
-        inputs: the columns of the channels that drive the model.
-        measured: the columns of the channels that are compared.
+        path: the file; paths inside it are relative to its folder.
+        text: text of the file.
+        file: its parsed keys.
+        model: the model with its effects and the parameters of the file.
+        inputs: columns of the input channels.
+        measured: columns of the measured channels.
         train: files of the training logs.
         holdout: files of the unseen logs.
 
@@ -76,34 +76,34 @@ class Spec(Brief):
 
     @property
     def name(self) -> str:
-        """A name for people: the folder of a ``fit.toml``, the file's own name otherwise."""
+        """Display name: the folder of a ``fit.toml``, or the name of the file."""
         path = self.path.resolve()
         return path.parent.name if path.name == NAME else path.stem
 
     @cached_property
     def sha256(self) -> str:
-        """Hash of what the file says without [expected], and of the scripts that it names.
+        """Hash of the file's content without [expected], and of its scripts.
 
         Comments, spaces and the order of keys do not count.
         """
-        told = parse_toml(self.text, self.path)
-        told.pop("expected", None)
+        tables = parse_toml(self.text, self.path)
+        tables.pop("expected", None)
         scripts = [script_file(word, self.path.parent) for word in self.file.words]
         code = [sha256(script.read_bytes()).hexdigest() for script in scripts if script]
-        return sha256(json.dumps([told, code], sort_keys=True, default=str).encode()).hexdigest()
+        return sha256(json.dumps([tables, code], sort_keys=True, default=str).encode()).hexdigest()
 
     def train_logs(self) -> tuple[Log, ...]:
-        """The training logs, read now."""
+        """Read the training logs."""
         return tuple(self._read(path) for path in self.train)
 
     def holdout_logs(self) -> tuple[Log, ...]:
-        """The unseen logs, read now; there may be none."""
+        """Read the unseen logs; there may be none."""
         return tuple(self._read(path) for path in self.holdout)
 
     def _read(self, path: Path) -> Log:
         logs = self.file.logs
         files = [*self.train, *self.holdout]
-        alone = sum(other.name == path.name for other in files) == 1
+        unique = sum(file.name == path.name for file in files) == 1
         try:
             read, more = self._reader(path)
             log = read(
@@ -114,7 +114,7 @@ class Spec(Brief):
                 interpolate_inputs=logs.interpolate_inputs,
                 start=logs.start,
                 stop=logs.stop,
-                name=path.name if alone else f"{path.parent.name}/{path.name}",
+                name=path.name if unique else f"{path.parent.name}/{path.name}",
                 **more,
             )
             self._check_units(log)
@@ -123,16 +123,16 @@ class Spec(Brief):
         return log
 
     def _reader(self, path: Path) -> tuple[Callable[..., Log], dict[str, Any]]:
-        """What reads a file of that ending, and the keys of ``[logs]`` that only it knows."""
+        """The reader of a file, and the keys of ``[logs]`` that only this reader has."""
         logs = self.file.logs
         robot = kind_of(path).messages
-        others = ("time", "sheet") if robot else ("base", "gap", "faster", "stamps")
-        for key in others:
+        foreign = ("time", "sheet") if robot else ("base", "gap", "faster", "stamps")
+        for key in foreign:
             if key in logs.model_fields_set:
                 raise InputError(
                     f"{line_of(self.text, self.path, ('logs', key))}: {path.name} is "
-                    f"{'a log with stamps of its own' if robot else 'a table'}, for which {key!r} "
-                    "says nothing.",
+                    f"{'a log of messages' if robot else 'a table'}, for which {key!r} "
+                    "has no meaning.",
                     f"Remove {key}" + (", and choose a time base: base." if robot else "."),
                 )
         if not robot:
@@ -153,27 +153,27 @@ class Spec(Brief):
         return time
 
     def _check_units(self, log: Log) -> None:
-        """Raise `InputError` for a channel whose unit is not of the model's kind."""
+        """Raise `InputError` for a channel whose unit does not fit the model."""
         model = self.model
-        known = {**model.outputs, **model.all_states, **model.optional_inputs, **model.inputs}
+        units = {**model.outputs, **model.all_states, **model.optional_inputs, **model.inputs}
         for name in (*log.inputs, *log.measured):
-            if name in known:
-                log.values(name, known[name])
+            if name in units:
+                log.values(name, units[name])
 
     def _placed(self, error: InputError) -> InputError:
-        """An error that names a column or a channel, with the line where the spec names it."""
+        """Add to an error on a column or channel the line of the spec that names it."""
         place = error.place
         if place is None:
             return error
         clock = self._clock()
         where = [(("logs", "time"), clock.column)] if isinstance(clock, Column) else []
-        where += [(("channels", n), part.column) for n, part in self.file.channels.items()]
+        where += [(("channels", n), channel.column) for n, channel in self.file.channels.items()]
         for loc, column in where:
             if column == place.column or loc[-1] == place.channel:
                 key = "unit" if place.unit else "column"
                 line = line_of(self.text, self.path, (*loc, key))
-                told = f"{error.problem} It is named in {line}."
-                return InputError(told, error.mend, place=place)
+                problem = f"{error.problem} It is named in {line}."
+                return InputError(problem, error.mend, place=place)
         return error
 
     def fit(
@@ -183,21 +183,21 @@ class Spec(Brief):
         train: tuple[Log, ...] | None = None,
         holdout: tuple[Log, ...] | None = None,
     ) -> Fit:
-        """Fit as ``[fit]`` says.
+        """Fit with the options of ``[fit]``.
 
         Args:
             progress: True for a bar, or a function of a message and the share done.
-            train: the training logs, where they have been read already.
-            holdout: the unseen logs, where they have been read already.
+            train: the training logs, if already read.
+            holdout: the unseen logs, if already read.
         """
         from diffthrust.estimation._fit import fit
 
         unseen = self.holdout_logs() if holdout is None else holdout
         train = self.train_logs() if train is None else train
         options, mark = self.file.fit.model_dump(exclude_unset=True), self.sha256
-        found = fit(self.model, train, holdout=unseen or None, progress=progress, **options)
-        assert found.origin is not None
-        return replace(found, origin=replace(found.origin, spec=mark))
+        result = fit(self.model, train, holdout=unseen or None, progress=progress, **options)
+        assert result.origin is not None
+        return replace(result, origin=replace(result.origin, spec=mark))
 
     @progressing
     def diagnose(
@@ -206,15 +206,15 @@ class Spec(Brief):
         progress: ProgressOption = None,
         candidates: Sequence[str] | None = None,
     ) -> Diagnosis:
-        """Fit as ``[fit]`` says, then find what the model with its effects lacks.
+        """Fit with the options of ``[fit]``, then diagnose which physics is missing.
 
         Args:
             progress: True for a bar, or a function of a message and the share done.
-            candidates: effects to try, as ``effects`` in a spec names them, and constants that the
-                model holds, by their names; all of both where ``None``.
+            candidates: effects to try, named as under ``effects``, and fixed constants of the
+                model, by name; ``None`` for all.
 
         Raises:
-            InputError: an effect that is not known, or logs that cannot be diagnosed.
+            InputError: an effect is unknown, or the logs cannot be diagnosed.
 
         Example:
             >>> spec = dft.load_spec("fit.toml")
@@ -227,31 +227,32 @@ class Spec(Brief):
         folder = self.path.parent
         wanted = candidates and [effect_class(c, folder) if ":" in c else c for c in candidates]
         train, unseen = self.train_logs(), self.holdout_logs()
-        candidates_of(self.model, (*train, *unseen), wanted)  # tell a wrong name before the fit
-        tell = teller(progress)
-        fit = self.fit(progress=part(tell, 0.0, 0.15), train=train, holdout=unseen)
+        candidates_of(self.model, (*train, *unseen), wanted)  # report a wrong name before the fit
+        report = teller(progress)
+        fit = self.fit(progress=part(report, 0.0, 0.15), train=train, holdout=unseen)
         return diagnose(
             fit,
             train,
             holdout=unseen or None,
             candidates=wanted,
-            progress=part(tell, 0.15, 1.0),
+            progress=part(report, 0.15, 1.0),
         )
 
 
 def load_spec(path: Path | str, *, trust: Path | str | Iterable[Path | str] = ()) -> Spec:
-    """Read a spec file and build its model; the logs are read when asked for.
+    """Read a spec file and build its model; logs are read later.
 
-    A spec can name scripts (``script.py:Class``), and these are run, as a Makefile's commands are:
-    load no spec that you would not run.
+    A spec can name scripts (``script.py:Class``), which are executed, like commands of a Makefile:
+    load only specs that you would run.
 
     Args:
         path: a TOML file, or a folder that holds a ``fit.toml``.
-        trust: folders whose scripts may be run as well as those in the spec's own folder and below.
+        trust: further folders whose scripts may be run; the spec's folder is always trusted.
 
     Raises:
-        InputError: the file, a key or a name in it cannot be used. The message names file, line
-            and key, what was expected and found, and the mend. A script lies elsewhere, or fails.
+        InputError: the file, a key or a name in it cannot be used; the message names file, line
+            and key, what was expected and found, and the mend. Or a script lies outside the
+            trusted folders, or fails.
 
     Example:
         >>> spec = dft.load_spec("fit.toml")
@@ -289,8 +290,8 @@ def load_spec(path: Path | str, *, trust: Path | str | Iterable[Path | str] = ()
     )
 
 
-def _at(text: str, path: Path, loc: Iterable[Any], error: InputError) -> InputError:
-    """The same error with the place in the spec file before it."""
+def _with_place(text: str, path: Path, loc: Iterable[Any], error: InputError) -> InputError:
+    """The same error, preceded by its place in the spec file."""
     return InputError(f"{line_of(text, path, loc)}: {error.problem}", error.mend)
 
 
@@ -312,33 +313,33 @@ def _model(file: SpecFile, text: str, path: Path, trust: Sequence[Path | str]) -
         loc = ("effects",)
         for entry in file.effects:
             model = model + effect_of(entry, path.parent, trust)
-        for name, part in file.parameters.items():
+        for name, settings in file.parameters.items():
             loc = ("parameters", name)
-            model = model.replace({name: _fields(part)})
+            model = model.replace({name: _fields(settings)})
     except InputError as error:
-        raise _at(text, path, loc, error) from None
+        raise _with_place(text, path, loc, error) from None
     return model
 
 
-def _fields(part: ParameterPart) -> dict[str, Any]:
+def _fields(settings: ParameterPart) -> dict[str, Any]:
     fields: dict[str, Any] = {}
-    if part.value is not None:
-        fields["value"] = part.value
-    if part.bounds is not None:
-        low, high = part.bounds
+    if settings.value is not None:
+        fields["value"] = settings.value
+    if settings.bounds is not None:
+        low, high = settings.bounds
         infinite = float("inf")
         fields["bounds"] = (None if low == -infinite else low, None if high == infinite else high)
-    if part.fixed is not None:
-        fields["fixed"] = part.fixed
-    if part.prior is not None:
-        fields["prior"] = Normal(part.prior.mean, part.prior.std)
+    if settings.fixed is not None:
+        fields["fixed"] = settings.fixed
+    if settings.prior is not None:
+        fields["prior"] = Normal(settings.prior.mean, settings.prior.std)
     return fields
 
 
 def _files(patterns: Iterable[str], key: str, text: str, path: Path) -> tuple[Path, ...]:
     files: list[Path] = []
     for pattern in patterns:
-        if _exists(path.parent / pattern):  # also where its name looks like a pattern
+        if _exists(path.parent / pattern):  # even if its name looks like a pattern
             matches = [pattern]
         elif has_magic(pattern):
             matches = sorted(glob(pattern, root_dir=path.parent, recursive=True))
@@ -351,20 +352,20 @@ def _files(patterns: Iterable[str], key: str, text: str, path: Path) -> tuple[Pa
                 f"{path.parent.resolve()}, found none{'; ' + near if near else ''}.",
                 "Correct the name; paths are relative to the spec file.",
             )
-        found = [path.parent / match for match in matches]
-        for file in found:
+        paths = [path.parent / match for match in matches]
+        for file in paths:
             if what := oddity(file):
                 raise InputError(
                     f"{line_of(text, path, ('logs', key))}: expected a log, found {file} to be "
                     f"{what}.",
                     "Name the file of a log.",
                 )
-        files += found
+        files += paths
     return tuple(dict.fromkeys(files))
 
 
 def _exists(path: Path) -> bool:
-    """Whether there is a file, the folder of a bag, or what is neither file nor folder."""
+    """Whether the path is a file, a bag's folder, or a special file (reported later)."""
     try:
         return path.is_file() or is_bag(path) or oddity(path) is not None
     except OSError:  # a name that is too long

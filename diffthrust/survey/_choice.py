@@ -1,4 +1,4 @@
-"""The columns of a file as candidates for channels, and what is chosen of them."""
+"""Columns of a file as candidates for channels, and those chosen."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from diffthrust.survey._values import numbers_of, varies
 
 _RANK = {SURE: 0, LIKELY: 1, PERHAPS: 2}
 FIRMLY = 0.5
-"""Correlation from which on two columns are said to move together."""
+"""Two columns with at least this correlation move together."""
 
 
 @dataclass(frozen=True)
@@ -23,11 +23,11 @@ class Pick:
 
     Args:
         field: the column.
-        meaning: what it is taken for.
+        meaning: its assumed meaning.
         role: "input" or "measured".
-        unsigned: it holds the size of what goes both ways.
-        doubts: what else may be, one sentence each.
-        others: columns that may be the channel just as well.
+        unsigned: it holds the absolute value of a signed quantity.
+        doubts: other possible readings, one sentence each.
+        alternatives: columns that may be the channel as well.
     """
 
     field: Field
@@ -35,10 +35,10 @@ class Pick:
     role: str
     unsigned: bool = False
     doubts: tuple[str, ...] = ()
-    others: tuple[str, ...] = ()
+    alternatives: tuple[str, ...] = ()
 
     def doubted(self, *words: str) -> Pick:
-        """The same with more doubts."""
+        """The same pick with further doubts."""
         return replace(self, doubts=(*self.doubts, *words))
 
 
@@ -48,14 +48,14 @@ class Choice:
 
     Args:
         contents: the file.
-        meanings: what each of its fields is taken for.
-        model: name of the model; None where none is suited.
+        meanings: the assumed meaning of each field.
+        model: name of the model; None if none is suited.
         channels: the column of each channel.
-        spare: columns that the model or its effects may use besides.
-        time: the column of the time stamps; None in a static table, and where messages have stamps.
-        step: of rows whose stamps are too coarse to tell them apart [s].
-        doubts: what is to be settled by who knows, one sentence each.
-        held: parameters that such a log tells nothing of.
+        spare: further columns that the model or its effects may use.
+        time: the time column; None in a static table, and if messages have time stamps.
+        step: step of the rows [s] if their time stamps are too coarse.
+        doubts: open questions for the user, one sentence each.
+        held: parameters that such a log cannot determine.
     """
 
     contents: Contents
@@ -75,7 +75,7 @@ class Choice:
 
     @property
     def seconds(self) -> np.ndarray | None:
-        """The time stamps of a table [s]; None of one without, and where messages have stamps."""
+        """The time stamps of a table [s]; None for a static table, and if messages have stamps."""
         if self.time is None:
             return None
         clock = self.time
@@ -85,13 +85,13 @@ class Choice:
 
 
 class Pool:
-    """The columns by quantity: those that move first, then those that are surer."""
+    """The columns by quantity: moving columns first, then by certainty."""
 
-    def __init__(self, fields: Sequence[Field], found: Sequence[Meaning]) -> None:
+    def __init__(self, fields: Sequence[Field], meanings: Sequence[Meaning]) -> None:
         self.by: dict[str, list[tuple[Field, Meaning]]] = {}
-        for one, meaning in zip(fields, found, strict=True):
-            if meaning.quantity and numbers_of(one.values).size:
-                self.by.setdefault(meaning.quantity, []).append((one, meaning))
+        for column, meaning in zip(fields, meanings, strict=True):
+            if meaning.quantity and numbers_of(column.values).size:
+                self.by.setdefault(meaning.quantity, []).append((column, meaning))
         for pairs in self.by.values():
             pairs.sort(
                 key=lambda p: (not varies(p[0].values), "relative" in p[0].name, _RANK[p[1].sure])
@@ -102,25 +102,25 @@ class Pool:
         return [p for p in pairs if not moving or varies(p[0].values)]
 
     def pick(self, quantity: str, role: str) -> Pick | None:
-        """The most likely column of a quantity; one that is measured must move."""
+        """The most likely column of a quantity; a measured one must vary."""
         pairs = self.all(quantity, moving=role == "measured")
         if not pairs:
             return None
-        one, meaning = pairs[0]
-        others = [other.name for other, _ in pairs[1:]]
-        return Pick(one, meaning, role, doubts=meaning.doubts, others=tuple(others))
+        column, meaning = pairs[0]
+        alternatives = [rival.name for rival, _ in pairs[1:]]
+        return Pick(column, meaning, role, doubts=meaning.doubts, alternatives=tuple(alternatives))
 
     def picks(self, quantities: Sequence[str], role: str) -> dict[str, Pick]:
-        found = {name: self.pick(name, role) for name in quantities}
-        return {name: pick for name, pick in found.items() if pick is not None}
+        picks = {name: self.pick(name, role) for name in quantities}
+        return {name: pick for name, pick in picks.items() if pick is not None}
 
     def sides(self, quantity: str) -> tuple[Pick, Pick] | None:
-        """The left and the right one of a quantity."""
-        found = []
+        """The left and the right column of a quantity."""
+        picks = []
         for side in ("left", "right"):
             pairs = [p for p in self.all(quantity) if p[1].side == side]
             if not pairs:
                 return None
-            one, meaning = pairs[0]
-            found.append(Pick(one, meaning, "input", doubts=meaning.doubts))
-        return found[0], found[1]
+            column, meaning = pairs[0]
+            picks.append(Pick(column, meaning, "input", doubts=meaning.doubts))
+        return picks[0], picks[1]

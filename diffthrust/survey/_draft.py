@@ -1,4 +1,4 @@
-"""The draft of a spec file: what was guessed as keys, what is in doubt as comments."""
+"""Draft a spec file: guesses become keys, doubts become comments."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def drafted(
         choice: the model and its channels.
         train: the logs to fit.
         holdout: the logs that are not fitted.
-        folder: where the file will lie; its paths are relative to it.
+        folder: folder of the spec file; its paths are relative to it.
         apart: sentences on files that were left out.
     """
     lines = [*_head(choice, [*train, *holdout], apart), ""]
@@ -83,8 +83,12 @@ def _logs(
 ) -> Iterator[str]:
     def files(paths: Sequence[Path]) -> str:
         names = [_toml(_as_seen(Path(realpath(path)), Path(realpath(folder)))) for path in paths]
-        one = f"[{', '.join(names)}]"
-        return one if len(one) < 80 else "[\n" + "".join(f"    {name},\n" for name in names) + "]"
+        listed = f"[{', '.join(names)}]"
+        return (
+            listed
+            if len(listed) < 80
+            else "[\n" + "".join(f"    {name},\n" for name in names) + "]"
+        )
 
     yield "[logs]"
     yield f"train = {files(train)}"
@@ -112,14 +116,16 @@ def _logs(
     if texts:
         yield f"missing_values = [{', '.join(map(_toml, texts))}] # these cells hold no number"
     if used and not choice.contents.messages:
-        known = np.array([np.isfinite(p.field.values) for p in used])
+        finite = np.array([np.isfinite(p.field.values) for p in used])
         driving = np.array([p.role == "input" for p in used])
-        if (known.any(axis=0) & ~known[driving].all(axis=0)).any():  # blank rows are dropped
+        if (
+            finite.any(axis=0) & ~finite[driving].all(axis=0)
+        ).any():  # rows without any number are dropped anyway
             yield "interpolate_inputs = true # an input has missing samples"
 
 
 def _as_seen(path: Path, folder: Path) -> str:
-    """A path as seen from a folder; whole where nothing but the root holds both."""
+    """A path relative to a folder; absolute if they share only the root."""
     apart = Path(commonpath((path, folder))) == Path(path.anchor)
     return path.as_posix() if apart else Path(relpath(path, folder)).as_posix()
 
@@ -128,9 +134,9 @@ def _channel(name: str, pick: Pick) -> Iterator[str]:
     yield f"[channels.{name}]{_ROLES[pick.role]}"
     yield from _doubts(pick)
     yield f"column = {_toml(pick.field.name)}"
-    if pick.others:
-        few = ", ".join(_toml(other) for other in pick.others[:4])
-        yield from _comment(f"or one of {few}" if len(pick.others) > 1 else f"or {few}")
+    if pick.alternatives:
+        few = ", ".join(_toml(column) for column in pick.alternatives[:4])
+        yield from _comment(f"or one of {few}" if len(pick.alternatives) > 1 else f"or {few}")
     meaning = pick.meaning
     if meaning.pwm is not None:
         widths = meaning.pwm

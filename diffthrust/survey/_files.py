@@ -1,4 +1,4 @@
-"""The files that are looked at: one, several of one kind, or those of a folder."""
+"""The surveyed files: one, several of one kind, or those of a folder."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from diffthrust.logs._kinds import is_bag, is_log
 from diffthrust.survey._choice import Choice
 
 _UNSEEN = re.compile("holdout|unseen|valid")
-"""What people call the logs that they keep."""
+"""Words in the names of logs kept for validation."""
 
 
 @dataclass(frozen=True)
 class Files:
-    """Files that were read, and the one that stands for all.
+    """The files read, and one that represents them.
 
     Args:
-        read: what is in each, by the order of their names.
-        refused: files that nobody could read, and why.
+        read: contents of each, ordered by name.
+        refused: files that could not be read, with the reason.
     """
 
     read: tuple[Contents, ...]
@@ -33,22 +33,24 @@ class Files:
 
     @property
     def contents(self) -> Contents:
-        """The first of the kind that most files are of."""
-        kinds = [_kind(one) for one in self.read]
-        return max(self.read, key=lambda one: (kinds.count(_kind(one)), len(one.fields)))
+        """The first file of the most frequent kind."""
+        kinds = [_kind(content) for content in self.read]
+        return max(
+            self.read, key=lambda content: (kinds.count(_kind(content)), len(content.fields))
+        )
 
     def split(self, choice: Choice) -> tuple[tuple[Path, ...], tuple[Path, ...], tuple[str, ...]]:
-        """Files to fit, to keep unseen (named so, or the last), and words on those left out."""
+        """Files to fit, files to hold out (by name, or the last), and notes on those left out."""
         wanted = {pick.field.name for pick in choice.channels.values()}
         wanted |= {choice.time.field.name} if choice.time else set()
         suited = [
-            one.path
-            for one in self.read
-            if one.messages == choice.contents.messages
-            and (wanted or {""}) <= ({field.name for field in one.fields} | {""})
+            content.path
+            for content in self.read
+            if content.messages == choice.contents.messages
+            and (wanted or {""}) <= ({field.name for field in content.fields} | {""})
         ]
-        left = [one.path.name for one in self.read if one.path not in suited]
-        apart = [f"Left out, without these columns: {listing(left, 6)}."] if left else []
+        unsuited = [content.path.name for content in self.read if content.path not in suited]
+        apart = [f"Left out, without these columns: {listing(unsuited, 6)}."] if unsuited else []
         if len(suited) < 2:
             return tuple(suited), (), (*apart, *self.refused)
         unseen = [path for path in suited if _UNSEEN.search(path.stem.lower())]
@@ -59,23 +61,23 @@ class Files:
 
 
 def files_at(paths: Sequence[Path]) -> Files:
-    """Read what is in some files, and in those of folders.
+    """Read the contents of files, and of those in folders.
 
     Raises:
-        InputError: there is none, or none can be read.
+        InputError: there is no log, or none can be read.
     """
     files: list[Path] = []
     for path in paths:
         if path.is_dir() and not is_bag(path):
             inside = sorted(path.iterdir())
-            found = [one for one in inside if is_log(one)]
-            if not found:
+            logs = [entry for entry in inside if is_log(entry)]
+            if not logs:
                 raise InputError(
                     f"{path}: expected a folder with logs, found none among its {len(inside)} "
                     "files.",
                     "Name the file of a log.",
                 )
-            files += found
+            files += logs
         else:
             files.append(path)
     read, refused = [], []
@@ -90,14 +92,14 @@ def files_at(paths: Sequence[Path]) -> Files:
 
 
 def _read(file: Path) -> Contents:
-    found = contents(file)
-    if sum(np.isfinite(field.values).any() for field in found.fields) < 2:
+    content = contents(file)
+    if sum(np.isfinite(field.values).any() for field in content.fields) < 2:
         raise InputError(
-            f"{file}: expected a log, found hardly a column of numbers.",
+            f"{file}: expected a log, found fewer than two columns of numbers.",
             "Name a file with columns of numbers under a header, or a robot's log.",
         )
-    return found
+    return content
 
 
-def _kind(one: Contents) -> tuple[object, ...]:
-    return one.kind, None if one.messages else tuple(field.name for field in one.fields)
+def _kind(content: Contents) -> tuple[object, ...]:
+    return content.kind, None if content.messages else tuple(field.name for field in content.fields)

@@ -1,4 +1,4 @@
-"""What a column may be: its quantity, its unit, how sure that is, and why."""
+"""Guess the meaning of a column: quantity, unit, certainty and reason."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ from diffthrust.survey._values import (
 
 SURE, LIKELY, PERHAPS = "sure", "likely", "perhaps"
 _TURNS = {"heading": 6.2832, "rudder_angle": 1.571, "wind_direction": 6.2832, "yaw_rate": 3.5}
-"""What an angle in radians (a rate in rad/s) does not go beyond."""
+"""Largest value of an angle in radians (of a rate in rad/s)."""
 _HARD_OVER = 35.0
-"""The angle that most rudders reach [deg]."""
+"""Largest angle of most rudders [deg]."""
 _ROW_NUMBERS = ("", "index", "row", "nr", "no", "sample", "unnamed", "unnamed 0", "0")
 _COMMAND_UNITS = ("V", "mV", "percent", "us")
 _BY_UNIT = {"rad/s": "speed", "N": "thrust", "V": "command", "m/s": "velocity", "s": "time"}
@@ -41,18 +41,18 @@ _BY_UNIT = {"rad/s": "speed", "N": "thrust", "V": "command", "m/s": "velocity", 
 
 @dataclass(frozen=True)
 class Meaning:
-    """What a column is taken for.
+    """The assumed meaning of a column.
 
     Args:
-        quantity: name of a channel, or another word for what it is; empty where nothing tells.
-        unit: in which its numbers are; ``"effort"`` and ``"percent"`` of a command.
-        pwm: its pulse widths, of a command or a servo in microseconds.
-        side: "left" or "right" where the name says so.
+        quantity: name of a channel, or another word; empty if unknown.
+        unit: unit of its numbers; ``"effort"`` or ``"percent"`` for a command.
+        pwm: its pulse widths, for a command or a servo in microseconds.
+        side: "left" or "right" if the name says so.
         sure: "sure", "likely" or "perhaps".
-        why: what tells.
-        doubts: what else it may be, one sentence each.
-        scale: what its numbers are multiplied by, such as -1 where its axis points the other way.
-        offset: what is added then.
+        why: the evidence.
+        doubts: other possible meanings, one sentence each.
+        scale: factor of its numbers, such as -1 if its axis points the other way.
+        offset: added after scaling.
     """
 
     quantity: str
@@ -67,65 +67,67 @@ class Meaning:
 
     @property
     def effort(self) -> bool:
-        """Whether it is a command as a share of full drive."""
+        """Whether it is a command as a share of the full command."""
         return self.pwm is not None or self.unit in ("effort", "percent")
 
     @property
     def spec_unit(self) -> str:
-        """The unit that a spec file writes: widths of pulses have none, or an angle's."""
+        """The unit for the spec file: none for pulse widths, except those of a rudder's servo."""
         if self.pwm is None:
             return self.unit
         return "deg" if self.quantity == "rudder_angle" else ""
 
 
 def meanings(fields: Sequence[Field], ros: bool = False) -> tuple[Meaning, ...]:
-    """What each column or field may be.
+    """Guess the meaning of each column or field.
 
     Args:
-        fields: everything that is in a file.
-        ros: the axes are those of ROS: y to port, and turns to port are positive.
+        fields: all fields of a file.
+        ros: axes follow ROS: y to port, and turns to port are positive.
     """
-    # u, v and r together are the speeds of a vessel; u alone is what drives something
+    # u, v and r together are the velocities of a vessel; u alone is a drive
     names = {bare_of(field.name) for field in fields}
     unsaid = {bare_of(f.name) for f in fields if not named_units(f.name, f.unit)}
     moving = {bare_of(field.name) for field in fields if _moves(field)}
     vessel = {"u", "v"} <= (moving | unsaid if "r" in names else moving)
     speeds = {"u": "surge", "v": "sway"} if vessel else {}
     turned = {field.name[:-1] for field in fields if field.name.endswith(".w")}  # quaternions
-    found = [
+    result = [
         Meaning("derived") if field.name[:-1] in turned else _meaning(field, speeds)
         for field in fields
     ]
     if ros:
-        found = [
-            replace(one, scale=-1.0, doubts=(*one.doubts, "ROS counts it positive to port."))
-            if one.quantity in ("sway", "yaw_rate")
-            else one
-            for one in found
+        result = [
+            replace(
+                meaning, scale=-1.0, doubts=(*meaning.doubts, "ROS counts it positive to port.")
+            )
+            if meaning.quantity in ("sway", "yaw_rate")
+            else meaning
+            for meaning in result
         ]
-    return tuple(found)
+    return tuple(result)
 
 
 def _moves(field: Field) -> bool:
-    """Whether its unit is one of a vessel's speed."""
+    """Whether its unit is a velocity."""
     return any(same_quantity(unit, "m/s") for unit in named_units(field.name, field.unit))
 
 
 def _meaning(field: Field, speeds: dict[str, str]) -> Meaning:
     words, bare, side = words_of(field.name), bare_of(field.name), side_of(field.name)
     if field.dates:
-        others = field.date_formats[1:]
-        doubts = [f"Day and month cannot be told apart: the dates may be {o!r}." for o in others]
+        formats = field.date_formats[1:]
+        doubts = [f"Day and month cannot be told apart: the dates may be {o!r}." for o in formats]
         return Meaning("time", "s", sure=SURE, why="dates", doubts=tuple(doubts))
     if not numbers_of(field.values).size:
         return Meaning("", why="no numbers")
     if counts(field.values) and words in _ROW_NUMBERS and field.time is None:
         return Meaning("derived", why="row numbers")
     units = named_units(field.name, field.unit)
-    said = [words, bare]
-    if field.time is None:  # what a struct calls its member
-        said.append(words_of(field.name.rsplit(".", 1)[-1]))
-    named = chain.from_iterable(map(quantities_of, dict.fromkeys(said)))
+    spellings = [words, bare]
+    if field.time is None:  # the member's name in a struct
+        spellings.append(words_of(field.name.rsplit(".", 1)[-1]))
+    named = chain.from_iterable(map(quantities_of, dict.fromkeys(spellings)))
     for quantity in [speeds[bare]] if bare in speeds else named:
         if takes_any_unit(quantity):
             unit = units[0] if units else "rpm" if "rpm" in words.split() else ""
@@ -141,8 +143,8 @@ def _meaning(field: Field, speeds: dict[str, str]) -> Meaning:
         fitting = [unit for unit in units if same_quantity(unit, UNIT_OF[quantity])]
         if units and not fitting:
             continue
-        one = _named(quantity, field, fitting, short=len(bare) < 2)
-        return replace(one, side=side)
+        meaning = _named(quantity, field, fitting, short=len(bare) < 2)
+        return replace(meaning, side=side)
     return replace(_unnamed(field, units), side=side)
 
 
@@ -175,19 +177,21 @@ def _named(quantity: str, field: Field, units: Sequence[str], *, short: bool) ->
 
 
 def _speed_unit(words: Sequence[str], largest: float) -> tuple[str, list[str]]:
-    """The unit of a shaft's speed, by its name where it says so, else by its size."""
+    """The unit of a shaft speed, from its name or else from its magnitude."""
     if "erpm" in words:
         return "rpm", ["Electrical turns: write scale = 1 / (pairs of poles)."]
     if "rpm" in words or "rpms" in words:
         return "rpm", []
     counted = words[0] == "n"  # n stands for revolutions
     unit = "rps" if counted and largest < 150 else "rpm" if counted or largest > 700 else "rad/s"
-    others = " or ".join(other for other in ("rad/s", "rpm", "rps") if other != unit)
-    return unit, [f"No unit is named: it may be {others}."]
+    alternatives = " or ".join(
+        candidate for candidate in ("rad/s", "rpm", "rps") if candidate != unit
+    )
+    return unit, [f"No unit is named: it may be {alternatives}."]
 
 
 def _command(values: np.ndarray, words: str, units: Sequence[str]) -> Meaning:
-    """A command, in the unit that its name, else its numbers, tell."""
+    """A command, its unit taken from the name or else from the numbers."""
     named = next((unit for unit in units if unit in _COMMAND_UNITS), "")
     largest = float(np.abs(numbers_of(values)).max())
     pulsed = is_pwm(values)
@@ -212,7 +216,7 @@ def _command(values: np.ndarray, words: str, units: Sequence[str]) -> Meaning:
 
 
 def pulse_command(widths: PWM, because: str = "") -> Meaning:
-    """A command in widths of pulses."""
+    """A command in pulse widths."""
     doubt = (
         f"Pulse widths: {widths.stop:g} is taken for stop, {widths.full:g} for full ahead"
         f"{because}; your controller's settings say."
@@ -221,7 +225,7 @@ def pulse_command(widths: PWM, because: str = "") -> Meaning:
 
 
 def _servo(values: np.ndarray) -> Meaning:
-    """The angle of a rudder in the widths of its servo's pulses."""
+    """The angle of a rudder given as pulse widths of its servo."""
     widths = pulses(values)
     doubt = (
         f"Pulse widths of a servo: {widths.stop:g} is taken for amidships. That the rudder stands "
@@ -232,10 +236,10 @@ def _servo(values: np.ndarray) -> Meaning:
 
 
 def _unnamed(field: Field, units: Sequence[str]) -> Meaning:
-    """What unit and numbers say where the name says nothing."""
+    """Guess from unit and numbers if the name gives no clue."""
     for unit in units:
-        for known, quantity in _BY_UNIT.items():
-            if not same_quantity(unit, known) or (
+        for standard, quantity in _BY_UNIT.items():
+            if not same_quantity(unit, standard) or (
                 quantity == "time" and not increases(field.values)
             ):
                 continue
@@ -250,6 +254,6 @@ def _unnamed(field: Field, units: Sequence[str]) -> Meaning:
 
 
 def _whole_pulses(values: np.ndarray) -> bool:
-    """Whether unnamed numbers are pulse widths: whole, about 1500, and moving."""
+    """Whether unnamed numbers are pulse widths: integers around 1500 that vary."""
     numbers = numbers_of(values)
     return is_pwm(values) and varies(values) and bool(np.all(numbers == np.round(numbers)))

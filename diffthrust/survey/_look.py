@@ -1,4 +1,4 @@
-"""What is in a file, before anything is fitted."""
+"""Survey a log file before anything is fitted."""
 
 from __future__ import annotations
 
@@ -18,8 +18,7 @@ from diffthrust.survey._choice import Choice
 from diffthrust.survey._draft import drafted
 from diffthrust.survey._files import files_at
 from diffthrust.survey._rows import ColumnRow, rows_of
-from diffthrust.survey._sound import doubted
-from diffthrust.survey._suited import choice_of
+from diffthrust.survey._suited import choice_of, doubted
 from diffthrust.survey._tables import (
     column_rows,
     first_line,
@@ -35,14 +34,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Look(Result):
-    """What is in a log's file, what it may be, and a spec file to begin with.
+    """The contents of a log file, their likely meaning, and a draft of a spec file.
 
     Args:
         path: the file, or the first of several of one kind.
         choice: the model that suits it, and its channels.
         columns: a row for each column, or field of a message, in the order of the file.
         train: the files that the drafted spec fits.
-        holdout: the one that it keeps unseen; empty where there is one file.
+        holdout: the files it holds out; empty if there is only one file.
         apart: sentences on files that were left out.
 
     Example:
@@ -67,42 +66,42 @@ class Look(Result):
 
     @property
     def kind(self) -> str:
-        """What the file is, such as ``"CSV table"``."""
+        """The kind of file, such as ``"CSV table"``."""
         return self.choice.contents.kind
 
     @property
     def model(self) -> str | None:
-        """The model that suits it, as `spec` names it; None where none does."""
+        """The name of the model that suits the file; None if none does."""
         return self.choice.model
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """What is to be settled by who knows the test, one sentence each."""
+        """Open questions for whoever knows the test, one sentence each."""
         choice = self.choice
         where: dict[str, list[str]] = {}
         picks = {**({"time": choice.time} if choice.time else {}), **choice.channels}
         for name, pick in picks.items():
             for word in pick.doubts:
                 where.setdefault(word, []).append(name)
-        own = [f"{', '.join(names)}: {word}" for word, names in where.items()]
-        return (*choice.doubts, *own, *self.apart)
+        channel_doubts = [f"{', '.join(names)}: {word}" for word, names in where.items()]
+        return (*choice.doubts, *channel_doubts, *self.apart)
 
     @property
     def spec(self) -> str:
-        """The drafted spec file (TOML), its paths relative to the present folder."""
+        """The drafted spec file (TOML), with paths relative to the working directory."""
         return self._drafted(Path())
 
     def _drafted(self, folder: Path) -> str:
         return drafted(self.choice, self.train, self.holdout, folder, " ".join(self.apart))
 
     def save_spec(self, path: str | PathLike[str]) -> Path:
-        """Write the drafted spec file, its paths relative to where it lies.
+        """Write the drafted spec file, with paths relative to its folder.
 
         Args:
-            path: ending in .toml; never over another file.
+            path: ending in .toml; an existing file is never overwritten.
 
         Raises:
-            InputError: there is a file of that name, or it cannot be written.
+            InputError: the file exists, or cannot be written.
         """
         target = Path(path)
         ending(target, ".toml")
@@ -130,10 +129,10 @@ class Look(Result):
         return look_report(self)
 
     def report(self, *, all: bool = False) -> str:
-        """What is in the file, as a table and sentences.
+        """The contents of the file, as a table and sentences.
 
         Args:
-            all: every field of a robot's log, and not only those that a model may use.
+            all: show every field of a robot's log, not only those that a model may use.
         """
         from diffthrust._support.tables import report_text
 
@@ -141,13 +140,13 @@ class Look(Result):
 
     @showing
     def plot(self) -> Figure:
-        """The channels of the drafted spec over time, or all columns where it has none."""
+        """Plot the channels of the drafted spec over time, or all columns if it has none."""
         from diffthrust.survey._figures import look_figure
 
         return look_figure(self.choice, in_line(self.path.name))
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data: what stands in the report, and the drafted spec."""
+        """Plain data: the content of the report, and the drafted spec."""
         return {
             "schema": 1,
             "path": str(self.path),
@@ -176,22 +175,22 @@ def look_report(seen: Look, *, all: bool = False) -> Report:
 
 
 def look(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Look:
-    """Say what is in a log's file, and draft a spec file for a first fit.
+    """Survey a log file, and draft a spec file for a first fit.
 
-    Quantities, units and roles are guessed from names, from what the file says, and from the
-    numbers; what is not certain is told as a doubt, and so is what `soundness.doubts` finds in the
-    channels of a table. Nothing is fitted.
+    Quantities, units and roles are guessed from names, from units in the file, and from the
+    numbers. Uncertain guesses are listed as doubts, as are the findings of `soundness.doubts` in
+    the channels of a table. Nothing is fitted.
 
     Args:
         path: a file that `read_log` or `read_robot_log` reads, several of one kind, or a folder of
-            them. Of several the draft keeps those unseen that are named so (holdout, unseen,
-            validation), else the last by name.
+            them. Of several, the draft holds out those whose name says so (holdout, unseen,
+            validation), or else the last by name.
 
     Returns:
         The columns, the doubts and the draft.
 
     Raises:
-        InputError: there is no such file, nobody reads it, or it is a DataFrame.
+        InputError: there is no such file, its format is not supported, or it is a DataFrame.
 
     Example:
         >>> dft.look("run1.csv").model
@@ -203,7 +202,7 @@ def look(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Look:
             "Make a log of it: Log.from_dataframe(frame, inputs={...}, measured={...}); or look "
             "at the file that it came from.",
         )
-    several = [Path(path)] if isinstance(path, str | PathLike) else [Path(one) for one in path]
+    several = [Path(path)] if isinstance(path, str | PathLike) else [Path(entry) for entry in path]
     files = files_at(several)
     choice = choice_of(files.contents)
     train, holdout, apart = files.split(choice)

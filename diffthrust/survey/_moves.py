@@ -1,4 +1,4 @@
-"""How two columns move together, whatever their stamps and units."""
+"""Correlation of columns, whatever their time stamps and units."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ import numpy as np
 from diffthrust.logs._contents import Field
 
 _POINTS, _LAGS, _SHARE = 2000, 20, 0.05
-"""Points of the common grid, lags tried, and the share of the log that they reach across."""
+"""Points of the common grid, number of lags tried, and largest lag as a share of the log."""
 
 
 def correlated(first: Field, second: Field, *, zero: float = 0.0, sizes: bool = False) -> float:
-    """The correlation of two columns, where the second may follow the first.
+    """The correlation of two columns, allowing the second to lag.
 
     Args:
-        first: what may drive the second.
-        second: what may follow it, by up to a twentieth of the log.
-        zero: what counts as zero of the first.
-        sizes: leave the signs out.
+        first: the driving column.
+        second: the following column, which may lag by up to a twentieth of the log.
+        zero: zero of the first column.
+        sizes: use absolute values.
 
     Returns:
-        The correlation of largest size; 0 where there is nothing to correlate.
+        The correlation of largest magnitude; 0 if there is nothing to correlate.
     """
     a, b = _common(first, second)
     a = a - zero
@@ -30,7 +30,7 @@ def correlated(first: Field, second: Field, *, zero: float = 0.0, sizes: bool = 
 
 
 def strongest(first: np.ndarray, second: np.ndarray) -> float:
-    """The correlation of largest size of two series, ``(n,)`` each, the second lagging."""
+    """The correlation of largest magnitude of two series, ``(n,)`` each, the second lagging."""
     reach = int(_SHARE * first.size)
     best = 0.0
     for lag in sorted({int(reach * k / _LAGS) for k in range(_LAGS + 1)}):
@@ -38,13 +38,13 @@ def strongest(first: np.ndarray, second: np.ndarray) -> float:
         good = np.isfinite(a) & np.isfinite(b)
         if good.sum() < 3 or not np.ptp(a[good]) or not np.ptp(b[good]):
             continue
-        found = float(np.corrcoef(a[good], b[good])[0, 1])
-        best = found if abs(found) > abs(best) else best
+        correlation = float(np.corrcoef(a[good], b[good])[0, 1])
+        best = correlation if abs(correlation) > abs(best) else best
     return best
 
 
 def _common(*fields: Field) -> tuple[np.ndarray, ...]:
-    """Both on one grid of at most some thousand points."""
+    """Fields on a common grid of some thousand points at most."""
     if any(field.time is None for field in fields):
         size = min(field.values.size for field in fields)
         keep = slice(None, size, max(1, size // _POINTS))
@@ -58,36 +58,38 @@ def _common(*fields: Field) -> tuple[np.ndarray, ...]:
 
 
 def difference(first: Field, second: Field, third: Field) -> float:
-    """The correlation of the first less the second with the third, which may follow."""
+    """The correlation of the first minus the second with the third, which may lag."""
     a, b, c = _common(first, second, third)
     return strongest(a - b, c)
 
 
 def turning(heading: Field, clock: np.ndarray, turn: float, rate: Field) -> tuple[float, float]:
-    """How the change of a heading agrees with a yaw rate.
+    """Compare the change of a heading with a yaw rate.
 
     Args:
         heading: the angle.
         clock: stamps of the heading [s], ``(n,)``.
-        turn: a whole turn in its unit.
-        rate: the yaw rate, in whatever unit.
+        turn: a full turn in its unit.
+        rate: the yaw rate, in any unit.
 
     Returns:
-        Their correlation, and how many times the rate the heading's change is [rad/s].
+        Their correlation, and the ratio of the heading's change [rad/s] to the rate.
     """
     angle = np.full(heading.values.size, np.nan)
     good = np.isfinite(heading.values) & np.isfinite(clock)
     angle[good] = np.unwrap(heading.values[good], period=turn) * (2 * np.pi / turn)
     if good.sum() < 20:
         return 0.0, np.nan
-    own = rate.time if rate.time is not None else clock
+    rate_clock = rate.time if rate.time is not None else clock
     grid = np.linspace(clock[good][0], clock[good][-1], 200)
-    known = np.isfinite(rate.values) & np.isfinite(own)
-    if known.sum() < 20:
+    valid = np.isfinite(rate.values) & np.isfinite(rate_clock)
+    if valid.sum() < 20:
         return 0.0, np.nan
-    # the rate's integral over each step against the heading's step: noise of both is averaged
-    path = np.concatenate(([0.0], np.cumsum(np.diff(own[known]) * _middles(rate.values[known]))))
-    steps = np.diff(np.interp(grid, own[known], path))
+    # Compare steps of the heading with the integral of the rate: differentiating would add noise.
+    path = np.concatenate(
+        ([0.0], np.cumsum(np.diff(rate_clock[valid]) * _middles(rate.values[valid])))
+    )
+    steps = np.diff(np.interp(grid, rate_clock[valid], path))
     turns = np.diff(np.interp(grid, clock[good], angle[good]))
     if not np.ptp(steps) or not np.ptp(turns):
         return 0.0, np.nan

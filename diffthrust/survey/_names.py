@@ -1,4 +1,4 @@
-"""What the name of a column says: its words, its unit and its side."""
+"""Parse the name of a column: its words, its unit and its side."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import re
 from collections.abc import Sequence
 from functools import lru_cache
 
-# As names spell them, at their end or in brackets; a spelling of several units fits one quantity.
+# Spellings at the end of a name or in brackets. A spelling may stand for several units; the one of
+# the right quantity is taken later.
 _SPELLINGS: dict[str, tuple[str, ...]] = {
     "rad/s": ("rad/s", "rad s", "rads", "radps", "rad per s", "rad s 1", "rad sec"),
     "deg/s": ("deg/s", "deg s", "degps", "dps", "deg per s", "deg sec"),
@@ -54,7 +55,7 @@ _SIDES = {
 
 @lru_cache(maxsize=4096)
 def words_of(name: str) -> str:
-    """A name in small words with blanks between, the unit in brackets left out.
+    """A name as lower-case words, without a unit in brackets.
 
     Example:
         >>> words_of("ESC[0].RPM"), words_of("leftThrust_kgf"), words_of("speed (rad/s)")
@@ -67,29 +68,29 @@ def words_of(name: str) -> str:
     return " ".join(re.findall(r"[^\W_]+|%|°", name.lower()))
 
 
-def named_units(name: str, said: str = "") -> tuple[str, ...]:
-    """The units that a name ends in, or that the file says; several where a spelling has several.
+def named_units(name: str, file_unit: str = "") -> tuple[str, ...]:
+    """The units at the end of a name, or stated in the file; several if a spelling is ambiguous.
 
     Args:
         name: of the column.
-        said: the unit that the file gives for it.
+        file_unit: the unit stated in the file.
 
     Example:
         >>> named_units("thrust_kgf"), named_units("speed_ms"), named_units("t")
         (('kgf',), ('m/s', 'ms'), ())
     """
     bracket = _BRACKETS.search(name)
-    for text in (said, bracket[1] if bracket else ""):
+    for text in (file_unit, bracket[1] if bracket else ""):
         text = text.strip()
         if text:
             spelt = _UNITS.get(text.lower()) or _UNITS.get(words_of(text))
             return spelt or (text,)
-    words = words_of(name.rsplit(".", 1)[-1]).split()  # the x of a message's field is no unit
+    words = words_of(name.rsplit(".", 1)[-1]).split()  # a field of one letter, .x, is no unit
     return _ending(words)[1]
 
 
 def bare_of(name: str) -> str:
-    """The words of a name without the unit that it ends in.
+    """The words of a name without a unit at its end.
 
     Example:
         >>> bare_of("u_mps"), bare_of("r [deg/s]"), bare_of("rpm")
@@ -101,17 +102,17 @@ def bare_of(name: str) -> str:
 
 
 def _ending(words: Sequence[str]) -> tuple[int, tuple[str, ...]]:
-    """How many of the last words spell a unit, and the units that they spell."""
+    """The number of last words that spell a unit, and the possible units."""
     for count in (3, 2, 1):
         if len(words) > count or (len(words) == count == 1 and len(words[0]) > 1):
-            found = _UNITS.get(" ".join(words[-count:]))
-            if found:
-                return count, found
+            units = _UNITS.get(" ".join(words[-count:]))
+            if units:
+                return count, units
     return 0, ()
 
 
 def side_of(name: str) -> str:
-    """Give "left" or "right" where the name says so.
+    """Side of a name: "left", "right" or empty.
 
     Example:
         >>> side_of("thr_left"), side_of("PortThrust"), side_of("rpm")

@@ -1,4 +1,4 @@
-"""What is told of each column."""
+"""Rows of the survey, one for each column."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from diffthrust.survey._guess import Meaning
 from diffthrust.survey._values import numbers_of, sampling, varies
 
 _WIDE = 5.0
-"""A step between two messages of so many median ones is told."""
+"""A step between messages above this multiple of the median is remarked."""
 
 
 @dataclass(frozen=True)
@@ -20,20 +20,20 @@ class ColumnRow:
     """A column, or a field of a message.
 
     Args:
-        name: as ``Column(...)`` and spec files take it.
-        quantity: what it may be, by the name of a channel; empty where nothing tells.
-        unit: in which its numbers are taken to be.
+        name: as for ``Column(...)`` and spec files.
+        quantity: likely quantity, as the name of a channel; empty if unknown.
+        unit: assumed unit of its numbers.
         sure: "sure", "likely" or "perhaps".
-        why: what tells.
-        channel: the channel of the drafted spec; empty where it is not in the draft.
-        role: "input", "measured", "time", or "spare" of one that is in the draft as a comment.
+        why: the evidence.
+        channel: the channel of the drafted spec; empty if not in the draft.
+        role: "input", "measured", "time", or "spare" for a column in a comment of the draft.
         samples: number of cells or messages.
-        missing: share of them that hold no number.
-        low: smallest number; NaN where there is none.
+        missing: share of samples without a number.
+        low: smallest number; NaN if there is none.
         high: largest number.
-        rate: samples a second, by its own stamps or those of the table; NaN where not known.
-        gap: largest step between two stamps [s].
-        remarks: what is odd about it, in words.
+        rate: samples per second; NaN if unknown.
+        gap: largest step between time stamps [s].
+        remarks: oddities, in words.
 
     Example:
         >>> row = dft.look("run1.csv").columns[1]
@@ -76,9 +76,9 @@ def rows_of(choice: Choice) -> tuple[ColumnRow, ...]:
     rows = []
     for field, meaning in zip(choice.contents.fields, choice.meanings, strict=True):
         pick = picks.get(field.name)
-        own = common if field.time is None else sampling(field.time)
+        sampled = common if field.time is None else sampling(field.time)
         channel, role = places.get(field.name, ("", ""))
-        rows.append(_row(field, pick.meaning if pick else meaning, pick, channel, role, own))
+        rows.append(_row(field, pick.meaning if pick else meaning, pick, channel, role, sampled))
     return tuple(rows)
 
 
@@ -111,17 +111,17 @@ def _row(
 
 def _remarks(field: Field, pick: Pick | None, rate: float, gap: float) -> tuple[str, ...]:
     numbers = numbers_of(field.values)
-    told = []
+    remarks = []
     if not numbers.size:
-        told.append(f"text such as {field.text!r}" if field.text else "empty")
+        remarks.append(f"text such as {field.text!r}" if field.text else "empty")
     elif not varies(field.values) and numbers.size > 1:
-        told.append("constant")
+        remarks.append("constant")
     elif field.text:
-        told.append(f"some text such as {field.text!r}")
+        remarks.append(f"some text such as {field.text!r}")
     if pick is not None and pick.unsigned:
-        told.append("no sign")
+        remarks.append("no sign")
     if pick is not None and pick.meaning.scale < 0:
-        told.append("turned round")
+        remarks.append("turned round")
     if field.time is not None and gap * rate > _WIDE:
-        told.append(f"a gap of {gap:.3g} s")
-    return tuple(told)
+        remarks.append(f"a gap of {gap:.3g} s")
+    return tuple(remarks)

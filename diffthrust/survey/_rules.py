@@ -1,4 +1,4 @@
-"""The words by which people name what they record."""
+"""Words in column names, and the quantities they stand for."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ UNIT_OF: dict[str, str] = {
     "reading": "V",
     "power": "W",
 }
-"""The unit of each quantity that is looked for, by the name of its channel where it has one."""
+"""The unit of each quantity, by the name of its channel if it has one."""
 
 NO_CHANNEL = ("set_point", "derived", "latitude", "longitude", "power")
-"""Quantities that are told and not used."""
+"""Quantities that are reported but not used."""
 
 _ANY_UNIT = ("set_point", "derived")
 _SCREW = r"(prop|propeller|shaft|motor|rotor|esc|engine)( \d+)?"
@@ -97,7 +97,7 @@ _COMPILED = tuple((quantity, re.compile(pattern)) for quantity, pattern in _RULE
 
 
 def quantities_of(words: str) -> Iterator[str]:
-    """The quantities that the words of a name may stand for, the most likely first.
+    """The quantities that the words of a name may mean, the most likely first.
 
     Example:
         >>> list(quantities_of("tach rad s")), next(quantities_of("thr left"))
@@ -109,10 +109,10 @@ def quantities_of(words: str) -> Iterator[str]:
 
 
 def takes_any_unit(quantity: str) -> bool:
-    """Whether nothing is asked of the unit: what is told and not used."""
+    """Whether the unit does not matter, as the quantity is reported but not used."""
     return quantity in _ANY_UNIT
 
 
 def named_pwm(words: str) -> bool:
-    """Whether a name speaks of pulse widths."""
+    """Whether a name means pulse widths."""
     return re.search(_PWM_WORDS, words) is not None

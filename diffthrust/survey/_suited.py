@@ -1,14 +1,21 @@
-"""Which model suits what is in a file."""
+"""Choose the model that suits a file."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
+from diffthrust._support.errors import InputError
 from diffthrust.logs._channels import CHANNELS
+from diffthrust.logs._columns import Column
 from diffthrust.logs._contents import Contents
+from diffthrust.logs._log import Log
+from diffthrust.logs._read import read_log
+from diffthrust.models._base.model import MODELS
+from diffthrust.soundness._doubts import doubts
 from diffthrust.survey._choice import Choice, Pick, Pool
 from diffthrust.survey._guess import Meaning, meanings
 from diffthrust.survey._thrusters import thruster_choice
@@ -17,18 +24,18 @@ from diffthrust.survey._vessels import MOTION, POSE, vessel_choice
 
 
 def choice_of(contents: Contents) -> Choice:
-    """The model that suits the contents of a file, the richest that is complete."""
+    """The model that suits a file: the richest whose channels are complete."""
     fields = contents.fields
-    found = meanings(fields, ros=contents.kind.startswith("ROS"))
-    pool = Pool(fields, found)
-    plain = _coarse(Choice(contents, found, time=_clock(contents, pool), doubts=contents.notes))
+    guesses = meanings(fields, ros=contents.kind.startswith("ROS"))
+    pool = Pool(fields, guesses)
+    plain = _coarse(Choice(contents, guesses, time=_clock(contents, pool), doubts=contents.notes))
     for model in (vessel_choice, thruster_choice, _axis_vehicle, _linear_sensor):
         chosen = model(pool, plain)
         if chosen is not None:
             return _untimed(chosen)
-    known = {name: pool.pick(name, "") for name in pool.by if name in CHANNELS}
-    spare = {name: pick for name, pick in known.items() if pick is not None}
-    return replace(plain, spare=spare, doubts=(*plain.doubts, _nothing(pool)))
+    picks = {name: pool.pick(name, "") for name in pool.by if name in CHANNELS}
+    spare = {name: pick for name, pick in picks.items() if pick is not None}
+    return replace(plain, spare=spare, doubts=(*plain.doubts, _no_model(pool)))
 
 
 def _clock(contents: Contents, pool: Pool) -> Pick | None:
@@ -38,14 +45,18 @@ def _clock(contents: Contents, pool: Pool) -> Pick | None:
     pairs = [p for p in pool.all("time") if numbers_of(p[0].values).size > 0.5 * rows]
     if not pairs:
         return None
-    one, meaning = pairs[0]
+    column, meaning = pairs[0]
     return Pick(
-        one, meaning, "time", doubts=meaning.doubts, others=tuple(p[0].name for p in pairs[1:])
+        column,
+        meaning,
+        "time",
+        doubts=meaning.doubts,
+        alternatives=tuple(p[0].name for p in pairs[1:]),
     )
 
 
 def _coarse(plain: Choice) -> Choice:
-    """Rows that share their stamps are taken as evenly spaced."""
+    """Treat rows as evenly spaced if many share their time stamp."""
     stamps = plain.seconds
     if stamps is None or plain.time is None:
         return plain
@@ -61,13 +72,13 @@ def _coarse(plain: Choice) -> Choice:
 
 def _axis_vehicle(pool: Pool, plain: Choice) -> Choice | None:
     drive = pool.pick("thrust", "input") or pool.pick("command", "input")
-    found = {
+    candidates = {
         "position": pool.pick("position", "measured"),
         "velocity": pool.pick("velocity", "measured") or pool.pick("surge", "measured"),
     }
-    if not any(found.values()):
-        found = {"position": pool.pick("depth", "measured")}
-    measured = {name: pick for name, pick in found.items() if pick is not None}
+    if not any(candidates.values()):
+        candidates = {"position": pool.pick("depth", "measured")}
+    measured = {name: pick for name, pick in candidates.items() if pick is not None}
     if drive is None or not measured or plain.static:
         return None
     if drive.meaning.quantity == "command":
@@ -77,7 +88,7 @@ def _axis_vehicle(pool: Pool, plain: Choice) -> Choice | None:
 
 
 def _plain_command(meaning: Meaning) -> Meaning:
-    """A command as plain numbers, for a model that takes none: an effort from -1 to 1, or as is."""
+    """A command as plain numbers, for a model without commands: pulse widths scaled to -1 ... 1."""
     if meaning.pwm is not None:
         reach = meaning.pwm.full - meaning.pwm.stop
         scaled = replace(meaning, scale=1 / reach, offset=-meaning.pwm.stop / reach)
@@ -95,7 +106,7 @@ def _linear_sensor(pool: Pool, plain: Choice) -> Choice | None:
 
 
 def _untimed(chosen: Choice) -> Choice:
-    """A table without time: of a thruster, each row is held for so long that it settles."""
+    """A table without time. For a thruster, each row is held until it settles."""
     if not chosen.static or chosen.model == "linear_sensor":
         return chosen
     word = "No column of times was found. Where the rows were sampled at a fixed rate, write it: "
@@ -109,15 +120,62 @@ def _untimed(chosen: Choice) -> Choice:
     return replace(chosen, doubts=(*chosen.doubts, word), held=(held,))
 
 
-def _nothing(pool: Pool) -> str:
-    known: dict[str, Callable[[], bool]] = {
+def _no_model(pool: Pool) -> str:
+    needs: dict[str, Callable[[], bool]] = {
         "a command or a force": lambda: bool(pool.all("command") or pool.all("thrust")),
         "a speed, a thrust or a motion": lambda: any(
             pool.all(q, moving=True) for q in ("speed", "thrust", *MOTION, *POSE)
         ),
     }
-    absent = [name for name, there in known.items() if not there()]
+    absent = [name for name, present in needs.items() if not present()]
     what = (
         f": {' and '.join(absent)} {'are' if len(absent) > 1 else 'is'} missing" if absent else ""
     )
     return f"No model suits what was recognised{what}; name the columns yourself."
+
+
+def doubted(choice: Choice, paths: Sequence[Path]) -> Choice:
+    """Add the findings of `soundness.doubts` on the channels in some files.
+
+    A file that cannot be read adds its error message. Only tables are checked: messages of a robot
+    have separate clocks, and a fit checks them once a time base is chosen.
+    """
+    if choice.model is None or choice.time is None:
+        return choice
+    logs, unread = [], []
+    for path in paths:
+        try:
+            logs.append(_log(choice, choice.time, path))
+        except InputError as error:
+            unread.append(f"{error.problem} Mend: {error.mend}")
+    channel_doubts = doubts(logs, MODELS[choice.model]())
+    words = (f"{doubt.channel}: {doubt.evidence} Mend: {doubt.mend}" for doubt in channel_doubts)
+    return replace(choice, doubts=(*choice.doubts, *unread, *words))
+
+
+def _log(choice: Choice, clock: Pick, path: Path) -> Log:
+    """The chosen channels of a file."""
+    columns = {name: _column(pick) for name, pick in choice.channels.items()}
+    inputs = [name for name, pick in choice.channels.items() if pick.role == "input"]
+    return read_log(
+        path,
+        time=_column(clock) if choice.step is None else choice.step,
+        inputs={name: columns[name] for name in inputs},
+        measured={name: column for name, column in columns.items() if name not in inputs},
+        sheet=choice.contents.sheet or None,
+        interpolate_inputs=True,
+    )
+
+
+def _column(pick: Pick) -> Column:
+    """The column as a spec file would describe it."""
+    meaning = pick.meaning
+    return Column(
+        pick.field.name,
+        unit=meaning.spec_unit,
+        unsigned=pick.unsigned,
+        scale=meaning.scale,
+        offset=meaning.offset,
+        pwm=meaning.pwm,
+        effort=meaning.unit == "percent",
+    )

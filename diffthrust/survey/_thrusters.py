@@ -1,4 +1,4 @@
-"""The channels of a thruster among the columns of a file."""
+"""Find the channels of a thruster among the columns of a file."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from diffthrust.survey._values import (
 
 
 def thruster_choice(pool: Pool, plain: Choice) -> Choice | None:
-    """A thruster with its command, or its thrust by its speed alone; None where it is none."""
+    """A thruster with its command, or only thrust over speed; None if neither fits."""
     measured = pool.picks(("speed", "thrust"), "measured")
     spare = pool.picks(("inflow", "supply_voltage"), "input")
     if not measured:
@@ -32,9 +32,9 @@ def thruster_choice(pool: Pool, plain: Choice) -> Choice | None:
         volts = [p for p in commands if not p[1].effort]
         commands = [p for p in commands if p[1].effort]
         if volts and "supply_voltage" not in spare:
-            one, meaning = volts[0]
+            column, meaning = volts[0]
             spare["supply_voltage"] = Pick(
-                one, replace(meaning, quantity="supply_voltage"), "input"
+                column, replace(meaning, quantity="supply_voltage"), "input"
             )
     if commands:
         chosen = _driven(pool, commands, measured)
@@ -67,7 +67,7 @@ def thruster_choice(pool: Pool, plain: Choice) -> Choice | None:
 def _driven(
     pool: Pool, commands: Sequence[tuple[Field, Meaning]], measured: Mapping[str, Pick]
 ) -> dict[str, Pick]:
-    """The command, speed and thrust of one thruster: of several, those that move together."""
+    """Command, speed and thrust of one thruster; of several, those that move together."""
     best: tuple[float, tuple[Field, Meaning], dict[str, tuple[Field, Meaning]]] | None = None
     lead = next(iter(measured))
     for command in commands:
@@ -103,9 +103,9 @@ def _driven(
 
 
 def _ahead_only(command: tuple[Field, Meaning], answers: Sequence[tuple[Field, Meaning]]) -> bool:
-    """Whether widths of pulses drive one way: below their middle, more of them is more speed.
+    """Whether pulse widths drive one way: below 1500, a larger width gives more speed.
 
-    Of a drive that goes both ways, what is measured is negative there, or falls if it has no sign.
+    For a drive that goes both ways, the response is negative there, or falls if it has no sign.
     """
     field, meaning = command
     if meaning.pwm is None or not all(hardly_negative(answer.values) for answer, _ in answers):
@@ -118,14 +118,15 @@ def _ahead_only(command: tuple[Field, Meaning], answers: Sequence[tuple[Field, M
 
 
 def _holds_speed(chosen: Mapping[str, Pick]) -> bool:
-    """Whether the speed follows the command, as behind a controller, or its root, as by a torque.
+    """Whether the command sets the speed (a controller) rather than the torque.
 
-    Likewise the thrust follows the square of the command, or the command.
+    The speed then follows the command instead of its square root; the thrust follows the square of
+    the command instead of the command.
     """
     command, answer = chosen["command"], chosen.get("speed") or chosen["thrust"]
     drive = command.field.values - (command.meaning.pwm.stop if command.meaning.pwm else 0.0)
     follower = answer.field
-    if answer.unsigned:  # it goes the way that it is driven
+    if answer.unsigned:  # its sign is that of the drive
         ways = drive
         if follower.time is not None and command.field.time is not None:
             ways = np.interp(follower.time, command.field.time, drive)
@@ -144,12 +145,12 @@ def _power(field: Field, drive: np.ndarray, power: float) -> Field:
 def _picked(
     pair: tuple[Field, Meaning], role: str, rivals: Sequence[tuple[Field, Meaning]]
 ) -> Pick:
-    others = tuple(rival.name for rival, _ in rivals if rival is not pair[0])
-    return Pick(pair[0], pair[1], role, doubts=pair[1].doubts, others=others)
+    rival_names = tuple(rival.name for rival, _ in rivals if rival is not pair[0])
+    return Pick(pair[0], pair[1], role, doubts=pair[1].doubts, alternatives=rival_names)
 
 
 def _follows(command: tuple[Field, Meaning], answer: tuple[Field, Meaning]) -> float:
-    """How firmly an answer follows a command, with the sign or without."""
+    """Correlation of a response with a command, with or without signs."""
     zero = command[1].pwm.stop if command[1].pwm else 0.0
     signed = correlated(command[0], answer[0], zero=zero)
     return max(abs(signed), correlated(command[0], answer[0], zero=zero, sizes=True))

@@ -1,4 +1,4 @@
-"""What the numbers of a column say: how it is sampled, and of which unit they can be."""
+"""Evidence in the numbers of a column: sampling and possible units."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 from diffthrust.logs._written import PWM
 
 _PWM = (800.0, 2200.0)
-"""Pulse widths that motor controllers read, with a margin [us]."""
+"""Range of pulse widths that motor controllers read, with a margin [us]."""
 _STEPS = (("ns", 2e6), ("us", 2e3), ("ms", 2.0), ("s", 0.0))
-"""A log's median step is below two seconds: from which number on it is of which unit."""
+"""Least median step in each unit; the median step of a log is below two seconds."""
 _EPOCHS = (("ns", 1e17), ("us", 1e14), ("ms", 1e11), ("s", 1e8))
-"""Stamps counted from 1970, likewise."""
+"""Least time stamps in each unit if they count from 1970."""
 
 
 def numbers_of(values: np.ndarray) -> np.ndarray:
@@ -28,7 +28,7 @@ def varies(values: np.ndarray) -> bool:
 
 
 def increases(values: np.ndarray) -> bool:
-    """Whether nearly no sample lies before the one above it, and few are missing."""
+    """Whether samples increase, but for few exceptions, and few are missing."""
     numbers = numbers_of(values)
     if numbers.size < 2 or numbers.size < 0.9 * values.size:
         return False
@@ -43,21 +43,21 @@ def counts(values: np.ndarray) -> bool:
 
 
 def is_pwm(values: np.ndarray) -> bool:
-    """Whether the numbers can be pulse widths [us]: 0 (no pulse) is one."""
+    """Whether the numbers can be pulse widths [us]; 0 means no pulse."""
     numbers = numbers_of(values)
     pulses = numbers[numbers != 0]
     if not pulses.size:
         return False
     low, high = float(pulses.min()), float(pulses.max())
-    # a shaft passes through all speeds; a pulse width stays on its two sides of 1500
+    # Unlike a shaft speed, pulse widths stay around 1500.
     return _PWM[0] <= low and high <= _PWM[1] and low <= 1600 and high >= 1400
 
 
 def pulses(values: np.ndarray) -> PWM:
-    """At which width the drive rests, and how far it goes; 1500 and 400 where nothing else shows.
+    """The width at rest and the range of a drive; by default 1500 and 400.
 
-    The width at rest is the first one where that lies near 1500 and a twentieth of the samples has
-    it: most logs begin at rest.
+    Most logs begin at rest: the first width is taken as rest if it lies near 1500 and a twentieth
+    of the samples has it.
     """
     numbers = numbers_of(values)
     numbers = numbers[numbers != 0]
@@ -71,14 +71,14 @@ def pulses(values: np.ndarray) -> PWM:
 
 
 def pulses_ahead(values: np.ndarray) -> PWM:
-    """The widths of a drive that goes one way: 1000 to 2000, or 1100 to 1900."""
+    """The widths of a one-way drive: 1000 to 2000, or 1100 to 1900."""
     numbers = numbers_of(values)
     low, high = float(numbers[numbers != 0].min()), float(numbers.max())
     return PWM(1100.0, 1900.0) if 1090 <= low <= 1110 and high <= 1910 else PWM(1000.0, 2000.0)
 
 
 def time_unit(values: np.ndarray) -> tuple[str, str, bool]:
-    """The unit of time stamps by their numbers: unit, why, and whether it is in doubt."""
+    """The unit of time stamps from their numbers: unit, reason, and whether it is in doubt."""
     numbers = numbers_of(values)
     first, steps = abs(float(numbers[0])), np.diff(numbers)
     step = float(np.median(steps)) or float(np.mean(steps))  # a clock may be coarser than the rows
@@ -93,20 +93,20 @@ def time_unit(values: np.ndarray) -> tuple[str, str, bool]:
 
 
 def angle_unit(values: np.ndarray, turn: float) -> tuple[str, bool]:
-    """``"deg"`` where the numbers go beyond what radians do (``turn``), and whether in doubt."""
+    """``"deg"`` if the numbers exceed the range in radians (``turn``), and whether in doubt."""
     numbers = numbers_of(values)
     largest = float(np.abs(numbers).max()) if numbers.size else 0.0
     return ("deg", False) if largest > 1.05 * turn else ("rad", True)
 
 
 def one_sided(values: np.ndarray) -> bool:
-    """Whether there is movement, and none of it negative (but for noise about zero)."""
+    """Whether the numbers are positive, except for noise about zero."""
     numbers = numbers_of(values)
     return bool(numbers.size and numbers.max() > 0 and numbers.min() >= -0.02 * numbers.max())
 
 
 def hardly_negative(values: np.ndarray) -> bool:
-    """Whether there is movement, and next to none of it negative, whatever the noise."""
+    """Whether the numbers are positive at the 5 % quantile, whatever the noise."""
     numbers = numbers_of(values)
     if not numbers.size:
         return False
@@ -115,13 +115,13 @@ def hardly_negative(values: np.ndarray) -> bool:
 
 
 def two_sided(values: np.ndarray) -> bool:
-    """Whether the numbers go well to both sides of zero."""
+    """Whether the numbers extend well to both sides of zero."""
     numbers = numbers_of(values)
     return bool(numbers.size and min(numbers.max(), -numbers.min()) > 0.1 * np.abs(numbers).max())
 
 
 def sampling(time: np.ndarray) -> tuple[float, float]:
-    """Samples in a second and the largest step [s]; NaN where there are not two."""
+    """Sample rate [Hz] and largest step [s]; NaN with fewer than two samples."""
     steps = np.diff(numbers_of(time))
     steps = steps[steps > 0]
     if not steps.size:

@@ -1,4 +1,4 @@
-"""The channels of a vessel among the columns of a file."""
+"""Find the channels of a vessel among the columns of a file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ POSE = ("north", "east", "heading")
 
 
 def vessel_choice(pool: Pool, plain: Choice) -> Choice | None:
-    """A vessel with two thrusters, or with a propeller and a rudder; None where it is none."""
+    """A vessel with two thrusters, or with propeller and rudder; None if neither fits."""
     motion = pool.picks(MOTION, "measured")
     if "surge" not in motion and (speed := pool.pick("velocity", "measured")) is not None:
         motion = {"surge": speed.doubted("Taken for the speed ahead."), **motion}
@@ -25,11 +25,11 @@ def vessel_choice(pool: Pool, plain: Choice) -> Choice | None:
         return None
     turns = _turning(motion, place, plain)
     if "yaw_rate" in motion:
-        motion["yaw_rate"] = _known_unit(motion["yaw_rate"], *turns)
-    found = _twin(pool, motion, turns[0]) or _propeller(pool, motion)
-    if found is None:
+        motion["yaw_rate"] = _unit_from_heading(motion["yaw_rate"], *turns)
+    driven = _twin(pool, motion, turns[0]) or _propeller(pool, motion)
+    if driven is None:
         return None
-    drive, motion = found
+    drive, motion = driven
     winds = pool.picks(("wind_speed", "wind_direction"), "input")
     arm = "lever_arm is not in a log: measure it on the vessel, and write it under [parameters]."
     return replace(
@@ -44,7 +44,7 @@ def vessel_choice(pool: Pool, plain: Choice) -> Choice | None:
 def _turning(
     motion: Mapping[str, Pick], place: Mapping[str, Pick], plain: Choice
 ) -> tuple[float, float]:
-    """How firmly the heading turns at the yaw rate, and how many times as fast [rad/s]."""
+    """Correlation of the heading's change with the yaw rate, and their ratio [rad/s]."""
     if "yaw_rate" not in motion or "heading" not in place:
         return 0.0, np.nan
     rate, heading = motion["yaw_rate"], place["heading"]
@@ -56,17 +56,17 @@ def _turning(
     return together * np.sign(rate.meaning.scale), times
 
 
-def _known_unit(rate: Pick, together: float, times: float) -> Pick:
-    """The yaw rate in the unit that the heading tells, where its name tells none."""
+def _unit_from_heading(rate: Pick, together: float, times: float) -> Pick:
+    """Take the unit of the yaw rate from the heading if its name gives none."""
     for unit, factor in (("rad/s", 1.0), ("deg/s", np.pi / 180)):
         if abs(together) > FIRMLY and 0.7 < abs(times) / factor < 1.4 and rate.meaning.doubts:
-            told = replace(rate.meaning, unit=unit, sure=SURE, why="heading", doubts=())
-            return replace(rate, meaning=told, doubts=())
+            meaning = replace(rate.meaning, unit=unit, sure=SURE, why="heading", doubts=())
+            return replace(rate, meaning=meaning, doubts=())
     return rate
 
 
 _Drive = tuple[dict[str, Pick], dict[str, Pick]]
-"""What drives a vessel, and its motion."""
+"""The drive channels of a vessel, and its motion channels."""
 
 
 def _twin(pool: Pool, motion: dict[str, Pick], turns: float) -> _Drive | None:
@@ -77,26 +77,26 @@ def _twin(pool: Pool, motion: dict[str, Pick], turns: float) -> _Drive | None:
         moving = pool.all("command", moving=True)
         if len(moving) != 2 or rate is None or pool.all("speed", moving=True):
             return None
-        left, right = (Pick(f, m, "input", doubts=m.doubts) for f, m in moving)
+        port, starboard = (Pick(f, m, "input", doubts=m.doubts) for f, m in moving)
         word = "Which is left is guessed from the yaw rate: exchange the two columns if it is not."
-        if _turned(left, right, rate) < 0:
-            left, right = right, left
-        return {"left_force": left.doubted(word), "right_force": right}, motion
-    left, right = pair
-    if rate is None or _turned(left, right, rate) > -FIRMLY:
-        return {"left_force": left, "right_force": right}, motion
+        if _turning_sense(port, starboard, rate) < 0:
+            port, starboard = starboard, port
+        return {"left_force": port.doubted(word), "right_force": starboard}, motion
+    port, starboard = pair
+    if rate is None or _turning_sense(port, starboard, rate) > -FIRMLY:
+        return {"left_force": port, "right_force": starboard}, motion
     against = "The vessel turns to port where left exceeds right: "
     if turns > FIRMLY:
         word = f"{against}exchanged here, as the heading turns at the yaw rate."
-        return {"left_force": right.doubted(word), "right_force": left.doubted(word)}, motion
+        return {"left_force": starboard.doubted(word), "right_force": port.doubted(word)}, motion
     word = f"{against}turned round by scale; it may be that left and right are exchanged."
     around = replace(rate, meaning=replace(rate.meaning, scale=-rate.meaning.scale))
-    drive = {"left_force": left, "right_force": right}
+    drive = {"left_force": port, "right_force": starboard}
     return drive, {**motion, "yaw_rate": around.doubted(word)}
 
 
-def _turned(left: Pick, right: Pick, rate: Pick) -> float:
-    return difference(left.field, right.field, rate.field) * float(np.sign(rate.meaning.scale))
+def _turning_sense(port: Pick, starboard: Pick, rate: Pick) -> float:
+    return difference(port.field, starboard.field, rate.field) * float(np.sign(rate.meaning.scale))
 
 
 def _propeller(pool: Pool, motion: dict[str, Pick]) -> _Drive | None:

@@ -15,15 +15,8 @@ from places import FITS
 
 import diffthrust
 from diffthrust import CoarseStepWarning, InputError
-from diffthrust._support.tables import report_text  # private: as text
 from diffthrust.checks import check
-from diffthrust.checks._check import tasks_in  # private: which fits are found
-from diffthrust.checks._expected import with_expected  # private: the text alone
-from diffthrust.checks._marks import Marks  # private: what a block says of its making
-from diffthrust.checks._result import check_report  # private: what a terminal shows
-from diffthrust.checks._run import run_again  # private: one fit, in another order
 from diffthrust.specs import Spec, load_spec
-from diffthrust.specs._parts import ExpectedNumber  # private: what a block holds
 
 
 @pytest.fixture
@@ -120,51 +113,49 @@ def test_a_block_that_cannot_be_replaced_is_refused(fits):
     assert path.read_bytes() == before
 
 
-MARKS = Marks("diffthrust 1.0", "5bec", {"a.csv": "da7a"})
-TOP = """\
-status = "ok"
-train_nrmse = 2
-library = "diffthrust 1.0"
-spec = "5bec"
-data = { "a.csv" = "da7a" }
-"""
-REST = '\n[expected.parameters]\np = { value = 1, std_error = 0.1 }\n"e.q" = 3\n'
-
-
 @pytest.mark.parametrize(
-    ("text", "result"),
+    ("before", "after"),
     [
-        ("a = 1", f"a = 1\n\n[expected]\n{TOP}{REST}"),
-        ("[expected]\ny = 1", f"[expected]\n{TOP}{REST}"),
-        ("[expected]\ny = 1\n\n[b]\n", f"[expected]\n{TOP}{REST}\n[b]\n"),
-        ("[expected.parameters]\ny = [\n 1]\n[b]\n", f"[expected]\n{TOP}{REST}[b]\n"),
+        ("", "\n[expected]\n{top}{rest}"),
+        ("[expected]\nstatus = 'unclear'\n", "[expected]\n{top}{rest}"),
+        ("[expected]\nstatus = 'unclear'\n\n[fit]\n", "[expected]\n{top}{rest}\n[fit]\n"),
         (
-            "[expected]\ny = 1\n[b]\n[expected.c]\nz = 1\n[d]\n",
-            f"[expected]\n{TOP}{REST}\n[b]\n[d]\n",
+            "[expected.data]\n'a.csv' = '1'\n[fit]\nseed = 2\n",
+            "[expected]\n{top}{rest}[fit]\nseed = 2\n",
         ),
         (
-            "[ expected ]\n# note\ny = 1\n# next\n[b]\n",
-            f"[ expected ]\n# note\n{TOP}{REST.replace('expected', ' expected ')}# next\n[b]\n",
+            "[expected]\nstatus = 'unclear'\n[fit]\n[expected.parameters]\nslope = 1\n",
+            "[expected]\n{top}{rest}\n[fit]\n",
         ),
-        ("[expectedly]\ny = 1\n", f"[expectedly]\ny = 1\n\n[expected]\n{TOP}{REST}"),
         (
-            "\ufeff[expected]\n[expected.parameters]\n# why\ne.q = 1\np = 3 # so\n\n# next\n[b]",
-            f"\ufeff[expected]\n{TOP}\n[expected.parameters]\n# why\n"
-            'p = { value = 1, std_error = 0.1 } # so\n"e.q" = 3\n\n# next\n[b]',
+            "[ expected ]\n# note\nstatus = 'unclear'\n# next\n[fit]\n",
+            "[ expected ]\n# note\n{top}{spaced}# next\n[fit]\n",
+        ),
+        (
+            "[expected]\n[expected.parameters]\n# why\noffset = 1\nslope = 3 # so\n\n# next\n",
+            "[expected]\n{top}\n[expected.parameters]\n# why\n{offset}\n{slope} # so\n\n# next\n",
         ),
     ],
-)
-def test_writing_the_block(text, result):
+)  # fmt: skip
+def test_writing_the_block(fits, before, after):
     """Comments stay, and so does the order of what is there already."""
-    numbers = {
-        "train_nrmse": ExpectedNumber(value=2),
-        "parameters.p": ExpectedNumber(value=1, std_error=0.1),
-        "parameters.e.q": ExpectedNumber(value=3),
-    }
-    assert with_expected(text, Path("fit.toml"), "ok", numbers, MARKS) == result
+    path = spec_of(fits)
+    check(fits, update=True)
+    block = path.read_text().partition("[expected]\n")[2]
+    head = without_expected(path).decode()
+    top, _, parameters = block.partition("\n[expected.parameters]\n")
+    rest = f"\n[expected.parameters]\n{parameters}"
+    numbers = {line.partition(" ")[0]: line for line in parameters.splitlines()}
+    path.write_text(head + before)
+    check(fits, update=True, jobs=1)
+    written = path.read_text()
+    spec = re.search("spec = .*", written)[0]  # what stands under [fit] is part of the spec
+    top = re.sub("spec = .*", spec, top)
+    spaced = rest.replace("[expected", "[ expected ")
+    assert written == head + after.format(top=top, rest=rest, spaced=spaced, **numbers)
 
 
-def written(fits: Path, key: str) -> ExpectedNumber:
+def written(fits: Path, key: str):
     expected = load_spec(spec_of(fits)).file.expected
     assert expected is not None
     return expected.parameters[key]
@@ -238,29 +229,24 @@ def test_fits_are_found_at_any_depth(tmp_path):
     outside.mkdir()
     (outside / "fit.toml").write_text("")
     (tmp_path / "linked").symlink_to(outside)
-    tasks = tasks_in(tmp_path)
-    assert [task.fit for task in tasks] == ["a/deep/er", "b", "b/c", "linked"]
-    assert tasks[2].file == tmp_path / "b" / "c" / "fit.toml"
+    checked = check(tmp_path, jobs=1)
+    assert checked.fits == ("a/deep/er", "b", "b/c", "linked")
+    assert checked.runs[2].file == tmp_path / "b" / "c" / "fit.toml"
     (tmp_path / "fit.toml").write_text("")  # the folder of one fit may hold others
-    assert {task.fit for task in tasks_in(tmp_path)} > {tmp_path.name, "b/c"}
+    assert set(check(tmp_path, jobs=1).fits) > {tmp_path.name, "b/c"}
 
 
-def test_rows_come_in_the_order_of_the_fits(tmp_path, monkeypatch):
-    for name in "abcd":
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "fit.toml").write_text("")
+def test_rows_come_in_the_order_of_the_fits(fits):
+    for name in "efg":  # these end long before the first, which is a fit
+        (fits / name).mkdir()
+        (fits / name / "fit.toml").write_text("")
     seen: list[tuple[str, float]] = []
-
-    def backwards(tasks, jobs):
-        assert jobs == 3
-        for i in reversed(range(len(tasks))):
-            yield i, run_again(*tasks[i])
-
-    monkeypatch.setattr("diffthrust.checks._check.run_all", backwards)
-    checked = check(tmp_path, jobs=3, progress=lambda name, done: seen.append((name, done)))
-    assert checked.fits == ("a", "b", "c", "d")
-    assert seen == [("a", 0.0), ("d", 0.25), ("c", 0.5), ("b", 0.75), ("a", 1.0)]
-    assert all("expected the key" in str(row.found) for row in checked.rows)
+    checked = check(fits, jobs=2, progress=lambda name, done: seen.append((name, done)))
+    assert checked.fits == ("depth_sensor", "e", "f", "g")
+    assert [done for _, done in seen] == [0.0, 0.25, 0.5, 0.75, 1.0]
+    assert (seen[0][0], seen[-1][0]) == ("depth_sensor", "depth_sensor")
+    assert {name for name, _ in seen} == set(checked.fits)
+    assert all("expected the key" in str(row.found) for row in checked.rows if not row.ok)
 
 
 def test_a_defect_in_one_fit_does_not_hide_the_others(fits, monkeypatch):
@@ -375,7 +361,7 @@ def test_what_moved_is_told_beside_what_changed_since(fits, alterations, words, 
     checked = check(fits, junit=tmp_path / "out.xml")
     assert not checked.ok
     assert words in fit_of(checked).since
-    shown = " ".join(report_text(check_report(checked)).split())
+    shown = " ".join(checked.report().split())
     assert words in shown
     assert words in (tmp_path / "out.xml").read_text()
     assert words in fit_of(checked).to_json()["since"]

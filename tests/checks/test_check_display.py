@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+import re
+import shutil
 
+import numpy as np
 import pytest
 import written_fits
+from command_line import run
+from made_checks import CheckRow, outcome
+from places import FITS
 
-from diffthrust._support.tables import report_text  # private: a table as text
-from diffthrust.checks import Checked
-from diffthrust.checks._expected import CheckRow, compared  # private: outcomes made by hand
-from diffthrust.checks._result import (
-    FitRun,  # private: outcomes made by hand
-    check_report,  # private: what the command prints
-)
-from diffthrust.checks._tables import sentence  # private: what the command prints
-from diffthrust.cli._check import error_lines  # private: what GitHub is told
-from diffthrust.specs._parts import ExpectedNumber, ExpectedPart  # private: what a block holds
+from diffthrust.checks import check
 
 ROWS = (
     CheckRow("one", "alpha", 1.0, 1.0, 0.1, True),
@@ -28,18 +24,8 @@ ROWS = (
 )
 
 
-def outcome(*rows: CheckRow, updated: bool = False) -> Checked:
-    names = dict.fromkeys(row.fit for row in rows)
-    return Checked(
-        tuple(
-            FitRun(name, Path("fits", name), tuple(row for row in rows if row.fit == name), updated)
-            for name in names
-        )
-    )
-
-
 def test_the_table_shows_what_moved_the_largest_first():
-    lines = report_text(check_report(outcome(*ROWS))).splitlines()
+    lines = outcome(*ROWS).report().splitlines()
     shown = [line.split()[0] for line in lines[1:6]]
     assert shown == ["three", "five", "four", "two", "two"]
     assert "-8.0 std errors" in lines[3]
@@ -48,11 +34,8 @@ def test_the_table_shows_what_moved_the_largest_first():
     assert "three: line 3 is bad" in lines
     assert "three, five. Mend: Mend it." in lines
     assert lines[-2:] == ["4 of 5 fits failed: two [x], three, four, five.", "1 fit unchanged."]
-    assert report_text(check_report(outcome(ROWS[0]))) == "1 fit checked, none moved.\n"
-    written_anew = check_report(outcome(ROWS[0], updated=True))
-    assert report_text(written_anew) == "1 fit run; written again: one.\n"
-    everything = report_text(check_report(outcome(*ROWS), everything=True))
-    assert [word in everything for word in ("one", "unchanged")] == [True, True]
+    assert outcome(ROWS[0]).report() == "1 fit checked, none moved.\n"
+    assert outcome(ROWS[0], updated=True).report() == "1 fit run; written again: one.\n"
 
 
 def test_the_json_of_a_check():
@@ -70,29 +53,61 @@ def test_the_json_of_a_check():
     assert set(data["fits"][0]) == {"fit", "file", "ok", "updated", "seconds", "since"}
 
 
-def test_what_github_shows_at_the_spec_files():
-    first, *_ = error_lines(outcome(*ROWS))
-    assert first.startswith("::error file=fits/two [x],title=two [x]::beta: expected 1.000, found")
-    assert "(+4.0 std errors)%0Atrain_nrmse" in first
-    many = [CheckRow(f"f:{i}", "status", "a", "b%\n", None, False) for i in range(12)]
-    lines = error_lines(outcome(*many))
-    assert len(lines) == 10
-    assert lines[0] == "::error file=fits/f%3A0,title=f%3A0::status: expected a, found b%25%0A"
+def test_what_github_shows_at_the_spec_files(tmp_path, monkeypatch):
+    monkeypatch.setenv("GITHUB_ACTIONS", "true")
+    moved = shutil.copytree(FITS / "depth_sensor", tmp_path / "100%:a")
+    data = moved / "train.csv"
+    data.write_text(data.read_text().replace("1.622", "1.662"))
+    for i in range(11):
+        (tmp_path / f"f{i}").mkdir()
+        (tmp_path / f"f{i}" / "fit.toml").write_text("")
+    shown = run("check", tmp_path, "--jobs", 1, status=1).stdout
+    lines = [line for line in shown.splitlines() if line.startswith("::error")]
+    assert len(lines) == 10  # GitHub shows no more
+    file = f"{moved}/fit.toml".replace("%", "%25").replace(":", "%3A")
+    assert lines[0].startswith(f"::error file={file},title=100%25%3Aa::")
+    assert re.search(r"::offset: .* std errors\)%0A.* %25\)%0ASince it was stored", lines[0])
 
 
-def test_what_moved_is_told_in_the_unit_of_the_log_and_kept_in_the_parameters():
-    fit = written_fits.fit()
-    estimate = fit.parameters["command_deadband.width"]
-    stored = ExpectedNumber(value=estimate.value + 0.01, std_error=0.001)
-    expected = ExpectedPart(parameters={"command_deadband.width": stored})
-    (row,) = compared("one", expected, fit)
-    table = report_text(check_report(outcome(row)))
-    pulses = 400 * estimate.value
-    assert float(table.split()[table.split().index("us") - 1]) == pytest.approx(pulses, abs=0.05)
-    assert f"found {pulses:.3f} us (-10.0 std errors)" in sentence(row)
+SPEC = """model = "speed_loop_thruster"
+effects = ["command_deadband"]
+[logs]
+train = ["train.csv"]
+time = "t"
+[channels]
+command = { column = "u", pwm = { stop = 1500, full = 1900 } }
+speed = { column = "n", unit = "rpm" }
+thrust = { column = "f", unit = "kgf" }
+[fit]
+starts = 1
+"""
+
+
+def test_what_moved_is_told_in_the_unit_of_the_log_and_kept_in_the_parameters(tmp_path):
+    log, name = written_fits.log(), "command_deadband.width"
+    columns = {
+        "t": log.time,
+        "u": 1500 + 400 * log.inputs["command"],
+        "n": written_fits.RPM * log.measured["speed"],
+        "f": written_fits.KGF * log.measured["thrust"],
+    }
+    table = np.column_stack(list(columns.values()))
+    np.savetxt(tmp_path / "train.csv", table, delimiter=",", header=",".join(columns), comments="")
+    spec, junit = tmp_path / "fit.toml", tmp_path / "fits.xml"
+    spec.write_text(SPEC)
+    assert check(tmp_path, update=True, jobs=1).ok
+    (line,) = [line for line in spec.read_text().splitlines() if name in line]
+    value, error = (float(word) for word in re.findall("(?:value|std_error) = ([^ ,]+)", line))
+    moved = line.replace(f"value = {value:.10g}", f"value = {value + 10 * error:.10g}")
+    spec.write_text(spec.read_text().replace(line, moved))
+    checked = check(tmp_path, jobs=1, junit=junit)
+    (row,) = [row for row in checked.rows if not row.ok]
+    words, pulses = checked.report().split(), 400 * value
+    assert float(words[words.index("us") - 1]) == pytest.approx(pulses, abs=0.05)
+    assert f"found {pulses:.3f} us (-10.0 std errors)" in junit.read_text()
     data = row.to_json()
-    assert (data["found"], data["unit"]) == (estimate.value, "effort")
-    assert data["written"]["found"] == pulses
+    assert (data["found"], data["unit"]) == (pytest.approx(value), "effort")
+    assert data["written"]["found"] == pytest.approx(pulses)
     assert data["written"]["tolerance"] == 400 * data["tolerance"]
     assert data["written"]["unit"] == "us"
-    assert data["difference"] == pytest.approx(-10.0)
+    assert data["difference"] == pytest.approx(-10.0, rel=1e-4)

@@ -12,16 +12,23 @@ from places import FITS
 from diffthrust import InputError
 from diffthrust._support._running.pool import Groups  # private: who takes what
 from diffthrust.checks import check
-from diffthrust.checks._check import default_jobs, tasks_in  # private: how work is divided
-from diffthrust.checks._run import run_again, run_all  # private: processes beside this one
 from diffthrust.specs._compile_key import compile_key  # private: no result shows it
 
 SENSOR = FITS / "depth_sensor"
 
 
-def test_few_fits_need_no_other_process(monkeypatch):
+def test_few_fits_need_no_other_process(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(8)), raising=False)
-    assert [default_jobs(count) for count in (1, 3, 4, 9, 10, 200)] == [1, 1, 2, 3, 4, 8]
+    monkeypatch.setattr(os, "cpu_count", lambda: 8)
+    monkeypatch.setattr("sys.executable", shutil.which("false"))
+    for name in "abc":
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "fit.toml").write_text("")
+    assert len(check(tmp_path).fits) == 3
+    (tmp_path / "d").mkdir()
+    (tmp_path / "d" / "fit.toml").write_text("")
+    with pytest.raises(InputError, match="cannot be started"):
+        check(tmp_path)
     with pytest.raises(InputError, match="1 or more"):
         check("fits", jobs=0)
 
@@ -36,13 +43,13 @@ def test_a_worker_stays_with_fits_that_share_compiled_code(tmp_path):
             (folder / name).write_text("0,0\n" * rows)
     (tmp_path / "f7").mkdir()
     (tmp_path / "f7" / "fit.toml").write_text("no toml")
-    tasks = tasks_in(tmp_path)
-    groups = Groups([compile_key(task.file) for task in tasks])
+    names = [f"f{i}" for i in range(8)]
+    groups = Groups([compile_key(tmp_path / name / "fit.toml") for name in names])
 
     def take(last: Hashable | None) -> tuple[Hashable, str]:
         given = groups.next(last)
         assert given is not None
-        return given[0], tasks[given[1]].fit
+        return given[0], names[given[1]]
 
     first, name = take(None)
     assert name == "f0"  # of the largest group
@@ -71,17 +78,16 @@ def test_processes_agree_with_this_one_and_survive_deaths(tmp_path, monkeypatch)
         (fits / name / "script.py").write_text(script)
         spec = fits / name / "fit.toml"
         spec.write_text(spec.read_text().replace('"linear_sensor"', '"script.py:LinearSensor"'))
-    tasks = tasks_in(fits)
-    assert [task.fit for task in tasks] == ["deadly", "deep/altered", "depth_sensor", "loud"]
-    found = dict(run_all(tasks, 1))
-    assert sorted(found) == [0, 1, 2, 3]
-    (row,) = found[0].rows
+    found = {run.fit: run for run in check(fits, jobs=2).runs}
+    assert list(found) == ["deadly", "deep/altered", "depth_sensor", "loud"]
+    (row,) = found["deadly"].rows
     assert not row.ok
     assert "died (signal SIGKILL)" in str(row.found)
-    for i in (1, 2, 3):
-        here = run_again(*tasks[i])
-        assert here.ok == found[i].ok == (i > 1)
-        for mine, other in zip(here.rows, found[i].rows, strict=True):
+    shutil.rmtree(fits / "deadly")
+    for here in check(fits, jobs=1).runs:
+        there = found[here.fit]
+        assert here.ok == there.ok == (here.fit != "deep/altered")
+        for mine, other in zip(here.rows, there.rows, strict=True):
             assert (mine.quantity, mine.ok) == (other.quantity, other.ok)
             assert other.found == (
                 pytest.approx(mine.found, rel=1e-9) if mine.change is not None else mine.found

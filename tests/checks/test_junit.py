@@ -7,12 +7,10 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from made_checks import CheckRow, FitRun, not_run, write_junit
 
 from diffthrust import InputError
 from diffthrust.checks import Checked
-from diffthrust.checks._expected import CheckRow  # private: outcomes made by hand
-from diffthrust.checks._junit import write_junit  # private: of outcomes made by hand
-from diffthrust.checks._result import FitRun, not_run  # private: outcomes made by hand
 
 GOOD = FitRun(
     "one", Path("fits/one/fit.toml"), (CheckRow("one", "alpha", 1.0, 1.0, 0.1, True),), seconds=1

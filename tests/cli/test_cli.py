@@ -11,13 +11,12 @@ from pathlib import Path
 
 import jax
 import pytest
+from command_line import run
 from places import FITS, ROOT
-from typer.testing import CliRunner
 
 import diffthrust
 import diffthrust as dft
 from diffthrust._support._running import cache  # private: its folder is looked at
-from diffthrust.cli import _app  # private: the app that the command runs
 from diffthrust.cli._demo_logs import HIDDEN, hidden_folder  # private: what is hidden
 from diffthrust.specs import load_spec
 
@@ -32,12 +31,6 @@ def _no_cache(monkeypatch):
 @pytest.fixture
 def sensor(tmp_path: Path) -> Path:
     return shutil.copytree(FITS / "depth_sensor", tmp_path / "fits" / "depth_sensor")
-
-
-def run(*words: object, status: int = 0):
-    result = CliRunner().invoke(_app.app, [str(word) for word in words])
-    assert result.exit_code == status, result.output
-    return result
 
 
 def test_fit_prints_and_writes(sensor, tmp_path):

@@ -9,12 +9,11 @@ from typing import Any
 
 import made_diagnosis as made
 import pytest
+from command_line import run
 from reference.records import Column, Record, write_csv
-from typer.testing import CliRunner
 
 import diffthrust as dft
 from diffthrust import Diagnosis
-from diffthrust.cli import _app  # private: the app that the command runs
 from diffthrust.effects import CommandDeadband
 
 SPEC = """model = "thruster"
@@ -65,12 +64,6 @@ def handed(monkeypatch) -> dict[str, Any]:
 
     monkeypatch.setattr("diffthrust.diagnosis._diagnose.diagnose", fake)
     return seen
-
-
-def run(*words: object, status: int = 0):
-    result = CliRunner().invoke(_app.app, [str(word) for word in words])
-    assert result.exit_code == status, result.output
-    return result
 
 
 def test_it_prints_and_writes(spec, handed, tmp_path):

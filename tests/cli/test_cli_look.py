@@ -5,10 +5,8 @@ from __future__ import annotations
 import json
 
 import pytest
+from command_line import run
 from survey.strange_logs import thruster, write_table
-from typer.testing import CliRunner
-
-from diffthrust.cli import _app  # private: the app that the command runs
 
 
 @pytest.fixture(autouse=True)
@@ -21,12 +19,6 @@ def run1(tmp_path):
     log = thruster()
     table = {"t": log["time"], "pwm": 1500 + 400 * log["effort"], "rpm": 9.549 * log["speed"]}
     return write_table(tmp_path / "run1.csv", table)
-
-
-def run(*words, status=0):
-    result = CliRunner().invoke(_app.app, [str(word) for word in words])
-    assert result.exit_code == status, result.output
-    return result
 
 
 def test_look_prints_and_writes_a_spec_that_fits(run1, tmp_path):
@@ -78,7 +70,7 @@ def test_a_spec_may_have_any_ending(run1, tmp_path):
 
 def test_a_folder_of_logs_alone_points_to_look(run1):
     told = run("fit", run1.parent, status=2).output
-    assert "found logs alone" in told
+    assert "found only logs" in told
     assert f"diffthrust look {run1.parent} --spec fit.toml" in told
 
 
@@ -91,6 +83,6 @@ def test_what_is_no_log_is_told_with_what_is_read(tmp_path):
     assert "Mend:" in run("look", tmp_path / "x.bin", status=2).output
     assert "found none" in run("look", tmp_path / "absent.csv", status=2).output
     (tmp_path / "fit.toml").write_text('model = "thruster"\nalpha = 1\n')
-    assert "hardly a column" in run("look", tmp_path / "fit.toml", status=2).output
+    assert "fewer than two columns" in run("look", tmp_path / "fit.toml", status=2).output
     (tmp_path / "empty").mkdir()
     assert "expected a folder with logs" in run("look", tmp_path / "empty", status=2).output

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 
+import command_line
 import numpy as np
 import pytest
 from places import FITS
-from typer.testing import CliRunner
 
 from diffthrust import InputError
-from diffthrust.cli import _app  # private: the app that the command runs
 from diffthrust.cli._map import grid_points  # private: words of an option alone
 
 JASON = FITS / "jason_thruster"
@@ -22,9 +21,7 @@ def _no_cache(monkeypatch):
 
 
 def run(*words: object, status: int = 0):
-    result = CliRunner().invoke(_app.app, ["map", *(str(word) for word in words)])
-    assert result.exit_code == status, result.output
-    return result
+    return command_line.run("map", *words, status=status)
 
 
 def test_map_prints_and_writes(tmp_path):

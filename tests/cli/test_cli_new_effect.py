@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
+import command_line
 import numpy as np
-from typer.testing import CliRunner
 
 import diffthrust as dft
-from diffthrust.cli import _app  # private: the app that the command runs
 from diffthrust.specs import load_spec
 from diffthrust.specs._new import new_fit  # private: a folder to try it in
 
 
 def run(*words, status=0):
-    result = CliRunner().invoke(_app.app, ["new-effect", *map(str, words)])
-    assert result.exit_code == status, result.output
-    return result.output
+    return command_line.run("new-effect", *words, status=status).output
 
 
 def test_a_class_is_written_and_taken_by_a_spec(tmp_path, monkeypatch):

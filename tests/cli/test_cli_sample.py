@@ -6,11 +6,9 @@ import json
 import shutil
 from pathlib import Path
 
+import command_line
 import pytest
 from places import FITS
-from typer.testing import CliRunner
-
-from diffthrust.cli import _app  # private: the app that the command runs
 
 SHORT = ("--draws", 200, "--warmup", 60)
 
@@ -26,9 +24,7 @@ def sensor(tmp_path: Path) -> Path:
 
 
 def run(*words: object, status: int = 0):
-    result = CliRunner().invoke(_app.app, ["sample", *(str(word) for word in words)])
-    assert result.exit_code == status, result.output
-    return result
+    return command_line.run("sample", *words, status=status)
 
 
 def test_sample_prints_and_writes(sensor, tmp_path):
@@ -100,4 +96,4 @@ def test_bad_input_is_one_message_and_status_2(sensor, tmp_path):
 
 
 def test_help_tells_of_it():
-    assert "sample" in CliRunner().invoke(_app.app, ["--help"]).stdout
+    assert "sample" in command_line.run("--help").stdout

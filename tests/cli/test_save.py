@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from command_line import run
 from places import FITS
-from typer.testing import CliRunner
 
 import diffthrust as dft
-from diffthrust.cli._app import app  # private: the command line as a test calls it
 
 SPEC = FITS / "depth_sensor"
 
@@ -18,15 +17,9 @@ def _no_cache(monkeypatch):
     monkeypatch.setenv("DIFFTHRUST_CACHE", "off")
 
 
-def run(*words):
-    done = CliRunner().invoke(app, [str(word) for word in words])
-    assert done.exit_code == 0, done.output
-    return done.output
-
-
 def test_a_fit_is_saved_and_loaded(tmp_path):
     path = tmp_path / "depth.json"
-    output = run("fit", SPEC, "--save", path)
+    output = run("fit", SPEC, "--save", path).output
     fit = dft.load(path)
     spec = dft.load_spec(SPEC)
     assert fit.origin.spec == spec.sha256
@@ -57,6 +50,5 @@ def test_a_posterior_is_saved_and_loaded(tmp_path):
 
 @pytest.mark.parametrize(("command", "name"), [("fit", "a.toml"), ("sample", "a.json")])
 def test_another_ending_is_refused_before_the_work(command, name, tmp_path):
-    done = CliRunner().invoke(app, [command, str(SPEC), "--save", str(tmp_path / name)])
-    assert done.exit_code == 2
+    run(command, SPEC, "--save", tmp_path / name, status=2)
     assert list(tmp_path.iterdir()) == []

@@ -7,12 +7,11 @@ import os
 import sys
 from pathlib import Path
 
+import command_line
 import pytest
 from campaign_specs import SENSOR, InPlace, sensor_log, sensor_spec
-from typer.testing import CliRunner
 
 from diffthrust._support.files import write_json  # private: what --json writes with
-from diffthrust.cli import _app  # private: the app that the command runs
 from diffthrust.many import campaign
 
 ESCAPE, MARKUP, BYTES = "red\x1b[31m\nline", "bold[bold red]", os.fsdecode(b"byte\xff")
@@ -40,8 +39,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def run(*words: object, status: int = 0) -> str:
-    result = CliRunner().invoke(_app.app, [str(word) for word in words])
-    assert result.exit_code == status, result.output
+    result = command_line.run(*words, status=status)
     assert "\x1b" not in result.output
     return result.output
 

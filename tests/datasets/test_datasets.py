@@ -9,10 +9,9 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import numpy as np
 import openpyxl
 import pytest
-from typer.testing import CliRunner
+from command_line import run
 
 from diffthrust import InputError, datasets
-from diffthrust.cli._app import app  # private: the commands, without a process
 from diffthrust.datasets import _blueboat as blueboat_module  # private: its record is exchanged
 from diffthrust.datasets import _catalogue, _fetch  # private: fetching from elsewhere
 from tests.shared_data import data_folder
@@ -271,16 +270,12 @@ def test_a_spreadsheet_of_another_kind(tmp_path, monkeypatch):
 
 
 def test_command_line(tmp_path, monkeypatch):
-    listed = CliRunner().invoke(app, ["datasets"])
-    assert listed.exit_code == 0
+    listed = run("datasets")
     assert all(about.name in listed.output for about in datasets.list())
     with served({"abc123/data/raw_1.csv": CONTENT}) as (address, _):
         monkeypatch.setattr(_catalogue, "list", lambda: (small(address),))
         monkeypatch.setattr(datasets, "list", lambda: (small(address),))
-        fetched = CliRunner().invoke(app, ["datasets", "small"])
-    assert fetched.exit_code == 0, fetched.output
+        fetched = run("datasets", "small")
     assert "small" in fetched.output
     assert (tmp_path / "cache" / "datasets" / "small" / "run_1.csv").is_file()
-    wrong = CliRunner().invoke(app, ["datasets", "smal"])
-    assert wrong.exit_code == 2
-    assert "the nearest is 'small'" in wrong.output
+    assert "the nearest is 'small'" in run("datasets", "smal", status=2).output

@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from diffthrust.diagnosis._explainable import explainable  # private: from errors alone
-from diffthrust.diagnosis._regressions import ErrorRecord, Rung  # private: from errors alone
+from diffthrust.diagnosis._explainable import (  # private: from errors alone
+    ErrorRecord,
+    Rung,
+    explainable,  # private: from errors alone
+)
 
 STEP = 0.05
 LAWS = {

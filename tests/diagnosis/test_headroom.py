@@ -6,12 +6,11 @@ from reference import noise
 
 import diffthrust as dft
 from diffthrust import InputError, effects, papers
-from diffthrust.diagnosis._explainable import explainable  # private: against known errors
-from diffthrust.diagnosis._headroom import ChannelHeadroom, Headroom  # private: made by hand
-from diffthrust.diagnosis._regressions import (  # private: the regressions alone
+from diffthrust.diagnosis._explainable import (  # private: the regressions alone
     ErrorRecord,
     Rung,
     chosen,
+    explainable,  # private: against known errors
     features_for,
     learners_for,
     pooled_sums,
@@ -19,6 +18,7 @@ from diffthrust.diagnosis._regressions import (  # private: the regressions alon
     ridge_solution,
     through_filters,
 )
+from diffthrust.diagnosis._headroom import ChannelHeadroom, Headroom  # private: made by hand
 
 NOISE = {"speed": 0.3, "thrust": 0.15}
 

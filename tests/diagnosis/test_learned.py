@@ -7,35 +7,34 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from command_line import run
 from hidden import sets
 from scipy.stats import multivariate_normal
-from typer.testing import CliRunner
 
 import diffthrust as dft
-from diffthrust.cli import _app  # private: the app that the command runs
 from diffthrust.diagnosis._learned import LearnedLaw  # private: a law without a diagnosis
-from diffthrust.diagnosis._learning import (  # private: figures that no result shows
-    evidence,
-    ground,
-    naming,
-)
-from diffthrust.diagnosis._learning.closed_forms import FORMS  # private: as above
-from diffthrust.diagnosis._learning.forms import (  # private: forms without a diagnosis
-    Match,
-    as_estimated,
-    form_values,
-    formula_of,
-    likeliest_match,
-    matches,
-)
-from diffthrust.diagnosis._learning.hypotheses import (  # private: as above
-    channel_of,
-    hypothesis,
-)
-from diffthrust.diagnosis._learning.sight import Added, sight  # private: as above
 from diffthrust.diagnosis._ports import places_of  # private: places without trials
 from diffthrust.diagnosis._search_state import (
     compiled_fitter,  # private: trials without a diagnosis
+)
+from diffthrust.diagnosis._unknown_term import (  # private: figures that no result shows
+    evidence,
+)
+from diffthrust.diagnosis._unknown_term import fit as fitting  # private: as above
+from diffthrust.diagnosis._unknown_term.closed_forms import (  # private: forms without a diagnosis
+    FORMS,  # private: as above
+    Match,
+    as_estimated,
+    as_formula,
+    best_match,
+    form_values,
+    ranked_matches,
+)
+from diffthrust.diagnosis._unknown_term.terms import (  # private: as above  # private: as above
+    PortSeries,
+    channel_of,
+    regressors_of,
+    term_along,
 )
 from diffthrust.effects import Curve
 from diffthrust.logs import PWM, Written
@@ -48,7 +47,9 @@ def test_evidence_is_the_likelihood_ratio_with_the_coefficients_integrated_out()
     errors = own @ np.array([0.4, 0.0, 0.3, -0.2, 0.1]) + rng.standard_normal(60)
     rows = np.concatenate([known, own], axis=1)
     scores = rows.T[:, :, None] * errors[None, :, None]
-    best = evidence._stiffness(*ground.beside_known(rows.T @ rows, scores[:, :, 0], 2), 1.0)
+    best = evidence._marginal_likelihood(
+        *evidence.project_out(rows.T @ rows, scores[:, :, 0], 2), 1.0
+    )
     widths = best.size * np.array([1.0, 2.0, *[best.bend] * 3])
     flat = 1e6 * known @ known.T  # of the known coordinates nothing is known before
     with_it = flat + own @ np.diag(widths**2) @ own.T + np.eye(60)
@@ -63,14 +64,16 @@ def test_what_the_estimated_parameters_do_is_no_evidence():
     own = np.concatenate([known, rng.standard_normal((80, 4))], axis=1)
     rows = np.concatenate([known, own], axis=1)
     errors = 5.0 * known[:, 0] + rng.standard_normal(80)
-    best = evidence._stiffness(*ground.beside_known(rows.T @ rows, rows.T * errors, 1), 1.0)
+    best = evidence._marginal_likelihood(
+        *evidence.project_out(rows.T @ rows, rows.T * errors, 1), 1.0
+    )
     assert best.shared.tolist() == [True, False, False, False, False]
     assert best.evidence < 1.0
 
 
 def test_an_answer_that_overflows_is_no_evidence():
     left, clear = np.diag([1.0, 2.0, np.nan]), np.array([1.0, np.nan, 0.0])
-    best = evidence._stiffness(left, clear, np.ones(3), 1.0)
+    best = evidence._marginal_likelihood(left, clear, np.ones(3), 1.0)
     assert best.evidence == -np.inf
     assert not best.shape.any()
 
@@ -107,15 +110,15 @@ def judged(law, times=""):
     noise = 0.01 * np.std(values) + 1e-6
     rows = fine.basis(samples) / noise
     errors = -(values / noise + rng.standard_normal(samples.size))
-    left, clear, _ = ground.beside_known(rows @ rows.T, rows * errors, 0)
+    left, clear, _ = evidence.project_out(rows @ rows.T, rows * errors, 0)
     x = np.linspace(-40.0, 40.0, 241)
-    return ground.Ground(x, np.linalg.pinv(fine.basis(x).T), left, clear, 23.0)
+    return evidence.LinearizedEvidence(x, np.linalg.pinv(fine.basis(x).T), left, clear, 23.0)
 
 
 @pytest.mark.parametrize("name", LAWS)
 def test_a_law_that_has_a_closed_form_is_given_its_name(name):
     price = np.log(4000.0)
-    found = matches({"": judged(LAWS[name])})
+    found = ranked_matches({"": judged(LAWS[name])})
     best = min(found, key=lambda one: price * len(one.form.parameters) - one.gain)
     assert best.form.name == name, [(one.form.name, one.gain) for one in found[:3]]
 
@@ -150,7 +153,7 @@ def test_a_curve_fitted_to_whole_runs_tells_where_its_form_is_whatever_a_slope_o
     fitted = Curve("load", "speed", -40.0, 40.0, shape=tuple(shape))
     law = LearnedLaw(curve=fitted, fit=fit, worth=None, evidence=0.0, samples=samples)
     form = next(one for one in FORMS if one.name == "hump")
-    found = likeliest_match(form, ground.ground_of_fit(law))
+    found = best_match(form, evidence.evidence_of_fit(law))
     assert found.values == pytest.approx({"a": 2.0, "b": 12.0, "c": 9.0}, rel=0.05)
 
 
@@ -169,24 +172,26 @@ def test_a_form_begins_with_the_parameters_that_are_best_beside_it():
     free = (*(f"curve.{n}" for n in curve.coefficients), "alpha")
     fit = SimpleNamespace(free=free, covariance=covariance, model=model)
     law = LearnedLaw(curve=model.effects[-1], fit=fit, worth=None, evidence=0.0, samples=samples)
-    here = ground.model_beside(law, np.array(shape))
+    here = evidence.model_beside(law, np.array(shape))
     assert here.parameters["alpha"].value == pytest.approx(alpha, rel=1e-12)
     other = np.array(shape) + 5.0 * rng.standard_normal(len(shape))
     rest = load - other @ both[:-1]
     (best,) = np.linalg.lstsq(both[-1:].T, rest)[0]
-    beside = ground.model_beside(law, other)
+    beside = evidence.model_beside(law, other)
     assert beside.effects == ()
     assert beside.parameters["alpha"].value == pytest.approx(best, rel=1e-6)
     assert abs(best / alpha - 1.0) > 0.01
     far = [np.array(shape) + by * (other - np.array(shape)) for by in (-1e3, 1e3)]
-    least = min(ground.model_beside(law, one).parameters["alpha"].value for one in far)
+    least = min(evidence.model_beside(law, one).parameters["alpha"].value for one in far)
     assert least == pytest.approx(0.1 * alpha)  # it stays positive
 
 
 def test_a_form_is_a_formula_that_begins_where_it_is_likeliest():
     curve = Curve("load", "speed", -40.0, 40.0, name="slack")
-    best = next(m for m in matches({"": judged(LAWS["dead zone"])}) if m.form.name == "dead zone")
-    model = dft.Thruster() + formula_of(best, curve, "rad/s^2", "rad/s", "speed")
+    best = next(
+        m for m in ranked_matches({"": judged(LAWS["dead zone"])}) if m.form.name == "dead zone"
+    )
+    model = dft.Thruster() + as_formula(best, curve, "rad/s^2", "rad/s", "speed")
     assert model.parameters["slack_form.a"].unit == "1/s"
     assert model.parameters["slack_form.b"].channel == "speed"  # told as the logs write that
     assert model.parameters["slack_form.b"].unit == "rad/s"
@@ -217,15 +222,15 @@ def test_a_form_at_an_end_of_its_range_is_within_its_rounded_bounds(end):
     form = next(one for one in FORMS if one.name == "saturating")
     for share in (0.01, 2.0):
         match = Match(form, {"a": 1.0, "c": share * end}, 10.0, end)
-        made = formula_of(match, curve, "rad/s^2", "rad/s", "")
+        made = as_formula(match, curve, "rad/s^2", "rad/s", "")
         assert made.c == pytest.approx(share * end, rel=1e-4)
 
 
 def test_every_form_is_one_that_a_spec_file_may_hold():
     own = {"half_width": {"unit": "rad/s", "value": 3.0, "bounds": (0.1, 30.0)}}
     curve = Curve("load", "speed - play(speed, half_width)", -40.0, 40.0, **own)
-    for match in matches({"": judged(LAWS["hump"]), "value": judged(LAWS["linear"])}):
-        table = formula_of(match, curve, "rad/s^2", "rad/s", "").as_table()
+    for match in ranked_matches({"": judged(LAWS["hump"]), "value": judged(LAWS["linear"])}):
+        table = as_formula(match, curve, "rad/s^2", "rad/s", "").as_table()
         assert "play(speed, half_width)" in table["formula"] or match.form.name == "constant"
     assert len({form.name for form in FORMS}) == len(FORMS)
 
@@ -234,8 +239,8 @@ def test_every_form_is_one_that_a_spec_file_may_hold():
 def test_a_form_of_what_arrives_is_added_to_it(signal):
     own = {"half_width": {"unit": "rad/s^2", "value": 3.0, "bounds": (0.1, 30.0)}}
     curve = Curve("drive", signal, -40.0, 40.0, **(own if "play" in signal else {}))
-    for match in matches({"": judged(LAWS["dead zone"])}):
-        formula = formula_of(match, curve, "rad/s^2", "rad/s^2", "")
+    for match in ranked_matches({"": judged(LAWS["dead zone"])}):
+        formula = as_formula(match, curve, "rad/s^2", "rad/s^2", "")
         assert formula.declared["a"].null == 0.0
         assert formula.adds or formula.expression.startswith("value + ")
 
@@ -249,8 +254,8 @@ def test_a_value_at_its_bound_stays_within_it_when_it_is_rounded():
 @pytest.mark.parametrize("signal", ["a", "b", "c", "p", "k"])
 def test_parameters_of_forms_are_told_from_signals_of_their_names(signal):
     curve = Curve("load", signal, -40.0, 40.0)
-    for match in matches({"": judged(LAWS["hump"])}):
-        formula = formula_of(match, curve, "rad/s^2", "rad/s", "")
+    for match in ranked_matches({"": judged(LAWS["hump"])}):
+        formula = as_formula(match, curve, "rad/s^2", "rad/s", "")
         assert formula.reads == ((signal,) if match.form.name != "constant" else ())
         own = form_values(match.form, formula)
         assert own == pytest.approx({n: match.values[n] for n in own})
@@ -258,10 +263,10 @@ def test_parameters_of_forms_are_told_from_signals_of_their_names(signal):
 
 def test_a_place_for_both_signs_is_positive_and_a_ripple_is_more_than_a_flank():
     for law in (lambda x: 0.2 * x + 3.0 * np.sign(x), lambda x: 0.2 * (x + 60.0)):
-        for match in matches({"": judged(law)}):
+        for match in ranked_matches({"": judged(law)}):
             assert match.form.even <= (match.values.get("b", 1.0) >= 0.0)
     line = min(
-        matches({"": judged(lambda x: 0.2 * (x + 60.0))}),
+        ranked_matches({"": judged(lambda x: 0.2 * (x + 60.0))}),
         key=lambda one: np.log(4000.0) * len(one.form.parameters) - one.gain,
     )
     assert (line.form.name, line.values["b"]) == ("line", pytest.approx(-60.0, abs=0.5))
@@ -271,9 +276,9 @@ def test_laws_that_go_through_the_logs_together_are_judged_as_alone():
     hidden = sets.draw("outside/load_hump", 5001)
     fit = dft.fit(hidden.model, hidden.train, starts=1)
     trials, trial = compiled_fitter(fit, [], [], hidden.train, [])
-    seen = sight(trials, trial)
+    seen = regressors_of(trials, trial)
     laws = [
-        hypothesis(seen, port, signal, "", {})
+        term_along(seen, port, signal, "", {})
         for signal in ("speed", "command", "integral(1)")
         for port in ("load", "drive")
     ]
@@ -291,10 +296,10 @@ def test_what_a_parameter_does_already_leaves_nothing_at_a_held_input():
     hidden = sets.draw("outside/load_hump", 5001)
     fit = dft.fit(hidden.model, hidden.train, starts=1)
     trials, trial = compiled_fitter(fit, [], [], hidden.train, [])
-    law = hypothesis(sight(trials, trial), "drive", "speed", "value", {})
+    law = term_along(regressors_of(trials, trial), "drive", "speed", "value", {})
     level = law.added(Curve("drive", "speed", -1e4, 1e4))
-    level = Added(*([rows[:1] for rows in part] for part in level))
-    ((left, _, alone),) = ground.left_over(trials, trial, "drive", [level])
+    level = PortSeries(*([rows[:1] for rows in part] for part in level))
+    ((left, _, alone),) = evidence.projected_information(trials, trial, "drive", [level])
     assert left[0, 0] < 1e-9 * alone[0]
 
 
@@ -304,7 +309,7 @@ def test_laws_add_where_forces_do_and_take_a_share_of_what_is_only_measured():
     places = places_of(model, log, ["speed", "thrust"])
     tools = SimpleNamespace(trials=SimpleNamespace(model=model, logs=[log], places=places))
     ports = ("drive", "load", "shaft", "propeller")
-    assert [naming._adds(tools, port) for port in ports] == [True, True, True, False]
+    assert [fitting._usually_adds(tools, port) for port in ports] == [True, True, True, False]
 
 
 def test_of_forms_that_tie_the_usual_one_is_told_and_no_likelier_one_of_more_parameters_counts():
@@ -316,11 +321,11 @@ def test_of_forms_that_tie_the_usual_one_is_told_and_no_likelier_one_of_more_par
 
     adding, scaling = form("odd humps", -99.5, "", 3), form("hump of both signs", -100, "value", 3)
     wide = form("step", -109.8, "", 4)
-    assert naming._plainest([wide, scaling, adding], adds=True) is adding
-    assert naming._plainest([wide, adding, scaling], adds=False) is scaling
+    assert fitting._plainest([wide, scaling, adding], adds=True) is adding
+    assert fitting._plainest([wide, adding, scaling], adds=False) is scaling
     clear = form("hump of both signs", -120.0, "value", 3)
-    assert naming._plainest([adding, clear], adds=True) is clear
-    assert naming._plainest([clear, form("linear", -30.0, "value", 1)], adds=True).name == "linear"
+    assert fitting._plainest([adding, clear], adds=True) is clear
+    assert fitting._plainest([clear, form("linear", -30.0, "value", 1)], adds=True).name == "linear"
 
 
 @pytest.fixture(scope="module")
@@ -434,16 +439,15 @@ def test_what_was_learned_becomes_a_class_of_ones_own(hump, tmp_path):
     hidden, diag = hump
     diag.save(tmp_path / "diag.json")
     asked = ["tip_stall", "--learned", str(tmp_path / "diag.json"), "--directory", str(tmp_path)]
-    told = CliRunner().invoke(_app.app, ["new-effect", *asked])
-    assert told.exit_code == 0, told.output
+    run("new-effect", *asked)
     scope: dict = {}
     exec((tmp_path / "tip_stall.py").read_text(), scope)
     model = hidden.model + scope["TipStall"]()
     ours = dft.simulate(model, hidden.unseen)["speed"]
     theirs = dft.simulate(hidden.model + diag.laws[0].form.formula, hidden.unseen)["speed"]
     np.testing.assert_allclose(ours, theirs, atol=0.02 * np.std(theirs))  # four digits of a class
-    more = CliRunner().invoke(_app.app, ["new-effect", *asked, "--port", "load"])
-    assert (more.exit_code, "Leave out --formula" in more.output) == (2, True)
+    more = run("new-effect", *asked, "--port", "load", status=2)
+    assert "Leave out --formula" in more.output
 
 
 def test_a_model_with_what_was_learned_simulates_fits_and_is_saved(hump, tmp_path):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from reference import noise
 
-from diffthrust.diagnosis._missing import NONE, dependence_of  # private: against a known law
+from diffthrust.diagnosis._missing_signal import NONE, dependence_of  # private: against a known law
 from diffthrust.diagnosis._ports import hats, knots_of  # private: the basis of that law
 
 

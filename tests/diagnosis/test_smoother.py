@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from diffthrust.diagnosis._smoother import LinearErrors, smoothed_signals  # private: alone
+from diffthrust.diagnosis._missing_signal import LinearErrors, smoothed_signals  # private: alone
 
 SIZE, KEPT, PUSHED, NOISE = 1200, 0.95, 0.04, 0.1
 

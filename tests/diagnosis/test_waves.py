@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import diffthrust as dft
-from diffthrust.diagnosis import _waves  # private: what no result shows
+from diffthrust.diagnosis import _residual_structure  # private: what no result shows
 
 
 def trial_of(position, errors):
@@ -25,7 +25,7 @@ def test_a_wave_in_noise_is_found_where_it_is():
     x = position_of(rng)
     errors = rng.standard_normal(1500)
     errors[1:] += 0.5 * np.sin(2.7 * x[:-1] + 0.6)
-    wave = _waves.wave_along(trial_of(x, errors), "position")
+    wave = _residual_structure.wave_along(trial_of(x, errors), "position")
     span = np.ptp(x)
     assert wave.number == pytest.approx(2.7, abs=0.5 / span)
     middle = 0.5 * (x.min() + x.max())  # there the phase is told best
@@ -39,11 +39,11 @@ def test_white_errors_have_no_waves():
     rng = np.random.default_rng(4)
     for _ in range(100):
         trial = trial_of(position_of(rng), rng.standard_normal(1500))
-        assert _waves.wave_along(trial, "position") is None
+        assert _residual_structure.wave_along(trial, "position") is None
 
 
 def test_what_does_not_move_has_no_waves():
-    assert _waves.wave_along(trial_of(np.ones(50), np.ones(50)), "position") is None
+    assert _residual_structure.wave_along(trial_of(np.ones(50), np.ones(50)), "position") is None
 
 
 class Screw(dft.Model):

@@ -18,7 +18,11 @@ from diffthrust.effects._class_text import (  # private: written by the command
     class_name,
     effect_class_text,
 )
-from diffthrust.specs._new_effect import at_home, new_effect, parameter_asked  # private: as above
+from diffthrust.specs._new_effect import (
+    bound_to_model,
+    new_effect,
+    parse_parameter,
+)  # private: as above
 
 AMPLITUDE = {"unit": "rad/s^2", "value": 0.3, "null": 0.0}
 LAWS = {
@@ -119,11 +123,11 @@ def test_nothing_is_overwritten_and_no_name_taken(tmp_path):
 
 def test_the_class_knows_which_channels_it_needs():
     formula = Formula("drive", "value * (1 + k * (supply_voltage - 24))", name="sag", k="1/V")
-    assert 'needs = ("supply_voltage",)' in effect_class_text(at_home(formula), "sag")
+    assert 'needs = ("supply_voltage",)' in effect_class_text(bound_to_model(formula), "sag")
     with pytest.raises(InputError, match="'suply' is no parameter"):
-        at_home(Formula("drive", "value * (1 + k * suply)", k="1/V"))
+        bound_to_model(Formula("drive", "value * (1 + k * suply)", k="1/V"))
     strange = Formula("of_my_own_model", "-k * depth", k="1/m")
-    assert at_home(strange) is strange
+    assert bound_to_model(strange) is strange
 
 
 @pytest.mark.parametrize(
@@ -136,13 +140,13 @@ def test_the_class_knows_which_channels_it_needs():
     ],
 )
 def test_parameters_on_a_command_line(text, found):
-    assert parameter_asked(text) == found
+    assert parse_parameter(text) == found
 
 
 @pytest.mark.parametrize("text", ["a", "a={ value = }", "a={ value = 1"])
 def test_parameters_that_are_none(text):
     with pytest.raises(InputError, match=r"--parameter a.*\nMend: Write --parameter"):
-        parameter_asked(text)
+        parse_parameter(text)
 
 
 @pytest.mark.parametrize(

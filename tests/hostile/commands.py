@@ -14,9 +14,7 @@ import campaign_specs
 import h5py
 import numpy as np
 import pyarrow.parquet as pq
-from typer.testing import CliRunner
-
-from diffthrust.cli._app import app  # private: the command line as a test calls it
+from command_line import run
 
 TOLD = ("Traceback (most recent call last)", "defect of diffthrust", "Exception ignored")
 """Words that no user may meet."""
@@ -88,7 +86,7 @@ COMMANDS: dict[str, Command] = {
 
 def here(words: list[str]) -> tuple[int, str]:
     """Run a command in this process: its exit status and all that it said."""
-    result = CliRunner().invoke(app, words)
+    result = run(*words, status=None)
     return result.exit_code, result.output
 
 

@@ -99,11 +99,9 @@ def write_case(folder: Path, kind: str, seed: int) -> tuple[str, tuple[str, ...]
 
 def answer(words: Sequence[str]) -> list[Any]:
     """Run a command in this worker: its status, what it said, and the way to what it raised."""
-    from typer.testing import CliRunner
+    from command_line import run
 
-    from diffthrust.cli._app import app  # private: the command line as a test calls it
-
-    result = CliRunner().invoke(app, list(words))
+    result = run(*words, status=None)
     raised = result.exception if not isinstance(result.exception, SystemExit) else None
     way = "".join(traceback.format_exception(raised)) if raised else ""
     return [result.exit_code, result.stdout, result.stderr, way]

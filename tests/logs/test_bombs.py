@@ -19,10 +19,10 @@ import openpyxl
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from file_contents import contents
 
 from diffthrust import InputError
 from diffthrust.logs import read_log
-from diffthrust.logs._contents import contents  # private: what `look` is built on
 
 MB = 2**20
 LIMIT = 24  # MB, so that the files are quickly made
@@ -124,7 +124,7 @@ BOMBS = {
 LOOKED_AT = """
 import json, resource, sys
 import h5py, openpyxl, pandas, pyarrow.parquet, rosbags.highlevel
-from diffthrust.logs._contents import contents
+from file_contents import contents
 
 def peak():
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

@@ -7,9 +7,9 @@ from contextlib import suppress
 import numpy as np
 import pandas as pd
 import pytest
+from file_contents import contents
 
 from diffthrust import Column, InputError, read_log, read_robot_log
-from diffthrust.logs._contents import contents  # private: what the survey of a file is built on
 from tests.damaged_files import outcomes
 from tests.robot_files import (
     attitude,
@@ -267,7 +267,7 @@ def test_no_change_of_a_byte_ends_in_a_traceback(tmp_path, kind):
 
 def test_files_of_no_kind(tmp_path):
     for content, words in [
-        (b"\xff\xd8\xff\xe0\0\x10JFIF\0", "binary data of no kind"),
+        (b"\xff\xd8\xff\xe0\0\x10JFIF\0", "binary data of an unknown format"),
         (b'{"t": [0, 1]}', "JSON"),
         (b"<html><body>404</body></html>", "HTML"),
         (b"\x1f\x8b" + bytes(60), "gzip"),

@@ -5,9 +5,9 @@ from datetime import datetime, timedelta
 
 import numpy as np
 import pytest
+from file_contents import contents
 
 from diffthrust import Column, InputError, read_log
-from diffthrust.logs._contents import contents  # private: what the survey of a file is built on
 from diffthrust.logs._tables import dates  # private: both ways, whatever the size
 from diffthrust.specs import load_spec
 

@@ -7,9 +7,9 @@ import numpy as np
 import openpyxl
 import pytest
 import xlsxwriter
+from file_contents import contents
 
 from diffthrust import Column, InputError, read_log
-from diffthrust.logs._contents import contents  # private: what the survey of a file is built on
 from tests.damaged_files import outcomes
 
 ROWS = [(k / 10, k % 3, 60.0 + k) for k in range(12)]

@@ -4,10 +4,10 @@ import h5py
 import hdf5storage
 import numpy as np
 import pytest
+from file_contents import contents
 from scipy.io import savemat
 
 from diffthrust import Column, InputError, read_log
-from diffthrust.logs._contents import contents  # private: what the survey of a file is built on
 from tests.damaged_files import outcomes
 
 T, U, RPM = np.arange(5) / 10, np.array([0, 1, 2, 2, 1]), np.array([0.0, 60, 90, 120, 100])

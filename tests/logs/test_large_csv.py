@@ -9,10 +9,10 @@ import sys
 
 import numpy as np
 import pytest
+from file_contents import contents
 
 from diffthrust import InputError
 from diffthrust.logs import Column, read_log
-from diffthrust.logs._contents import contents  # private: what `look` is built on
 from diffthrust.logs._tables import csv, large_csv  # private: how long a large file is
 
 ROWS = 1200
@@ -121,7 +121,7 @@ def test_a_file_says_the_same_in_blocks(tmp_path, in_blocks, monkeypatch, name):
     whole = outcome(path)
     in_blocks()
     if name in PLAIN:  # what is plain is never held as a whole
-        monkeypatch.setattr(csv, "_read_whole", None)
+        monkeypatch.setattr(csv, "_read_all_lines", None)
     assert outcome(path) == whole
 
 

@@ -5,11 +5,11 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
+from file_contents import contents
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from diffthrust import Column, InputError, Log, Thruster, read_log, read_robot_log, simulate
-from diffthrust.logs._contents import contents  # private: what the survey of a file is built on
 from diffthrust.logs._robots.resample import resample  # private: series without a file
 from diffthrust.logs._robots.series import Series, series_of  # private: likewise
 from diffthrust.specs import load_spec
@@ -246,7 +246,7 @@ def test_a_telemetry_log_is_read_back(telemetry):
     sent = 1500 + 2 * np.minimum(np.floor((log.time - 0.05) / 0.2 + 1e-6), 9)
     np.testing.assert_allclose(log.values("command", "us"), sent, atol=1e-9)
     assert any("1 of 11 messages held no number" in note for note in log.notes)
-    assert any("1 jumps of a whole turn" in note for note in log.notes)
+    assert any("1 jumps of a full turn" in note for note in log.notes)
 
 
 def test_damaged_telemetry_is_read_as_far_as_it_goes(telemetry):
@@ -333,7 +333,7 @@ def test_a_base_that_is_too_fast_is_refused_unless_asked_for():
 def test_a_faster_channel_is_read_between_and_it_is_said():
     time = np.arange(0, 1, 0.01)
     out = even({"x": one(time, time), "y": one([0.0, 0.5, 0.9], [0, 1, 2])}, "y")
-    assert "what is above half the base's rate folds" in out.notes[1]
+    assert "content above half the base's rate is aliased" in out.notes[1]
 
 
 def test_on_all_messages_nothing_is_made_up():
@@ -475,7 +475,7 @@ def test_arguments_that_cannot_be_used(tmp_path):
         ({"gap": -1}, "expected gap"),
         ({"faster": 0.5}, "expected faster as a number of at least 1"),
         ({"stamps": "message"}, "stamps 'recorder' or 'header'"),
-        ({"stamps": "header"}, "ROS bags only"),
+        ({"stamps": "header"}, "only ROS bags"),
         ({"missing_values": ["n/a"]}, "expected numbers as missing_values"),
         ({"measured": {}}, "none named"),
         ({"stop": "1"}, "expected stop"),
@@ -547,7 +547,7 @@ def test_a_fit_on_all_messages_is_not_biased_by_late_inputs(spec):
     ("old", "new", "words"),
     [
         ('base = "speed"', "", ["line 3, logs.base", "no time base is chosen"]),
-        ('base = "speed"', 'time = "t"', ["line 5, logs.time", "stamps of its own"]),
+        ('base = "speed"', 'time = "t"', ["line 5, logs.time", "a log of messages"]),
         ('base = "speed"', "base = -1", ["expected a channel or a step above zero"]),
         ("stop = 2.0", 'stamps = "sent"', ["line 6, logs.stamps"]),
         ("/rpm.data[0]", "/rpn.data[0]", ["nearest is '/rpm'", "line 11"]),

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from file_contents import contents
 
 from diffthrust import Column, InputError, read_robot_log
-from diffthrust.logs._contents import contents  # private: what the survey of a file is built on
 from tests.damaged_files import outcomes
 from tests.robot_files import write_ulog
 

@@ -9,13 +9,12 @@ import sys
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
+import command_line
 import pandas as pd
 import pytest
 from campaign_specs import SENSOR, InPlace, sensor_log, sensor_spec
-from typer.testing import CliRunner
 
 import diffthrust as dft
-from diffthrust.cli import _app  # private: the app that the command runs
 from diffthrust.many._campaign import campaign, store, task  # private: patched, for what goes wrong
 from diffthrust.specs import load_spec
 
@@ -295,9 +294,7 @@ def test_the_command(dives, monkeypatch):
     monkeypatch.chdir(dives.parent)
 
     def run(*words: str, status: int):
-        result = CliRunner().invoke(_app.app, ["campaign", "dives", *words])
-        assert result.exit_code == status, result.output
-        return result
+        return command_line.run("campaign", "dives", *words, status=status)
 
     result = run("--json", "c.json", status=0)
     assert "campaign.parquet" in result.stdout

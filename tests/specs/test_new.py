@@ -6,11 +6,10 @@ import re
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
+from command_line import run
 
 import diffthrust as dft
 from diffthrust import InputError
-from diffthrust.cli import _app  # private: the app that the command runs
 from diffthrust.models import MODELS
 from diffthrust.specs import load_spec
 from diffthrust.specs._new import new_fit, new_workflow  # private: what the command does
@@ -20,12 +19,6 @@ from diffthrust.specs._new import new_fit, new_workflow  # private: what the com
 def _in_a_folder(tmp_path, monkeypatch):
     monkeypatch.setenv("DIFFTHRUST_CACHE", "off")
     monkeypatch.chdir(tmp_path)
-
-
-def run(*words: object, status: int = 0):
-    result = CliRunner().invoke(_app.app, [str(word) for word in words])
-    assert result.exit_code == status, result.output
-    return result
 
 
 @pytest.mark.parametrize("model", MODELS)

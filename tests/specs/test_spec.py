@@ -262,7 +262,7 @@ def test_horizons(folder):
 def test_files_that_are_no_specs(folder):
     with pytest.raises(InputError, match="cannot be read"):
         load_spec(folder / "none.toml")
-    with pytest.raises(InputError, match="found logs alone"):
+    with pytest.raises(InputError, match="found only logs"):
         load_spec(folder)
     (folder / "spec.toml").write_bytes(b"")
     with pytest.raises(InputError, match="cannot be read"):

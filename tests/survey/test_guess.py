@@ -151,7 +151,7 @@ def test_of_many_outputs_the_one_that_the_shaft_follows_is_the_command():
     assert found.model == "speed_loop_thruster"
     assert found.channels["command"].field.name == "RCOU.C6"
     assert found.channels["speed"].unsigned
-    assert found.channels["command"].others[:2] == ("RCOU.C1", "RCOU.C2")
+    assert found.channels["command"].alternatives[:2] == ("RCOU.C1", "RCOU.C2")
 
 
 def test_in_ros_sway_and_yaw_rate_are_turned_round():

@@ -16,10 +16,9 @@ from diffthrust._support.words import number, percent, spelt
 from diffthrust.comparison._figures_runs import draw_drive, drives_of
 from diffthrust.diagnosis._findings import Findings, Missing, Stage, TriedEffect
 from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
-from diffthrust.diagnosis._learning.closed_forms import FORMS
-from diffthrust.diagnosis._learning.forms import form_values
 from diffthrust.diagnosis._report.learned import manner_words, signal_words
 from diffthrust.diagnosis._report.text import stage_words
+from diffthrust.diagnosis._unknown_term.closed_forms import FORMS, form_values
 from diffthrust.models._base.made_effect import ARRIVING
 from diffthrust.simulation._runs import Run
 

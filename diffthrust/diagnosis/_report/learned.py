@@ -9,9 +9,9 @@ from diffthrust._support.words import capitalised, joined, number, percent, spel
 from diffthrust.diagnosis._explained_share import Worth
 from diffthrust.diagnosis._findings import Findings
 from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
-from diffthrust.diagnosis._learning.closed_forms import FORMS
-from diffthrust.diagnosis._learning.hypotheses import NUMBER
 from diffthrust.diagnosis._ports import place_words
+from diffthrust.diagnosis._unknown_term.closed_forms import FORMS
+from diffthrust.diagnosis._unknown_term.terms import NUMBER
 from diffthrust.effects._curve import Curve
 from diffthrust.effects._formula import Formula
 from diffthrust.effects._grammar import expression_of

@@ -1,4 +1,4 @@
-"""Fields of ArduPilot's logs: DataFlash (.bin) and telemetry (.tlog), by message and field."""
+"""Read fields of ArduPilot's logs: DataFlash (.bin) and telemetry (.tlog)."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
-from diffthrust.logs._robots.ardupilot_files import Received, telemetry
 from diffthrust.logs._robots.dataflash import (
     Dataflash,
+    Message,
     instance_of,
     open_dataflash,
     stamps,
     values_of,
 )
+from diffthrust.logs._robots.gathered import LONGEST, Gathered
 from diffthrust.logs._robots.series import (
     Series,
     column_place,
@@ -29,16 +30,18 @@ from diffthrust.logs._robots.series import (
     series_of,
     split_column,
 )
+from diffthrust.logs._robots.telemetry import Received, telemetry
 from diffthrust.logs._tables.table import damaged
+from diffthrust.logs._units import unit_in
 
-# SYSTEM/COMPONENT/MESSAGE[INSTANCE], all but the message left out where there is one only
+# SYSTEM/COMPONENT/MESSAGE[INSTANCE]; only the message is mandatory
 _MESSAGE = re.compile(r"(?:(\d+)/)?(?:(\d+)/)?(\w+)(?:\[(\w+)\])?")
 _ELEMENT = re.compile(r"(\w+)(?:\[(\d+)\])?")
 
 
 @dataclass
 class _Target:
-    """A column that is wanted, and what was found of it."""
+    """A wanted column and its samples so far."""
 
     column: str
     source: tuple[int, ...]
@@ -48,8 +51,8 @@ class _Target:
     element: int | None
     ticks: list[int] = field(default_factory=list)
     values: list[float] = field(default_factory=list)
-    seen: set[tuple[tuple[int, ...], str]] = field(default_factory=set)
-    others: set[str] = field(default_factory=set)
+    senders: set[tuple[tuple[int, ...], str]] = field(default_factory=set)
+    rejected: set[str] = field(default_factory=set)
 
 
 def read_ardupilot(
@@ -57,15 +60,15 @@ def read_ardupilot(
 ) -> dict[str, Series]:
     """Read fields of a DataFlash or telemetry log.
 
-    Stamps of a DataFlash log are ``TimeUS`` (``TimeMS`` in old ones), the autopilot's time since it
-    was switched on. Those of a telemetry log are the moments at which the ground station received
-    the message: they jitter with the link.
+    Time stamps of a DataFlash log are ``TimeUS`` (``TimeMS`` in old logs), the autopilot's time
+    since power-up. Those of a telemetry log are the times of reception at the ground station, which
+    jitter with the link.
 
     Args:
         path: the file.
         binary: it is a DataFlash log, not a telemetry log.
         wanted: columns such as ``"RCOU.C1"``, ``"ESC[0].RPM"``, ``"SERVO_OUTPUT_RAW.servo1_raw"``,
-            or ``"1/ATTITUDE.yaw"`` where several systems send a message.
+            or ``"1/ATTITUDE.yaw"`` if several systems send a message.
         missing: numbers that mean missing.
 
     Returns:
@@ -73,20 +76,20 @@ def read_ardupilot(
 
     Raises:
         InputError: the file is damaged, pymavlink is not installed (telemetry needs it), or a
-            message or field is absent, is no number, or comes from several senders or instances.
+            message or field is absent, not a number, or sent by several senders or instances.
     """
     targets = [_target(path.name, column) for column in wanted]
     try:
         if binary:
             log = open_dataflash(path)
             for target in targets:
-                _check_known(path.name, target, set(log.messages))
+                _check_present(path.name, target, set(log.messages))
                 _take_all(path.name, target, log)
             damages = log.damages
         else:
             with telemetry(path, {target.name for target in targets}) as recording:
                 for target in targets:
-                    _check_known(path.name, target, recording.known)
+                    _check_present(path.name, target, recording.message_names)
                 for message in recording.messages:
                     for target in targets:
                         if target.name == message.name:
@@ -96,10 +99,10 @@ def read_ardupilot(
         raise lacking(path.name, "pymavlink", "ardupilot", error) from None
     except InputError:
         raise
-    except Exception as error:  # a damaged log raises whatever the reader came across
+    except Exception as error:  # a damaged log raises exceptions of any kind
         raise damaged(path, "DataFlash" if binary else "telemetry", error) from None
     for target in targets:
-        _check_alone(path.name, target)
+        _check_unambiguous(path.name, target)
     origin = min(target.ticks[0] for target in targets)
     series = {
         t.column: series_of(path.name, t.column, t.ticks, t.values, origin, missing)
@@ -131,17 +134,17 @@ def _take(file: str, target: _Target, message: Received) -> None:
     if target.source != message.source[: len(target.source)]:
         return
     if target.instance and target.instance != message.instance:
-        target.others.add(message.instance)
+        target.rejected.add(message.instance)
         return
     if target.key not in message.fields:
         raise no_field(file, target.column, target.key, message.fields)
     target.ticks.append(message.stamp)
     target.values.append(_number(file, target, message.get(target.key)))
-    target.seen.add((message.source, message.instance))
+    target.senders.add((message.source, message.instance))
 
 
 def _take_all(file: str, target: _Target, log: Dataflash) -> None:
-    """Take a field of all messages of a DataFlash log at once."""
+    """Read a field of all messages of a DataFlash log at once."""
     message = log.messages[target.name]
     records = log.records(message)
     ticks = stamps(records)
@@ -151,7 +154,7 @@ def _take_all(file: str, target: _Target, log: Dataflash) -> None:
             "choose a message with a field TimeUS.",
         )
     if lost := int((ticks < 0).sum()):
-        log.damages.append(f"{lost} messages {target.name!r} with a time stamp that cannot be")
+        log.damages.append(f"{lost} messages {target.name!r} with an impossible time stamp")
     records, ticks = records[ticks >= 0], ticks[ticks >= 0]
     instances = [""]
     if message.instance:
@@ -159,7 +162,7 @@ def _take_all(file: str, target: _Target, log: Dataflash) -> None:
         instances = sorted(set(which.tolist()))
         if target.instance:
             keep = which == target.instance
-            target.others.update(set(instances) - {target.instance})
+            target.rejected.update(set(instances) - {target.instance})
             records, ticks, instances = records[keep], ticks[keep], [target.instance]
     if not ticks.size or (target.instance and not message.instance) or target.source:
         return
@@ -170,11 +173,11 @@ def _take_all(file: str, target: _Target, log: Dataflash) -> None:
     _number(file, target, first)
     target.ticks = ticks.tolist()
     target.values = (values if target.element is None else values[:, target.element]).tolist()
-    target.seen.update(((), instance) for instance in instances)
+    target.senders.update(((), instance) for instance in instances)
 
 
 def _number(file: str, target: _Target, value: Any) -> float:
-    """A field's value, or its element, as a number; raises InputError where it is none."""
+    """A field's value, or its element, as a number; raises InputError if it is not one."""
     place = column_place(file, target.column)
     if target.element is not None:
         if isinstance(value, str) or not hasattr(value, "__len__") or target.element >= len(value):
@@ -186,35 +189,35 @@ def _number(file: str, target: _Target, value: Any) -> float:
         value = value[target.element]
     if not isinstance(value, bool | int | float):
         array = not isinstance(value, str) and hasattr(value, "__len__")
-        found = f"an array of {len(value)}" if array else repr(str(value)[:40])
+        description = f"an array of {len(value)}" if array else repr(str(value)[:40])
         raise InputError.at(
             place,
-            f"expected a number, found {found}.",
-            "write the element, such as [0], behind it." if array else "choose a field of numbers.",
+            f"expected a number, found {description}.",
+            "append the element, such as [0]." if array else "choose a field of numbers.",
         )
     return float(value)
 
 
-def _check_known(file: str, target: _Target, known: set[str]) -> None:
-    if not known:
+def _check_present(file: str, target: _Target, names: set[str]) -> None:
+    if not names:
         raise ValueError("it holds no message")
-    if target.name not in known:
-        raise no_message(file, target.column, target.name, known, "message")
+    if target.name not in names:
+        raise no_message(file, target.column, target.name, names, "message")
 
 
-def _check_alone(file: str, target: _Target) -> None:
-    """Raise InputError where a column mixes what several have sent, or holds nothing."""
+def _check_unambiguous(file: str, target: _Target) -> None:
+    """Raise InputError if a column mixes several senders or instances, or is empty."""
     place = column_place(file, target.column)
     field_name = target.column.partition(".")[2]
     if not target.ticks:
-        others = sorted(target.others)
-        found = f"the instances {listing(others)}" if others else "none from that sender"
+        rejected = sorted(target.rejected)
+        description = f"the instances {listing(rejected)}" if rejected else "none from that sender"
         raise InputError.at(
             place,
-            f"expected messages {target.name!r} as named, found {found}.",
-            "correct the number before the message or in the brackets.",
+            f"expected messages {target.name!r} as named, found {description}.",
+            "correct the number in front of the message or in the brackets.",
         )
-    sources = sorted({source for source, _ in target.seen})
+    sources = sorted({source for source, _ in target.senders})
     if len(sources) > 1:
         senders = listing("/".join(map(str, source)) for source in sources)
         name = "/".join(map(str, sources[0]))
@@ -223,10 +226,128 @@ def _check_alone(file: str, target: _Target) -> None:
             f"{target.name!r} is sent by several (system/component): {senders}.",
             f"name one, such as {f'{name}/{target.name}.{field_name}'!r}.",
         )
-    instances = sorted({instance for _, instance in target.seen})
+    instances = sorted({instance for _, instance in target.senders})
     if len(instances) > 1:
         raise InputError.at(
             place,
             f"the log has several {target.name!r}: {listing(instances)}.",
             f"name one, such as {f'{target.name}[{instances[0]}].{field_name}'!r}.",
         )
+
+
+# Messages that describe the log or hold settings: no signals.
+_METADATA = {
+    "FMT",
+    "FMTU",
+    "UNIT",
+    "MULT",
+    "PARM",
+    "FILE",
+    "MSG",
+    "CMD",
+    "PARAM_VALUE",
+    "STATUSTEXT",
+}
+
+
+def dataflash_fields(path: Path) -> tuple[list[Gathered], list[str]]:
+    """Read all numbers of a DataFlash log.
+
+    Returns:
+        The messages, several instances named ``ESC[0]``, and notes on damage.
+
+    Raises:
+        InputError: the file is damaged.
+    """
+    gathered = []
+    try:
+        log = open_dataflash(path)
+        for message in log.messages.values():
+            if message.name not in _METADATA:
+                gathered += _messages(message, log)
+    except Exception as error:  # a damaged log raises exceptions of any kind
+        raise damaged(path, "DataFlash", error) from None
+    return gathered, _damage_notes(log.damages)
+
+
+def _messages(message: Message, log: Dataflash) -> list[Gathered]:
+    """The messages of one kind, split by instance if there are several."""
+    try:
+        records = log.records(message)
+    except ValueError as error:  # one invalid format does not spoil the log
+        log.damages.append(str(error))
+        return []
+    ticks = stamps(records)
+    if ticks is None or not ticks.size:
+        return []
+    records, ticks = records[ticks >= 0], ticks[ticks >= 0]
+    about = {"TimeUS", "TimeMS", message.instance}
+    fields = {
+        name: values
+        for name in message.columns
+        if name not in about and (values := values_of(message, records, name)).dtype.kind == "f"
+    }
+    fields = {name: values for name, values in fields.items() if values.ndim == 1}
+    which = records[message.instance] if message.instance else np.zeros(records.size, np.uint8)
+    keys = np.unique(which)
+    out = []
+    for key in keys:
+        selected = which == key
+        name = message.name if len(keys) == 1 else f"{message.name}[{instance_of(key)}]"
+        columns = {field: values[selected] for field, values in fields.items()}
+        out.append(Gathered(name, ticks[selected], columns, message.units))
+    return out
+
+
+def telemetry_fields(path: Path) -> tuple[list[Gathered], list[str]]:
+    """Read all numbers of a telemetry log.
+
+    Returns:
+        The messages, named ``1/1/ATTITUDE`` if several systems send it and ``ESC[0]`` if it has
+        several instances, and notes on damage.
+
+    Raises:
+        InputError: pymavlink is not installed, or the file is damaged.
+    """
+    gathered: dict[tuple[str, tuple[int, ...], str], Gathered] = {}
+    try:
+        with telemetry(path, None) as recording:
+            for message in recording.messages:
+                if message.name in _METADATA:
+                    continue
+                key = (message.name, message.source, message.instance)
+                group = gathered.setdefault(key, Gathered(message.name))
+                values = {}
+                for field in message.fields:
+                    value = message.get(field)
+                    if isinstance(value, int | float):
+                        values[field] = value
+                    elif isinstance(value, list | tuple) and len(value) <= LONGEST:
+                        values |= {f"{field}[{k}]": v for k, v in enumerate(value)}
+                if not group.values:
+                    group.values.update({name: [] for name in values})
+                    units = {n: message.units.get(n.split("[")[0], "") for n in values}
+                    group.units = {n: unit_in(f"[{unit}]") for n, unit in units.items() if unit}
+                group.ticks.append(message.stamp)
+                for name, held in group.values.items():
+                    held.append(values.get(name, np.nan))
+            damages = list(recording.damages)
+    except ImportError as error:
+        raise lacking(path.name, "pymavlink", "ardupilot", error) from None
+    except Exception as error:  # a damaged log raises exceptions of any kind
+        raise damaged(path, "telemetry", error) from None
+    for (name, source, instance), group in gathered.items():
+        senders = {of for kind, of, _ in gathered if kind == name}
+        instances = {which for kind, of, which in gathered if kind == name and of == source}
+        if len(instances) > 1:
+            group.name += f"[{instance}]"
+        if len(senders) > 1:
+            group.name = "/".join(map(str, source)) + f"/{group.name}"
+    return list(gathered.values()), _damage_notes(damages)
+
+
+def _damage_notes(damages: list[str]) -> list[str]:
+    if not damages:
+        return []
+    places = f"{len(damages)} place{'s' if len(damages) > 1 else ''}"
+    return [f"the file is damaged in {places} ({damages[0]})."]

@@ -1,9 +1,9 @@
-"""ArduPilot's DataFlash logs (.bin), all messages of a kind at once.
+"""Read ArduPilot's DataFlash logs (.bin), all messages of a kind at once.
 
-A log describes itself: each message is two marks, the number of its kind and a body of fixed
-length, and messages `FMT` say which fields a kind has. So the file is walked once to find where
-messages begin, and the bodies of a kind are one array of records: 0.5 s for a million messages,
-where pymavlink, one message at a time, takes a minute.
+The format is self-describing: each message has two marker bytes, the number of its kind and a body
+of fixed length, and messages `FMT` list the fields of a kind. One pass finds where messages begin;
+the bodies of a kind are then one array of records. This takes 0.5 s for a million messages, where
+pymavlink, reading one at a time, takes a minute.
 Source: ArduPilot's libraries/AP_Logger (LogStructure.h, README.md).
 """
 
@@ -22,7 +22,7 @@ _MARKS = (0xA3, 0x95)
 _FMT = 0x80
 _FMT_BODY = struct.Struct("<BB4s16s64s")
 
-# The letters of a format: type in a record, and what the numbers are to be divided by.
+# The letters of a format: type in a record, and divisor of the numbers.
 _LETTERS = {
     "a": ("(32,)<i2", 1), "b": ("i1", 1), "B": ("u1", 1), "h": ("<i2", 1), "H": ("<u2", 1),
     "i": ("<i4", 1), "I": ("<u4", 1), "q": ("<i8", 1), "Q": ("<u8", 1), "g": ("<f2", 1),
@@ -32,10 +32,10 @@ _LETTERS = {
 }  # fmt: skip
 _PREFIXES = {1.0: "", 1e-1: "d", 1e-2: "c", 1e-3: "m", 1e-6: "u", 1e-9: "n"}
 
-# A stamp beyond this many microseconds is no time since the start, nor one since 1970 [us].
+# Time stamps beyond this are damaged, whether counted from the start or from 1970 [us].
 LATEST = 2**53
 
-# Pages of the memory are filled up behind the last message.
+# The logger pads pages of its memory after the last message; up to a page is no damage.
 _PAGE = 528
 
 
@@ -47,9 +47,9 @@ class Message:
         name: of the kind.
         letters: type of each field.
         columns: names of the fields.
-        offsets: where the bodies begin in the file.
-        instance: the field that tells one sender from another; empty where there is none.
-        units: what the file says of the unit of a field.
+        offsets: offsets of the bodies in the file.
+        instance: the field that identifies the sender; empty if there is none.
+        units: units of fields stated in the file.
     """
 
     name: str
@@ -64,7 +64,7 @@ class Message:
         """The type of a body.
 
         Raises:
-            ValueError: the format is none.
+            ValueError: the format is invalid.
         """
         if len(self.letters) != len(self.columns) or not set(self.letters) <= set(_LETTERS):
             raise ValueError(f"the message {self.name!r} has the format {self.letters!r}")
@@ -74,12 +74,12 @@ class Message:
 
 @dataclass(frozen=True)
 class Dataflash:
-    """A log that was walked through.
+    """An indexed log.
 
     Args:
         data: its bytes.
-        messages: by name, the kinds of which there is a message.
-        damages: what is no message, and where.
+        messages: by name, the kinds that occur.
+        damages: bytes that are no message, with their offsets.
     """
 
     data: np.ndarray
@@ -96,7 +96,7 @@ class Dataflash:
 
 
 def values_of(message: Message, records: np.ndarray, column: str) -> np.ndarray:
-    """A field as numbers, ``(n,)``, or of an array ``(n, 32)``; of text as bytes."""
+    """A field as numbers, ``(n,)``, or ``(n, 32)`` for an array; text as bytes."""
     values = records[column]
     if values.dtype.kind == "S":
         return values
@@ -105,12 +105,12 @@ def values_of(message: Message, records: np.ndarray, column: str) -> np.ndarray:
 
 
 def instance_of(value: bytes | int) -> str:
-    """What a message says of the instance that sent it, as text."""
+    """The instance that sent a message, as text."""
     return value.rstrip(b"\0").decode("latin-1") if isinstance(value, bytes) else str(value)
 
 
 def stamps(records: np.ndarray) -> np.ndarray | None:
-    """The time stamps [ns], ``(n,)``, -1 where one cannot be; None where there are none."""
+    """The time stamps [ns], ``(n,)``, -1 if impossible; None if there is no such field."""
     names = records.dtype.names or ()
     for name, tick in (("TimeUS", 1_000), ("TimeMS", 1_000_000)):
         if name in names and records[name].dtype.kind in "iu":
@@ -120,10 +120,10 @@ def stamps(records: np.ndarray) -> np.ndarray | None:
 
 
 def open_dataflash(path: Path) -> Dataflash:
-    """Walk through a log.
+    """Index the messages of a log.
 
     Raises:
-        ValueError: there is no message in it.
+        ValueError: it holds no message.
     """
     data = path.read_bytes()
     kinds = {_FMT: Message("FMT", "BBnNZ", ["Type", "Length", "Name", "Format", "Columns"])}
@@ -158,21 +158,21 @@ def open_dataflash(path: Path) -> Dataflash:
         damages.append((at if lost < 0 else lost, end))
     for number, message in kinds.items():
         message.offsets = starts[number]
-    found = {m.name: m for m in kinds.values() if m.offsets}
-    if not set(found) - {"FMT"}:
+    by_name = {m.name: m for m in kinds.values() if m.offsets}
+    if not set(by_name) - {"FMT"}:
         raise ValueError("it holds no message")
-    log = Dataflash(np.frombuffer(data, np.uint8), found, [])
+    log = Dataflash(np.frombuffer(data, np.uint8), by_name, [])
     log.damages.extend(
         f"at byte {begin}: {stop - begin} bytes are no message"
         for begin, stop in damages
         if stop < end or stop - begin >= _PAGE
     )
-    _describe(log, kinds)
+    _read_units(log, kinds)
     return log
 
 
-def _describe(log: Dataflash, kinds: dict[int, Message]) -> None:
-    """Read the units and the instances that the log gives of its fields."""
+def _read_units(log: Dataflash, kinds: dict[int, Message]) -> None:
+    """Read units and instance fields from the messages that describe the log."""
 
     def table(name: str, key: str, value: str) -> dict[str, object]:
         if name not in log.messages or not {key, value} <= set(log.messages[name].columns):
@@ -182,8 +182,8 @@ def _describe(log: Dataflash, kinds: dict[int, Message]) -> None:
 
     try:
         units, factors = table("UNIT", "Id", "Label"), table("MULT", "Id", "Mult")
-        said = log.records(log.messages["FMTU"]) if "FMTU" in log.messages else ()
-        for row in said:
+        unit_rows = log.records(log.messages["FMTU"]) if "FMTU" in log.messages else ()
+        for row in unit_rows:
             message = kinds.get(int(row["FmtType"]))
             if message is None:
                 continue
@@ -196,10 +196,10 @@ def _describe(log: Dataflash, kinds: dict[int, Message]) -> None:
                 if not isinstance(label, bytes) or not label:
                     continue
                 factor = factors.get(power, 1.0)
-                own = _LETTERS.get(message.letters[message.columns.index(column)], ("", 1))[1]
-                prefix = "" if own != 1 else _PREFIXES.get(float(f"{factor:.6g}") or 1.0)
+                divisor = _LETTERS.get(message.letters[message.columns.index(column)], ("", 1))[1]
+                prefix = "" if divisor != 1 else _PREFIXES.get(float(f"{factor:.6g}") or 1.0)
                 text = label.decode("latin-1").replace("degheading", "deg")
-                if prefix is not None and (known := unit_in(f"[{prefix}{text}]")):
-                    message.units[column] = known
-    except (ValueError, IndexError, KeyError, TypeError):  # described by damaged messages
+                if prefix is not None and (recognized := unit_in(f"[{prefix}{text}]")):
+                    message.units[column] = recognized
+    except (ValueError, IndexError, KeyError, TypeError):  # the describing messages are damaged
         log.damages.append("the units of its fields cannot be read")

@@ -1,4 +1,4 @@
-"""What all fields of a robot's log held, gathered message by message."""
+"""The samples of all fields of a robot's log, collected message by message."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from diffthrust.logs._field import Field
 
 LONGEST = 16
-"""Arrays of more elements are pictures, spectra or scans: their elements are no channels."""
+"""Longer arrays are pictures, spectra or scans: their elements are not channels."""
 
 
 @dataclass
@@ -19,10 +19,10 @@ class Gathered:
     """The messages of one kind from one sender.
 
     Args:
-        name: how `Column` names them: ``"/odom"``, ``"ESC[0]"``.
+        name: name in `Column`, such as ``"/odom"`` or ``"ESC[0]"``.
         ticks: time stamps [ns], a list or an array of integers.
-        values: numbers by field, one a message, each a list or an array.
-        units: what the file says of the unit of a field.
+        values: numbers by field, one per message, each a list or an array.
+        units: units of fields stated in the file.
     """
 
     name: str
@@ -32,10 +32,10 @@ class Gathered:
 
 
 def fields_of(gathered: Iterable[Gathered]) -> tuple[tuple[Field, ...], list[str]]:
-    """The fields of all messages, on the clock that begins with the first of them.
+    """The fields of all messages, on a clock that starts with the first message.
 
     Returns:
-        The fields, each in order of time, and sentences on clocks that step back.
+        The fields, each sorted by time, and notes on clocks that step back.
     """
     with_samples = [g for g in gathered if len(g.ticks) and g.values]
     if not with_samples:

@@ -1,4 +1,4 @@
-"""Robots' logs, opened by their kind."""
+"""Open robots' logs, by format."""
 
 from __future__ import annotations
 
@@ -8,12 +8,10 @@ from pathlib import Path
 from diffthrust._support.errors import InputError
 from diffthrust.logs._field import Field
 from diffthrust.logs._kinds import BAG, BAG_1, DATAFLASH, MCAP, TELEMETRY, ULOG, Kind
-from diffthrust.logs._largest import Room
-from diffthrust.logs._robots.ardupilot import read_ardupilot
-from diffthrust.logs._robots.ardupilot_fields import dataflash_fields, telemetry_fields
+from diffthrust.logs._largest import MemoryBudget
+from diffthrust.logs._robots.ardupilot import dataflash_fields, read_ardupilot, telemetry_fields
 from diffthrust.logs._robots.gathered import fields_of
-from diffthrust.logs._robots.rosbag import read_bag
-from diffthrust.logs._robots.rosbag_fields import bag_fields
+from diffthrust.logs._robots.rosbag import bag_fields, read_bag
 from diffthrust.logs._robots.series import Series
 from diffthrust.logs._robots.ulog import read_ulog, ulog_fields
 
@@ -21,13 +19,13 @@ from diffthrust.logs._robots.ulog import read_ulog, ulog_fields
 def series_in(
     path: Path, kind: Kind, wanted: Sequence[str], header: bool, missing: Sequence[float]
 ) -> dict[str, Series]:
-    """What the wanted fields of a robot's log held.
+    """The samples of the wanted fields of a robot's log.
 
     Args:
         path: the file or folder.
-        kind: of it.
+        kind: its format.
         wanted: names of the fields.
-        header: take the stamp of the message's header where it has one (ROS).
+        header: use the stamp of the message's header if it has one (ROS).
         missing: numbers that mean missing.
 
     Raises:
@@ -37,7 +35,7 @@ def series_in(
     if kind in (DATAFLASH, TELEMETRY, ULOG):
         if header:
             raise InputError(
-                f"{path.name}: stamps of headers are known in ROS bags only.",
+                f"{path.name}: only ROS bags have stamps in headers.",
                 "leave stamps at 'recorder'.",
             )
         if kind is ULOG:
@@ -47,7 +45,7 @@ def series_in(
 
 
 def all_fields(path: Path, kind: Kind) -> tuple[tuple[Field, ...], tuple[str, ...]]:
-    """All numbers of a robot's log, and sentences on what is damaged or left out.
+    """All numbers of a robot's log, and notes on what is damaged or left out.
 
     Raises:
         InputError: the file cannot be read at all.
@@ -65,9 +63,9 @@ def all_fields(path: Path, kind: Kind) -> tuple[tuple[Field, ...], tuple[str, ..
 
 
 def _check_file(path: Path, kind: Kind) -> None:
-    """Raise InputError for a file that is too large, or a bag whose name its reader refuses."""
-    if kind in (DATAFLASH, TELEMETRY, ULOG):  # which are read whole
-        Room(path).take(path.stat().st_size)
+    """Raise InputError for a file that is too large, or a bag with the wrong suffix."""
+    if kind in (DATAFLASH, TELEMETRY, ULOG):  # these are read into memory at once
+        MemoryBudget(path).take(path.stat().st_size)
     bag = path.is_file() and kind in (BAG, BAG_1, MCAP)
     if bag and path.suffix.lower() not in kind.endings:
         raise InputError(

@@ -1,4 +1,4 @@
-"""What the chunks of a bag unpack to, counted before its reader unpacks each as a whole."""
+"""Count the unpacked size of a bag's chunks before its reader unpacks each at once."""
 
 from __future__ import annotations
 
@@ -11,38 +11,38 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from diffthrust.logs._kinds import BAG_1, MCAP, kind_of
-from diffthrust.logs._largest import Room
+from diffthrust.logs._largest import MemoryBudget
 
 _CHUNK_MCAP, _CHUNK_1 = 0x06, 0x05
 _PIECE = 2**20
 """Bytes that are unpacked at a time."""
 _DENSE = 50
-"""No log is packed to less than one part in so many; what goes beyond counts for all chunks."""
+"""No real log packs better than this ratio; whatever exceeds it counts against the limit."""
 
 
 def check_unpacked(path: Path) -> None:
-    """Look whether a bag can be unpacked.
+    """Check that a bag fits in memory once unpacked.
 
     Args:
         path: a file, or the folder of a bag.
 
     Raises:
-        InputError: a chunk, or chunks together that are packed as no log is, take more memory than
-            a log may.
+        InputError: a chunk, or the excess of implausibly dense chunks together, exceeds the memory
+            limit of a log.
     """
-    room = Room(path)
+    budget = MemoryBudget(path)
     for packing, stream, length in _packed(path):
-        begin, most, size = stream.tell(), room.left, 0
+        begin, most, size = stream.tell(), budget.remaining, 0
         for piece in _pieces(packing, stream, length):
             size += piece
             if size > most:
-                room.take(size)
-        room.take(max(0, size - _DENSE * length))
+                budget.take(size)
+        budget.take(max(0, size - _DENSE * length))
         stream.seek(begin + length)
 
 
 def _packed(path: Path) -> Iterator[tuple[str, BinaryIO, int]]:
-    """What is packed in the files of a bag: how, a stream at its begin, and its length."""
+    """The packed chunks of a bag: compression, a stream at the first byte, and length."""
     for file in sorted(path.iterdir()) if path.is_dir() else [path]:
         if not file.is_file():
             continue
@@ -65,7 +65,7 @@ def _mcap_chunks(stream: BinaryIO, end: int) -> Iterator[tuple[str, BinaryIO, in
             packed = stream.read(8)
             if len(packed) == 8:
                 yield packing, stream, min(struct.unpack("<Q", packed)[0], end - stream.tell())
-        if at + 9 + length > end:  # cut off, which its reader tells
+        if at + 9 + length > end:  # cut off: its reader reports it
             return
         stream.seek(at + 9 + length)
 
@@ -96,25 +96,25 @@ def _fields(header: bytes) -> Iterator[tuple[bytes, bytes]]:
 
 
 def _pieces(packing: str, stream: BinaryIO, length: int) -> Iterator[int]:
-    """The sizes of what comes out of the next bytes of a stream, piece by piece."""
-    unpack, left, data = _unpacker(packing), length, b""
+    """Unpack the next bytes of a stream piece by piece; yields the size of each piece."""
+    unpack, remaining, data = _unpacker(packing), length, b""
     while unpack is not None:
         if unpack.eof:  # another frame may follow
             unpack, data = _unpacker(packing), unpack.unused_data
         if not data and unpack.needs_input:
-            data = stream.read(min(_PIECE, left))
-            left -= len(data)
+            data = stream.read(min(_PIECE, remaining))
+            remaining -= len(data)
             if not data:
                 return
         try:
             yield len(unpack.decompress(data, _PIECE))
-        except Exception:  # damaged, which its reader tells
+        except Exception:  # damaged: its reader reports it
             return
         data = b""
 
 
 def _unpacker(packing: str) -> Any:
-    """What unpacks such data, as the libraries that rosbags needs have it; None where none does."""
+    """A decompressor from the libraries that rosbags needs; None if there is none."""
     if packing == "bz2":
         return bz2.BZ2Decompressor()
     if packing == "lz4":
@@ -122,6 +122,8 @@ def _unpacker(packing: str) -> Any:
 
         return LZ4FrameDecompressor()
     if packing == "zstd":
-        own = sys.version_info >= (3, 14)  # since which Python has it
-        return import_module("compression.zstd" if own else "backports.zstd").ZstdDecompressor()
+        built_in = sys.version_info >= (3, 14)  # part of the standard library since then
+        return import_module(
+            "compression.zstd" if built_in else "backports.zstd"
+        ).ZstdDecompressor()
     return None

@@ -1,4 +1,4 @@
-"""Logs out of what marine robots record: bags of ROS, ArduPilot's and PX4's logs."""
+"""Read logs of marine robots: ROS bags, ArduPilot's and PX4's logs."""
 
 from __future__ import annotations
 
@@ -38,45 +38,45 @@ def read_robot_log(
     stop: float | None = None,
     name: str | None = None,
 ) -> Log:
-    """Read a log from a bag of ROS, an MCAP file, a log of ArduPilot or one of PX4.
+    """Read a log from a ROS bag, an MCAP file, or a log of ArduPilot or PX4.
 
-    Messages come at different rates, so one time base is chosen, by you. On ``"messages"`` nothing
-    is made up: the log has the stamps of all messages, inputs change when they changed, and what is
-    measured has samples at its own stamps and is missing in between. On the stamps of one channel
-    or on a step, which give shorter logs, an input keeps its last value (``hold="zero"``), so its
-    changes come late by up to a step, and a fit is biased where that is not short against the
-    motion; what is measured, and an input with ``hold="linear"``, runs straight between two
-    messages, and is missing across longer gaps. Angles in rad or deg run on across their jumps.
-    ``log.notes`` tells the rate, the largest gap and the jitter of each channel, how late inputs
-    come, and the share of samples that is interpolated.
+    Messages come at different rates, so you choose a time base. With ``"messages"`` no sample is
+    made up: the log has the time stamps of all messages, inputs change at their original times,
+    and measured channels have samples at their own stamps and are missing in between. The stamps
+    of one channel, or a fixed step, give shorter logs. There an input keeps its last value
+    (``hold="zero"``), so its changes are late by up to a step, which biases a fit unless the step
+    is short against the motion. Measured channels, and inputs with ``hold="linear"``, are
+    interpolated linearly, and missing across longer gaps. Angles in rad or deg are unwrapped.
+    ``log.notes`` lists rate, largest gap and jitter of each channel, the delay of inputs, and the
+    share of interpolated samples.
 
-    The library rosbags turns the message definitions in a bag into code: read bags of those whom
-    you trust.
+    The library rosbags turns message definitions in a bag into code: read only bags from sources
+    that you trust.
 
     Args:
         path: ArduPilot's .bin; the folder of a ROS 2 bag or a file ending in .mcap, .db3 or, of ROS
             1, .bag (all need ``pip install 'diffthrust[ros]'``); a .tlog
             (``'diffthrust[ardupilot]'``); PX4's .ulg (``'diffthrust[px4]'``).
-        base: ``"messages"``, the channel whose stamps are taken, or a step [s]; one must be given.
+        base: ``"messages"``, the channel whose time stamps are used, or a step [s]. Required.
         inputs: message and field of each input, by channel name: ``"/cmd.data"``,
             ``"/rpm.data[0]"``, ``"RCOU.C1"``, ``"ESC[0].RPM"``, ``"1/ATTITUDE.yaw"`` (of system 1),
             ``"actuator_outputs.output[0]"``, ``"esc_status[1].esc[0].esc_rpm"``,
             ``"/odom.pose.pose.orientation.heading"`` (rad, clockwise from north where x is east
             and y is north, as ROS has it).
         measured: message and field of each measured channel.
-        gap: the largest gap to interpolate across [s]; three periods of each channel if None.
-        faster: how many times faster than an interpolated channel the base may be. More is
-            refused: such samples tell nothing new, and a fit would take them as if they did.
-        stamps: ``"recorder"``, when the recorder received a message, or ``"header"``, the stamp in
-            its header where it has one (ROS).
+        gap: the largest gap to interpolate across [s]; if None, three periods of each channel.
+        faster: how many times faster than an interpolated channel the base may be. More is refused:
+            interpolated samples add no information, but a fit would count them as if they did.
+        stamps: ``"recorder"``, the time of reception, or ``"header"``, the stamp in the message's
+            header if it has one (ROS).
         missing_values: numbers that mean missing, such as 65535.
         interpolate_inputs: fill missing samples of inputs instead of refusing them.
         start: first moment to keep, in seconds after the first sample.
         stop: last moment to keep, in seconds after the first sample.
-        name: name of the log; the file's name where not given.
+        name: name of the log; by default the file's name.
 
     Returns:
-        The log, in the library's units. Its time begins with the first message that was read.
+        The log, in the library's units. Time starts at the first message that was read.
 
     Raises:
         InputError: the file, a message, a field or the time base cannot be used, or the library
@@ -103,11 +103,11 @@ def read_robot_log(
     kind = kind_of(file)
     if not kind.messages:
         raise InputError(
-            f"{file.name}: expected messages with stamps of their own, found {kind.article}.",
+            f"{file.name}: expected messages with separate time stamps, found {kind.article}.",
             "tables are read by read_log.",
         )
     fields = series_in(file, kind, wanted, stamps == "header", missing)
-    series = {key: _unrolled(fields[c.column], c, key) for key, c in columns.items()}
+    series = {key: _unwrapped(fields[c.column], c, key) for key, c in columns.items()}
     driving = frozenset(inputs or {})
     held = {key: key in driving and c.hold == "zero" for key, c in columns.items()}
     even = resample(file.name, series, held, driving, base, gap, faster)
@@ -182,13 +182,13 @@ def _numbers(file: Path, words: Sequence[str | float]) -> list[float]:
         ) from None
 
 
-def _unrolled(one: Series, column: Column, channel: str) -> Series:
-    """An angle without jumps, so that nothing is interpolated from pi to -pi."""
+def _unwrapped(series: Series, column: Column, channel: str) -> Series:
+    """Unwrap an angle, so that nothing is interpolated between pi and -pi."""
     standard = CHANNELS[channel].unit if channel in CHANNELS else ""
     turn = _TURNS.get(column.unit or standard)
     if turn is None:
-        return one
-    values = np.unwrap(one.values, period=turn)
-    jumps = int((np.abs(np.diff(values - one.values)) > turn / 2).sum())
-    notes = (*one.notes, f"{jumps} jumps of a whole turn were taken out") if jumps else one.notes
-    return Series(one.place, one.time, values, notes)
+        return series
+    values = np.unwrap(series.values, period=turn)
+    jumps = int((np.abs(np.diff(values - series.values)) > turn / 2).sum())
+    notes = (*series.notes, f"{jumps} jumps of a full turn were removed") if jumps else series.notes
+    return Series(series.place, series.time, values, notes)

@@ -1,8 +1,8 @@
-"""Samples that came at different rates, on one time base; what was done is said.
+"""Bring channels recorded at different rates to one time base, with notes on what was done.
 
-Inputs that are held keep their last value. What is measured runs straight between two messages,
-across gaps up to a limit; beyond it, it is missing. On a base of all messages nothing is made up:
-inputs change when they changed, and what is measured stands at its own stamps alone.
+Held inputs keep their last value. Measured channels are interpolated linearly across gaps up to a
+limit and missing beyond it. On a base of all messages no sample is made up: inputs change at their
+original times, and measured channels have samples only at their own time stamps.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from diffthrust.logs._robots.series import Series
 
 _MESSAGES = "messages"
 
-_SAME = 1e-9  # two stamps no further apart are one [s]
+_SAME = 1e-9  # time stamps no further apart than this are equal [s]
 _MOST = 10_000_000  # samples; a step in the wrong unit asks for more
 
 
@@ -52,66 +52,68 @@ def resample(
         file: name of the file, for messages.
         series: the samples of each channel.
         held: for each channel, whether it keeps its last value.
-        inputs: which of the channels are inputs: no sample is made where one is not known.
-        base: the channel whose stamps are taken, ``"messages"`` for those of all, or a step [s].
-        gap: the largest gap to interpolate across [s]; where None, three periods of each channel.
+        inputs: which channels are inputs; the log covers the time in which all inputs are known.
+        base: the channel whose time stamps are used, ``"messages"`` for all, or a step [s].
+        gap: the largest gap to interpolate across [s]; if None, three periods of each channel.
         faster: how many times faster than an interpolated channel the base may be.
 
     Raises:
-        InputError: the base is no channel and no step, is too fast for a channel, or the channels
-            have no time in common.
+        InputError: the base is neither a channel nor a step, or too fast for a channel; or the
+            channels do not overlap in time.
     """
     every = base == _MESSAGES
-    step, stamps = _every_stamp(series, held) if every else _base(file, series, base)
-    for name, one in series.items():
+    step, stamps = _merged_stamps(series, held) if every else _step_and_stamps(file, series, base)
+    for name, channel in series.items():
         if not held[name]:
-            _check_rate(name, one, step, np.inf if every else faster)
-    time, notes = _span(file, series, held, inputs, base, step, stamps)
+            _check_rate(name, channel, step, np.inf if every else faster)
+    time, notes = _time_base(file, series, held, inputs, base, step, stamps)
     out = {}
-    for name, one in series.items():
+    for name, channel in series.items():
         role = "input" if name in inputs else "measured"
-        head = f"{role} {name!r}: {_rate(one)}"
+        head = f"{role} {name!r}: {_rate_note(channel)}"
         if held[name]:
-            out[name] = one.values[np.searchsorted(one.time, time + _SAME, side="right") - 1]
+            out[name] = channel.values[
+                np.searchsorted(channel.time, time + _SAME, side="right") - 1
+            ]
             late = (
                 f", so a change appears up to {step:.3g} s late (on the base 'messages', on time)"
             )
             late = "" if every or name == base else late
-            after = time[-1] - one.time[-1]
+            after = time[-1] - channel.time[-1]
             end = f"; held for {after:.3g} s after its last message" if after > step else ""
             how = f"held between messages{late}{end}"
         elif every and name not in inputs:
-            out[name], _ = _linear(one, time, -1.0)
+            out[name], _ = _interpolated(channel, time, -1.0)
             how = f"{int(np.isfinite(out[name]).sum())} samples, each at its own stamp"
         else:
-            limit = 3 * one.period if gap is None else gap
-            out[name], between = _linear(one, time, limit)
+            limit = 3 * channel.period if gap is None else gap
+            out[name], between = _interpolated(channel, time, limit)
             missing = int(np.isnan(out[name]).sum())
             how = f"{between / time.size:.0%} of the samples are interpolated"
             how += f", {missing} are missing (gaps above {limit:.3g} s)" if missing else ""
-            if one.period < 0.75 * step:
-                how += "; it is faster than the base, and what is above half the base's rate folds"
-        notes.append("; ".join([head, how, *one.notes]) + ".")
+            if channel.period < 0.75 * step:
+                how += "; it is faster than the base: content above half the base's rate is aliased"
+        notes.append("; ".join([head, how, *channel.notes]) + ".")
     return Resampled(time, out, notes)
 
 
-def _every_stamp(
+def _merged_stamps(
     series: Mapping[str, Series], held: Mapping[str, bool]
 ) -> tuple[float, np.ndarray]:
-    """Their median distance [s], and all stamps; of held inputs those alone where they change."""
+    """The median step [s] and the time stamps of all messages; of held inputs only the changes."""
     stamps = []
-    for name, one in series.items():
-        changed = np.append(True, np.diff(one.values) != 0)
-        stamps.append(one.time[changed] if held[name] else one.time)
+    for name, channel in series.items():
+        changed = np.append(True, np.diff(channel.values) != 0)
+        stamps.append(channel.time[changed] if held[name] else channel.time)
     merged = np.sort(np.concatenate(stamps))
     merged = merged[np.append(True, np.diff(merged) > _SAME)]
     return float(np.median(np.diff(merged))) if merged.size > 1 else 0.0, merged
 
 
-def _base(
+def _step_and_stamps(
     file: str, series: Mapping[str, Series], base: str | float
 ) -> tuple[float, np.ndarray | None]:
-    """The step [s], and the stamps where a channel gives them."""
+    """The step [s], and the time stamps if a channel is the base."""
     if isinstance(base, str):
         if base not in series:
             near = nearest(base, series)
@@ -136,25 +138,25 @@ def _base(
     return float(base), None
 
 
-def _check_rate(name: str, one: Series, step: float, faster: float) -> None:
-    if one.time.size < 2:
+def _check_rate(name: str, channel: Series, step: float, faster: float) -> None:
+    if channel.time.size < 2:
         raise InputError.at(
-            one.place,
+            channel.place,
             f"expected several messages for the channel {name!r}, found one.",
             "choose another field; an input that is set once is read with hold = 'zero'.",
         )
-    if one.period > faster * step * (1 + 1e-9):
+    if channel.period > faster * step * (1 + 1e-9):
         raise InputError.at(
-            one.place,
+            channel.place,
             f"the time base has a step of {step:.4g} s, the channel {name!r} one of "
-            f"{one.period:.4g} s: {one.period / step:.3g} samples of each message, expected at "
-            f"most {faster:.3g}. Interpolated samples tell nothing new.",
+            f"{channel.period:.4g} s: {channel.period / step:.3g} samples of each message, "
+            f"expected at most {faster:.3g}. Interpolated samples add no information.",
             f"choose base = {name!r} or a longer step, or allow it with "
-            f"faster = {np.ceil(one.period / step):.0f}.",
+            f"faster = {np.ceil(channel.period / step):.0f}.",
         )
 
 
-def _span(
+def _time_base(
     file: str,
     series: Mapping[str, Series],
     held: Mapping[str, bool],
@@ -163,13 +165,15 @@ def _span(
     step: float,
     stamps: np.ndarray | None,
 ) -> tuple[np.ndarray, list[str]]:
-    """The time base, where all inputs are known."""
+    """The time base, limited to the time in which all inputs are known."""
     first = max((series[n].time[0] for n in inputs), default=-np.inf)
     last = min((series[n].time[-1] for n in inputs if not held[n]), default=np.inf)
     if stamps is None:
-        seen = [one for name, one in series.items() if name not in inputs] or list(series.values())
-        first = max(first, min(one.time[0] for one in seen))
-        last = min(last, max(one.time[-1] for one in seen))
+        measured = [channel for name, channel in series.items() if name not in inputs] or list(
+            series.values()
+        )
+        first = max(first, min(channel.time[0] for channel in measured))
+        last = min(last, max(channel.time[-1] for channel in measured))
         count = int(np.floor((last - first) / step + 1e-9)) + 1 if last >= first else 0
         if count > _MOST:
             raise InputError(
@@ -195,23 +199,26 @@ def _span(
     return time, [note]
 
 
-def _rate(one: Series) -> str:
-    if one.time.size < 2:
+def _rate_note(channel: Series) -> str:
+    if channel.time.size < 2:
         return "one message"
-    gap, moment = one.largest_gap
+    gap, moment = channel.largest_gap
     return (
-        f"{one.time.size} messages at {1 / one.period:.4g} Hz, largest gap {gap:.3g} s at "
-        f"{moment:.6g} s, jitter {round(one.jitter * 1e3, 3):.2g} ms"
+        f"{channel.time.size} messages at {1 / channel.period:.4g} Hz, largest gap {gap:.3g} s at "
+        f"{moment:.6g} s, jitter {round(channel.jitter * 1e3, 3):.2g} ms"
     )
 
 
-def _linear(one: Series, time: np.ndarray, limit: float) -> tuple[np.ndarray, int]:
-    """The values straight between two messages, and how many lie between."""
-    after = np.clip(np.searchsorted(one.time, time), 1, one.time.size - 1)
-    # A stamp of the base that is one of the channel's, up to rounding, is no interpolation.
-    exact = np.minimum(np.abs(one.time[after] - time), np.abs(one.time[after - 1] - time)) <= _SAME
-    width = one.time[after] - one.time[after - 1]
-    inside = (time >= one.time[0] - _SAME) & (time <= one.time[-1] + _SAME)
-    known = inside & (exact | (width <= limit * (1 + 1e-9)))
-    values = np.where(known, np.interp(time, one.time, one.values), np.nan)
-    return values, int((known & ~exact).sum())
+def _interpolated(channel: Series, time: np.ndarray, limit: float) -> tuple[np.ndarray, int]:
+    """Linear interpolation between messages, and the number of interpolated samples."""
+    after = np.clip(np.searchsorted(channel.time, time), 1, channel.time.size - 1)
+    # A time stamp of the base that coincides with a message, up to rounding, is not interpolated.
+    exact = (
+        np.minimum(np.abs(channel.time[after] - time), np.abs(channel.time[after - 1] - time))
+        <= _SAME
+    )
+    width = channel.time[after] - channel.time[after - 1]
+    inside = (time >= channel.time[0] - _SAME) & (time <= channel.time[-1] + _SAME)
+    valid = inside & (exact | (width <= limit * (1 + 1e-9)))
+    values = np.where(valid, np.interp(time, channel.time, channel.values), np.nan)
+    return values, int((valid & ~exact).sum())

@@ -1,4 +1,4 @@
-"""Fields of ROS bags (ROS 2 in SQLite and MCAP, ROS 1), by topic and path."""
+"""Read fields of ROS bags (ROS 2 in SQLite and MCAP, ROS 1), by topic and path."""
 
 from __future__ import annotations
 
@@ -8,12 +8,15 @@ from array import array
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass, replace
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.names import listing
+from diffthrust.logs._robots.gathered import LONGEST, Gathered
 from diffthrust.logs._robots.packed import check_unpacked
 from diffthrust.logs._robots.series import (
     Series,
@@ -35,14 +38,14 @@ def read_bag(
 ) -> dict[str, Series]:
     """Read fields of a ROS bag.
 
-    The library builds classes from the message definitions that the bag holds: open bags of those
-    whom you trust.
+    The library builds classes from message definitions in the bag: open only bags from sources
+    that you trust.
 
     Args:
         path: the folder of a bag, or a file ending in .mcap, .db3 or, of ROS 1, .bag.
         wanted: columns such as ``"/odom.twist.twist.linear.x"`` or ``"/rpm.data[0]"``; of an
             orientation (x, y, z, w) also ``.yaw`` and ``.heading`` [rad].
-        header: take the stamp of the message's header where it has one, not the recorder's.
+        header: use the stamp of the message's header if it has one, not the recorder's.
         missing: numbers that mean missing.
 
     Returns:
@@ -91,8 +94,8 @@ def opened(path: Path) -> Iterator[Any]:
     """Open a bag with its reader.
 
     Raises:
-        InputError: rosbags is not installed, or the bag takes more memory than a log may; or, also
-            while it is read, it is damaged.
+        InputError: rosbags is not installed, or the bag exceeds the memory limit of a log; or it is
+            damaged, which may show only while it is read.
     """
     try:
         from rosbags.highlevel import AnyReader
@@ -106,16 +109,16 @@ def opened(path: Path) -> Iterator[Any]:
             yield reader
     except InputError:
         raise
-    except Exception as error:  # a damaged bag raises whatever the reader came across
-        # A recorder was switched off. The library has one exception for all defects of a file, and
-        # only its words tell these; where they change, the message below is told instead.
+    except Exception as error:  # a damaged bag raises exceptions of any kind
+        # The library raises one exception for all defects; only its words tell a recording that was
+        # cut off. If these words change, the general message below is given instead.
         for words, tool in (
             ("end magic", "`mcap recover FILE -o NEW`, a tool of the MCAP project,"),
             ("not indexed", "`rosbag reindex FILE`, a tool of ROS 1,"),
         ):
             if words in str(error):
                 raise InputError(
-                    f"{path.name}: expected a whole recording, found one that was cut off "
+                    f"{path.name}: expected a complete recording, found one that was cut off "
                     f"({error}).",
                     f"{tool} saves what was written.",
                 ) from None
@@ -123,7 +126,7 @@ def opened(path: Path) -> Iterator[Any]:
 
 
 def _steps(file: str, column: str, field: str) -> Steps:
-    """Take ``a.b[2].c`` apart."""
+    """Split ``a.b[2].c`` into names and indices."""
     steps: list[str | int] = []
     position = 0
     while position < len(field):
@@ -143,8 +146,8 @@ def _steps(file: str, column: str, field: str) -> Steps:
 def _number(file: str, column: str, message: Any, steps: Steps) -> float:
     value = message
     for step in steps:
-        known = getattr(value, "__dataclass_fields__", ())
-        if isinstance(step, str) and step in known and not step.startswith("__"):
+        field_names = getattr(value, "__dataclass_fields__", ())
+        if isinstance(step, str) and step in field_names and not step.startswith("__"):
             value = getattr(value, step)
         elif isinstance(step, int) and isinstance(value, np.ndarray | list | tuple):
             if step >= len(value):
@@ -155,26 +158,34 @@ def _number(file: str, column: str, message: Any, steps: Steps) -> float:
                     "choose one that every message has.",
                 )
             value = value[step]
-        elif step in ("yaw", "heading") and all(axis in known for axis in "xyzw"):
+        elif step in ("yaw", "heading") and all(axis in field_names for axis in "xyzw"):
             value = angle_of(value, str(step))
         else:
             raise no_field(file, column, _written(steps), _leaves(message))
     if isinstance(value, bool | int | float | np.number | np.bool_):
         return float(value)
     if isinstance(value, np.ndarray | list | tuple):
-        found, mend = f"an array of {len(value)}", "write the element, such as [0], behind it."
+        description, mend = f"an array of {len(value)}", "append the element, such as [0]."
     elif is_dataclass(value):
-        found, mend = "a message", f"name one of its fields, such as {next(_leaves(value), '')!r}."
+        description, mend = (
+            "a message",
+            f"name one of its fields, such as {next(_leaves(value), '')!r}.",
+        )
     else:
-        found, mend = f"{type(value).__name__} {str(value)[:40]!r}", "choose a field of numbers."
-    raise InputError.at(column_place(file, column), f"expected a number, found {found}.", mend)
+        description, mend = (
+            f"{type(value).__name__} {str(value)[:40]!r}",
+            "choose a field of numbers.",
+        )
+    raise InputError.at(
+        column_place(file, column), f"expected a number, found {description}.", mend
+    )
 
 
 def angle_of(quaternion: Any, word: str) -> float:
-    """The yaw of an orientation [rad], or the heading, as ROS counts them (REP 103).
+    """The yaw of an orientation [rad], or its heading, by ROS conventions (REP 103).
 
-    There x is east and y is north, and yaw runs from east to north; a heading runs from north to
-    east. An orientation of zeros is one that was never set, hence missing.
+    x is east and y is north; yaw runs from east to north, heading from north to east. A quaternion
+    of zeros was never set, hence is missing.
     """
     w, x, y, z = (float(getattr(quaternion, axis)) for axis in "wxyz")
     if w == x == y == z == 0.0:
@@ -184,7 +195,7 @@ def angle_of(quaternion: Any, word: str) -> float:
 
 
 def _leaves(value: Any, prefix: str = "", depth: int = 5) -> Iterator[str]:
-    """The paths that lead to numbers, for messages; of an array the first element."""
+    """Paths to numbers, for error messages; for an array, its first element."""
     if is_dataclass(value) and depth:
         for f in fields(value):
             dot = "." if prefix else ""
@@ -206,3 +217,118 @@ def _header_stamp(message: Any) -> int | None:
     if stamp is None:
         return None
     return int(stamp.sec) * 10**9 + int(stamp.nanosec)
+
+
+# Standard messages are in SI units (REP 103). Units of fields, by type of message.
+_UNITS = {
+    "geometry_msgs/msg/Twist": {"linear": "m/s", "angular": "rad/s"},
+    "geometry_msgs/msg/Accel": {"linear": "m/s^2", "angular": "rad/s^2"},
+    "geometry_msgs/msg/Wrench": {"force": "N", "torque": "N*m"},
+    "geometry_msgs/msg/Pose": {"position": "m"},
+    "geometry_msgs/msg/Transform": {"translation": "m"},
+    "sensor_msgs/msg/Imu": {"angular_velocity": "rad/s", "linear_acceleration": "m/s^2"},
+    "sensor_msgs/msg/FluidPressure": {"fluid_pressure": "Pa"},
+    "sensor_msgs/msg/Temperature": {"temperature": "degC"},
+    "sensor_msgs/msg/Range": {"range": "m"},
+    "sensor_msgs/msg/BatteryState": {"voltage": "V", "current": "A", "temperature": "degC"},
+}
+
+NumericField = tuple[str, str, int | str | None, str]
+"""The name of a field, the path to it, its element or angle, and its unit."""
+
+
+def bag_fields(path: Path) -> tuple[list[Gathered], list[str]]:
+    """Read all numbers of all topics.
+
+    Args:
+        path: a bag, as for `read_bag`.
+
+    Returns:
+        The messages by topic, and notes on what was left out.
+
+    Raises:
+        InputError: rosbags is not installed, or the bag is damaged.
+    """
+    topics: dict[str, Gathered] = {}
+    leaves: dict[str, list[NumericField]] = {}
+    readers: dict[str, list[Any]] = {}
+    silent: set[str] = set()
+    notes = []
+    with opened(path) as reader:
+        try:
+            for connection, recorded, raw in reader.messages():
+                topic = connection.topic
+                if topic in silent:
+                    continue
+                try:
+                    message = reader.deserialize(raw, connection.msgtype)
+                except (
+                    Exception
+                ) as error:  # a kind of message that the library cannot read does not spoil the bag
+                    silent.add(topic)
+                    notes.append(f"{topic!r} cannot be read ({_short(error)}).")
+                    continue
+                if topic not in topics:
+                    leaves[topic] = list(_numeric_fields(message))
+                    readers[topic] = [
+                        attrgetter(at) if at else _itself for _, at, *_ in leaves[topic]
+                    ]
+                    units = {name: unit for name, _, _, unit in leaves[topic] if unit}
+                    values = {name: array("d") for name, *_ in leaves[topic]}
+                    topics[topic] = Gathered(topic, array("q"), values, units)
+                    if not values:
+                        silent.add(topic)
+                gathered = topics[topic]
+                gathered.ticks.append(int(recorded))
+                for (name, _, element, _), get in zip(leaves[topic], readers[topic], strict=True):
+                    gathered.values[name].append(_leaf_number(get(message), element))
+        except Exception as error:  # use what was read before the damage
+            if not topics:
+                raise
+            notes.append(f"the file is damaged; it was read up to the damage ({_short(error)}).")
+    empty = sorted(silent & set(topics))
+    if empty:
+        notes.append(f"left out, as they hold no numbers: {listing(empty, 8)}.")
+    return list(topics.values()), notes
+
+
+def _itself(message: Any) -> Any:
+    return message
+
+
+def _short(error: Exception) -> str:
+    return " ".join(str(error).split())[:80]
+
+
+def _leaf_number(value: Any, element: int | str | None) -> float:
+    if isinstance(element, str):
+        return angle_of(value, element)
+    if element is not None:
+        return float(value[element]) if element < len(value) else np.nan
+    return float(value)
+
+
+def _numeric_fields(
+    value: Any, path: str = "", unit: str = "", depth: int = 6
+) -> Iterator[NumericField]:
+    if is_dataclass(value) and depth:
+        units = _UNITS.get(getattr(value, "__msgtype__", ""), {})
+        names = [f.name for f in fields(value) if not f.name.startswith("__")]
+        if set(names) == set("xyzw"):
+            yield f"{path}.yaw".removeprefix("."), path, "yaw", "rad"
+            yield f"{path}.heading".removeprefix("."), path, "heading", "rad"
+            unit = ""
+        for name in names:
+            if name in ("header", "stamp", "layout") or "covariance" in name:
+                continue
+            deeper = f"{path}.{name}" if path else name
+            yield from _numeric_fields(
+                getattr(value, name), deeper, units.get(name, unit), depth - 1
+            )
+    elif isinstance(value, np.ndarray | list | tuple):
+        if len(value) <= LONGEST:
+            for k, element in enumerate(value):
+                if isinstance(element, bool | int | float | np.number | np.bool_):
+                    yield f"{path}[{k}]", path, k, unit
+    elif isinstance(value, bool | int | float | np.number | np.bool_):
+        yield path, path, None, unit

@@ -1,4 +1,4 @@
-"""The samples of one field of a robot's log, with their own time stamps."""
+"""The samples of one field of a robot's log, with separate time stamps."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import numpy as np
 from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import listing, nearest
 
-# A clock that steps back by more than this [s] was restarted; less is the order of arrival.
+# A clock that steps back by more than this [s] was restarted; smaller steps are late arrivals.
 _RESTART = 1.0
 
 
 @dataclass(frozen=True)
 class Series:
-    """What one field held, message by message.
+    """The samples of one field, message by message.
 
     Args:
         place: file and field, for messages.
@@ -32,26 +32,26 @@ class Series:
 
     @property
     def period(self) -> float:
-        """Median time between messages [s]; infinite for a single one."""
+        """Median time between messages [s]; infinite for a single message."""
         return float(np.median(np.diff(self.time))) if self.time.size > 1 else float("inf")
 
     @property
     def largest_gap(self) -> tuple[float, float]:
-        """Largest time between messages, and when it begins [s]; zero for a single one."""
+        """Largest time between messages, and its start [s]; zero for a single message."""
         steps = np.diff(self.time)
         where = int(np.argmax(steps)) if steps.size else 0
         return (float(steps[where]) if steps.size else 0.0), float(self.time[where])
 
     @property
     def jitter(self) -> float:
-        """How far the time between messages is from its median, for 95 % of them [s]."""
+        """95 % quantile of the deviation of the period from its median [s]."""
         if self.time.size < 2:
             return 0.0
         return float(np.quantile(np.abs(np.diff(self.time) - self.period), 0.95))
 
 
 def column_place(file: str, column: str, detail: str = "") -> Place:
-    """Name a place as ``run.mcap, column '/odom.twist.twist.linear.x'``, with a detail behind."""
+    """Name a place as ``run.mcap, column '/odom.twist.twist.linear.x'``, plus a detail."""
     return Place(f"{file}, column {column!r}{detail}", column)
 
 
@@ -59,7 +59,7 @@ def split_column(file: str, column: str) -> tuple[str, str]:
     """Split ``MESSAGE.FIELD`` at its first dot.
 
     Raises:
-        InputError: there is no dot, or nothing on one side of it.
+        InputError: there is no dot, or one side is empty.
     """
     message, _, field = column.partition(".")
     if not message or not field:
@@ -71,30 +71,30 @@ def split_column(file: str, column: str) -> tuple[str, str]:
     return message, field
 
 
-def no_message(file: str, column: str, message: str, known: Iterable[str], word: str) -> InputError:
-    """Make the error for a message or topic that the file does not have."""
-    known = sorted(known)
-    near = nearest(message, known)
+def no_message(file: str, column: str, message: str, names: Iterable[str], word: str) -> InputError:
+    """The error for a message or topic that is not in the file."""
+    names = sorted(names)
+    near = nearest(message, names)
     return InputError.at(
         column_place(file, column),
-        f"expected the {word} {message!r}, found {listing(known)}.",
+        f"expected the {word} {message!r}, found {listing(names)}.",
         f"name a {word} of this log{'; ' + near if near else ''}.",
     )
 
 
-def no_field(file: str, column: str, field: str, known: Iterable[str]) -> InputError:
-    """Make the error for a field that the message does not have."""
-    known = list(known)
-    near = nearest(field, known)
+def no_field(file: str, column: str, field: str, names: Iterable[str]) -> InputError:
+    """The error for a field that is not in the message."""
+    names = list(names)
+    near = nearest(field, names)
     return InputError.at(
         column_place(file, column),
-        f"expected a field {field!r}, found {listing(known)}.",
+        f"expected a field {field!r}, found {listing(names)}.",
         f"name a field of this message{'; ' + near if near else ''}.",
     )
 
 
 def lacking(file: str, library: str, extra: str, error: ImportError) -> InputError:
-    """Make the error for a library that is not installed."""
+    """The error for a library that is not installed."""
     return InputError(
         f"{file}: reading this kind of log needs {library}, which cannot be imported ({error}).",
         f"pip install 'diffthrust[{extra}]'",
@@ -109,18 +109,18 @@ def series_of(
     origin: int,
     missing: Iterable[float] = (),
 ) -> Series:
-    """Clean the samples of one field: in order of time, one at a time, none missing.
+    """Clean the samples of one field: sorted by time, one per time stamp, none missing.
 
     Args:
         file: name of the file.
         column: message and field.
-        nanoseconds: time stamps [ns], whole numbers: a float64 keeps 0.2 us of a date.
+        nanoseconds: time stamps [ns], integers: a float64 resolves a date only to 0.2 us.
         values: numbers, NaN where missing.
-        origin: the moment called zero [ns].
+        origin: the zero of time [ns].
         missing: numbers that mean missing.
 
     Raises:
-        InputError: there are no numbers, one is infinite, or the clock was restarted.
+        InputError: there are no numbers, a number is infinite, or the clock was restarted.
     """
     place = column_place(file, column)
     ticks = np.fromiter(nanoseconds, np.int64) - origin
@@ -158,7 +158,7 @@ def series_of(
         notes.append(f"{int((back < 0).sum())} messages were not in order and were sorted")
         order = np.argsort(ticks, kind="stable")
         ticks, numbers = ticks[order], numbers[order]
-    last = np.append(np.diff(ticks) > 0, True)  # of several at one moment, the last holds
+    last = np.append(np.diff(ticks) > 0, True)  # of several at one time stamp, keep the last
     if not last.all():
         count = int((~last).sum())
         notes.append(f"{count} messages had the stamp of the next one, which was taken")

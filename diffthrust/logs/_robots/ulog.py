@@ -1,4 +1,4 @@
-"""Fields of PX4's ULog files (.ulg), by message and field."""
+"""Read fields of PX4's ULog files (.ulg)."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ _ELEMENT = re.compile(r"(.*)\[(\d+)\]")
 
 
 def read_ulog(path: Path, wanted: Sequence[str], missing: Sequence[float]) -> dict[str, Series]:
-    """Read fields of a ULog file; the stamps are the autopilot's time since it was switched on.
+    """Read fields of a ULog file; time stamps count from the autopilot's power-up.
 
     Args:
         path: a file ending in .ulg.
-        wanted: columns such as ``"actuator_outputs.output[0]"``, and where a message has several
-            instances ``"esc_status[1].esc[0].esc_rpm"``.
+        wanted: columns such as ``"actuator_outputs.output[0]"``, or with an instance
+            ``"esc_status[1].esc[0].esc_rpm"``.
         missing: numbers that mean missing.
 
     Returns:
@@ -43,7 +43,7 @@ def read_ulog(path: Path, wanted: Sequence[str], missing: Sequence[float]) -> di
 
     Raises:
         InputError: pyulog is not installed, the file is damaged, or a message or field is absent,
-            or comes in several instances.
+            or has several instances.
     """
     targets = {}
     for column in wanted:
@@ -63,8 +63,8 @@ def read_ulog(path: Path, wanted: Sequence[str], missing: Sequence[float]) -> di
     for column, data in datasets.items():
         key = targets[column][2]
         if key not in data.data or key == "timestamp":
-            known = [name for name in data.data if name != "timestamp"]
-            raise no_field(path.name, column, key, known)
+            names = [name for name in data.data if name != "timestamp"]
+            raise no_field(path.name, column, key, names)
         ticks = (data.data["timestamp"].astype(np.int64) * 1_000).tolist()
         values = data.data[key].astype(np.float64)
         series[column] = series_of(path.name, column, ticks, values, origin * 1_000, missing)
@@ -77,7 +77,7 @@ def ulog_fields(path: Path) -> tuple[list[Gathered], list[str]]:
     """Read all numbers of a ULog file.
 
     Returns:
-        The messages, several of one kind named ``esc_status[1]``, and sentences on damages.
+        The messages, several instances named ``esc_status[1]``, and notes on damage.
 
     Raises:
         InputError: pyulog is not installed, or the file is damaged.
@@ -98,7 +98,7 @@ def ulog_fields(path: Path) -> tuple[list[Gathered], list[str]]:
 
 
 def _is_long(key: str, data: dict[str, Any]) -> bool:
-    """Whether a field is an element of an array that is too long for channels."""
+    """Whether a field is an element of an array too long to be channels."""
     match = _ELEMENT.fullmatch(key)
     return match is not None and f"{match[1]}[{LONGEST}]" in data
 
@@ -109,10 +109,12 @@ def _load(path: Path, names: list[str] | None) -> Any:
     except ImportError as error:
         raise lacking(path.name, "pyulog", "px4", error) from None
     try:
-        said = StringIO()  # the library prints what it skips, and leaves a damaged file open
-        with path.open("rb") as stream, redirect_stdout(said), redirect_stderr(said):
+        printed = (
+            StringIO()
+        )  # pyulog prints what it skips, and given a path leaves a damaged file open
+        with path.open("rb") as stream, redirect_stdout(printed), redirect_stderr(printed):
             log = ULog(stream, names)
-    except Exception as error:  # a damaged log raises whatever the reader came across
+    except Exception as error:  # a damaged log raises exceptions of any kind
         raise damaged(path, "ULog", error) from None
     log.data_list[:] = [d for d in log.data_list if len(d.data.get("timestamp", ()))]
     if names is None and not log.data_list:
@@ -123,8 +125,8 @@ def _load(path: Path, names: list[str] | None) -> Any:
 def _dataset(path: Path, log: Any, column: str, name: str, instance: int | None) -> Any:
     same = [data for data in log.data_list if data.name == name]
     if not same:
-        known = {data.name for data in _load(path, None).data_list}
-        raise no_message(path.name, column, name, known, "message")
+        names = {data.name for data in _load(path, None).data_list}
+        raise no_message(path.name, column, name, names, "message")
     instances = sorted(data.multi_id for data in same)
     if instance is None and len(same) > 1:
         field = column.partition(".")[2]
@@ -146,7 +148,7 @@ def _dataset(path: Path, log: Any, column: str, name: str, instance: int | None)
 def _damages(log: Any) -> list[str]:
     notes = []
     if log.file_corruption:
-        notes.append("the file is damaged, and what could be read is taken.")
+        notes.append("the file is damaged; what could be read is used.")
     if log.dropouts:
         total = sum(d.duration for d in log.dropouts) / 1e3
         notes.append(f"the recorder lost messages {len(log.dropouts)} times, {total:.3g} s in all.")

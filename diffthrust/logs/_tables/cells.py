@@ -1,4 +1,4 @@
-"""Numbers out of cells of text."""
+"""Parse cells of text as numbers."""
 
 import re
 from collections.abc import Collection, Sequence
@@ -12,10 +12,10 @@ _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?")
 
 @dataclass
 class BadCell(Exception):
-    """A cell that is not a number, by its row in the column at hand."""
+    """A cell that is not a number, with its row in the current column."""
 
     index: int
-    found: str
+    text: str
     expected: str = "a number"
 
 
@@ -36,7 +36,7 @@ def is_number(cell: str) -> bool:
 def cells_to_numbers(
     cells: Sequence[str | None], missing: Collection[str], decimal_comma: bool = False
 ) -> np.ndarray:
-    """Read numbers cell by cell, to find the one that is not a number.
+    """Read numbers cell by cell, so that an invalid cell is found.
 
     Args:
         cells: text of the cells; empty text, ``nan`` and None are missing.
@@ -57,13 +57,13 @@ def cells_to_numbers(
         number = text
         if decimal_comma:
             if "." in number:
-                raise BadCell(index, quoted(text), "a number with a decimal comma, as before it")
+                raise BadCell(index, quoted(text), "a number with a decimal comma, as above it")
             number = number.replace(",", ".", 1)
         try:
             out[index] = float(number)
         except ValueError:
             raise BadCell(index, quoted(text)) from None
-        if "_" in number or not number.isascii():  # Python reads 1_000, no other program does
+        if "_" in number or not number.isascii():  # Python accepts 1_000, no other program does
             raise BadCell(index, quoted(text))
     return out
 
@@ -71,19 +71,19 @@ def cells_to_numbers(
 def number_cells(
     cells: Sequence[str | None], missing: Collection[str], comma: bool
 ) -> tuple[np.ndarray, bool]:
-    """Read a column of numbers with decimal points, or with decimal commas where those may be.
+    """Read a column of numbers with decimal points, or with decimal commas where plausible.
 
     Args:
         cells: text of the cells.
         missing: texts that mean missing.
-        comma: commas are decimal ones, as semicolons between cells tell. They are read so, too,
-            where they can be no marks between thousands.
+        comma: commas are decimal commas, as with semicolons between cells. Otherwise they are
+            read as decimal commas only if they cannot be thousands separators.
 
     Returns:
         Numbers, shape (n,), and whether they had decimal commas.
 
     Raises:
-        BadCell: a cell can be read in neither way.
+        BadCell: a cell is a number in neither notation.
     """
     try:
         return cells_to_numbers(cells, missing), False

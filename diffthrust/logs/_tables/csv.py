@@ -1,10 +1,10 @@
-"""Columns out of text files, with the line of every cell."""
+"""Read columns of text files, with the line of every cell."""
 
 from __future__ import annotations
 
 import csv
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from io import StringIO
 from pathlib import Path
@@ -12,17 +12,16 @@ from pathlib import Path
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust.logs._largest import Room
-from diffthrust.logs._tables.cells import quoted
-from diffthrust.logs._tables.csv_head import Head, Splitter, head_of, splitter
+from diffthrust.logs._largest import MemoryBudget
+from diffthrust.logs._tables.cells import is_number, quoted
 from diffthrust.logs._tables.large_csv import LARGE, parsed, scanned, top_of
-from diffthrust.logs._tables.placement import SEARCHED
+from diffthrust.logs._tables.placement import SEARCHED, Placement, locate, skipped_notes
 from diffthrust.logs._tables.source import Cells, OpenTable
 
-# Below this many cells Python reads the numbers sooner than pandas is imported.
+# Below this many cells Python reads the numbers faster than pandas can be imported.
 SMALL = 100_000
 
-# Bytes that no text has: their presence tells a picture or an archive from a table.
+# Bytes that never occur in text: they tell a picture or an archive from a table.
 _CONTROL = bytes([*range(9), *range(14, 32)])
 
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
@@ -33,35 +32,35 @@ ReadCells = Callable[[Sequence[str], Collection[str]], Mapping[str, Cells]]
 def read_csv(path: Path, wanted: Collection[str], strict: bool = True) -> OpenTable:
     """Open a text file with a table in it.
 
-    Comma, semicolon, tab and blanks are known as delimiters, lines that begin with ``#`` are
-    comments, lines above the header and a row of units below it are skipped and told, and a decimal
-    comma is read where the delimiter is not a comma.
+    Delimiters are comma, semicolon, tab or blanks. Lines that begin with ``#`` are comments; lines
+    above the header and a row of units below it are skipped and noted. Decimal commas are read if
+    the delimiter is not a comma.
 
     Args:
         path: the file.
-        wanted: names of the columns, exactly as in the header, by which it is found.
-        strict: refuse rows of another length than the header; they are else cut or filled up.
+        wanted: names of the columns, exactly as in the header; they locate it.
+        strict: refuse rows whose length differs from the header's, instead of cutting or padding.
 
     Returns:
         The table; a blank line gives a row of empty cells.
 
     Raises:
-        InputError: the file is not a table of text. Reading it, that a row has too few or too many
-            cells.
+        InputError: the file is not a table of text; or, raised on reading, a row has too few or too
+            many cells.
     """
     large = path.stat().st_size >= LARGE
     table = _read_large(path, wanted) if large else None
-    return table or _read_whole(path, wanted, strict)
+    return table or _read_all_lines(path, wanted, strict)
 
 
-def _read_whole(path: Path, wanted: Collection[str], strict: bool) -> OpenTable:
-    """Open a file by all of its lines."""
-    Room(path).take(path.stat().st_size)
+def _read_all_lines(path: Path, wanted: Collection[str], strict: bool) -> OpenTable:
+    """Open a file by reading all of its lines at once."""
+    MemoryBudget(path).take(path.stat().st_size)
     whole_file = path.read_bytes()
     raw = whole_file if whole_file[:2] in _UTF_16 else whole_file.rstrip(b"\0")
     lines = _lines(raw, path.name)
-    whole = not lines[-1]
-    if whole:  # the end of the last line, not a blank row
+    complete = not lines[-1]
+    if complete:  # the newline after the last line, not a blank row
         lines.pop()
     head = head_of(path.name, lines, wanted)
     notes = [*head.notes, *_zeros(len(whole_file) - len(raw))]
@@ -73,13 +72,13 @@ def _read_whole(path: Path, wanted: Collection[str], strict: bool) -> OpenTable:
         [lines[i] for i in head.body],
         np.asarray(head.body, dtype=np.int64) + 1,
     )
-    if not whole and text.cut_short():
+    if not complete and text.cut_short():
         notes.append(_cut_off(head.body[-1] + 1))
     return _table(path, head, partial(_read, text, strict=strict), text.numbers, notes)
 
 
 def _read_large(path: Path, wanted: Collection[str]) -> OpenTable | None:
-    """Open a large file by its first lines; None where the others are not plain and even."""
+    """Open a large file by its first lines; None if other lines are irregular or quoted."""
     top = top_of(path)
     if top is None:
         return None
@@ -121,7 +120,9 @@ def _table(
     )
 
 
-def _zeros(count: int) -> list[str]:  # a card in a boat whose power went
+def _zeros(
+    count: int,
+) -> list[str]:  # written by loggers that lose power: a boat's SD card after a power cut
     return [f"{count} bytes of zeros at the end were skipped."] if count else []
 
 
@@ -134,7 +135,7 @@ def _lines(raw: bytes, file: str) -> list[str]:
 
 
 def _decode(raw: bytes, file: str) -> str:
-    if raw[:2] in _UTF_16:  # what Excel calls Unicode text
+    if raw[:2] in _UTF_16:  # Excel's "Unicode text"
         try:
             raw = raw.decode("utf-16").encode()
         except UnicodeError:
@@ -144,7 +145,7 @@ def _decode(raw: bytes, file: str) -> str:
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError:
-        return raw.decode("latin-1")  # a degree sign in a header, written by an old program
+        return raw.decode("latin-1")  # old programs write a degree sign in a header in Latin-1
 
 
 def _binary(file: str) -> InputError:
@@ -155,7 +156,7 @@ def _binary(file: str) -> InputError:
 
 @dataclass
 class _Text:
-    """The lines of a file that hold cells, and where they stand."""
+    """The lines of a file that hold cells, and their line numbers."""
 
     file: str
     names: list[str]
@@ -166,11 +167,11 @@ class _Text:
 
     @property
     def split(self) -> Splitter:
-        """Gives the cells of a line; raises csv.Error where its quotes do not match."""
+        """A function that splits a line into cells; raises csv.Error if quotes do not match."""
         return splitter(self.delimiter)
 
     def cut_short(self) -> bool:
-        """Drop a last line that has too few cells; whether there was one."""
+        """Drop a last line with too few cells; returns whether there was one."""
         if len(self.lines) < 2 or not self.lines[-1].strip() or '"' in self.lines[-1]:
             return False
         short = len(self.split(self.lines[-1])) < len(self.names)
@@ -189,11 +190,11 @@ def _read(
             "found none.",
             "check that the recording was saved.",
         )
-    lines = _even(text, strict)
+    lines = _normalized_lines(text, strict)
     indices = {name: text.names.index(name) for name in wanted}
     order = sorted(set(indices.values()))
     if len(lines) * len(order) > SMALL:
-        fast = _fast(lines, text.delimiter, len(text.names), order, missing)
+        fast = _read_fast(lines, text.delimiter, len(text.names), order, missing)
         if fast is not None:
             return {name: fast[index] for name, index in indices.items()}
     split = text.split
@@ -205,8 +206,8 @@ def _read(
     return {name: cells[index] for name, index in indices.items()}
 
 
-def _even(text: _Text, strict: bool) -> list[str]:
-    """The lines with as many cells as the header each; blank ones get their empty cells."""
+def _normalized_lines(text: _Text, strict: bool) -> list[str]:
+    """Bring every line to as many cells as the header; blank lines get empty cells."""
     expected, delimiter, split = len(text.names), text.delimiter, text.split
     blank = delimiter * (expected - 1)
     nothing = delimiter + ' \t"\x0b\x0c'
@@ -216,49 +217,136 @@ def _even(text: _Text, strict: bool) -> list[str]:
     even = even.copy()
     for k, line in enumerate(even):
         if '"' not in line:
-            found = line.count(delimiter) + 1
+            count = line.count(delimiter) + 1
         else:
             try:
-                found = len(split(line)) if line.count('"') % 2 == 0 else -1
+                count = len(split(line)) if line.count('"') % 2 == 0 else -1
             except csv.Error:
-                found = -1
-        if found == expected:
+                count = -1
+        if count == expected:
             continue
         if not line.strip(nothing):
             even[k] = blank
             continue
-        while found > expected and line.endswith(delimiter):  # a delimiter behind the last cell
-            line, found = line[: -len(delimiter)], found - 1
+        while count > expected and line.endswith(delimiter):  # a delimiter after the last cell
+            line, count = line[: -len(delimiter)], count - 1
         even[k] = line
-        if found == expected:
+        if count == expected:
             continue
         place = f"{text.file}, line {text.numbers[k]}"
         if not strict:
             even[k] = line.replace('"', "")
-        elif found < 0:
+        elif count < 0:
             raise InputError(
                 f"{place}: expected quoted cells to end in their line, found {quoted(line)}.",
                 "correct the quotes; a cell must not run over several lines.",
             )
         else:
             cells = f"{expected} cell{'s' if expected != 1 else ''}"
-            commas = delimiter == "," and found > expected
+            commas = delimiter == "," and count > expected
             raise InputError(
-                f"{place}: expected {cells} as in the header, found {found}.",
+                f"{place}: expected {cells} as in the header, found {count}.",
                 "complete the line or remove it"
                 + ("; with decimal commas, separate the cells by semicolons." if commas else "."),
             )
     return even
 
 
-def _fast(
+def _read_fast(
     lines: Sequence[str], delimiter: str, width: int, order: Sequence[int], missing: Collection[str]
 ) -> dict[int, np.ndarray] | None:
-    """Read a large table of plain numbers; None where it holds anything else."""
+    """Read a large table of plain numbers with pandas; None if it holds anything else."""
     joined = "\n".join(lines)
     if '"' in joined or "\x0b" in joined or "\x0c" in joined:
         return None
-    found = parsed(StringIO(joined), delimiter, width, order, missing)
-    if found is None or any(values.size != len(lines) for values in found.values()):
+    columns = parsed(StringIO(joined), delimiter, width, order, missing)
+    if columns is None or any(values.size != len(lines) for values in columns.values()):
         return None
-    return found
+    return columns
+
+
+_DELIMITERS = (",", ";", "\t", " ")
+
+Splitter = Callable[[str], list[str]]
+
+
+@dataclass(frozen=True)
+class Head:
+    """Position of the table among the lines.
+
+    Args:
+        placement: its columns.
+        delimiter: between cells.
+        line: index of the header line.
+        body: indices of the lines below it that are not comments.
+        notes: sentences on what was skipped.
+    """
+
+    placement: Placement
+    delimiter: str
+    line: int
+    body: Sequence[int]
+    notes: list[str]
+
+
+def head_of(file: str, lines: Sequence[str], wanted: Collection[str]) -> Head:
+    """Find the header.
+
+    Raises:
+        InputError: there is none.
+    """
+    kept: Sequence[int] = range(len(lines))
+    if any("#" in line for line in lines):
+        kept = [i for i in kept if not lines[i].lstrip().startswith("#")]
+    located = _find_table([lines[i] for i in kept], wanted)
+    if located is None:
+        raise InputError(
+            f"{file}: expected a header and samples, found an empty file.",
+            "check that the recording was saved.",
+        )
+    placement, delimiter, rows = located
+    notes = skipped_notes(placement, rows, [i + 1 for i in kept], "line")
+    top, first = kept[placement.header], placement.first
+    if all(map(is_number, placement.names)) and not set(wanted) & set(placement.names):
+        above = lines[top - 1].lstrip() if top else ""
+        named = _find_table([above.lstrip("# ")], wanted) if above.startswith("#") else None
+        if named is None or len(named[0].names) != len(placement.names):
+            names = ", ".join(map(repr, wanted))
+            raise InputError(
+                f"{file}, line {top + 1}: expected names of columns, found numbers.",
+                "write a header line that names the columns"
+                + (f", {names} among them." if names else "."),
+            )
+        # numpy.savetxt writes its header as a comment.
+        placement = replace(placement, names=named[0].names, units=named[0].units)
+        top, first = top - 1, placement.header
+    return Head(placement, delimiter, top, kept[first:], notes)
+
+
+def _find_table(
+    lines: Sequence[str], wanted: Collection[str]
+) -> tuple[Placement, str, list[list[str]]] | None:
+    """Position of the table, its delimiter, and the top of the text split by it."""
+    candidates = []
+    for delimiter in _DELIMITERS:
+        split, rows = splitter(delimiter), []
+        for line in lines[:SEARCHED]:
+            try:
+                rows.append([cell.strip() for cell in split(line)])
+            except csv.Error:
+                rows.append([line.strip()])
+        if placement := locate(rows, wanted):
+            candidates.append((placement, delimiter, rows))
+    # Blanks also occur inside names: choose them only if no other delimiter fits as well.
+    return max(candidates, key=lambda f: (*f[0].measure, f[1] != " ")) if candidates else None
+
+
+def splitter(delimiter: str) -> Splitter:
+    def split(line: str) -> list[str]:
+        if delimiter == " ":
+            line = " ".join(line.split())
+        if '"' not in line:
+            return line.split(delimiter)
+        return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [""])
+
+    return split

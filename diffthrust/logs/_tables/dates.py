@@ -1,7 +1,7 @@
-"""Dates and times of day in cells of text.
+"""Parse dates and times of day in cells of text.
 
-What begins with the year is read as it is. Any other order is the writer's: 03/04/2025 is in April
-or in March, so it is read by a format that the user gives, and the message offers those that fit.
+Dates that begin with the year are read directly. Any other order is ambiguous, as 03/04/2025 is in
+April or in March: it needs a format from the user, and the message offers those that fit.
 """
 
 import re
@@ -20,16 +20,16 @@ _DAY = (
 )
 _CLOCK = r"(?P<clock>\d\d?:\d\d(?P<seconds>:\d\d(?P<dot>[.,]\d+)?)?(?P<noon> ?[AaPp][Mm])?)"
 _OTHER = re.compile(f"(?:{_DAY})?(?:{_CLOCK})?")
-_FINE = re.compile(r"([.,]\d{6})\d+")  # a datetime counts microseconds
-_MANY = 20_000  # above so many cells pandas is worth its import
+_FINE = re.compile(r"([.,]\d{6})\d+")  # datetime resolves microseconds
+_MANY = 20_000  # above this many cells importing pandas pays off
 _FRACTION = re.compile(r"[.,]%f")
 
 
 class OtherDate(BadCell):
-    """A date that does not begin with the year, by its row and the formats that fit."""
+    """A date that does not begin with the year, with its row and the formats that fit."""
 
-    def __init__(self, index: int, found: str, formats: Sequence[str]) -> None:
-        super().__init__(index, found, "a number, or a date that begins with the year")
+    def __init__(self, index: int, text: str, formats: Sequence[str]) -> None:
+        super().__init__(index, text, "a number, or a date that begins with the year")
         self.formats = formats
 
 
@@ -39,13 +39,13 @@ def is_date(text: str) -> bool:
 
 
 def formats_of(cells: Sequence[str | None]) -> list[str]:
-    """The formats, as Python's ``strptime`` knows them, by which all cells can be read.
+    """The formats, in the notation of ``strptime``, that fit all cells.
 
     Args:
-        cells: text of the cells; empty ones say nothing.
+        cells: text of the cells; empty cells are ignored.
 
     Returns:
-        None where the first cell is no date, several where day and month cannot be told apart.
+        No format if the first cell is not a date; several if day and month are ambiguous.
     """
     texts = [text for cell in cells if cell and (text := cell.strip())]
     match = _OTHER.fullmatch(texts[0]) if texts and texts[0] else None
@@ -67,7 +67,7 @@ def formats_of(cells: Sequence[str | None]) -> list[str]:
         if parts[0][1] == "%m":
             parts.append(("%m", "%d", year))
             parts += [("%y", "%m", "%d")] if year == "%y" else []
-        orders = [match["sep"].join(part) + (match["gap"] or "") for part in parts]
+        orders = [match["sep"].join(fields) + (match["gap"] or "") for fields in parts]
     formats = []
     for order in orders:
         try:
@@ -84,13 +84,13 @@ def seconds_of(cells: Sequence[str | None], missing: Collection[str], form: str 
     Args:
         cells: text of the cells; empty text and None are missing.
         missing: further texts that mean missing.
-        form: how they are written, as for ``strptime``, where the year is not first.
+        form: their format, as for ``strptime``, if the year is not first.
 
     Returns:
         Seconds, ``(n,)``, NaN where missing.
 
     Raises:
-        BadCell: a cell is no such date.
+        BadCell: a cell does not fit the format.
     """
     if form and len(cells) > _MANY and (fast := _at_once(cells, missing, form)) is not None:
         return _past_midnight(fast, form)
@@ -113,15 +113,15 @@ def seconds_of(cells: Sequence[str | None], missing: Collection[str], form: str 
 
 
 def _past_midnight(out: np.ndarray, form: str) -> np.ndarray:
-    """Times of day that run on over midnight; dates as they are."""
-    seen = np.isfinite(out)
-    if form and not set(form) & set("djU") and seen.any():
-        out[seen] = np.unwrap(out[seen], period=86_400.0)
+    """Let times of day continue across midnight; dates stay unchanged."""
+    finite = np.isfinite(out)
+    if form and not set(form) & set("djU") and finite.any():
+        out[finite] = np.unwrap(out[finite], period=86_400.0)
     return out
 
 
 def _at_once(cells: Sequence[str | None], missing: Collection[str], form: str) -> np.ndarray | None:
-    """Read many dates by pandas; None where it cannot, so that the cell to blame is found."""
+    """Read many dates with pandas; None on failure, so that a slower pass finds the bad cell."""
     import pandas as pd
 
     texts = [(cell or "").strip() for cell in cells]
@@ -137,14 +137,14 @@ def _at_once(cells: Sequence[str | None], missing: Collection[str], form: str) -
 def _year_first(text: str) -> datetime:
     try:
         return datetime.fromisoformat(text)
-    except ValueError:  # 2025/3/21, and a blank before the zone
+    except ValueError:  # such as 2025/3/21, or a blank before the time zone
         match = _YEAR_FIRST.match(text)
         if match is None:
             raise
         day = f"{match[1]}-{int(match[3]):02}-{int(match[4]):02}"
-        rest = re.sub(r"\s+(?=[Z+-])|\s*UTC$", "", text[match.end() :]).strip()
-        rest = re.sub(r"^T?(\d):", r"0\1:", rest)
-        return datetime.fromisoformat(f"{day}T{rest.lstrip('T')}" if rest else day)
+        clock = re.sub(r"\s+(?=[Z+-])|\s*UTC$", "", text[match.end() :]).strip()
+        clock = re.sub(r"^T?(\d):", r"0\1:", clock)
+        return datetime.fromisoformat(f"{day}T{clock.lstrip('T')}" if clock else day)
 
 
 def _by_format(text: str, form: str) -> datetime:
@@ -154,23 +154,25 @@ def _by_format(text: str, form: str) -> datetime:
     except ValueError:
         if "%f" not in form:
             raise
-        return datetime.strptime(text, _FRACTION.sub("", form))  # a whole second has no fraction
+        return datetime.strptime(
+            text, _FRACTION.sub("", form)
+        )  # whole seconds are often written without a fraction
 
 
 def other_date(place: Place, bad: OtherDate) -> InputError:
-    """Make the error for a date whose order the file does not tell."""
+    """The error for a date whose order of day, month and year is ambiguous."""
     column = place.column or "t"
     first, *more = bad.formats
     mend = f"give its format: time = Column({column!r}, dates={first!r})"
     spec = f"in a spec file time = {{ column = {_toml(column)}, dates = {_toml(first)} }}"
     if "%d" not in first:
-        problem = f"expected a number, or a date and time, found the time of day {bad.found}."
+        problem = f"expected a number, or a date and time, found the time of day {bad.text}."
     elif more:
-        problem = f"expected {bad.expected}, found {bad.found}, which may be several days."
+        problem = f"expected {bad.expected}, found {bad.text}, which may be several days."
         mend += f" where the {_FIRST[first[:2]]} comes first"
         mend += "".join(f", dates={form!r} where the {_FIRST[form[:2]]} does" for form in more)
     else:
-        problem = f"expected {bad.expected}, found {bad.found}."
+        problem = f"expected {bad.expected}, found {bad.text}."
     return InputError.at(place, problem, f"{mend}; {spec}.")
 
 

@@ -1,4 +1,4 @@
-"""Columns out of Excel's .xlsx files."""
+"""Read columns of Excel's .xlsx files."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ import numpy as np
 
 from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import listing, nearest
-from diffthrust.logs._largest import Room
-from diffthrust.logs._tables.placement import SEARCHED, Placement, locate, said
+from diffthrust.logs._largest import MemoryBudget
+from diffthrust.logs._tables.placement import SEARCHED, Placement, locate, skipped_notes
 from diffthrust.logs._tables.source import Cells, Dates, OpenTable
 from diffthrust.logs._tables.table import damaged
 
@@ -24,12 +24,12 @@ _Row = Sequence[Any]
 def read_excel(path: Path, wanted: Collection[str], sheet: str | None = None) -> OpenTable:
     """Open a sheet of an Excel file.
 
-    Rows above the header and a row of units below it are skipped and told.
+    Rows above the header and a row of units below it are skipped and noted.
 
     Args:
         path: the file.
         wanted: names of the columns, by which the sheet and its header are found.
-        sheet: name of the sheet; where None, the one that has the wanted columns.
+        sheet: name of the sheet; if None, the sheet that has the wanted columns.
 
     Raises:
         InputError: the file is damaged, takes more memory than a log may, has no such sheet, or
@@ -42,23 +42,23 @@ def read_excel(path: Path, wanted: Collection[str], sheet: str | None = None) ->
             f"{path.name}: expected a sheet {sheet!r}, found {listing(sheets)}.",
             f"name a sheet of this file{'; ' + near if near else ''}.",
         )
-    found = {}
+    placements = {}
     for name, rows in sheets.items():
         placement = locate([[_header(cell) for cell in row] for row in rows[:SEARCHED]], wanted)
         if placement is not None:
-            found[name] = placement
-    chosen = sheet or _chosen(path, found, set(wanted))
-    if chosen not in found:
+            placements[name] = placement
+    chosen = sheet or _chosen(path, placements, set(wanted))
+    if chosen not in placements:
         raise InputError(
             f"{path.name}, sheet {chosen!r}: expected a header and samples, found an empty sheet.",
             f"name another sheet; there are {listing(sheets)}.",
         )
-    placement, rows = found[chosen], sheets[chosen]
+    placement, rows = placements[chosen], sheets[chosen]
     top = [[_header(cell) for cell in row] for row in rows[:SEARCHED]]
-    notes = said(placement, top, range(1, len(rows) + 1), "row")
-    others = [name for name in found if name != chosen]
-    if others and sheet is None:
-        notes.append(f"sheet {chosen!r} was read; there are also {listing(others, 5)}.")
+    notes = skipped_notes(placement, top, range(1, len(rows) + 1), "row")
+    other_sheets = [name for name in placements if name != chosen]
+    if other_sheets and sheet is None:
+        notes.append(f"sheet {chosen!r} was read; there are also {listing(other_sheets, 5)}.")
     body = rows[placement.first :]
 
     def read(names: Sequence[str], missing: Collection[str]) -> Mapping[str, Cells]:
@@ -78,51 +78,53 @@ def read_excel(path: Path, wanted: Collection[str], sheet: str | None = None) ->
         np.arange(placement.first, len(rows)) + 1,
         units=placement.units,
         notes=notes,
-        sheet=chosen if others else "",
+        sheet=chosen if other_sheets else "",
     )
 
 
 def _sheets(path: Path, results: bool = True) -> dict[str, list[_Row]]:
-    """The rows of each sheet; of formulas their results, or their texts."""
+    """The rows of each sheet; formulas as their results, or as text."""
     from openpyxl import load_workbook
 
-    room = Room(path)
+    budget = MemoryBudget(path)
     try:
         with ZipFile(path) as archive:
-            room.take(sum(member.file_size for member in archive.infolist()))
+            budget.take(sum(member.file_size for member in archive.infolist()))
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # it leaves out drawings and the like, and says so
-            with path.open("rb") as stream:  # of a name it asks for its own endings
+            warnings.simplefilter(
+                "ignore"
+            )  # openpyxl warns about drawings and the like that it skips
+            with path.open("rb") as stream:  # given a path, openpyxl insists on its own suffixes
                 book = load_workbook(stream, read_only=True, data_only=results)
-                return {s.title: _rows(s, room) for s in book.worksheets}
+                return {s.title: _rows(s, budget) for s in book.worksheets}
     except InputError:
         raise
-    except Exception as error:  # a damaged file raises whatever the library came across
+    except Exception as error:  # a damaged file raises exceptions of any kind
         raise damaged(path, "spreadsheet (.xlsx)", error) from None
 
 
-def _rows(sheet: Any, room: Room) -> list[_Row]:
-    """The rows of a sheet, each filled up to its widest: one stray cell makes all of them wide."""
+def _rows(sheet: Any, budget: MemoryBudget) -> list[_Row]:
+    """The rows of a sheet, padded to the widest: a single stray cell makes all of them wide."""
     rows = []
     for row in sheet.iter_rows(values_only=True):
-        room.take(8 * len(row))
+        budget.take(8 * len(row))
         rows.append(row)
     return rows
 
 
-def _chosen(path: Path, found: Mapping[str, Placement], wanted: set[str]) -> str:
-    if not found:
+def _chosen(path: Path, placements: Mapping[str, Placement], wanted: set[str]) -> str:
+    if not placements:
         raise InputError(
             f"{path.name}: expected a header and samples, found empty sheets.",
             "check that the recording was saved.",
         )
-    having = [name for name, placement in found.items() if wanted <= set(placement.names)]
+    having = [name for name, placement in placements.items() if wanted <= set(placement.names)]
     if wanted and len(having) > 1:
         raise InputError(
             f"{path.name}: several sheets have the wanted columns: {listing(having)}.",
             f"name one: sheet = {having[0]!r}.",
         )
-    return max(having or found, key=lambda name: found[name].measure[1:])
+    return max(having or placements, key=lambda name: placements[name].measure[1:])
 
 
 def _column(path: Path, sheet: str, placement: Placement, body: Sequence[_Row], name: str) -> Cells:
@@ -152,7 +154,7 @@ def _is_formula(path: Path, sheet: str, placement: Placement, index: int) -> boo
 
 
 def _moment(cell: Any) -> Any:
-    """A cell as a moment that can be subtracted from another one, where it is one."""
+    """A date or time as an object that can be subtracted; other cells unchanged."""
     if isinstance(cell, time):
         return timedelta(hours=cell.hour, minutes=cell.minute, seconds=cell.second) + timedelta(
             microseconds=cell.microsecond

@@ -1,4 +1,4 @@
-"""The fields of a log out of an open table: its time, its channels, what was skipped."""
+"""Build the fields of a log from an open table: time, channels, and notes on skipped rows."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from diffthrust.logs._columns import Column, channel_columns, each_column, field
 from diffthrust.logs._tables.source import OpenTable, table_of
 from diffthrust.logs._tables.table import Table
 from diffthrust.logs._units import convert, same_unit
-from diffthrust.logs._validate import is_finite, others
+from diffthrust.logs._validate import is_finite, more_like_it
 
-# Where more of the stamps than this repeat the one before, the clock is coarser than the samples.
+# Above this share of repeated time stamps the clock is coarser than the samples.
 _COARSE = 0.1
 
 
 class TableRequest:
-    """What is wanted of a table, checked before it is opened.
+    """The columns and options requested of a table, checked before it is opened.
 
     Args:
-        file: how messages name the table.
-        time: the time column, a step [s], or None where rows are counted.
+        file: name of the table for messages.
+        time: the time column, a step [s], or None to count rows.
         inputs: the column of each input.
         measured: the column of each measured channel.
         missing_values: texts or numbers that mean missing.
@@ -34,7 +34,7 @@ class TableRequest:
         stop: last moment to keep [s after the first].
 
     Raises:
-        InputError: a channel, a column or a number is ill described.
+        InputError: a channel, column or number is invalid.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class TableRequest:
 
     @property
     def wanted(self) -> list[str]:
-        """The names of the columns, that of the time first."""
+        """The names of the columns, the time column first."""
         clock = () if self.clock is None else (self.clock,)
         return list(dict.fromkeys(c.column for c in (*clock, *self.columns.values())))
 
@@ -86,10 +86,10 @@ class TableRequest:
             name: of the log.
 
         Raises:
-            InputError: a column is absent or holds no numbers, or the log would be refused.
+            InputError: a column is absent or holds no numbers, or the log fails its checks.
         """
         table = table_of(source, self.wanted, self.clock, self.missing)
-        table.notes += self._units_told(table, source)
+        table.notes += self._unit_notes(table, source)
         table.mark_missing(self.missing)
         table.drop_blank_rows()
         stamps = self._stamps(table)
@@ -114,34 +114,34 @@ class TableRequest:
             at=at,
         )
 
-    def _units_told(self, table: Table, source: OpenTable) -> list[str]:
-        """Sentences on units of the file that are read as other ones.
+    def _unit_notes(self, table: Table, source: OpenTable) -> list[str]:
+        """Notes on columns that are read in another unit than the file states.
 
         Raises:
-            InputError: no unit is given, and the file names another one than the channel's own.
+            InputError: no unit is given, and the file states another unit than the channel's.
         """
         notes = []
         clock = {} if self.clock is None or table.dates else {"time": self.clock}
         for channel, column in {**clock, **self.columns}.items():
-            said = source.units.get(column.column, "")
-            own = (
+            file_unit = source.units.get(column.column, "")
+            default = (
                 "s" if channel == "time" else CHANNELS[channel].unit if channel in CHANNELS else ""
             )
-            given = column.kept_unit
-            if not said or same_unit(said, given or own) or given == "effort":
+            unit = column.kept_unit
+            if not file_unit or same_unit(file_unit, unit or default) or unit == "effort":
                 continue
-            if own and not given:
+            if default and not unit:
                 raise InputError.at(
                     table.place(column.column),
-                    f"the file says {said!r}, no unit is given, and without one {channel!r} is "
-                    f"read in {own!r}.",
-                    f"give the unit of the numbers: Column({column.column!r}, unit={said!r}), in a "
-                    f"spec file unit = {said!r}.".replace("unit = '", 'unit = "').replace(
+                    f"the file says {file_unit!r}, no unit is given, and by default {channel!r} is "
+                    f"read in {default!r}.",
+                    f"give the unit of the numbers: Column({column.column!r}, unit={file_unit!r}), "
+                    f"in a spec file unit = {file_unit!r}.".replace("unit = '", 'unit = "').replace(
                         "'.", '".'
                     ),
                 )
-            read = f"read in {given!r}" if given else "and no unit is given"
-            notes.append(f"{channel!r}: the file says {said!r} of {column.column!r}, {read}.")
+            read = f"read in {unit!r}" if unit else "and no unit is given"
+            notes.append(f"{channel!r}: the file says {file_unit!r} of {column.column!r}, {read}.")
         return notes
 
     def _stamps(self, table: Table) -> np.ndarray:
@@ -157,43 +157,43 @@ class TableRequest:
         stamps = convert(stamps, unit, "s", where=place)
         bad = np.flatnonzero(~np.isfinite(stamps))
         if bad.size:
-            found = "none" if np.isnan(stamps[bad[0]]) else str(stamps[bad[0]])
+            description = "none" if np.isnan(stamps[bad[0]]) else str(stamps[bad[0]])
             raise InputError.at(
                 table.place(self.clock.column, int(bad[0])),
-                f"expected a time stamp, found {found}{others(bad.size)}.",
+                f"expected a time stamp, found {description}{more_like_it(bad.size)}.",
                 "complete the time stamp, or remove the row.",
             )
         return stamps
 
 
 def _without_repeats(table: Table, stamps: np.ndarray, clock: Column | None) -> np.ndarray:
-    """Skip rows that were written twice, and tell a clock that is coarser than the samples.
+    """Skip rows that were written twice; report a clock that is coarser than the samples.
 
     Raises:
-        InputError: many stamps repeat the one before.
+        InputError: many time stamps repeat the previous stamp.
     """
-    again = np.append(False, np.diff(stamps) == 0)
-    count = int(again.sum())
+    repeated = np.append(False, np.diff(stamps) == 0)
+    count = int(repeated.sum())
     if clock is None or not count:
         return stamps
     if count > _COARSE * stamps.size and count > 1:
-        changes = np.flatnonzero(~again[1:]) + 1  # between them whole ticks of the clock
+        changes = np.flatnonzero(~repeated[1:]) + 1  # between these, whole ticks of the clock
         few = changes.size < 2
         ends = (0, stamps.size - 1) if few else (changes[0], changes[-1])
         step = float(stamps[ends[1]] - stamps[ends[0]]) / max(int(ends[1] - ends[0]), 1) or 0.1
         raise InputError.at(
             table.place(clock.column),
             f"expected time stamps that increase, found {count} of {stamps.size} that repeat the "
-            "one before: the clock is coarser than the samples.",
+            "previous stamp: the clock is coarser than the samples.",
             f"where the samples are evenly spaced, give their step in seconds, such as "
             f"time = {step:.3g}; otherwise log finer stamps.",
         )
-    before = [np.append(np.nan, values[:-1]) for values in table.columns.values()]
+    previous = [np.append(np.nan, values[:-1]) for values in table.columns.values()]
     same = [
         (old == new) | (np.isnan(old) & np.isnan(new))
-        for old, new in zip(before, table.columns.values(), strict=True)
+        for old, new in zip(previous, table.columns.values(), strict=True)
     ]
-    double = again & np.logical_and.reduce(same)
+    double = repeated & np.logical_and.reduce(same)
     if not double.any():
         return stamps
     table.keep(~double)

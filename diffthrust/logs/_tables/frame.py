@@ -1,4 +1,4 @@
-"""Columns of pandas' data frames, and their index as the time."""
+"""Columns of pandas data frames, with the index as the time."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from diffthrust._support.errors import InputError
 from diffthrust.logs._tables.source import Cells, Dates, OpenTable, Other
 
 INDEX = "the index"
-"""How messages call an index that has no name, and how it is asked for."""
+"""The name of an index without a name, in messages and requests."""
 
 
 def read_frame(frame: Any, name: str) -> OpenTable:
-    """A data frame as a table; its index can be read by its name, or as `INDEX`.
+    """A data frame as a table; its index is read by its name, or as `INDEX`.
 
     Args:
         frame: a pandas DataFrame.
-        name: how messages name it.
+        name: name for messages.
 
     Raises:
-        InputError: it is no DataFrame.
+        InputError: it is not a DataFrame.
     """
     import pandas as pd
 
@@ -37,7 +37,7 @@ def read_frame(frame: Any, name: str) -> OpenTable:
     }
     names = [".".join(map(str, c)) if isinstance(c, tuple) else str(c) for c in frame.columns]
     index = frame.index
-    given = None if index.name is None or str(index.name) in columns else str(index.name)
+    index_name = None if index.name is None or str(index.name) in columns else str(index.name)
 
     def read(wanted: Sequence[str], missing: Collection[str]) -> Mapping[str, Cells]:
         return {
@@ -46,15 +46,15 @@ def read_frame(frame: Any, name: str) -> OpenTable:
         }
 
     return OpenTable(
-        name, "DataFrame", [*names, given or INDEX], read, np.arange(1, len(frame) + 1)
+        name, "DataFrame", [*names, index_name or INDEX], read, np.arange(1, len(frame) + 1)
     )
 
 
 def time_of(frame: Any, name: str) -> str:
-    """The name under which the index of a data frame is the time.
+    """The name by which the index of a data frame is read as the time.
 
     Raises:
-        InputError: it counts rows, or has several levels.
+        InputError: the index only counts rows, or has several levels.
     """
     import pandas as pd
 
@@ -80,7 +80,7 @@ def _cells(column: Any) -> Cells:
     import pandas as pd
 
     kind = column.dtype
-    other = Other(f"values of type {kind}")
+    unreadable = Other(f"values of type {kind}")
     try:
         if isinstance(kind, pd.CategoricalDtype):
             column = pd.Series(np.asarray(column))
@@ -101,7 +101,7 @@ def _cells(column: Any) -> Cells:
             return Dates(pd.Series(column).dt.total_seconds().to_numpy(dtype=np.float64))
         if pd.api.types.is_bool_dtype(kind) or pd.api.types.is_numeric_dtype(kind):
             if pd.api.types.is_complex_dtype(kind):
-                return other
+                return unreadable
             return pd.Series(column).to_numpy(dtype=np.float64, na_value=np.nan)
         cells: list[Any] = [
             None if cell is None or cell is pd.NA or cell is pd.NaT else cell for cell in column
@@ -112,7 +112,7 @@ def _cells(column: Any) -> Cells:
         if all(cell is None or isinstance(cell, int | float | np.number) for cell in cells):
             return np.array([np.nan if cell is None else float(cell) for cell in cells])
         if any(isinstance(cell, list | dict | tuple | set | np.ndarray) for cell in cells):
-            return other
+            return unreadable
         return [None if cell is None else str(cell) for cell in cells]
     except (TypeError, ValueError, OverflowError):
-        return other
+        return unreadable

@@ -1,4 +1,4 @@
-"""Vectors out of HDF5 files: what MATLAB saves since '-v7.3', and what others write."""
+"""Vectors from HDF5 files: saved by MATLAB since '-v7.3', or by other programs."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _WORDS = {
 
 
 def read_hdf5(path: Path) -> OpenTable:
-    """Open an HDF5 file; groups, which are MATLAB's structs, are reached as ``a.b``.
+    """Open an HDF5 file; groups (structs in MATLAB) are named ``a.b``.
 
     Raises:
         InputError: the file is damaged.
@@ -45,7 +45,7 @@ def read_hdf5(path: Path) -> OpenTable:
             node = group.get(name)
             link = group.get(name, getlink=True)
             if name.startswith("#") or node is None or not isinstance(link, h5py.HardLink):
-                continue  # MATLAB's own, a link to nowhere or to what is listed elsewhere
+                continue  # internal to MATLAB, a broken link, or a link to a listed variable
             kind = node.attrs.get("MATLAB_class", b"")
             kind = kind.decode("latin-1") if isinstance(kind, bytes) else str(kind)
             matlab = matlab or bool(kind)
@@ -61,7 +61,7 @@ def read_hdf5(path: Path) -> OpenTable:
     try:
         with h5py.File(path, "r") as file:
             matlab = visit(file, "", 20)
-    except Exception as error:  # a damaged file raises whatever the library came across
+    except Exception as error:  # a damaged file raises exceptions of any kind
         raise damaged(path, "MATLAB 7.3 or HDF5", error) from None
     return vectors(path, "MATLAB 7.3 file" if matlab else "HDF5 file", leaves)
 
@@ -78,9 +78,9 @@ def _variable(path: Path, node: Any, kind: str) -> Unread | str:
     if node.dtype.kind not in "biuf" or node.shape is None:
         return f"values of type {node.dtype}"
     shape = tuple(map(int, node.shape))
-    chunk = math.prod(node.chunks or ()) * node.dtype.itemsize  # which is unpacked as a whole
+    chunk = math.prod(node.chunks or ()) * node.dtype.itemsize  # a chunk is unpacked at once
     size = max(8 * math.prod(shape), chunk)
-    # MATLAB counts the first axis fastest
+    # MATLAB is column-major: the first axis varies fastest
     return Unread(shape[::-1] if kind else shape, partial(_load, path, node.name, bool(kind)), size)
 
 

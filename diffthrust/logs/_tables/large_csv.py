@@ -1,4 +1,4 @@
-"""Large files of text, read in blocks: the lines are looked at once, and only wanted cells kept."""
+"""Read large text files in blocks: one pass checks all lines, and only wanted cells are kept."""
 
 from __future__ import annotations
 
@@ -12,43 +12,43 @@ from typing import IO, Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust.logs._largest import Room
+from diffthrust.logs._largest import MemoryBudget
 from diffthrust.logs._tables.source import Cells
 
 LARGE = 2**24
-"""Bytes from which on a file is read so."""
+"""Files of at least this many bytes are read in blocks."""
 _TOP = 2**20
 """Bytes at the top that hold the header, and the lines by which it is found."""
 _BLOCK = 2**23
 _NEWLINE, _RETURN = 10, 13
-# Quotes, comments, and what is no plain text: who reads lines one by one knows what to do.
+# Quotes, comments and anything that is not plain text: left to the line-by-line reader.
 _SPECIAL = bytes([*range(9), 11, 12, *range(14, 32), *b'"#', *range(128, 256)])
 
 
 def top_of(path: Path) -> bytes | None:
-    """The first lines of a large file, with their ends; None where another way reads it better."""
+    """The first lines of a large file, with line ends; None if it must be read line by line."""
     with path.open("rb") as stream:
         top = stream.read(_TOP)
-    whole = len(top) < _TOP
+    complete = len(top) < _TOP
     top = top[: top.rfind(b"\n") + 1]
     lone = top.count(b"\r") != top.count(b"\r\n")
     utf_16 = top[:2] in (b"\xff\xfe", b"\xfe\xff")
-    return None if whole or lone or utf_16 else top or None
+    return None if complete or lone or utf_16 else top or None
 
 
 @dataclass(frozen=True)
 class LargeBody:
-    """The lines of samples of a file, all with as many cells, or blank.
+    """The lines with samples of a file, all of the same width, or blank.
 
     Args:
         path: the file.
-        begin: the byte at which they begin.
-        end: the byte behind the last.
-        rows: how many.
-        delimiter: between cells; a blank stands for any number of them.
-        width: how many cells each has, with an empty one where each ends in a delimiter.
-        zeros: bytes of zeros behind them.
-        cut: a last line that has fewer cells is left out.
+        begin: offset of the first byte.
+        end: offset after the last byte.
+        rows: number of lines.
+        delimiter: between cells; a blank stands for any number of blanks.
+        width: cells per line, counting an empty one if lines end in a delimiter.
+        zeros: zero bytes after the lines.
+        cut: a last line with fewer cells was left out.
     """
 
     path: Path
@@ -61,25 +61,25 @@ class LargeBody:
     cut: bool
 
     def cells(self, columns: Sequence[int], missing: Collection[str]) -> dict[int, Cells]:
-        """The cells of some columns: numbers, and text where a column holds anything else.
+        """The cells of some columns: numbers, or text if a column holds anything else.
 
         Args:
-            columns: which, counted from 0.
+            columns: indices of the columns, from 0.
             missing: texts that mean missing.
 
         Raises:
-            InputError: they take more memory than a log may, or the file has changed.
+            InputError: they exceed the memory limit of a log, or the file has changed.
         """
-        Room(self.path).take(8 * self.rows * len(columns))
-        found: dict[int, Any] = {column: np.empty(self.rows) for column in columns}
+        MemoryBudget(self.path).take(8 * self.rows * len(columns))
+        numeric: dict[int, Any] = {column: np.empty(self.rows) for column in columns}
         texts: list[int] = []
         row = 0
         for block in _blocks(self.path, self.begin, self.end):
-            numbers = self._numbers(block, list(found), missing) if found else {}
-            texts += [column for column in found if column not in numbers]
-            found = {column: found[column] for column in numbers}
+            numbers = self._numbers(block, list(numeric), missing) if numeric else {}
+            texts += [column for column in numeric if column not in numbers]
+            numeric = {column: numeric[column] for column in numbers}
             for column, values in numbers.items():
-                found[column][row : row + values.size] = values
+                numeric[column][row : row + values.size] = values
             row += _lines(block)
         if row != self.rows:
             raise InputError(
@@ -89,13 +89,18 @@ class LargeBody:
             )
         cells: dict[int, Any] = dict(self._texts(texts))
         if any("," in cell for text in cells.values() for cell in text):
-            cells |= self._texts(list(found))  # which may have points, where these have commas
-        return {**found, **cells}
+            cells |= self._texts(
+                list(numeric)
+            )  # decimal points in one column matter if another has decimal commas
+        return {**numeric, **cells}
 
     def _numbers(
         self, block: bytes, columns: list[int], missing: Collection[str]
     ) -> dict[int, np.ndarray]:
-        """The columns of a block that hold numbers alone."""
+        """The columns of a block that hold only numbers, found by bisection.
+
+        pandas rejects a set of columns if a single one of them is not numeric.
+        """
         numbers = parsed(BytesIO(block), self.delimiter, self.width, columns, missing)
         if numbers is not None:
             return numbers
@@ -125,13 +130,13 @@ def parsed(
     columns: Sequence[int],
     missing: Collection[str],
 ) -> dict[int, np.ndarray] | None:
-    """Numbers out of lines that have as many cells each, by column; None where one is no number.
+    """Parse lines of equal width to numbers by column; None if a cell is not a number.
 
     Args:
         source: the lines.
         delimiter: between cells.
-        width: how many cells a line has.
-        columns: which to read, counted from 0.
+        width: cells per line.
+        columns: indices of the columns to read, from 0.
         missing: texts that mean missing.
     """
     try:
@@ -145,7 +150,7 @@ def parsed(
             keep_default_na=False,
             float_precision="round_trip",  # the same number as the cell-by-cell path gives
         )
-    except Exception:  # who reads cell by cell finds the one that is no number, and names it
+    except Exception:  # the cell-by-cell reader finds and names the invalid cell
         return None
     return {column: frame[column].to_numpy(dtype=np.float64) for column in columns}
 
@@ -169,13 +174,13 @@ def _frame(source: IO[Any], delimiter: str, width: int, columns: Sequence[int], 
 
 
 def scanned(path: Path, begin: int, delimiter: str, width: int) -> LargeBody | None:
-    """Look at every line of a file; None where one of them is not plain, even and complete.
+    """Check every line of a file; None if a line is quoted, irregular or incomplete.
 
     Args:
         path: the file.
-        begin: the byte at which the samples begin.
+        begin: offset of the first line of samples.
         delimiter: between cells.
-        width: how many cells the header has.
+        width: cells in the header.
     """
     size = path.stat().st_size
     end, rows, cut = _end(path, begin, size), 0, False
@@ -191,15 +196,15 @@ def scanned(path: Path, begin: int, delimiter: str, width: int) -> LargeBody | N
         if last.strip() and _cells(last.decode(), delimiter) < width:
             cut, counts, end = True, counts[:-1], end - len(last)
         rows += counts.size
-        found = set(np.unique(counts).tolist())
-        widths |= found
-        if found == {0} or not (widths <= {0, width} or widths <= {0, width + 1}):
+        distinct = set(np.unique(counts).tolist())
+        widths |= distinct
+        if distinct == {0} or not (widths <= {0, width} or widths <= {0, width + 1}):
             return None
     return LargeBody(path, begin, end, rows, delimiter, max(widths), zeros, cut) if rows else None
 
 
 def _counts(block: np.ndarray, delimiter: str, width: int) -> np.ndarray:
-    """How many cells each line of a block has, ``(n,)``: 0 in an empty one, -1 in an odd one."""
+    """Cells in each line of a block, ``(n,)``: 0 in an empty line, -1 in an irregular one."""
     ends = np.flatnonzero(block == _NEWLINE)
     if not ends.size or ends[-1] < block.size - 1:
         ends = np.append(ends, block.size)
@@ -228,7 +233,7 @@ def _lines(block: bytes) -> int:
 
 
 def _end(path: Path, begin: int, end: int) -> int:
-    """Where the zeros begin that were never written, at the end of a file."""
+    """Offset at which trailing zeros begin, which a logger reserved but never wrote."""
     with path.open("rb") as stream:
         while end > begin:
             start = max(begin, end - _BLOCK)
@@ -241,18 +246,20 @@ def _end(path: Path, begin: int, end: int) -> int:
 
 
 def _blocks(path: Path, begin: int, end: int) -> Iterator[bytes]:
-    """The bytes of a file in blocks of whole lines."""
+    """The bytes of a file in blocks of complete lines."""
     with path.open("rb") as stream:
         stream.seek(begin)
-        left, rest = end - begin, b""
-        while left > 0:
-            more = stream.read(min(_BLOCK, left))
-            left -= len(more) if more else left  # the file may have become shorter
-            block = rest + more
-            stop = len(block) if left <= 0 else block.rfind(b"\n") + 1
-            rest = block[stop:]
+        remaining, tail = end - begin, b""
+        while remaining > 0:
+            more = stream.read(min(_BLOCK, remaining))
+            remaining -= (
+                len(more) if more else remaining
+            )  # the file may have been truncated meanwhile
+            block = tail + more
+            stop = len(block) if remaining <= 0 else block.rfind(b"\n") + 1
+            tail = block[stop:]
             if stop:
                 yield block[:stop]
-            if not stop and len(block) > 8 * _BLOCK:  # no lines: its bytes are no table
-                left, rest = 0, b""
+            if not stop and len(block) > 8 * _BLOCK:  # no line ends: not a table
+                remaining, tail = 0, b""
                 yield block

@@ -1,4 +1,4 @@
-"""Vectors of numbers out of MATLAB files, and out of HDF5 files of any origin."""
+"""Vectors of numbers from MATLAB files, and from HDF5 files of any origin."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust.logs._largest import Room
+from diffthrust.logs._largest import MemoryBudget
 from diffthrust.logs._tables.mat5 import parse
 from diffthrust.logs._tables.source import Cells, OpenTable, Other
 from diffthrust.logs._tables.table import damaged
 
 _WIDEST = 64
-"""A matrix of more columns than this is no set of channels."""
+"""A matrix with more columns than this is not a set of channels."""
 
 
 @dataclass(frozen=True, eq=False)
 class Unread:
-    """Numbers in a file that are not read yet.
+    """An array in a file that is not read yet.
 
     Args:
-        shape: of them.
-        load: gives them, as an array of that shape.
-        size: bytes that they take when they are loaded.
+        shape: of the array.
+        load: reads the array.
+        size: bytes of the loaded array.
     """
 
     shape: tuple[int, ...]
@@ -36,12 +36,12 @@ class Unread:
 
     @property
     def is_vector(self) -> bool:
-        """Whether all lie along one axis."""
+        """Whether all numbers lie along one axis."""
         return 0 < math.prod(self.shape) == max(self.shape, default=0)
 
     @property
     def channels(self) -> int:
-        """How many vectors it has as a matrix, along its shorter side; 0 where it is none."""
+        """Number of vectors of a matrix, along its shorter side; 0 if it is not a matrix."""
         narrow = min(self.shape) if len(self.shape) == 2 else 0
         return narrow if 1 < narrow <= _WIDEST else 0
 
@@ -52,10 +52,10 @@ def read_mat(path: Path) -> OpenTable:
     Raises:
         InputError: the file is damaged, or takes more memory than a log may.
     """
-    room = Room(path)
-    room.take(path.stat().st_size)
+    budget = MemoryBudget(path)
+    budget.take(path.stat().st_size)
     try:
-        leaves = _leaves(parse(path.read_bytes(), room))
+        leaves = _leaves(parse(path.read_bytes(), budget))
     except InputError:
         raise
     except (ValueError, OverflowError, MemoryError) as error:
@@ -64,13 +64,13 @@ def read_mat(path: Path) -> OpenTable:
 
 
 def vectors(path: Path, kind: str, leaves: Sequence[tuple[str, Unread | str]]) -> OpenTable:
-    """A table of the vectors among some variables.
+    """A table of those variables that are vectors.
 
     Args:
         path: the file.
-        kind: what it is, for people.
-        leaves: names and variables, or words that say what else it is. Columns of a matrix are
-            named as MATLAB writes them, ``data(:,2)``.
+        kind: readable kind of the file.
+        leaves: names with arrays, or with a description of what is not an array. Columns of a
+            matrix are named as MATLAB writes them, ``data(:,2)``.
     """
     columns: list[tuple[str, Unread | str, int | None]] = []
     for name, value in leaves:
@@ -78,20 +78,20 @@ def vectors(path: Path, kind: str, leaves: Sequence[tuple[str, Unread | str]]) -
         if isinstance(value, Unread):
             tall = value.shape[0] >= value.shape[-1] if value.shape else False
             for k in range(value.channels):
-                own = f"{name}(:,{k + 1})" if tall else f"{name}({k + 1},:)"
-                columns.append((own, value, k))
-    found = {name: (value, k) for name, value, k in reversed(columns)}
+                label = f"{name}(:,{k + 1})" if tall else f"{name}({k + 1},:)"
+                columns.append((label, value, k))
+    by_name = {name: (value, k) for name, value, k in reversed(columns)}
 
     def read(wanted: Sequence[str], missing: Collection[str]) -> Mapping[str, Cells]:
         needed: dict[int, Unread] = {}
-        for value, k in (found[name] for name in wanted):
+        for value, k in (by_name[name] for name in wanted):
             if isinstance(value, Unread) and (k is not None or value.is_vector):
                 needed[id(value)] = value
-        room = Room(path)
+        budget = MemoryBudget(path)
         for value in needed.values():
-            room.take(value.size)
+            budget.take(value.size)
         loaded = {key: value.load() for key, value in needed.items()}
-        return {name: _cells(*found[name], loaded) for name in wanted}
+        return {name: _cells(*by_name[name], loaded) for name in wanted}
 
     return OpenTable(
         path.name,
@@ -100,7 +100,7 @@ def vectors(path: Path, kind: str, leaves: Sequence[tuple[str, Unread | str]]) -
         read,
         row_word="element",
         column_word="variable",
-        other="save each channel as a numeric vector, or as a column of a matrix; a timetable must "
+        mend="save each channel as a numeric vector, or as a column of a matrix; a timetable must "
         "be split.",
     )
 
@@ -118,7 +118,7 @@ def _cells(value: Unread | str, k: int | None, loaded: Mapping[int, np.ndarray])
 
 
 def _leaves(variables: Sequence[tuple[str, Any]], prefix: str = "") -> list[tuple[str, Any]]:
-    """List what is not a struct, with the path that leads to it."""
+    """All variables that are not structs, with their paths."""
     leaves: list[tuple[str, Any]] = []
     for name, value in variables:
         if isinstance(value, dict):

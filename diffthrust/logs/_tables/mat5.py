@@ -1,11 +1,11 @@
-"""The contents of a MATLAB file, level 4 or 5 (what MATLAB saves up to '-v7').
+"""The contents of a MATLAB file, level 4 or 5 (saved by MATLAB up to '-v7').
 
-SciPy's reader can bring the interpreter down on a damaged file; a log must end in a message. Of
-6000 damaged copies of three files (seeded flips of bits, bytes zeroed, swapped or cut away; level
+SciPy's reader can crash the interpreter on a damaged file; here it must end in a message. Of 6000
+damaged copies of three files (seeded flips of bits, bytes zeroed, swapped or cut away; level
 4, level 5 plain and compressed) SciPy 1.17.1 died of 18 (16 segmentation faults, 2 bus errors),
-read at one for more than 20 s, and at three more for 3 to 13 s. This reader ended each of 3000
-within 0.4 s, with what is in it or a ValueError. It takes what logs need, numbers and structs,
-and names whatever else it meets.
+read at one for more than 20 s, and at three more for 3 to 13 s. This reader finished each of 3000
+within 0.4 s, with the content or a ValueError. It reads what logs need, numbers and structs, and
+names anything else.
 The layout is that of MathWorks' "MAT-File Format".
 """
 
@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from diffthrust.logs._largest import Room
+from diffthrust.logs._largest import MemoryBudget
 
 _NUMBERS = {
     1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8",
@@ -38,31 +38,31 @@ _DEEPEST = 20
 _PADDING = 8
 _PIECE = 2**16
 _HEAD = 1024
-"""Packed bytes that hold the first unpacked ones, whatever tables of codes stand before them."""
+"""Packed bytes that surely unpack to the first few bytes, behind any Huffman tables."""
 
-# A variable is an array, a struct as a dict, or words for what is neither.
+# A variable is an array, a struct as a dict, or a description of anything else.
 Variable = Any
 
 
-def parse(data: bytes, room: Room) -> list[tuple[str, Variable]]:
+def parse(data: bytes, budget: MemoryBudget) -> list[tuple[str, Variable]]:
     """Read all variables of a MATLAB file.
 
     Args:
         data: the whole file.
-        room: what its variables may take when they are unpacked.
+        budget: the memory its variables may take once unpacked.
 
     Returns:
-        Names and variables in the order of the file. Numbers come as an array with the shape that
-        they have in MATLAB, a struct as a dict, anything else as words that say what it is.
+        Names and variables in the order of the file. Numbers are an array with its shape in
+        MATLAB, a struct is a dict, anything else a description.
 
     Raises:
-        InputError: the variables take more than there is room for.
+        InputError: the variables exceed the budget.
         ValueError: the file is damaged, or not a MATLAB file.
     """
     try:
         if len(data) >= 128 and data[126:128] in (b"IM", b"MI"):
             order = "<" if data[126:128] == b"IM" else ">"
-            return list(_level_5(memoryview(data)[128:], order, room))
+            return list(_level_5(memoryview(data)[128:], order, budget))
         if 0 in data[:4]:
             return list(_level_4(data))
     except (struct.error, zlib.error, UnicodeError) as error:
@@ -70,10 +70,10 @@ def parse(data: bytes, room: Room) -> list[tuple[str, Variable]]:
     raise ValueError("it does not begin as a MATLAB file does")
 
 
-def _level_5(data: memoryview, order: str, room: Room) -> Iterator[tuple[str, Variable]]:
-    for kind, content in _elements(data, order):  # all sizes before the first is unpacked
+def _level_5(data: memoryview, order: str, budget: MemoryBudget) -> Iterator[tuple[str, Variable]]:
+    for kind, content in _elements(data, order):  # check all sizes before unpacking the first
         if kind == _COMPRESSED:
-            room.take(_unpacked_size(content, order))
+            budget.take(_unpacked_size(content, order))
     for kind, content in _elements(data, order):
         if kind == _COMPRESSED:
             inflated = memoryview(_inflated(content, _unpacked_size(content, order)))
@@ -81,18 +81,18 @@ def _level_5(data: memoryview, order: str, room: Room) -> Iterator[tuple[str, Va
         if kind != _MATRIX:
             raise ValueError(f"expected a variable, found an element of kind {kind}")
         name, variable = _matrix(content, order, 0)
-        if name:  # the workspace of functions has no name
+        if name:  # MATLAB's workspace of functions has no name
             yield name, variable
 
 
 def _unpacked_size(content: memoryview, order: str) -> int:
-    """The bytes that a compressed element says it has."""
+    """The unpacked size that a compressed element declares."""
     head = zlib.decompressobj().decompress(content[:_HEAD], 8)
     return 8 + struct.unpack(order + "II", head)[1]
 
 
 def _inflated(content: memoryview, size: int) -> bytearray:
-    """A compressed element, which must not be longer than it says."""
+    """Unpack a compressed element, which must not exceed its declared size."""
     inflater, out = zlib.decompressobj(), bytearray()
     for at in range(0, len(content), _PIECE):
         out += inflater.decompress(content[at : at + _PIECE], size + _PADDING + 1 - len(out))
@@ -104,12 +104,14 @@ def _inflated(content: memoryview, size: int) -> bytearray:
 
 
 def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
-    """Walk over the elements of one level: a kind, a length and that many bytes each."""
+    """Iterate over the elements of one level: a kind, a length, and as many bytes."""
     at = 0
     while at < len(data):
         kind, length = struct.unpack_from(order + "II", data, at)
         begin = at + 8
-        if kind >> 16:  # a short element keeps its length and its bytes in one place
+        if (
+            kind >> 16
+        ):  # a short element packs its length and kind into one word, followed by its bytes
             kind, length, begin = kind & 0xFFFF, kind >> 16, at + 4
             if length > 4:
                 raise ValueError("a short element is too long")
@@ -147,7 +149,7 @@ def _matrix(content: memoryview, order: str, depth: int) -> tuple[str, Variable]
     elements = _elements(content, order)
     flags = int(_numbers(_next(elements), order)[:1].sum())
     kind = flags & 0xFF
-    if kind == _OPAQUE:  # a timetable or dates: no size, and a content of MATLAB's own
+    if kind == _OPAQUE:  # a timetable or dates: no size, and an undocumented content
         return _text(_next(elements)), "an object (such as a table or dates)"
     shape = tuple(int(size) for size in _numbers(_next(elements), order))
     if len(shape) < 2 or min(shape) < 0:

@@ -1,4 +1,4 @@
-"""Files with tables, opened by their kind."""
+"""Open files with tables, by format."""
 
 from collections.abc import Collection
 from pathlib import Path
@@ -20,13 +20,13 @@ def open_table(
 
     Args:
         path: the file.
-        kind: of it.
-        wanted: names of columns, by which a header is found.
+        kind: its format.
+        wanted: names of columns, by which the header is found.
         sheet: the sheet of an Excel file.
         strict: refuse rows that do not fit the header.
 
     Raises:
-        InputError: the file is damaged, or a sheet is named of a file that has none.
+        InputError: the file is damaged, or a sheet is named although the format has none.
     """
     if sheet is not None and kind is not EXCEL:
         raise InputError(

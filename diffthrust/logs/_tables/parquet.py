@@ -1,4 +1,4 @@
-"""Columns of Parquet files."""
+"""Read columns of Parquet files."""
 
 from collections.abc import Collection, Sequence
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust.logs._largest import Room
+from diffthrust.logs._largest import MemoryBudget
 from diffthrust.logs._tables.source import Cells, Dates, OpenTable, Other
 from diffthrust.logs._tables.table import damaged
 
@@ -21,26 +21,26 @@ def read_parquet(path: Path) -> OpenTable:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    room = Room(path)
-    room.take(path.stat().st_size)
+    budget = MemoryBudget(path)
+    budget.take(path.stat().st_size)
     try:
         data = path.read_bytes()
         plain = pq.ParquetFile(pa.BufferReader(data))
         kinds = {field.name: field.type for field in reversed(plain.schema_arrow)}
-        # equal texts are kept once, as they are in the file
+        # Keep equal texts once, as the file does: unpacked, they may take many times its size.
         texts = [name for name, kind in kinds.items() if _is_text(kind)]
         source = pq.ParquetFile(pa.BufferReader(data), read_dictionary=texts) if texts else plain
         names = list(plain.schema_arrow.names)
         rows = source.metadata.num_rows
-        room.take(8 * rows)
+        budget.take(8 * rows)
     except InputError:
         raise
-    except Exception as error:  # a damaged file raises whatever the reader came across
+    except Exception as error:  # a damaged file raises exceptions of any kind
         raise damaged(path, "Parquet", error) from None
 
     def read(wanted: Sequence[str], missing: Collection[str]) -> dict[str, Cells]:
         chosen = [n for n in dict.fromkeys(wanted) if not pa.types.is_nested(kinds[n])]
-        Room(path).take(_unpacked_size(source.metadata, chosen))
+        MemoryBudget(path).take(_unpacked_size(source.metadata, chosen))
         try:
             data = source.read(columns=chosen)
             data.validate(full=True)
@@ -58,9 +58,9 @@ def read_parquet(path: Path) -> OpenTable:
 
 
 def _unpacked_size(metadata: Any, columns: Collection[str]) -> int:
-    """The bytes that columns take: a number each, and what the file has of them before packing.
+    """Bytes of unpacked columns: 8 per number, or the size in the file before packing if larger.
 
-    The latter alone would not do: a number that repeats stands in the file once.
+    The size in the file alone is not enough: a repeated number is stored once.
     """
     size = 0
     for group in map(metadata.row_group, range(metadata.num_row_groups)):
@@ -78,7 +78,7 @@ def _is_text(kind: Any) -> bool:
 
 
 def _texts(column: Any) -> list[str | None]:
-    """The texts of a column of dictionaries; equal ones are one object."""
+    """The texts of a dictionary-encoded column; equal texts are one object."""
     cells: list[str | None] = []
     for chunk in column.chunks:
         words = [*chunk.dictionary.to_pylist(), None]
@@ -90,7 +90,7 @@ def _texts(column: Any) -> list[str | None]:
 def _cells(column: Any) -> Cells:
     import pyarrow as pa
 
-    other = Other(f"values of type {column.type}")
+    unreadable = Other(f"values of type {column.type}")
     try:
         if pa.types.is_dictionary(column.type) and _is_text(column.type.value_type):
             return _texts(column)
@@ -116,8 +116,8 @@ def _cells(column: Any) -> Cells:
             or pa.types.is_decimal(kind)
             or pa.types.is_null(kind)
         ):
-            return other
+            return unreadable
         numbers = column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
         return np.array(numbers, dtype=np.float64)
     except Exception:  # a type that Arrow cannot cast
-        return other
+        return unreadable

@@ -1,4 +1,4 @@
-"""Where a table stands among rows of cells: its header, and a row of units below it."""
+"""Locate a table among rows of cells: its header, and a row of units below it."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -8,14 +8,14 @@ from diffthrust.logs._tables.dates import formats_of, is_date
 from diffthrust.logs._units import unit_in
 
 SEARCHED = 200
-"""Rows at the top of a file among which the header is looked for."""
+"""Rows at the top of a file in which the header is searched."""
 
 Measure = tuple[int, bool, int, float, int]
 
 
 @dataclass(frozen=True)
 class Placement:
-    """Where a table stands.
+    """Position of a table.
 
     Args:
         names: of its columns.
@@ -23,10 +23,10 @@ class Placement:
         first: index of the first row of samples.
         units: unit by column, from the header or from a row of units below it.
         unit_row: index of the row of units, where there is one.
-        preamble: how many rows above the header are not of the table.
-        measure: how sure this is, to compare with other ways to cut the same text into cells: how
-            many of the wanted names the header has, whether it has as many cells as the rows, how
-            many of these there are, the share of numbers in them, and how many cells.
+        preamble: number of rows above the header.
+        measure: how plausible the table is, to compare ways of splitting the same text into cells:
+            number of wanted names in the header, whether it is as wide as the rows of numbers,
+            the number of those rows, their share of numbers, and their width.
     """
 
     names: list[str]
@@ -41,8 +41,8 @@ class Placement:
 def locate(rows: Sequence[Sequence[str]], wanted: Collection[str]) -> Placement | None:
     """Find the table in rows of cells.
 
-    The header is the first row that names all that is wanted; where none does, the one above the
-    first row of numbers.
+    The header is the first row that has all wanted names, or else the row above the first row of
+    numbers.
 
     Args:
         rows: cells as text, without blanks around them, of the top of the file.
@@ -57,7 +57,7 @@ def locate(rows: Sequence[Sequence[str]], wanted: Collection[str]) -> Placement 
     matched = {k: len(set(rows[k]) & set(wanted)) for k in filled}
     shares: dict[int, dict[int, float]] = {}
     for k in filled:
-        share = _share(rows[k])
+        share = _numeric_share(rows[k])
         if share >= 0.5:
             shares.setdefault(len(_trimmed(rows[k])), {})[k] = share
     width = max(shares, key=lambda n: (len(shares[n]), n), default=0)
@@ -73,15 +73,15 @@ def locate(rows: Sequence[Sequence[str]], wanted: Collection[str]) -> Placement 
     names = _trimmed(rows[header])
     units = {name: unit for name in names if (unit := unit_in(name))}
     below = [k for k in filled if k > header][:2]
-    own = _units(rows[below[0]]) if len(below) == 2 else None
-    if own:
-        units |= {name: unit for name, unit in zip(names, own, strict=False) if unit}
+    unit_names = _units(rows[below[0]]) if len(below) == 2 else None
+    if unit_names:
+        units |= {name: unit for name, unit in zip(names, unit_names, strict=False) if unit}
     return Placement(
         names,
         header,
-        below[0] + 1 if own else header + 1,
+        below[0] + 1 if unit_names else header + 1,
         units,
-        below[0] if own else None,
+        below[0] if unit_names else None,
         preamble=filled.index(header),
         measure=(
             matched[header],
@@ -93,10 +93,10 @@ def locate(rows: Sequence[Sequence[str]], wanted: Collection[str]) -> Placement 
     )
 
 
-def said(
+def skipped_notes(
     placement: Placement, rows: Sequence[Sequence[str]], number: Sequence[int], word: str
 ) -> list[str]:
-    """Sentences on the rows that were skipped; ``number`` counts the rows as the file does."""
+    """Notes on skipped rows; ``number`` gives the row numbers in the file."""
     notes = []
     if placement.preamble:
         many = placement.preamble > 1
@@ -110,24 +110,24 @@ def said(
 
 
 def _trimmed(row: Sequence[str]) -> list[str]:
-    """The cells but for empty ones at the end: a delimiter behind the last is no further cell."""
+    """Drop empty cells at the end: a delimiter after the last cell does not open another."""
     cells = list(row)
     while len(cells) > 1 and not cells[-1]:
         cells.pop()
     return cells
 
 
-def _share(row: Sequence[str]) -> float:
-    """The share of numbers and dates among the cells that are not empty."""
+def _numeric_share(row: Sequence[str]) -> float:
+    """The share of numbers and dates among non-empty cells."""
     full = [cell for cell in row if cell]
     return sum(is_number(c) or is_date(c) or bool(formats_of([c])) for c in full) / len(full)
 
 
 def _units(row: Sequence[str]) -> list[str] | None:
-    """The units in a row that holds nothing else; None for another row."""
+    """The units in a row of units; None for any other row."""
     bare = [cell.strip("[]()<> ") for cell in row]
-    known = [unit_in(f"[{cell}]") if cell not in ("", "-") else "" for cell in bare]
+    recognized = [unit_in(f"[{cell}]") if cell not in ("", "-") else "" for cell in bare]
     named = sum(cell not in ("", "-") for cell in bare)
-    if any(map(is_number, bare)) or not any(known):
+    if any(map(is_number, bare)) or not any(recognized):
         return None
-    return known if 2 * sum(map(bool, known)) >= named else None
+    return recognized if 2 * sum(map(bool, recognized)) >= named else None

@@ -1,4 +1,4 @@
-"""A table as its reader found it: names of columns, and cells that are numbers or not yet."""
+"""An open table: names of columns, and cells not yet converted to numbers."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from diffthrust.logs._tables.table import Table, absent_column, not_a_number, tw
 
 @dataclass(frozen=True)
 class Dates:
-    """Cells that the file itself holds as dates: seconds after the first, ``(n,)``, NaN missing."""
+    """Cells stored as dates: seconds after the first, ``(n,)``, NaN if missing."""
 
     seconds: np.ndarray
 
 
 @dataclass(frozen=True)
 class Other:
-    """Cells that are no column of numbers, in words such as ``an array of shape (2, 4)``."""
+    """Cells that are not a column of numbers, described, such as ``an array of shape (2, 4)``."""
 
-    found: str
+    description: str
 
 
 COMMAS = ": decimal commas were read as decimal points."
 
 Cells = np.ndarray | Dates | Other | Sequence[str | None]
-"""Numbers ``(n,)``, dates, text, or what they are instead."""
+"""Numbers ``(n,)``, dates, text, or a description of anything else."""
 
 
 @dataclass(frozen=True)
@@ -39,19 +39,19 @@ class OpenTable:
     """An open table.
 
     Args:
-        file: how messages name it.
-        kind: what it is, for people: ``"CSV table"``.
-        names: of its columns, in their order.
-        read: gives the cells of some columns by name; the second argument are texts that mean
+        file: name for messages.
+        kind: readable kind, such as ``"CSV table"``.
+        names: of its columns, in order.
+        read: returns the cells of some columns by name; the second argument are texts that mean
             missing.
-        rows: where each sample stands in the file, ``(n,)``, counted from 1; None for 1, 2, ...
-        row_word: what a row is called there: ``"line"``, ``"row"`` or ``"element"``.
-        column_word: what a column is called there: ``"column"`` or ``"variable"``.
-        comma: commas in its numbers are decimal ones; else only where they can be nothing else.
-        units: what the file itself says of the unit of a column.
+        rows: position of each sample in the file, ``(n,)``, counted from 1; None for 1, 2, ...
+        row_word: word for a row: ``"line"``, ``"row"`` or ``"element"``.
+        column_word: word for a column: ``"column"`` or ``"variable"``.
+        comma: commas in its numbers are decimal commas; otherwise only where unambiguous.
+        units: units of columns stated in the file.
         notes: sentences on how it was read.
-        sheet: the sheet of an Excel file that has several.
-        other: what to do about a column that holds no numbers.
+        sheet: the sheet, of an Excel file with several sheets.
+        mend: what to do about a column that holds no numbers.
     """
 
     file: str
@@ -65,7 +65,7 @@ class OpenTable:
     units: Mapping[str, str] = field(default_factory=dict)
     notes: Sequence[str] = ()
     sheet: str = ""
-    other: str = "choose a column of numbers."
+    mend: str = "choose a column of numbers."
 
 
 def table_of(
@@ -76,11 +76,11 @@ def table_of(
     Args:
         source: the table.
         wanted: names of the columns.
-        clock: the column of the time, which alone may hold dates.
+        clock: the time column, the only one that may hold dates.
         missing: texts that mean missing.
 
     Raises:
-        InputError: a column is absent, double, holds no numbers, or is of another length.
+        InputError: a column is absent, duplicated, holds no numbers, or has another length.
     """
     for name in wanted:
         if name not in source.names:
@@ -95,12 +95,12 @@ def table_of(
         column_word=source.column_word,
         notes=list(source.notes),
     )
-    found = source.read(wanted, missing)
+    content = source.read(wanted, missing)
     for name in wanted:
-        cells = found[name]
+        cells = content[name]
         if isinstance(cells, Other):
             raise InputError.at(
-                table.place(name), f"expected numbers, found {cells.found}.", source.other
+                table.place(name), f"expected numbers, found {cells.description}.", source.mend
             )
         count = len(cells.seconds if isinstance(cells, Dates) else cells)
         if not table.columns:
@@ -117,7 +117,7 @@ def table_of(
     if commas and len(commas) < len(wanted):
         pointed = [
             name
-            for name, cells in found.items()
+            for name, cells in content.items()
             if not isinstance(cells, np.ndarray | Dates | Other)
             and any(cell and "." in cell for cell in cells)
             and f"column {name!r}{COMMAS}" not in commas
@@ -139,7 +139,7 @@ def _numbers(
     form: str | None,
     missing: Collection[str],
 ) -> np.ndarray:
-    """A column's numbers; ``form`` is None unless it is the time's, whose dates it describes."""
+    """The numbers of a column; ``form`` is the date format of the time column, else None."""
     if isinstance(cells, Dates):
         if form is None:
             raise InputError.at(
@@ -163,8 +163,8 @@ def _numbers(
         if form:
             raise InputError.at(
                 place,
-                f"expected {bad.expected}, found {bad.found}.",
-                f"correct the format, dates = {form!r}, or list {bad.found} under missing_values.",
+                f"expected {bad.expected}, found {bad.text}.",
+                f"correct the format, dates = {form!r}, or list {bad.text} under missing_values.",
             ) from None
         raise not_a_number(place, bad) from None
     if commas:
@@ -182,15 +182,15 @@ def text_numbers(
     Args:
         cells: text of the cells.
         missing: texts that mean missing.
-        comma: commas are decimal ones, as in `number_cells`.
-        is_time: dates are possible.
+        comma: commas are decimal commas, as in `number_cells`.
+        is_time: dates are allowed.
 
     Returns:
         Numbers, ``(n,)``, whether they were dates, and whether they had decimal commas.
 
     Raises:
         OtherDate: dates that do not begin with the year.
-        BadCell: a cell can be read in no way.
+        BadCell: a cell is neither a number nor a date.
     """
     try:
         numbers, commas = number_cells(cells, missing, comma)
@@ -202,5 +202,5 @@ def text_numbers(
             return seconds_of(cells, missing), True, False
         written = [c for c in cells if c and c.strip() not in missing]
         if formats := formats_of(written):
-            raise OtherDate(bad.index, bad.found, formats) from None
+            raise OtherDate(bad.index, bad.text, formats) from None
         raise

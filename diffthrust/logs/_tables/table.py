@@ -1,4 +1,4 @@
-"""A table of numbers with the place of each, and the errors of all that read one."""
+"""A table of numbers with their places in the file, and the errors of its readers."""
 
 import re
 from collections.abc import Collection, Sequence
@@ -22,9 +22,9 @@ class Table:
     Args:
         file: name of the file, for messages.
         columns: numbers by column name, each of shape (n,), NaN where the cell is empty.
-        rows: where each sample stands in the file, shape (n,), counted from 1.
-        row_word: what a row is called there: ``"line"``, ``"row"`` or ``"element"``.
-        column_word: what a column is called there: ``"column"`` or ``"variable"``.
+        rows: position of each sample in the file, shape (n,), counted from 1.
+        row_word: word for a row: ``"line"``, ``"row"`` or ``"element"``.
+        column_word: word for a column: ``"column"`` or ``"variable"``.
         notes: sentences on how the file was read.
         dates: the time column held dates or durations and is in seconds already.
     """
@@ -59,7 +59,7 @@ class Table:
                 values[values == number] = np.nan
 
     def keep(self, rows: np.ndarray) -> None:
-        """Keep these rows alone: booleans, ``(n,)``."""
+        """Keep only the marked rows: booleans, ``(n,)``."""
         self.columns = {name: values[rows] for name, values in self.columns.items()}
         self.rows = self.rows[rows]
 
@@ -94,10 +94,10 @@ class Table:
             stop: last moment to keep.
 
         Returns:
-            The time stamps that are left.
+            The time stamps kept.
 
         Raises:
-            InputError: none is left.
+            InputError: no sample is kept.
         """
         keep = window(stamps, start, stop)
         first = 0.0 if start is None else start
@@ -118,7 +118,7 @@ class Table:
 
 
 def absent_column(file: str, wanted: str, names: Sequence[str], word: str) -> InputError:
-    """Make the error for a column that the file does not have."""
+    """The error for a column that is not in the file."""
     near = nearest(wanted, names)
     return InputError.at(
         Place(file, wanted),
@@ -128,22 +128,22 @@ def absent_column(file: str, wanted: str, names: Sequence[str], word: str) -> In
 
 
 def not_a_number(place: Place, bad: BadCell) -> InputError:
-    """Make the error for a cell that is not a number."""
-    if _MARKED.fullmatch(bad.found):
+    """The error for a cell that is not a number."""
+    if _MARKED.fullmatch(bad.text):
         return InputError.at(
             place,
-            f"expected {bad.expected}, found {bad.found}, whose comma may mark thousands.",
-            "write numbers without marks between thousands, and with a decimal point.",
+            f"expected {bad.expected}, found {bad.text}, whose comma may be a thousands separator.",
+            "write numbers without thousands separators, and with a decimal point.",
         )
     return InputError.at(
         place,
-        f"expected {bad.expected}, found {bad.found}.",
-        f"list {bad.found} under [logs] missing_values, or remove the line.",
+        f"expected {bad.expected}, found {bad.text}.",
+        f"list {bad.text} under [logs] missing_values, or remove the line.",
     )
 
 
 def damaged(path: Path, kind: str, error: Exception) -> InputError:
-    """Make the error for a file that its reader cannot read."""
+    """The error for a file that its reader cannot read."""
     reason = " ".join(str(error).split())[:160] or type(error).__name__
     return InputError(
         f"{path.name}: expected a {kind} file, found something that cannot be read ({reason}).",
@@ -152,7 +152,7 @@ def damaged(path: Path, kind: str, error: Exception) -> InputError:
 
 
 def twice(file: str, name: str, word: str) -> InputError:
-    """Make the error for a wanted column whose name stands twice in the file."""
+    """The error for a wanted column whose name occurs twice in the file."""
     return InputError.at(
         Place(file, name),
         f"expected one {word} {name!r}, found several of that name.",

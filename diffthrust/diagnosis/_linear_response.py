@@ -23,14 +23,14 @@ from diffthrust.estimation._likelihood import Quadratic
 from diffthrust.estimation._one_step import batch_passes
 from diffthrust.estimation._problem import Problem
 
-_AT_ONCE, _MANY = 32, 128
+_NARROW, _WIDE = 32, 128
 """So many series are carried through a log together, or so many where there are more than half of
 that: a step of the loop takes hardly longer with them."""
-_BLOCKS = 48
+_SCATTER_BLOCKS = 48
 """Blocks of time into which each log is divided for the scatter of the gradient."""
 
 
-class Response:
+class LinearResponse:
     """The answer of the one-step errors of a trial.
 
     Args:
@@ -66,7 +66,7 @@ class Response:
             ends = [np.concatenate([start[..., 1:], start[..., -1:]], axis=-1) for start in series]
         held = [dict(grid.hold).get(place) == "zero" for grid in self.problem.layout.grids]
         return [
-            _answer(
+            _response_to(
                 slopes, slopes.places.index(place), start, start if still else 0.5 * (start + end)
             )
             for slopes, start, end, still in zip(self.slopes, series, ends, held, strict=True)
@@ -133,13 +133,13 @@ class Response:
         """
         n, extra = self.problem.shared, more[0].shape[1] if more else 0
         extra_slice = slice(n, n + extra)
-        step = _full_step(q.information, q.gradient, movable)
+        step = _gauss_newton_step(q.information, q.gradient, movable)
         room = np.clip(step[extra_slice], *limits)
         if np.any(room != step[extra_slice]):  # those that would go beyond their bounds go to them
             movable = movable.copy()
             movable[extra_slice] = False
             slope = q.gradient + q.information[:, extra_slice] @ room
-            step = _full_step(q.information, slope, movable)
+            step = _gauss_newton_step(q.information, slope, movable)
             step[extra_slice] = room
         logs = sum(map(len, self.errors))
         starts = step[n + extra :].reshape(logs, len(self.problem.layout.starts))
@@ -207,7 +207,9 @@ class Response:
         return out
 
 
-def _full_step(information: np.ndarray, gradient: np.ndarray, movable: np.ndarray) -> np.ndarray:
+def _gauss_newton_step(
+    information: np.ndarray, gradient: np.ndarray, movable: np.ndarray
+) -> np.ndarray:
     """Of Gauss and Newton, in the coordinates that may move."""
     length = np.sqrt(np.diagonal(information))
     live = (length > 0) & movable
@@ -220,10 +222,10 @@ def _full_step(information: np.ndarray, gradient: np.ndarray, movable: np.ndarra
 
 def _by_blocks(products: np.ndarray) -> np.ndarray:
     """Sums of ``(B, k, C, T)`` over channels and blocks of time, ``(k, B * blocks)``."""
-    size = -(-products.shape[-1] // _BLOCKS)
-    padding = _BLOCKS * size - products.shape[-1]
+    size = -(-products.shape[-1] // _SCATTER_BLOCKS)
+    padding = _SCATTER_BLOCKS * size - products.shape[-1]
     padded = np.pad(products.sum(axis=2), ((0, 0), (0, 0), (0, padding)))
-    sums = padded.reshape(*padded.shape[:2], _BLOCKS, size).sum(axis=-1)
+    sums = padded.reshape(*padded.shape[:2], _SCATTER_BLOCKS, size).sum(axis=-1)
     return sums.transpose(1, 0, 2).reshape(sums.shape[1], -1)
 
 
@@ -232,15 +234,17 @@ def _law(layout: Any, numbers: Any, errors: Any) -> Any:
     return layout.cost(numbers, errors)
 
 
-def _answer(slopes: StepSlopes, place: int, series: np.ndarray, over: np.ndarray) -> np.ndarray:
+def _response_to(
+    slopes: StepSlopes, place: int, series: np.ndarray, over: np.ndarray
+) -> np.ndarray:
     """The errors' answer to series ``(B, K, T)`` at a place, ``(B, K, C, T)``."""
     count = series.shape[1]
-    wide = _MANY if 2 * count > _MANY else _AT_ONCE
+    wide = _WIDE if 2 * count > _WIDE else _NARROW
     room = ((0, 0), (0, -count % wide), (0, 0))
     series, over = np.pad(series, room), np.pad(over, room)
     now, later, shown = (chunk[..., place] for chunk in (slopes.now, slopes.over, slopes.shown))
     out = [
-        np.asarray(_carried(slopes.carry, slopes.seen, now, later, shown, *chunk))
+        np.asarray(_propagated(slopes.carry, slopes.seen, now, later, shown, *chunk))
         for at in range(0, count, wide)
         for chunk in [(series[:, at : at + wide], over[:, at : at + wide])]
     ]
@@ -248,7 +252,7 @@ def _answer(slopes: StepSlopes, place: int, series: np.ndarray, over: np.ndarray
 
 
 @jax.jit
-def _carried(
+def _propagated(
     carry: Any, output: Any, now: Any, later: Any, shown: Any, series: Any, over: Any
 ) -> Any:
     def log_response(log: Any) -> Any:

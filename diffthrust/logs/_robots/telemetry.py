@@ -1,4 +1,4 @@
-"""The messages of ArduPilot's telemetry logs (.tlog), one after the other."""
+"""Iterate over the messages of ArduPilot's telemetry logs (.tlog)."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ class Received:
 
     Args:
         stamp: its time stamp [ns].
-        name: what kind of message it is.
-        source: system and component that sent it; empty in a DataFlash log.
-        instance: which of several like it; empty where there is one.
-        fields: the names of its fields.
-        get: gives the value of a field.
-        units: what MAVLink says of the unit of a field.
+        name: kind of message.
+        source: system and component that sent it.
+        instance: the instance, such as the number of a motor; empty if there is only one.
+        fields: names of its fields.
+        get: returns the value of a field.
+        units: units of fields defined by MAVLink.
     """
 
     stamp: int
@@ -40,26 +40,26 @@ class Recording:
     """An open file.
 
     Args:
-        known: the kinds of messages in it.
-        messages: those that were asked for, in the file's order.
-        damages: what could not be read, and where; complete when the messages have been read.
+        message_names: the kinds of messages in it.
+        messages: the requested messages, in the file's order.
+        damages: what could not be read, and where; complete once all messages were read.
     """
 
-    known: set[str]
+    message_names: set[str]
     messages: Iterator[Received]
     damages: list[str] = field(default_factory=list)
 
 
 @contextmanager
 def telemetry(path: Path, names: set[str] | None) -> Iterator[Recording]:
-    """Open a telemetry log: frames of MAVLink 1 and 2, each after the microsecond of its reception.
+    """Open a telemetry log: frames of MAVLink 1 and 2, each preceded by its time of reception [us].
 
     Args:
         path: the file.
         names: the messages to read; None for all.
 
     Raises:
-        ValueError: there is no such frame in it.
+        ValueError: it holds no such frame.
     """
     from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -92,7 +92,7 @@ def telemetry(path: Path, names: set[str] | None) -> Iterator[Recording]:
 
 
 def _frames(data: bytes, damages: list[str]) -> Iterator[tuple[int, int, int, int]]:
-    """Stamp [us], message number, begin and end of each frame; what is no frame is skipped."""
+    """Time stamp [us], message number, begin and end of each frame; other bytes are skipped."""
     at = 0
     skipped = None
     while at + 8 + 8 <= len(data):

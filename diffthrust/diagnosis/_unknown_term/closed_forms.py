@@ -1,4 +1,10 @@
-"""Closed forms of a learned law: how likely each is, and as an effect."""
+"""Closed forms that a law may have.
+
+Each is an expression of one signal ``x`` with an amplitude ``a``, and as far as it has them a place
+``b`` and a width ``c`` in the signal's unit, an exponent ``p``, and a wave number ``k``.
+
+Closed forms of a learned law: how likely each is, and as an effect.
+"""
 
 from __future__ import annotations
 
@@ -9,20 +15,112 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diffthrust.diagnosis._learning.closed_forms import FORMS, Form
-from diffthrust.diagnosis._learning.ground import Ground
-from diffthrust.diagnosis._learning.hypotheses import unit_following
+from diffthrust.diagnosis._unknown_term.evidence import LinearizedEvidence
+from diffthrust.diagnosis._unknown_term.terms import unit_following
 from diffthrust.effects._curve import Curve
 from diffthrust.effects._formula import Formula
 from diffthrust.effects._grammar import expression_of
 from diffthrust.logs._units import product_unit
 from diffthrust.models._base.made_effect import ARRIVING
 
+
+class Form(NamedTuple):
+    """A closed form.
+
+    Args:
+        name: in words.
+        text: the expression, of ``x``, ``a`` and further parameters; ``r`` is a typical size of x.
+        per: by which power of the signal's unit that of the amplitude is divided.
+        words: how it goes, for people; ``{a}``, ``{b}``, ``{c}``, ``{p}`` are told with units.
+        plain: the form of fewer parameters that it comes near to.
+        even: whether its place ``b`` stands for both signs of the signal.
+        far: whether that may lie beyond the range of the signal.
+    """
+
+    name: str
+    text: str
+    per: int = 0
+    words: str = ""
+    plain: str = ""
+    even: bool = False
+    far: bool = False
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Its parameters besides the amplitude."""
+        return tuple(n for n in expression_of(self.text).places if n in ("b", "c", "p", "k"))
+
+    def over(self, x: np.ndarray, values: Mapping[str, float]) -> np.ndarray:
+        """The form over a signal, at values of its parameters and of ``r``; its shape is that."""
+        law = expression_of(self.text)
+        with np.errstate(all="ignore"):
+            result = law({"x": x, **values}.__getitem__, np)
+        return np.broadcast_to(np.asarray(result, float), x.shape)
+
+
+FORMS = (
+    Form("constant", "a", 0, "does not change with {x}"),
+    Form("linear", "a * x", 1, "goes in proportion to {x}"),
+    Form(
+        "line", "a * (x - b)", 1,
+        "goes in proportion to {x}, from {b} on and below", "linear", far=True,
+    ),
+    Form("even square", "a * x**2", 2, "goes with the square of {x}"),
+    Form("square with sign", "a * x * abs(x)", 2, "goes with {x} times its size"),
+    Form("cubic", "a * x**3", 3, "goes with the cube of {x}"),
+    Form(
+        "power", "a * sign(x) * (abs(x) / r)**p", 0,
+        "goes with {x}, to the power of {p}", "linear",
+    ),
+    Form(
+        "even power", "a * (abs(x) / r)**p", 0,
+        "goes with the size of {x}, to the power of {p}", "even square",
+    ),
+    Form("dry", "a * tanh(x / (0.02 * r))", 0, "is of constant size, with the sign of {x}"),
+    Form("saturating", "a * tanh(x / c)", 0, "goes with {x}, and saturates beyond {c}", "linear"),
+    Form(
+        "dead zone", "a * sign(x) * max(abs(x) - b, 0)", 1,
+        "goes in proportion to {x}, beyond {b}", "linear", even=True,
+    ),
+    Form("ramp above", "a * max(x - b, 0)", 1, "goes in proportion to {x}, above {b}", "linear"),
+    Form("ramp below", "a * max(b - x, 0)", 1, "goes in proportion to {x}, below {b}", "linear"),
+    Form(
+        "square beyond", "a * max(abs(x) - b, 0)**2", 2,
+        "goes by the square of {x}, beyond {b}", "even square", even=True,
+    ),
+    Form("square above", "a * max(x - b, 0)**2", 2, "goes by the square of {x}, above {b}"),
+    Form("square below", "a * max(b - x, 0)**2", 2, "goes by the square of {x}, below {b}"),
+    Form(
+        "exponential", "a * (exp(x / c) - 1)", 0,
+        "goes exponentially with {x}, over {c}", "linear",
+    ),
+    Form(
+        "levelling", "a * (1 - exp(-x / c))", 0,
+        "goes with {x}, and levels off over {c}", "linear",
+    ),
+    Form("hump", "a * exp(-((x - b) / c)**2)", 0, "is a hump of {x} about {b}, {c} to either side"),
+    Form(
+        "hump of both signs", "a * exp(-((abs(x) - b) / c)**2)", 0,
+        "is a hump of {x} about {b} and about its opposite, {c} to either side", even=True,
+    ),
+    Form(
+        "odd humps", "a * (exp(-((x - b) / c)**2) - exp(-((x + b) / c)**2))", 0,
+        "is a hump of {x} about {b}, and one of the other sign about its opposite, {c} to either "
+        "side", even=True,
+    ),
+    Form("ripple", "a * sin(k * (x - b))", 0, "goes in waves along {x}, of {k}"),
+    Form(
+        "step", "a * (1 + tanh((x - b) / c)) / 2", 0,
+        "is a step of {x} at {b}, {c} to either side",
+    ),
+)  # fmt: skip
+
+
 _PLACES, _WIDTHS, _EXPONENTS = 17, (0.05, 0.1, 0.2, 0.4), (0.5, 1.5, 2.5, 3.5)
-_LEAST_WIDTH, _LARGEST_WIDTH, _BEYOND, _FAR = 0.01, 2.0, 0.1, 4.0
+_LEAST_WIDTH, _LARGEST_WIDTH, _PLACE_MARGIN, _FAR_PLACE_MARGIN = 0.01, 2.0, 0.1, 4.0
 """Shares of the range of the signal: within which widths are, and how far beyond it places may lie:
 as estimated, and of forms whose place may be far."""
-_WAVES = 9
+_MOST_WAVES = 9
 """A ripple is looked for with fewer waves than this over the range of the signal."""
 
 
@@ -44,7 +142,7 @@ class Match(NamedTuple):
     times: str = ""
 
 
-def matches(grounds: Mapping[str, Ground]) -> list[Match]:
+def ranked_matches(grounds: Mapping[str, LinearizedEvidence]) -> list[Match]:
     """The forms by how likely each makes one-step errors, where it is best; the likeliest first.
 
     Args:
@@ -52,7 +150,7 @@ def matches(grounds: Mapping[str, Ground]) -> list[Match]:
     """
     return sorted(
         (
-            likeliest_match(form, ground)._replace(times=times)
+            best_match(form, ground)._replace(times=times)
             for times, ground in grounds.items()
             for form in FORMS
         ),
@@ -60,7 +158,7 @@ def matches(grounds: Mapping[str, Ground]) -> list[Match]:
     )
 
 
-def formula_of(match: Match, curve: Curve, unit: str, signal_unit: str, channel: str) -> Formula:
+def as_formula(match: Match, curve: Curve, unit: str, signal_unit: str, channel: str) -> Formula:
     """A form as an effect at the place of a curve, beginning where it is likeliest.
 
     Args:
@@ -71,7 +169,7 @@ def formula_of(match: Match, curve: Curve, unit: str, signal_unit: str, channel:
         channel: which is that of a channel of the model; "" for none.
     """
     form = match.form
-    text = _spelt(form, curve.signal, match)
+    text = _substituted(form, curve.signal, match)
     law = f"{match.times} * ({text})" if match.times else text
     if match.times == ARRIVING:
         law = f"value * (1 + {text})"
@@ -79,7 +177,7 @@ def formula_of(match: Match, curve: Curve, unit: str, signal_unit: str, channel:
         law = f"value + {law}"
     amplitude = product_unit((unit, 1), (signal_unit, -form.per))
     span = curve.high - curve.low
-    reach = 2.0 * _FAR * span if form.far else _BEYOND * span
+    reach = 2.0 * _FAR_PLACE_MARGIN * span if form.far else _PLACE_MARGIN * span
     lowest = 0.0 if form.even else curve.low - reach
     of_signal = unit_following(channel, signal_unit)
     fields = {
@@ -89,7 +187,7 @@ def formula_of(match: Match, curve: Curve, unit: str, signal_unit: str, channel:
         "c": {"unit": of_signal, "bounds": _short(_LEAST_WIDTH * span, _LARGEST_WIDTH * span)},
         "p": {"unit": "", "bounds": (0.1, 6.0)},
         "k": {"unit": product_unit(("rad", 1), (signal_unit, -1)),
-              "bounds": _short(1.0 / span, 10.0 * _WAVES / span)},
+              "bounds": _short(1.0 / span, 10.0 * _MOST_WAVES / span)},
     }  # fmt: skip
     names = _names(form, curve.signal, match.times)
     parameters = {}
@@ -131,7 +229,7 @@ def _names(form: Form, *expressions: str) -> dict[str, str]:
     return {n: n if n not in taken else f"{n}_form" for n in ("a", *form.parameters)}
 
 
-def _spelt(form: Form, signal: str, match: Match) -> str:
+def _substituted(form: Form, signal: str, match: Match) -> str:
     """A form's expression of a signal, in place of ``x`` and ``r``."""
     import re
 
@@ -144,7 +242,7 @@ def _spelt(form: Form, signal: str, match: Match) -> str:
     return ast.unparse(ast.parse(spelt, mode="eval").body)
 
 
-def likeliest_match(form: Form, ground: Ground) -> Match:
+def best_match(form: Form, ground: LinearizedEvidence) -> Match:
     """A form at the place, width, exponent that make one-step errors likeliest."""
     from scipy.optimize import minimize  # slow to import
 
@@ -154,14 +252,14 @@ def likeliest_match(form: Form, ground: Ground) -> Match:
     if form.even:
         low, high = 0.0, max(abs(low), abs(high))
     elif form.far:
-        low, high = low - _FAR * span, high + _FAR * span
+        low, high = low - _FAR_PLACE_MARGIN * span, high + _FAR_PLACE_MARGIN * span
     grids = {
         "b": np.linspace(low, high, _PLACES + 2)[1:-1], "c": span * np.array(_WIDTHS),
-        "p": np.array(_EXPONENTS), "k": waves * np.arange(2.0, _WAVES),
+        "p": np.array(_EXPONENTS), "k": waves * np.arange(2.0, _MOST_WAVES),
     }  # fmt: skip
     ends = {
         "b": (low, high), "c": (_LEAST_WIDTH * span, _LARGEST_WIDTH * span), "p": (0.2, 5.0),
-        "k": (1.5 * waves, _WAVES * waves),
+        "k": (1.5 * waves, _MOST_WAVES * waves),
     }  # fmt: skip
     unit = {"b": span, "c": span, "p": 1.0, "k": 1.0 / span}
 

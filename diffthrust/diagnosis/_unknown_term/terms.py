@@ -1,23 +1,87 @@
-"""Laws that may be missing at a place: a function of a signal or its past, times another."""
+"""Terms that may be missing at a port: a function of a signal or of its past, times another signal.
+
+Each is evaluated along a trial's path, at every sample and just before the next one: an input may
+be held between samples, so what it drives does not run straight to its value at the next sample.
+
+"""
 
 from __future__ import annotations
 
 import ast
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
-from diffthrust.diagnosis._learning.sight import Added, Sight, along, sight
 from diffthrust.diagnosis._ports import DrivingPort, words_and_unit
-from diffthrust.diagnosis._structure import Observed, behind
-from diffthrust.diagnosis._waves import Wave, wave_along
+from diffthrust.diagnosis._residual_structure import (
+    ObservedSignals,
+    Wave,
+    downstream_ports,
+    observed_signals,
+    wave_along,
+)
 from diffthrust.effects._curve import Curve
 from diffthrust.effects._grammar import expression_of
+from diffthrust.effects._memory import values_along
 from diffthrust.logs._units import product_unit
 from diffthrust.models._base.made_effect import ARRIVING
 from diffthrust.models._base.model import Model
+from diffthrust.simulation._levels import port_readings
+
+
+class PortSeries(NamedTuple):
+    """What is added at a port log by log, ``(K, T)``: at the samples, and as the next ones come."""
+
+    now: Sequence[np.ndarray]
+    end: Sequence[np.ndarray]
+
+
+class Regressors(NamedTuple):
+    """What a trial sees at the samples of the training logs, and as the next ones come."""
+
+    now: ObservedSignals
+    end: ObservedSignals
+
+
+def regressors_of(trials: CandidateFitter, trial: TrialFit) -> Regressors:
+    """What a trial sees of the training logs."""
+    now = observed_signals(trials, trial)
+    paths = [
+        {
+            name: series if log.hold.get(name) == "zero" else np.append(series[1:], series[-1:])
+            for name, series in path.items()
+        }
+        for log, path in zip(trials.logs, now.paths, strict=True)
+    ]
+    return Regressors(
+        now, ObservedSignals(paths, [port_readings(trials.model, path) for path in paths])
+    )
+
+
+def expression_along(
+    expression: str, parameters: Mapping[str, Mapping[str, Any]], regressors: Regressors, port: str
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """An expression of signals as an effect at a port reads it, log by log; ``(T,)`` each.
+
+    At the samples, and as the next ones come.
+    """
+    law = expression_of(expression)
+    values = {name: fields["value"] for name, fields in parameters.items()}
+
+    def named(when: ObservedSignals, log: int) -> Callable[[str], Any]:
+        return {**when.paths[log], ARRIVING: when.ports[log][port], **values}.__getitem__
+
+    now, end = [], []
+    for log, path in enumerate(regressors.now.paths):
+        current, later = values_along(
+            law, named(regressors.now, log), named(regressors.end, log), path["time"]
+        )
+        now.append(current)
+        end.append(later)
+    return now, end
+
 
 CLOCK = "integral(1)"
 """The time since the log began."""
@@ -25,19 +89,19 @@ TIME, WIDTH = "time_constant", "half_width"
 """Parameters of what remembers,"""
 NUMBER, PHASE = "wave_number", "phase"
 """and of waves."""
-_PASTS = (20, 100, 500)
+_LAG_SAMPLES = (20, 100, 500)
 """Samples over which the past of a signal is remembered."""
-_SLOW = (100, 250, 600)
+_HEAT_SAMPLES = (100, 250, 600)
 """The same of its square, which heats what is cold at first."""
-_PLAYS = (0.02, 0.06, 0.18)
+_PLAY_SHARES = (0.02, 0.06, 0.18)
 """Half the width of a play, over the range of its signal;"""
-_WIDEST = 0.25
+_WIDEST_PLAY = 0.25
 """a wider one would hardly be pushed at all."""
-_RANGE = 100.0
+_PARAMETER_RANGE = 100.0
 """A time constant or a width is estimated within so many times its first guess."""
 
 
-class Hypothesis(NamedTuple):
+class Term(NamedTuple):
     """A law that may be missing: ``value + times * curve(signal)`` at a port.
 
     Args:
@@ -60,14 +124,14 @@ class Hypothesis(NamedTuple):
     over_end: Sequence[np.ndarray]
     factor_end: Sequence[np.ndarray] | None
 
-    def added(self, curve: Curve) -> Added:
+    def added(self, curve: Curve) -> PortSeries:
         """What each coefficient of a curve adds."""
         now = [curve.basis(series) for series in self.over]
         end = [curve.basis(series) for series in self.over_end]
         if self.factor is not None and self.factor_end is not None:
             now = [row * by for row, by in zip(now, self.factor, strict=True)]
             end = [row * by for row, by in zip(end, self.factor_end, strict=True)]
-        return Added(now, end)
+        return PortSeries(now, end)
 
     @property
     def straight(self) -> bool:
@@ -75,7 +139,7 @@ class Hypothesis(NamedTuple):
         return NUMBER in self.parameters
 
 
-class Scene(NamedTuple):
+class TermSpace(NamedTuple):
     """Of what laws may be made.
 
     Args:
@@ -87,26 +151,26 @@ class Scene(NamedTuple):
 
     trials: CandidateFitter
     place: DrivingPort
-    seen: Sight
+    seen: Regressors
     waves: Mapping[str, Wave]
 
 
-def scene(trials: CandidateFitter, trial: TrialFit, place: DrivingPort) -> Scene:
+def term_space(trials: CandidateFitter, trial: TrialFit, place: DrivingPort) -> TermSpace:
     """Of what a law may be made that is missing at a place beside a trial."""
-    regressors = sight(trials, trial)
+    regressors = regressors_of(trials, trial)
     moving = [n for n in _readable(trials, regressors.now) if n in trials.model.states]
     waves = {name: wave for name in moving if (wave := wave_along(trial, name))}
-    return Scene(trials, place, regressors, waves)
+    return TermSpace(trials, place, regressors, waves)
 
 
-def simple_laws(at: Scene) -> Iterator[Hypothesis]:
+def single_signal_terms(at: TermSpace) -> Iterator[Term]:
     """Functions of one signal at a place: added there, or scaling what passes a port behind it."""
-    for port in dict.fromkeys((at.place.port, *behind(at.trials, at.place))):
+    for port in dict.fromkeys((at.place.port, *downstream_ports(at.trials, at.place))):
         for times in ("", ARRIVING) if port == at.place.port else (ARRIVING,):
-            yield from _of_each_signal(at, port, times)
+            yield from _terms_of_signals(at, port, times)
 
 
-def products(at: Scene, best: Sequence[Hypothesis]) -> Iterator[Hypothesis]:
+def product_terms(at: TermSpace, best: Sequence[Term]) -> Iterator[Term]:
     """Functions of a signal as it is, and of those of the likeliest laws, times another signal.
 
     They act where the likeliest does.
@@ -114,7 +178,7 @@ def products(at: Scene, best: Sequence[Hypothesis]) -> Iterator[Hypothesis]:
     names, port = _readable(at.trials, at.seen.now), best[0].port
     likely = {law.signal for law in best}
     for times in (expression for name in names for expression in (name, f"abs({name})")):
-        for law in _of_each_signal(at, port, times, {*names, *likely}):
+        for law in _terms_of_signals(at, port, times, {*names, *likely}):
             if (
                 law.parameters or law.signal not in expression_of(times).places
             ):  # one of one signal is had already
@@ -178,33 +242,33 @@ def _unit(node: ast.AST, units: Mapping[str, str]) -> str:
     return _unit(node.left, units) if isinstance(node, ast.BinOp) else ""
 
 
-def _of_each_signal(
-    at: Scene, port: str, times: str, only: Collection[str] = ()
-) -> Iterator[Hypothesis]:
+def _terms_of_signals(
+    at: TermSpace, port: str, times: str, only: Collection[str] = ()
+) -> Iterator[Term]:
     for signal, parameters in _expressions(at, port, times):
         if only and signal not in only:
             continue
-        law = hypothesis(at.seen, port, signal, times, parameters)
+        law = term_along(at.seen, port, signal, times, parameters)
         pooled = np.concatenate(law.over)
         if np.ptp(pooled) > 1e-9 * (1.0 + np.abs(pooled).max()):  # no constant
             yield law
 
 
-def hypothesis(
-    regressors: Sight,
+def term_along(
+    regressors: Regressors,
     port: str,
     signal: str,
     times: str,
     parameters: Mapping[str, Mapping[str, Any]],
-) -> Hypothesis:
+) -> Term:
     """A law with its signal and factor along the logs, at the values of its parameters."""
-    over, over_end = along(signal, parameters, regressors, port)
-    factor, factor_end = along(times, {}, regressors, port) if times else (None, None)
-    return Hypothesis(port, signal, times, parameters, over, factor, over_end, factor_end)
+    over, over_end = expression_along(signal, parameters, regressors, port)
+    factor, factor_end = expression_along(times, {}, regressors, port) if times else (None, None)
+    return Term(port, signal, times, parameters, over, factor, over_end, factor_end)
 
 
 def _expressions(
-    at: Scene, port: str, times: str
+    at: TermSpace, port: str, times: str
 ) -> Iterator[tuple[str, Mapping[str, Mapping[str, Any]]]]:
     """Signals, and what they were, with first guesses of the time or the width that it takes."""
     trials, place, regressors, waves = at
@@ -213,21 +277,21 @@ def _expressions(
     for name in names:
         yield name, {}
         for text, pasts in (
-            (f"lag({name}, {TIME})", _PASTS),
-            (f"lag({name}**2, {TIME}, 0)", _SLOW),
+            (f"lag({name}, {TIME})", _LAG_SAMPLES),
+            (f"lag({name}**2, {TIME}, 0)", _HEAT_SAMPLES),
         ):
             for samples in pasts:
-                yield text, {TIME: _guessed(samples * step, "s")}
+                yield text, {TIME: _guess(samples * step, "s")}
     for name, wave in waves.items():
-        yield f"sin({NUMBER} * {name} + {PHASE})", _of_wave(wave, units.get(name, ""))
+        yield f"sin({NUMBER} * {name} + {PHASE})", _wave_parameters(wave, units.get(name, ""))
     arriving = [ARRIVING] if place.state and not times else []
     for name in (*names, *arriving):
-        pooled = np.concatenate(along(name, {}, regressors, port)[0])
-        for share in _PLAYS:
+        pooled = np.concatenate(expression_along(name, {}, regressors, port)[0])
+        for share in _PLAY_SHARES:
             width = share * float(np.ptp(pooled))
             if width > 0:
                 unit = unit_following(channel_of(name, trials.model), units.get(name, ""))
-                parameter = _guessed(width, unit, _WIDEST * float(np.ptp(pooled)))
+                parameter = _guess(width, unit, _WIDEST_PLAY * float(np.ptp(pooled)))
                 yield f"{name} - play({name}, {WIDTH})", {WIDTH: parameter}
         if name in names:
             yield f"integral({name})", {}
@@ -236,12 +300,12 @@ def _expressions(
     yield CLOCK, {}
 
 
-def _guessed(value: float, unit: str, most: float = np.inf) -> dict[str, Any]:
-    bounds = (value / _RANGE, min(value * _RANGE, most))
+def _guess(value: float, unit: str, most: float = np.inf) -> dict[str, Any]:
+    bounds = (value / _PARAMETER_RANGE, min(value * _PARAMETER_RANGE, most))
     return {"unit": unit, "value": value, "bounds": bounds, "transform": "log"}
 
 
-def _of_wave(wave: Wave, unit: str) -> dict[str, dict[str, Any]]:
+def _wave_parameters(wave: Wave, unit: str) -> dict[str, dict[str, Any]]:
     """Whole runs must not take it for another wave: their errors have many false minima."""
     (number, phase, off), turn = wave, 2.0 * np.pi
     unit = product_unit(("rad", 1), (unit, -1))
@@ -252,7 +316,7 @@ def _of_wave(wave: Wave, unit: str) -> dict[str, dict[str, Any]]:
     }
 
 
-def _readable(trials: CandidateFitter, observed_logs: Observed) -> list[str]:
+def _readable(trials: CandidateFitter, observed_logs: ObservedSignals) -> list[str]:
     """The inputs, and the states that are measured, as far as all logs have them."""
     everywhere = set.intersection(*(set(path) for path in observed_logs.paths))
     model = trials.model
