@@ -14,7 +14,6 @@ from diffthrust._support.literals import ToCopy
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from rich.console import RenderableType
 
 Style = Literal["", "strong", "quiet", "good", "bad", "doubtful", "term"]
 
@@ -143,12 +142,6 @@ class Report:
 
     def __init__(self, *sections: Section) -> None:
         self.sections = tuple(section for section in sections if section.parts)
-
-    def __rich__(self) -> RenderableType:
-        """Let ``rich.print`` print it."""
-        from diffthrust._support.tables import renderable
-
-        return renderable(self)
 
 
 def notes(sentences: Iterable[str]) -> tuple[str, ...]:

@@ -21,6 +21,7 @@ from diffthrust._support.literals import ToCopy
 from diffthrust._support.report import Bullets, Line, Outcome, Report, Rows, Section, Styled
 from diffthrust._support.visible import visible
 
+Renderable = RenderableType
 WIDEST = 100
 """Columns of text for people: longer lines are hard to read."""
 _STYLES = {
@@ -64,7 +65,7 @@ def print_report(report: Report) -> None:
     Console(highlight=False, force_jupyter=False).print(renderable(report), crop=False)
 
 
-def renderable(report: Report) -> RenderableType:
+def renderable(report: Report) -> Renderable:
     """A report for any console of rich."""
     parts: list[RenderableType] = []
     for section in report.sections:

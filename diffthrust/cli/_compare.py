@@ -35,6 +35,7 @@ def compare_command(
 ) -> None:
     """Hold a model against its logs, run by run, after a fit or as it stands."""
     with session() as progress:
+        from diffthrust.comparison._compare import comparison_report
         from diffthrust.comparison._page import comparisons_of, write_comparison_page
         from diffthrust.specs._spec import load_spec
 
@@ -58,5 +59,5 @@ def compare_command(
     if fit:
         show(f"Status: {fit.status.value}. {fit.message}")
     for name, comparison in comparisons.items():
-        show(comparison.table(name))
+        show(comparison_report(comparison, name))
     written(json, report, figure)

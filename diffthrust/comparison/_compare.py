@@ -42,6 +42,7 @@ from diffthrust.simulation._runs import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from diffthrust._support.tables import Renderable
     from diffthrust.estimation._result import Fit
 
 _TELLING = 50
@@ -313,21 +314,15 @@ class Comparison(Result):
             return (*lines, taken_part(self.fit.origin, self.origin.train))
         return lines
 
-    def table(self, title: str = "") -> Report:
-        """The report as something that rich prints, with a title besides the name of the model.
+    def table(self, title: str = "") -> Renderable:
+        """The report as a renderable of rich, with a title besides the name of the model.
 
         Example:
             >>> table = dft.compare(fit, unseen).table("On the unseen run")
         """
-        heading = f"{self.model}{f', {title}' if title else ''}"
-        errors = [(run.name, run.errors) for run in self.runs]
-        if len(errors) > 1:
-            errors.append(("all runs", self.errors))
-        return Report(
-            Section("", Styled(heading, "strong"), error_rows(errors)),
-            *(Section(name, Bullets(sentences)) for name, sentences in self.findings),
-            closing_section(self.closing),
-        )
+        from diffthrust._support.tables import renderable
+
+        return renderable(comparison_report(self, title))
 
     def _line(self) -> str:
         if self.failures:
@@ -337,7 +332,7 @@ class Comparison(Result):
         return f"{self.model} on {count}: NRMSE {self.errors.nrmse:.3g} ({each})"
 
     def _report(self) -> Report:
-        return self.table()
+        return comparison_report(self)
 
     def to_json(self) -> dict[str, Any]:
         """Errors, pooled and by run, regimes, residual tests and hints as plain data.
@@ -361,6 +356,19 @@ class Comparison(Result):
             "doubts": [doubt.to_json() for doubt in self.fit.doubts] if self.fit else [],
         }
         return plain(told)
+
+
+def comparison_report(comparison: Comparison, title: str = "") -> Report:
+    """Errors of each run and pooled over the runs, then what was found, in sentences."""
+    heading = f"{comparison.model}{f', {title}' if title else ''}"
+    errors = [(run.name, run.errors) for run in comparison.runs]
+    if len(errors) > 1:
+        errors.append(("all runs", comparison.errors))
+    return Report(
+        Section("", Styled(heading, "strong"), error_rows(errors)),
+        *(Section(name, Bullets(sentences)) for name, sentences in comparison.findings),
+        closing_section(comparison.closing),
+    )
 
 
 def compare(

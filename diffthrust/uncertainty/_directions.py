@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from diffthrust.estimation._solver import solve
 from diffthrust.estimation._status import RANK_LIMIT, inflation, marginal_spread
 from diffthrust.logs._log import Log
 from diffthrust.uncertainty._sandwich import converged
+
+if TYPE_CHECKING:
+    from diffthrust._support.tables import Renderable
 
 _WELL, _FAIRLY = 0.01, 0.1
 """A direction is well known to one in a hundred, known to one in ten, and hardly known beyond."""
@@ -102,8 +105,13 @@ class Directions(Result):
         sentences = [d.sentence for d in self.directions]
         return sentences + ([f"held at a bound: {', '.join(self.held)}"] if self.held else [])
 
-    def table(self) -> Report:
-        """How well each direction is known, and what it moves: something that rich prints."""
+    def table(self) -> Renderable:
+        """A table of rich: how well each direction is known, and what it moves."""
+        from diffthrust._support.tables import renderable
+
+        return renderable(self._report())
+
+    def _report(self) -> Report:
         from diffthrust.uncertainty._tables import direction_rows
 
         rows = direction_rows((d.std_error, d.grade, d.members) for d in self.directions)
@@ -111,9 +119,6 @@ class Directions(Result):
 
     def _line(self) -> str:
         return "; ".join(self.sentences)
-
-    def _report(self) -> Report:
-        return self.table()
 
     def to_json(self) -> list[dict[str, Any]]:
         """Plain data; ``std_error`` is ``None`` where nothing is known."""

@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 from diffthrust._support.figures import showing
 from diffthrust._support.report import Report
-from diffthrust._support.results import Result
+from diffthrust._support.results import Result, report_of
 from diffthrust.uncertainty._directions import Directions
 from diffthrust.uncertainty._intervals_row import Row
 from diffthrust.uncertainty._profile_result import Profiles
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from diffthrust._support.tables import Renderable
 
 _METHODS = ("covariance", "sandwich", "profile", "posterior")
 
@@ -71,15 +73,17 @@ class Intervals(Result):
         each = ", ".join(f"{row.name} by {row.recommended}" for row in self.rows.values())
         return f"{100 * self.level:g} %: {each}"
 
-    def _report(self) -> Report:
-        return self.table()
+    def table(self) -> Renderable:
+        """The report as a renderable of rich."""
+        from diffthrust._support.tables import renderable
 
-    def table(self) -> Report:
-        """The report as something that rich prints."""
+        return renderable(self._report())
+
+    def _report(self) -> Report:
         from diffthrust.uncertainty._tables import intervals_report
 
         rows = [row.shown for row in self.rows.values()]
-        directions = self.directions.table()
+        directions = report_of(self.directions)
         return intervals_report(rows, self.methods, self.level, self.notes, directions)
 
     def to_json(self) -> dict[str, Any]:

@@ -25,6 +25,8 @@ from diffthrust.uncertainty._prediction.replicates import mean_runs, random_runs
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from diffthrust._support.tables import Renderable
+
 _SHORT = 0.05
 """A band covers too little where the share inside falls short of its level by more than this."""
 
@@ -102,17 +104,19 @@ class Prediction(Result):
             text += " That is what a model that lacks nothing would give."
         return text
 
-    def table(self) -> Report:
-        """The report as something that rich prints."""
+    def table(self) -> Renderable:
+        """The report as a renderable of rich."""
+        from diffthrust._support.tables import renderable
+
+        return renderable(self._report())
+
+    def _report(self) -> Report:
         from diffthrust.uncertainty._prediction.tables import prediction_report
 
         return prediction_report(self.channels, self.level, self.sentence, self.notes)
 
     def _line(self) -> str:
         return self.sentence
-
-    def _report(self) -> Report:
-        return self.table()
 
     def to_json(self) -> dict[str, Any]:
         """Coverage and number of samples by channel as plain data."""

@@ -18,6 +18,7 @@ from diffthrust._support.report import (
     closing_section,
     notes,
 )
+from diffthrust._support.results import report_of
 from diffthrust._support.words import percent
 from diffthrust.estimation._result import Fit
 from diffthrust.uncertainty._prediction.predict import Prediction
@@ -74,7 +75,7 @@ def write_posterior_page(
         ),
         Section("Parameters", draw_rows(sampled), *_fit_parts(sampled.fit)),
         Section("How far to trust them", Picture(sampled.intervals.plot, _METHODS)),
-        *sampled.intervals.table().sections,
+        *report_of(sampled.intervals).sections,
         Section("Unseen logs", *_prediction_parts(sampled.predictions)),
         Section(
             "Parameters two by two",

@@ -11,6 +11,7 @@ from diffthrust._support.report import (
     closing_section,
     notes,
 )
+from diffthrust._support.results import report_of
 from diffthrust._support.words import with_error
 from diffthrust.uncertainty._prediction.tables import interval_text
 from diffthrust.uncertainty._sampling.convergence import Convergence
@@ -46,8 +47,8 @@ def sample_report(sampled: Sampled) -> Report:
     return Report(
         Section("", Styled(str(sampled.fit.model), "strong"), outcome(sampled.convergence)),
         Section("", draw_rows(sampled)),
-        *sampled.intervals.table().sections,
-        *(section for p in sampled.predictions for section in p.table().sections),
+        *report_of(sampled.intervals).sections,
+        *(section for p in sampled.predictions for section in report_of(p).sections),
         Section("", "" if sampled.predictions else NO_UNSEEN_LOG),
         Section("", *notes(sampled.fit.notes)),
         closing_section(sampled.closing),
