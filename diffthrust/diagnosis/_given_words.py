@@ -8,8 +8,7 @@ from diffthrust._support.tables import with_error
 from diffthrust._support.words import an, capitalised, joined, percent, spelt
 
 if TYPE_CHECKING:
-    from diffthrust.diagnosis._findings import Findings
-    from diffthrust.diagnosis._given import OddLog
+    from diffthrust.diagnosis._findings import Findings, OddLog
     from diffthrust.estimation._result import Fit
 
 
