@@ -180,7 +180,7 @@ def test_of_many_outputs_the_one_that_the_shaft_follows_is_the_command(tmp_path)
     command = seen.choice.channels["command"]
     assert command.field.name == "RCOU.C6"
     assert seen.choice.channels["speed"].unsigned
-    assert command.others[:2] == ("RCOU.C1", "RCOU.C2")
+    assert command.alternatives[:2] == ("RCOU.C1", "RCOU.C2")
 
 
 def test_in_ros_sway_and_yaw_rate_are_turned_round(tmp_path):
