@@ -16,6 +16,11 @@ from diffthrust.estimation._observer import is_memory
 from diffthrust.estimation._one_step import cost, nrmse, settled_start
 from diffthrust.simulation._errors import Errors
 
+MARGIN = 4.0
+"""An effect is added where it lowers the information criterion by more than this, so that one of
+some thirty candidates passes by chance in about one diagnosis of a hundred."""
+CLEAR = 20.0
+"""Where the criterion falls by more than this, no noise that it makes superfluous matters."""
 _REMEMBERED = {"drift": "memory", "colour": "correlation"}
 _SURE = 10.0
 """A noise whose gains lie so many times its price from zero (Wald's statistic) is not taken out to

@@ -1,9 +1,10 @@
-"""Diagnosis: where a model fails, which effect it lacks, and what cannot be told."""
+"""Diagnosis: where a model fails, which effect it lacks, and what the logs leave open."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
@@ -11,33 +12,39 @@ from diffthrust._support.progress import ProgressOption, progressing, teller
 from diffthrust.comparison._compare import Comparison, compare
 from diffthrust.diagnosis._candidates import Candidates
 from diffthrust.diagnosis._equivalence import SearchResult, proposal, with_equivalents
-from diffthrust.diagnosis._findings import Missing
-from diffthrust.diagnosis._given import OddLog
+from diffthrust.diagnosis._explained_share import Worth
+from diffthrust.diagnosis._findings import (
+    Assessment,
+    Missing,
+    OddLog,
+    Selection,
+    headroom_between,
+    verdict_evidence,
+)
 from diffthrust.diagnosis._held_values import held_values
-from diffthrust.diagnosis._innovations_fit import TrialFit
+from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
+from diffthrust.diagnosis._learned import LearnedLaw
 from diffthrust.diagnosis._missing_signal import missing_signals
 from diffthrust.diagnosis._outlier_logs import no_longer_odd, odd_logs
+from diffthrust.diagnosis._residual_structure import remaining_structure
 from diffthrust.diagnosis._result import Diagnosis
 from diffthrust.diagnosis._search_state import (
     LEARNING,
     SOUGHT,
     SearchContext,
     SearchState,
+    compiled_fitter,
     start_search,
 )
-from diffthrust.diagnosis._set_aside import set_aside
-from diffthrust.diagnosis._stages import next_stage
+from diffthrust.diagnosis._stepwise import done, step
 from diffthrust.diagnosis._unknown_term.select import learned_law
 from diffthrust.diagnosis._verdict import verdict_of
-from diffthrust.diagnosis._whole_runs import from_simulation
 from diffthrust.estimation._arguments import by_input, check_arguments, listed
-from diffthrust.estimation._origin import origin_of, same_logs
+from diffthrust.estimation._origin import Origin, origin_of, same_logs
 from diffthrust.estimation._result import Fit
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._remembered import simulated_once
-
-_MOST_STAGES = 5
 
 
 @progressing
@@ -77,7 +84,7 @@ def diagnose(
         progress: True for a bar, or a function of a message and the share done.
 
     Returns:
-        A `Diagnosis`; ``print(diag.report())`` tells it, and ``model + diag.best`` is the model
+        A `Diagnosis`; ``print(diag.report())`` shows it, and ``model + diag.best`` is the model
         with what was found.
 
     Raises:
@@ -104,140 +111,254 @@ def diagnose(
             )
     say = teller(progress)
     with simulated_once():
-        tools, known = start_search(fit, train, unseen, candidates, seed, say)
-        first = known.current.trial
-        while max(known.number, len(known.detectable)) < _MOST_STAGES:
-            before, known = known, next_stage(tools, known)
-            if known.accepted == before.accepted:
-                known = from_simulation(tools, known)
-            if known.accepted == before.accepted:
-                break
-        found = _reported(tools, known, first, limits, experiment)
+        context, state = start_search(fit, train, unseen, candidates, seed, say)
+        baseline = state.current.trial
+        while not done(state):
+            state = step(context, state)
+        # what the first model lacks is judged with errors clipped as they are at the end
+        baseline = replace(baseline, limit=state.current.trial.limit)
+        search = with_equivalents(context, state, baseline)
+        say("what no known effect explains", SOUGHT)
+        outcome = with_law(context, assessed(context, search), baseline)
+        outcome = with_room(context, outcome)
+        search, selection, assessment, law = outcome
+        verdict = verdict_of(verdict_evidence(selection, assessment))
+        missing, left = missing_before_and_after(context, search.state, baseline)
+        possible = still_possible(search.state) if verdict in ("undecided", "unexplained") else {}
+        proposed = proposal(context, search, possible, limits) if experiment else None
     say("done", 1.0)
-    before = fit.origin if isinstance(fit, Fit) else None
-    origin, notes = origin_of(train, unseen, before.spec if before else None), ()
-    if before and found.stages[0].fit is not fit and not same_logs(before.train, origin.train):
-        notes = ("The fit that was given is of other logs: its model was fitted anew to these.",)
-    return replace(found, origin=origin, notes=notes)
-
-
-def _reported(
-    tools: SearchContext,
-    known: SearchState,
-    first: TrialFit,
-    limits: Mapping[str, tuple[float, float]] | None,
-    experiment: bool,
-) -> Diagnosis:
-    """All that is told at the end of a search."""
-    # what the first model lacks is seen with errors limited as they are at the end
-    first = replace(first, limit=known.current.trial.limit)
-    effects = with_equivalents(tools, known, first)
-    tools.say("what no known effect explains", SOUGHT)
-    found = _findings(tools, effects, first)
-    left = known.current.remaining
-    if left is not None and (found.verdict == "unexplained" or found.apart):
-        tools.say("learning what no known effect explains", LEARNING)
-        with tools.clock("learned"):
-            answer = learned_law(tools, effects, first)
-        odd = [one for one in found.odd_logs if one.much] if found.apart else []
-        alike = answer is not None and _alike(tools, odd, found, answer[1].told)
-        if answer is not None and (alike or found.remaining is not None):
-            beside, law = answer
-            like = [one.log for one in odd if alike]
-            if beside is not effects or like:
-                effects = beside
-                found = _findings(tools, effects, first, like)
-            where = replace(left, port=law.curve.port, manner=law.manner)
-            found = replace(found, verdict="unexplained", laws=(law,), remaining=where)
-    if found.verdict in ("undecided", "unexplained"):
-        present = effects.state.current.trial.effects
-        possible = {n: w for n, w in known.possible.items() if n not in present}
-        found = replace(found, possible=possible)
-    if experiment:
-        rivals = [*effects.groups, *((None, name) for name in found.possible)]
-        found = replace(found, experiment=proposal(tools, effects.state, rivals, limits))
-    return found
-
-
-def _alike(tools: SearchContext, odd: Sequence[OddLog], found: Diagnosis, fit: Fit) -> bool:
-    """Whether logs that were unlike the others are like them in what a fit leaves."""
-    if not odd or found.trained is None:
-        return not odd
-    trained = compare(fit, tools.fitter.logs, initial=fit.initial)
-    unseen = (found.after.runs, compare(fit, tools.unseen).runs) if tools.unseen else ((), ())
-    before, after = (
-        (*one.runs, *other) for one, other in zip((found.trained[1], trained), unseen, strict=True)
-    )
-    return no_longer_odd(odd, before, after)
-
-
-def _findings(
-    tools: SearchContext, effects: SearchResult, first: TrialFit, like: Sequence[str] = ()
-) -> Diagnosis:
-    """What a search has found, and the verdict on it.
-
-    Args:
-        tools: what it worked with.
-        effects: what it has found.
-        first: the trial of the model as given.
-        like: logs that a learned law has shown to be like the others.
-    """
-    trials, unseen, known = tools.fitter, tools.unseen, effects.state
-    present = known.current.trial
-    with tools.clock("missing"):
-        missing = missing_signals(trials, first)
-    with tools.clock("remaining"):
-        remaining = known.current.remaining
-    left: tuple[Missing, ...] = ()
-    if remaining is not None and known.number:
-        with tools.clock("missing"):
-            left = missing_signals(trials, present)
-    ends = known.stages[0].fit, known.stages[-1].fit
-    trained = _held_against(*ends, trials.logs, trained=True)
-    held = _held_against(*ends, unseen) if unseen else trained
-    runs = (*trained[1].runs, *(held[1].runs if unseen else ()))
-    tested = {candidate.effect for candidate in known.ranking}
-    sizes = map(float, present.quadratic.sigma)
-    found = Diagnosis(
-        verdict="adequate",
-        model=tools.given,
-        best=tuple(ends[1].model.effects[len(tools.given.effects) :]),
-        groups=effects.groups,
-        stages=known.stages,
-        ranking=known.ranking,
-        remaining=remaining,
-        untestable={n: why for n, why in known.untestable.items() if n not in present.effects},
-        dropped=known.dropped,
-        before=held[0],
-        after=held[1],
+    origin, notes = provenance(fit, selection.stages[0].fit, train, unseen)
+    return Diagnosis(
+        verdict=verdict,
+        model=context.given,
+        **vars(selection),
+        **vars(assessment),
         missing=missing,
         left=left,
-        refused={n: why for n, why in known.refused.items() if n not in present.effects},
-        silent=tuple(sorted(known.silent - tested - {*known.untestable, *trials.constants})),
-        held=held_values(tools.given, present),
-        one_step=dict(zip(trials.channels, sizes, strict=True)),
-        trained=trained,
-        odd_logs=tuple(one for one in odd_logs(trials, present, runs) if one.log not in like),
-        experiment=None,
-        seconds=tools.clock.seconds,
-        worth={
-            n: w
-            for n, w in known.worth.items()
-            if n in (*known.stages[-1].effects, *known.detectable) and n not in trials.constants
-        },
-        detectable=known.detectable,
-        detectable_groups=effects.detectable_groups,
+        laws=(law,) if law else (),
+        possible=possible,
+        experiment=proposed,
+        seconds=context.clock.seconds,
+        notes=notes,
+        origin=origin,
     )
-    found = set_aside(tools, found)
-    with tools.clock("headroom"):
-        return replace(found, verdict=verdict_of(found))
 
 
-def _held_against(
+class Outcome(NamedTuple):
+    """A search and what follows from it.
+
+    Args:
+        search: where it ended, and what the logs cannot tell apart.
+        selection: its effects, as the result lists them.
+        assessment: its last model against the logs.
+        law: what no known effect expresses, learned as a curve.
+    """
+
+    search: SearchResult
+    selection: Selection
+    assessment: Assessment
+    law: LearnedLaw | None = None
+
+
+def assessed(
+    context: SearchContext, search: SearchResult, no_longer_odd: Sequence[str] = ()
+) -> Outcome:
+    """The effects that a search has selected, and its last model against the logs.
+
+    Args:
+        context: what the search worked with.
+        search: where it ended.
+        no_longer_odd: logs that a learned law has shown to agree with the others.
+    """
+    fitter, unseen, state = context.fitter, context.unseen, search.state
+    trial, first, last = state.current.trial, state.stages[0].fit, state.stages[-1].fit
+    trained = compare_ends(first, last, fitter.logs, trained=True)
+    judged = compare_ends(first, last, unseen) if unseen else trained
+    runs = (*trained[1].runs, *(judged[1].runs if unseen else ()))
+    odd = odd_logs(fitter, trial, runs)
+    with context.clock("remaining"):
+        remaining = state.current.remaining
+    selection = selection_of(context, search)
+    assessment = Assessment(
+        before=judged[0],
+        after=judged[1],
+        trained=trained,
+        one_step=one_step_sizes(fitter, trial),
+        remaining=remaining,
+        odd_logs=tuple(log for log in odd if log.log not in no_longer_odd),
+    )
+    is_open = (
+        remaining is not None
+        or bool(assessment.after.hints)
+        or bool(verdict_evidence(selection, assessment).far)
+    )
+    if is_open:
+        assessment = set_aside(context, last, trained[1], assessment)
+    return Outcome(search, selection, assessment)
+
+
+def selection_of(context: SearchContext, search: SearchResult) -> Selection:
+    """The effects that a search has selected, and what became of the other candidates."""
+    state, fitter = search.state, context.fitter
+    present, last = state.current.trial.effects, state.stages[-1]
+    tested = {candidate.effect for candidate in state.ranking}
+    reported = {*last.effects, *state.detectable} - {*fitter.constants}
+    return Selection(
+        best=tuple(last.fit.model.effects[len(context.given.effects) :]),
+        groups=search.groups,
+        stages=state.stages,
+        ranking=state.ranking,
+        untestable={n: why for n, why in state.untestable.items() if n not in present},
+        dropped=state.dropped,
+        refused={n: why for n, why in state.refused.items() if n not in present},
+        silent=tuple(sorted(state.silent - tested - {*state.untestable, *fitter.constants})),
+        worth={n: worth for n, worth in state.worth.items() if n in reported},
+        detectable=state.detectable,
+        detectable_groups=search.detectable_groups,
+        held=held_values(context.given, state.current.trial),
+    )
+
+
+def compare_ends(
     first: Fit, last: Fit, logs: Sequence[Log], trained: bool = False
 ) -> tuple[Comparison, Comparison]:
-    """The models of two fits held against logs; once where they are one."""
+    """The models of the first and the last stage against logs, at their initial states if trained.
+
+    Where no effect was added both are the same comparison.
+    """
     before = compare(first, logs, initial=first.initial if trained else None)
     if last is first:
         return before, before
     return before, compare(last, logs, initial=last.initial if trained else None)
+
+
+def one_step_sizes(fitter: CandidateFitter, trial: TrialFit) -> dict[str, float]:
+    """Standard deviations of the one-step errors of a trial, by channel."""
+    return dict(zip(fitter.channels, map(float, trial.quadratic.sigma), strict=True))
+
+
+def set_aside(
+    context: SearchContext, last: Fit, trained: Comparison, assessment: Assessment
+) -> Assessment:
+    """The assessment without the odd logs that carry much of the error.
+
+    A log that disagrees with the others may say nothing about what all of them lack, and bends the
+    parameters that they share: where one is among the training logs the last stage is fitted
+    without it, and tested for structure once more.
+
+    Args:
+        context: what the search worked with.
+        last: the last fit.
+        trained: it against the training logs.
+        assessment: with the odd logs.
+
+    Returns:
+        The same where no log is so odd, and where no unseen log would be left: what is odd about
+        the only one may be what the model lacks.
+    """
+    odd = {log.log for log in assessment.odd_logs if log.much}
+    if not odd:
+        return assessment
+    logs, unseen = context.fitter.logs, context.unseen
+    kept = _except(odd, logs, trained), _except(odd, unseen, assessment.after) if unseen else []
+    removed = len(logs) + len(unseen) - sum(map(len, kept))
+    if removed > len(odd) or (unseen and not kept[1]):  # several logs may bear one name
+        return assessment
+    if len(kept[0]) < len(logs):
+        context.say("without the odd logs", 1.0)
+        last = context.refit(last.model, logs=kept)
+        fitter, trial = compiled_fitter(last, (), (), *kept)
+        assessment = replace(
+            assessment,
+            remaining=remaining_structure(fitter, trial),
+            one_step=one_step_sizes(fitter, trial),
+        )
+    training = compare(last, kept[0], initial=last.initial)
+    return replace(assessment, apart=(training, compare(last, kept[1]) if kept[1] else training))
+
+
+def _except(names: Collection[str], logs: Sequence[Log], comparison: Comparison) -> list[Log]:
+    """The logs whose runs bear none of some names."""
+    return [log for log, run in zip(logs, comparison.runs, strict=True) if run.name not in names]
+
+
+def with_law(context: SearchContext, outcome: Outcome, baseline: TrialFit) -> Outcome:
+    """The outcome with a learned law, where structure remains and a law surely explains it.
+
+    The effects that were found without the law are sought once more beside it. A law that makes odd
+    logs agree with the others is what they showed, so that they are set aside no more.
+    """
+    search, _, assessment, _ = outcome
+    remaining = search.state.current.remaining
+    if remaining is None:
+        return outcome
+    context.say("learning what no known effect explains", LEARNING)
+    with context.clock("learned"):
+        learned = learned_law(context, search, baseline)
+    if learned is None:
+        return outcome
+    beside, law = learned
+    odd = [log for log in assessment.odd_logs if log.much] if assessment.apart else []
+    agree = agrees_with_law(context, odd, assessment, law.told)
+    if not agree and assessment.remaining is None:
+        return outcome
+    if beside is not search or (odd and agree):
+        outcome = assessed(context, beside, [log.log for log in odd] if agree else ())
+    place = replace(remaining, port=law.curve.port, manner=law.manner)
+    return outcome._replace(assessment=replace(outcome.assessment, remaining=place), law=law)
+
+
+def agrees_with_law(
+    context: SearchContext, odd: Sequence[OddLog], assessment: Assessment, fit: Fit
+) -> bool:
+    """Whether logs that were odd err no more than the others in a fit with the law."""
+    if not odd or assessment.trained is None:
+        return not odd
+    logs, unseen = context.fitter.logs, context.unseen
+    before, after = assessment.trained[1].runs, compare(fit, logs, initial=fit.initial).runs
+    if unseen:
+        before = (*before, *assessment.after.runs)
+        after = (*after, *compare(fit, unseen).runs)
+    return no_longer_odd(odd, before, after)
+
+
+def with_room(context: SearchContext, outcome: Outcome) -> Outcome:
+    """The outcome with what a flexible model could explain, where the verdict depends on it."""
+    assessment = outcome.assessment
+    far = verdict_evidence(outcome.selection, assessment).far
+    if not far or assessment.remaining is not None or assessment.trained is None:
+        return outcome
+    training, judged = assessment.apart or (assessment.trained[1], assessment.after)
+    with context.clock("headroom"):
+        room = headroom_between(training, judged if context.unseen else None)
+    return outcome._replace(assessment=replace(assessment, room=room))
+
+
+def missing_before_and_after(
+    context: SearchContext, state: SearchState, baseline: TrialFit
+) -> tuple[tuple[Missing, ...], tuple[Missing, ...]]:
+    """The missing signals of the model as given, and those that its effects leave."""
+    with context.clock("missing"):
+        missing = missing_signals(context.fitter, baseline)
+        if state.current.remaining is None or not state.number:
+            return missing, ()
+        return missing, missing_signals(context.fitter, state.current.trial)
+
+
+def still_possible(state: SearchState) -> dict[str, Worth]:
+    """The effects for which whole runs alone speak, less those of the present model."""
+    present = state.current.trial.effects
+    return {name: worth for name, worth in state.possible.items() if name not in present}
+
+
+def provenance(
+    fit: Fit | Model, first: Fit, train: Sequence[Log], unseen: Sequence[Log]
+) -> tuple[Origin, tuple[str, ...]]:
+    """Where a diagnosis comes from; a note where the fit that was given is of other logs."""
+    source = fit.origin if isinstance(fit, Fit) else None
+    origin = origin_of(train, unseen, source.spec if source else None)
+    if source and first is not fit and not same_logs(source.train, origin.train):
+        return origin, (
+            "The fit that was given is of other logs: its model was fitted anew to these.",
+        )
+    return origin, ()

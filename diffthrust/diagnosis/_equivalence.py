@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from diffthrust._support.errors import InputError
-from diffthrust.diagnosis._admit import MARGIN
-from diffthrust.diagnosis._criteria import price_of, unseen_gain
+from diffthrust.diagnosis._criteria import MARGIN, price_of, unseen_gain
 from diffthrust.diagnosis._held import with_candidates
 from diffthrust.diagnosis._innovations_fit import TrialFit
 from diffthrust.diagnosis._screen import levels_of, screened
 from diffthrust.diagnosis._search_state import SearchContext, SearchState
 from diffthrust.diagnosis._simulation_fit import fitted_to_runs, share_between, simulation_fitter
-from diffthrust.diagnosis._whole_runs import simulation_is_poor
+from diffthrust.diagnosis._stepwise import simulation_is_poor
 from diffthrust.experiments._result import Experiment
 from diffthrust.experiments._suggest import suggest_experiment
 
@@ -112,34 +111,37 @@ def _alike_over_whole_runs(
 
 
 def proposal(
-    tools: SearchContext,
-    known: SearchState,
-    groups: Sequence[Sequence[str | None]],
+    context: SearchContext,
+    search: SearchResult,
+    possible: Iterable[str],
     limits: Mapping[str, tuple[float, float]] | None,
 ) -> Experiment | None:
     """The test, within limits of the inputs, that would separate the first group of several.
 
-    The groups of the added effects, one after the other; in others ``None`` is the model as it is.
+    First the groups of the added effects, one after the other; then the model as it is against each
+    effect that is possible.
     """
-    trials = tools.fitter
-    for group in groups:
+    fitter, last = context.fitter, search.state.stages[-1]
+    pairs = [(None, name) for name in possible]
+    for group in (*search.groups, *pairs):
         if len(group) < 2:
             continue
-        others = [n for n in known.stages[-1].effects if n != group[0]]
-        tools.say("looking for a test that separates " + " and ".join(filter(None, group)), 0.95)
-        rivals = [known.stages[-1].fit]
-        log = max(trials.logs, key=lambda log: log.duration)
+        kept = [n for n in last.effects if n != group[0]]
+        words = " and ".join(filter(None, group))
+        context.say(f"looking for a test that separates {words}", 0.95)
+        rivals = [last.fit]
+        log = max(fitter.logs, key=lambda log: log.duration)
         try:
             for name in group[1:3]:
-                changed = with_candidates(tools.given, [*others, name or ""], trials.candidates)
-                rivals.append(tools.refit(changed))
-            with tools.clock("experiment"):
+                rival = with_candidates(context.given, [*kept, name or ""], fitter.candidates)
+                rivals.append(context.refit(rival))
+            with context.clock("experiment"):
                 return suggest_experiment(
                     rivals,
                     duration=min(log.duration, 2000 * log.step),
                     step=log.step,
                     limits=limits,
-                    logs=trials.logs,
+                    logs=fitter.logs,
                 )
         except InputError:
             return None  # inputs that cannot be prescribed

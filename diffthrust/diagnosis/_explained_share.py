@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from diffthrust._support.correlation import autocorrelation, integral
-from diffthrust.simulation._errors import Errors
 
 _LEVEL = 0.9
 _DRAWS = 1000
@@ -27,11 +26,6 @@ _SMALL = 0.03
 """An effect that removes no more than this of the squared whole-run errors does not matter,"""
 _OF_ONE = 0.2
 """unless it removes more than this of those of one channel."""
-_FAR = 4.0
-"""Errors over whole runs lie far above those from one sample to the next, and above the noise of
-the sensor that is in them, where they are so many times as large,"""
-_RELEVANT = 0.05
-"""and are no less than this share (NRMSE) of what the channel does."""
 
 
 class BeforeAfter(NamedTuple):
@@ -123,23 +117,6 @@ def matters(worth: Worth, everywhere: Worth) -> bool:
     pairs = ((one, everywhere.channels.get(name, one)) for name, one in worth.channels.items())
     alone = any(surely(one, every, _OF_ONE) for one, every in pairs)
     return surely(worth, everywhere, _SMALL) or (worth.share > 0 and alone)
-
-
-def far_above_noise(whole: Errors, one_step: Mapping[str, float]) -> tuple[str, ...]:
-    """The channels whose errors over whole runs are large and last, the worst first.
-
-    Args:
-        whole: errors over whole runs.
-        one_step: standard deviation of the errors from one sample to the next, by channel, or the
-            noise of its sensor where that is stated.
-    """
-    grown = {
-        name: error.rmse / max(one_step[name], 1e-300)
-        for name, error in whole.channels.items()
-        if name in one_step and not error.nrmse < _RELEVANT
-    }
-    far = [name for name, times in grown.items() if not times < _FAR]
-    return tuple(sorted(far, key=lambda name: -whole.channels[name].nrmse))
 
 
 def _table(logs: Sequence[Mapping[str, BeforeAfter]], names: Sequence[str]) -> list[np.ndarray]:

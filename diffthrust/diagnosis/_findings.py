@@ -1,4 +1,4 @@
-"""What a diagnosis has found, as data: `Diagnosis` tells it."""
+"""What a diagnosis has found, as data; `Diagnosis` reports it."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust._support.results import Brief
 from diffthrust.comparison._compare import Comparison
-from diffthrust.diagnosis._explained_share import Worth, far_above_noise
-from diffthrust.diagnosis._given import HeldValue, OddLog
+from diffthrust.diagnosis._explained_share import Worth
 from diffthrust.diagnosis._headroom import Headroom, headroom_of
 from diffthrust.diagnosis._learned import LearnedLaw
+from diffthrust.diagnosis._verdict import Verdict, VerdictEvidence
 from diffthrust.effects._curve import Curve
 from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._origin import Origin
@@ -30,7 +30,8 @@ from diffthrust.simulation._errors import Errors
 if TYPE_CHECKING:
     from diffthrust.experiments._result import Experiment
 
-Verdict = Literal["adequate", "effects_found", "unexplained", "undecided"]
+_MUCH = 1 / 3
+"""An odd log that carries more than this of a channel's squared error may decide all."""
 
 
 @dataclass(frozen=True)
@@ -221,90 +222,78 @@ class Remaining:
         return str(self.signal)
 
 
-_REPEATS = 0.25
-"""Errors repeat of which a flexible model surely explains more than this share of the squares."""
-
-
-@dataclass(frozen=True, repr=False)
-class Findings(Brief):
-    """What is missing from a model.
+@dataclass(frozen=True)
+class OddLog:
+    """A log that disagrees with the others.
 
     Args:
-        verdict: "adequate", "effects_found", "unexplained" (structure remains; effects may
-            still have been added), or "undecided" (errors over whole runs are large and last, and
-            these logs let random forces explain them as well as physics).
-        model: the model that was diagnosed, as it was given.
+        log: its name.
+        channel: the measured channel in which it shows most.
+        evidence: a sentence that says how it differs.
+        share: of the squared whole-run error of all logs that this one carries.
+    """
+
+    log: str
+    channel: str
+    evidence: str
+    share: float = float("nan")
+
+    @property
+    def much(self) -> bool:
+        """Whether it carries over a third of the squared error, and belongs to the summary."""
+        return self.share > _MUCH
+
+
+@dataclass(frozen=True)
+class HeldValue:
+    """A fixed parameter that these logs want at another value.
+
+    Args:
+        value: at which the model fixes it.
+        wanted: its estimate from these logs.
+        std_error: standard error of the estimate.
+        unit: unit of all three.
+    """
+
+    value: float
+    wanted: float
+    std_error: float
+    unit: str = ""
+
+
+@dataclass(frozen=True, repr=False, kw_only=True)
+class Selection(Brief):
+    """Which effects a search has selected, and what became of the other candidates.
+
+    Args:
         best: the effects that were added, at their estimated parameters: ``model + diag.best``.
         groups: for each added effect, all effects that these logs cannot tell from it.
         stages: the model as given, then with one effect after the other.
         ranking: the effects tried at each stage, the best first.
-        remaining: structure that no known effect explains.
         untestable: effects that these logs cannot test, with the reason.
         dropped: effects that a later one made superfluous.
-        before: the model as given, held against the logs (unseen ones, if any): where it fails.
-        after: the last stage, held against the same.
-        missing: the missing signals of the model as given, the one that explains most first.
-        left: those of the last stage, where structure remains beside the effects that were added.
-        experiment: the test that would best separate the first group of several, if there is one.
-        seconds: time spent, by part of the work.
         refused: effects that improved the fit of the training logs and were not added, with the
             reason.
         silent: effects that were tried, and promised nothing.
-        one_step: standard deviation of the last stage's one-step errors, by channel.
-        trained: the model as given and the last stage, held against the training logs.
-        notes: what the user should know besides.
-        origin: when and with which versions it was made, and of which logs.
         worth: of each added or detectable effect, what it removes of the squared whole-run error of
             unseen logs.
         detectable: effects that are certain and change nothing that matters over whole runs.
         detectable_groups: for each of these, all effects that these logs cannot tell from it.
-        possible: where the verdict is "undecided", effects that would lower the errors over whole
-            runs, with their worth.
-        odd_logs: logs that disagree with the others.
         held: fixed parameters that these logs want elsewhere.
-        laws: what no known effect expresses, learned as curves.
-        apart: where something is open and odd logs carry much of the error, the last stage without
-            these logs, on which the verdict, ``remaining`` and ``one_step`` then rest: held against
-            the other training logs, and against the other logs that count.
     """
 
-    verdict: Verdict
-    model: Model
     best: tuple[Effect, ...]
     groups: tuple[tuple[str, ...], ...]
     stages: tuple[Stage, ...]
     ranking: tuple[TriedEffect, ...]
-    remaining: Remaining | None
     untestable: Mapping[str, str]
     dropped: tuple[str, ...]
-    before: Comparison
-    after: Comparison
-    missing: tuple[Missing, ...]
-    experiment: Experiment | None
-    seconds: Mapping[str, float]
     refused: Mapping[str, Refusal] = field(default_factory=dict)
     silent: tuple[str, ...] = ()
-    one_step: Mapping[str, float] = field(default_factory=dict)
-    trained: tuple[Comparison, Comparison] | None = field(default=None, repr=False)
-    left: tuple[Missing, ...] = ()
-    notes: tuple[str, ...] = ()
-    origin: Origin | None = field(default=None, repr=False)
     worth: Mapping[str, Worth] = field(default_factory=dict)
     detectable: tuple[str, ...] = ()
     detectable_groups: tuple[tuple[str, ...], ...] = ()
-    possible: Mapping[str, Worth] = field(default_factory=dict)
-    odd_logs: tuple[OddLog, ...] = ()
     held: Mapping[str, HeldValue] = field(default_factory=dict)
-    apart: tuple[Comparison, Comparison] | None = field(default=None, repr=False)
-    laws: tuple[LearnedLaw, ...] = ()
-
-    @property
-    def learned(self) -> tuple[Curve, ...]:
-        """The learned laws as effects.
-
-        ``diag.model + diag.best + diag.learned`` has all that was found.
-        """
-        return tuple(law.curve for law in self.laws)
 
     @property
     def added(self) -> tuple[str, ...]:
@@ -316,33 +305,99 @@ class Findings(Brief):
         """The fit of the last stage."""
         return self.stages[-1].fit
 
+
+@dataclass(frozen=True, repr=False, kw_only=True)
+class Assessment(Brief):
+    """The model as given and the last stage against the logs: what the verdict rests on.
+
+    Args:
+        before: the model as given, held against the logs (unseen ones, if any): where it fails.
+        after: the last stage, held against the same.
+        trained: the model as given and the last stage, held against the training logs.
+        one_step: standard deviation of the last stage's one-step errors, by channel.
+        remaining: structure that no known effect explains.
+        odd_logs: logs that disagree with the others.
+        apart: where something is open and odd logs carry much of the error, the last stage without
+            these logs, on which the verdict, ``remaining`` and ``one_step`` then rest: held against
+            the other training logs, and against the other logs that count.
+        room: how much any flexible model could explain of the errors on which the verdict rests;
+            worked out where whole runs err far above the noise and nothing in ``remaining`` says
+            why.
+    """
+
+    before: Comparison
+    after: Comparison
+    trained: tuple[Comparison, Comparison] | None = field(default=None, repr=False)
+    one_step: Mapping[str, float] = field(default_factory=dict)
+    remaining: Remaining | None
+    odd_logs: tuple[OddLog, ...] = ()
+    apart: tuple[Comparison, Comparison] | None = field(default=None, repr=False)
+    room: Headroom | None = field(default=None, repr=False)
+
     @property
     def judged(self) -> Comparison:
         """The last stage held against the logs on which the verdict rests."""
         return self.apart[1] if self.apart else self.after
 
+
+@dataclass(frozen=True, repr=False, kw_only=True)
+class Findings(Selection, Assessment):
+    """What is missing from a model; besides, the fields of `Selection` and `Assessment`.
+
+    Args:
+        verdict: "adequate", "effects_found", "unexplained" (structure remains; effects may
+            still have been added), or "undecided" (errors over whole runs are large and last, and
+            these logs let random forces explain them as well as physics).
+        model: the model that was diagnosed, as it was given.
+        missing: the missing signals of the model as given, the one that explains most first.
+        left: those of the last stage, where structure remains beside the effects that were added.
+        laws: what no known effect expresses, learned as curves.
+        possible: where the verdict is "undecided", effects that would lower the errors over whole
+            runs, with their worth.
+        experiment: the test that would best separate the first group of several, if there is one.
+        seconds: time spent, by part of the work.
+        notes: what the user should know besides.
+        origin: when and with which versions it was made, and of which logs.
+    """
+
+    verdict: Verdict
+    model: Model
+    missing: tuple[Missing, ...]
+    left: tuple[Missing, ...] = ()
+    laws: tuple[LearnedLaw, ...] = ()
+    possible: Mapping[str, Worth] = field(default_factory=dict)
+    experiment: Experiment | None
+    seconds: Mapping[str, float]
+    notes: tuple[str, ...] = ()
+    origin: Origin | None = field(default=None, repr=False)
+
+    @property
+    def learned(self) -> tuple[Curve, ...]:
+        """The learned laws as effects.
+
+        ``diag.model + diag.best + diag.learned`` has all that was found.
+        """
+        return tuple(law.curve for law in self.laws)
+
+    @property
+    def evidence(self) -> VerdictEvidence:
+        """The numbers from which the verdict follows."""
+        return verdict_evidence(self, self)
+
     @property
     def far(self) -> tuple[str, ...]:
         """The channels whose errors over whole runs are large and last, the worst first."""
-        last, noise = self.stages[-1], dict(self.one_step)
-        for run in self.judged.runs:
-            for name, trace in run.channels.items():
-                stated = run.log.noise_in(name, trace.unit)
-                noise[name] = min(stated or math.inf, noise.get(name, math.inf))
-        whole = self.judged.errors if self.apart else last.holdout or last.train
-        return far_above_noise(whole, noise)
+        return self.evidence.far
 
     @property
     def repeating(self) -> tuple[str, ...]:
         """Those of them whose errors surely repeat, as a flexible model shows."""
-        room = self.room if self.far else None
-        known = room.channels if room else {}
-        return tuple(name for name in self.far if name in known and known[name].low > _REPEATS)
+        return self.evidence.repeating
 
     def shown(self, missing: Sequence[Missing]) -> tuple[Missing, ...]:
         """Missing signals in the units in which the logs were written."""
-        told = ShownUnits((self.fit.written,))
-        return tuple(one.shown(self.fit.model, told) for one in missing)
+        units = ShownUnits((self.fit.written,))
+        return tuple(signal.shown(self.fit.model, units) for signal in missing)
 
     @cached_property
     def headroom(self) -> tuple[Headroom, Headroom] | None:
@@ -353,26 +408,38 @@ class Findings(Brief):
         """
         if self.trained is None:
             return None
-        (learn, last), unseen = self.trained, self._unseen
-        try:
-            before = headroom_of(learn, self.before if unseen else None)
-            if len(self.stages) == 1:
-                return before, before
-            return before, headroom_of(last, self.after if unseen else None)
-        except InputError:
-            return None
+        unseen = self.stages[0].holdout is not None
+        last = None if self.apart else self.room
+        last = last or headroom_between(self.trained[1], self.after if unseen else None)
+        if last is None or len(self.stages) == 1:
+            return last and (last, last)
+        first = headroom_between(self.trained[0], self.before if unseen else None)
+        return first and (first, last)
 
-    @cached_property
-    def room(self) -> Headroom | None:
-        """How much any flexible model could explain of the errors on which the verdict rests."""
-        if self.apart is None:
-            return self.headroom[1] if self.headroom else None
-        learn, judge = self.apart
-        try:
-            return headroom_of(learn, judge if self._unseen else None)
-        except InputError:
-            return None
 
-    @property
-    def _unseen(self) -> bool:
-        return self.stages[0].holdout is not None
+def headroom_between(training: Comparison, unseen: Comparison | None) -> Headroom | None:
+    """`headroom_of` two comparisons; ``None`` where they have no channel in common."""
+    try:
+        return headroom_of(training, unseen)
+    except InputError:
+        return None
+
+
+def verdict_evidence(selection: Selection, assessment: Assessment) -> VerdictEvidence:
+    """The numbers from which the verdict follows, on the logs on which it rests."""
+    last, judged = selection.stages[-1], assessment.judged
+    noise = dict(assessment.one_step)
+    for run in judged.runs:
+        for name, trace in run.channels.items():
+            stated = run.log.noise_in(name, trace.unit)
+            noise[name] = min(stated or math.inf, noise.get(name, math.inf))
+    channels = assessment.room.channels if assessment.room else {}
+    return VerdictEvidence(
+        errors=judged.errors if assessment.apart else last.holdout or last.train,
+        noise=noise,
+        repeated={name: channel.low for name, channel in channels.items()},
+        structure=assessment.remaining is not None,
+        contradicted=bool(judged.hints),
+        added=bool(selection.best),
+        freed=bool(selection.held),
+    )

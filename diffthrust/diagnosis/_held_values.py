@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from diffthrust.diagnosis._given import HeldValue
+from diffthrust.diagnosis._findings import HeldValue
 from diffthrust.diagnosis._innovations_fit import TrialFit
 from diffthrust.models._base.model import Model
 

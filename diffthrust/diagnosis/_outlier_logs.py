@@ -10,7 +10,7 @@ import numpy as np
 
 from diffthrust._support.words import joined, number, percent, spelt
 from diffthrust.comparison._outstanding import beside_others, outstanding
-from diffthrust.diagnosis._given import OddLog
+from diffthrust.diagnosis._findings import OddLog
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
 from diffthrust.diagnosis._log_slopes import Deviation, deviations, slopes
 from diffthrust.estimation._laws import TAIL

@@ -140,6 +140,7 @@ class SearchState:
             whole runs, and are kept lest their evidence is taken for that of others.
         worth: of the effects that were added or are detectable.
         possible: effects that whole runs alone speak for, with their worth there.
+        exhausted: the last step added nothing: the search is over.
     """
 
     current: CurrentModel
@@ -153,6 +154,7 @@ class SearchState:
     detectable: tuple[str, ...] = ()
     worth: Mapping[str, Worth] = field(default_factory=dict)
     possible: Mapping[str, Worth] = field(default_factory=dict)
+    exhausted: bool = False
 
     @property
     def number(self) -> int:

@@ -1,20 +1,86 @@
-"""The verdict: one of four, from all that was found."""
+"""The verdict on a model: one of four, from numbers alone."""
 
 from __future__ import annotations
 
-from diffthrust.diagnosis._findings import Findings, Verdict
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from diffthrust.simulation._errors import Errors
+
+Verdict = Literal["adequate", "effects_found", "unexplained", "undecided"]
+
+_FAR = 4.0
+"""Errors over whole runs lie far above the noise from so many times its size on,"""
+_RELEVANT = 0.05
+"""unless they are less than this share (NRMSE) of what the channel does."""
+_REPEATS = 0.25
+"""Errors repeat if a flexible model surely explains more than this share of their squares."""
 
 
-def verdict_of(found: Findings) -> Verdict:
-    """The verdict on what a search has found.
+@dataclass(frozen=True)
+class VerdictEvidence:
+    """The numbers from which a verdict follows.
 
-    Structure remains where the one-step errors depend on a signal, where a channel contradicts the
-    model, and where errors over whole runs are large and last and a flexible model surely explains
-    a quarter of them: they repeat, so that no random force makes them. Large errors that do not
-    repeat leave it undecided without an effect that was found; a constant alone decides nothing.
+    Args:
+        errors: of the last model over whole runs of the logs on which the verdict rests.
+        noise: by channel the standard deviation of its one-step errors, or of its sensor where
+            that is stated and smaller.
+        repeated: by channel the least share of its squared errors that a flexible model surely
+            explains, as far as that was worked out.
+        structure: one-step errors still depend on a signal of the model at some port.
+        contradicted: a channel contradicts the model, as by a wrong sign or a delay.
+        added: an effect was added.
+        freed: a constant of the model was freed.
     """
-    if found.remaining is not None or found.judged.hints or found.repeating:
+
+    errors: Errors
+    noise: Mapping[str, float]
+    repeated: Mapping[str, float]
+    structure: bool
+    contradicted: bool
+    added: bool
+    freed: bool
+
+    @property
+    def far(self) -> tuple[str, ...]:
+        """The channels whose errors over whole runs are large and last, the worst first."""
+        return far_above_noise(self.errors, self.noise)
+
+    @property
+    def repeating(self) -> tuple[str, ...]:
+        """Those of them whose errors surely repeat."""
+        return tuple(name for name in self.far if self.repeated.get(name, 0.0) > _REPEATS)
+
+
+def verdict_of(evidence: VerdictEvidence) -> Verdict:
+    """The verdict.
+
+    Structure remains where one-step errors depend on a signal, where a channel contradicts the
+    model, and where errors over whole runs are large, last and repeat: no random force makes those.
+    Large errors that do not repeat leave it undecided, unless an effect was added; a constant that
+    was freed does not decide it.
+    """
+    if evidence.structure or evidence.contradicted or evidence.repeating:
         return "unexplained"
-    if found.added or (found.held and not found.far):
+    if evidence.added or (evidence.freed and not evidence.far):
         return "effects_found"
-    return "undecided" if found.far else "adequate"
+    return "undecided" if evidence.far else "adequate"
+
+
+def far_above_noise(errors: Errors, noise: Mapping[str, float]) -> tuple[str, ...]:
+    """The channels whose errors over whole runs are large and last, the worst first.
+
+    Args:
+        errors: errors over whole runs.
+        noise: by channel the standard deviation of the errors from one sample to the next, or of
+            its sensor where that is stated.
+    """
+    # "not less" instead of "greater": an error that is NaN or infinite is far off
+    ratios = {
+        name: error.rmse / max(noise[name], 1e-300)
+        for name, error in errors.channels.items()
+        if name in noise and not error.nrmse < _RELEVANT
+    }
+    far = [name for name, ratio in ratios.items() if not ratio < _FAR]
+    return tuple(sorted(far, key=lambda name: -errors.channels[name].nrmse))

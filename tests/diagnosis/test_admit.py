@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diffthrust.diagnosis import _admit  # private: one step alone
+from diffthrust.diagnosis import _admission  # private: one step alone
 from diffthrust.diagnosis._explained_share import Worth  # private: made by hand
 from diffthrust.diagnosis._findings import Stage  # private: made by hand
 from diffthrust.diagnosis._search_state import SearchState  # private: one step alone
@@ -22,7 +22,7 @@ def recorded(monkeypatch):
         trace = SimpleNamespace(measured=MEASURED, residual=size * REST)
         return [SimpleNamespace(channels={"speed": trace}) for _ in logs]
 
-    monkeypatch.setattr(_admit, "runs_over", runs_over)
+    monkeypatch.setattr(_admission, "runs_over", runs_over)
 
     def after(left, effects=("lag", "wind"), unseen=("C",), held=()):
         def stage(size, *names):
@@ -33,7 +33,7 @@ def recorded(monkeypatch):
         trials = SimpleNamespace(logs=("A", "B"), constants=held)
         tools = SimpleNamespace(fitter=trials, unseen=unseen)
         known = SearchState(None, (stage(2.0), stage(1.0, "lag")), {})
-        return _admit.record_stage(tools, known, stage(left, *effects), "wind")
+        return _admission.record_stage(tools, known, stage(left, *effects), "wind")
 
     return after
 

@@ -10,7 +10,7 @@ from one_truth import contradictions
 from reference import thruster
 
 import diffthrust as dft
-from diffthrust.diagnosis._given import OddLog  # private: made by hand
+from diffthrust.diagnosis._findings import OddLog  # private: made by hand
 from diffthrust.diagnosis._innovations_fit import (
     CandidateFitter,  # private: as a diagnosis makes them
 )

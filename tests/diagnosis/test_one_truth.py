@@ -9,6 +9,7 @@ from one_truth import contradictions
 
 import diffthrust as dft
 from diffthrust.diagnosis._explained_share import Worth  # private: made by hand
+from diffthrust.diagnosis._findings import headroom_between  # private: as a diagnosis does
 from diffthrust.diagnosis._report.remarks import missing_words  # private: each sentence alone
 from diffthrust.diagnosis._verdict import verdict_of  # private: the verdict alone
 
@@ -21,7 +22,7 @@ SMALL = Worth(0.01, 0.0, 0.02)
 def test_what_is_told_agrees(made_up):
     diag = made_up()
     assert contradictions(diag) == []
-    assert verdict_of(diag) == diag.verdict
+    assert verdict_of(diag.evidence) == diag.verdict
 
 
 @pytest.mark.parametrize(
@@ -51,9 +52,10 @@ def test_errors_that_repeat_are_not_left_to_chance():
     diag = replace(
         diag, best=(), groups=(), stages=diag.stages[:1], before=held[1], after=held[1],
         trained=(held[0], held[0]), one_step={"speed": 0.01, "thrust": 0.01},
+        room=headroom_between(*held),
     )  # fmt: skip
     assert diag.repeating
-    diag = replace(diag, verdict=verdict_of(diag))
+    diag = replace(diag, verdict=verdict_of(diag.evidence))
     assert diag.verdict == "unexplained"
     assert "so that it repeats" in diag.summary
     assert "random forces and lasting errors" not in diag.summary

@@ -7,19 +7,18 @@ import pytest
 
 import diffthrust as dft
 from diffthrust.diagnosis._findings import Refusal, TriedEffect  # private: made by hand
+from diffthrust.diagnosis._rating import other_values, stopped  # private: one step alone
 from diffthrust.diagnosis._search_state import (  # private: one step alone
     PLAIN,
     CurrentModel,
     SearchState,
 )
-from diffthrust.diagnosis._stages import (  # private: one step alone
+from diffthrust.diagnosis._stepwise import (  # private: one step alone
     SCREENS,
     next_stage,
-    other_values,
     ranked,
     refusing,
     still_refused,
-    stopped,
 )
 
 
@@ -34,7 +33,7 @@ def restless(monkeypatch):
             asked.append(again)
             return replace(known, current=object()) if len(asked) <= better else known
 
-        monkeypatch.setattr("diffthrust.diagnosis._stages.one_round", one_round)
+        monkeypatch.setattr("diffthrust.diagnosis._stepwise.one_round", one_round)
         known = SearchState(object(), (object(),), {})
         assert next_stage(None, known).number == known.number
         return asked

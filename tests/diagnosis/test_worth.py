@@ -8,9 +8,9 @@ from diffthrust.diagnosis._explained_share import (  # private: each measure alo
     BeforeAfter,
     Worth,
     explained_share,
-    far_above_noise,
     matters,
 )
+from diffthrust.diagnosis._verdict import far_above_noise  # private: the measure alone
 from diffthrust.simulation._errors import ChannelError, Errors  # private: made by hand
 
 

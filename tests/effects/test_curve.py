@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from hidden.outside import THRUSTER_TABLE
+from lines_to_copy import effects_line
 from reference import inputs, noise, thruster
 from scipy.interpolate import BSpline
 
 import diffthrust as dft
 from diffthrust.effects import Curve
-from diffthrust.estimation._origin import effects_line  # private: what reports print to copy
 
 
 def as_spline(curve: Curve) -> BSpline:

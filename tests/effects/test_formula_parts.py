@@ -2,16 +2,15 @@
 
 import numpy as np
 import pytest
+from expressions import expression_of
 
 import diffthrust as dft
 from diffthrust import InputError, Normal
 from diffthrust.effects import (
     Curve,
     Formula,
-    _formula,  # private: told by no result
     finite,
 )
-from diffthrust.effects._grammar import expression_of  # private: read by formulas
 from diffthrust.models import Relaxing, Signals
 
 
@@ -171,16 +170,17 @@ def test_a_curve_follows_its_coefficients():
 # Formulas.
 
 
-def test_how_much_a_formula_adds():
-    formula = Formula("shaft", "-a * speed * abs(speed) + 0 * time", a="1/rad")
+def test_an_amplitude_is_tried_where_it_makes_a_tenth_of_what_passes_the_port():
+    def size(law, unit, levels):
+        return Formula("shaft", law, a=unit).scaled(lambda: levels)._parameters["a"].size
+
+    law, speeds = "-a * speed * abs(speed) + 0 * time", 20.0 * np.linspace(0, 1, 10_001)
+    tenth = 0.1 * 50.0 / np.quantile(speeds**2, 0.9)
     levels = {"shaft": 50.0, "speed": 20.0, "time": 30.0}
-    rng = np.random.default_rng(0)
-    speed = 20.0 * {n: rng.uniform(-1, 1, 256) for n in ("value", *formula.reads)}["speed"]
-    expected = np.quantile(0.3 * speed**2, 0.9)
-    assert _formula._level(formula, {"a": 0.3}, levels) == pytest.approx(expected, rel=1e-12)
-    assert _formula._level(formula, {"a": 0.3}, {"speed": 20.0}) == 0.0
-    late = Formula("shaft", "a * time", a="rad/s^3")
-    assert _formula._level(late, {"a": 2.0}, {"time": 30.0}) == pytest.approx(54.0, rel=0.1)
+    assert size(law, "1/rad", levels) == pytest.approx(tenth, rel=0.1)
+    assert size(law, "1/rad", {"shaft": 50.0, "speed": 20.0}) is None
+    late = size("a * time", "rad/s^3", {"shaft": 50.0, "time": 30.0})
+    assert late == pytest.approx(0.1 * 50.0 / 27.0, rel=0.1)
 
 
 def test_sizes_are_taken_only_where_there_are_none():

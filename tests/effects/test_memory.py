@@ -4,13 +4,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from expressions import expression_of, values_along
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
 import diffthrust as dft
 from diffthrust.effects import Curve, Formula
-from diffthrust.effects._grammar import expression_of  # private: expressions by themselves
-from diffthrust.effects._memory import values_along  # private: their values along a log
 
 TIME = 0.05 * np.arange(400)
 COMMAND = 6.0 * np.sign(np.sin(0.7 * TIME)) + np.sin(2.0 * TIME)

@@ -124,7 +124,7 @@ BOMBS = {
 LOOKED_AT = """
 import json, resource, sys
 import h5py, openpyxl, pandas, pyarrow.parquet, rosbags.highlevel
-from file_contents import contents
+from diffthrust.logs._contents import contents
 
 def peak():
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

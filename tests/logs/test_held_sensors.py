@@ -1,11 +1,22 @@
 """Sensors that are read at every so many samples: their repeats are no measurements."""
 
+import re
+
 import numpy as np
 import pytest
 from short_logs import made_log
 
 import diffthrust as dft
-from diffthrust.logs._held import held_readings  # private: nothing public tells which samples count
+
+
+def held_readings(values):
+    """Every how many samples the log says that a sensor is read, and which are readings."""
+    log = dft.Log(0.05 * np.arange(values.size), {}, {"speed": values})
+    if log.unrepeated is log:
+        return None
+    note = log.unrepeated.notes[-1]
+    every = float(re.search(r"at every (\S+) samples", note)[1])
+    return every, np.isfinite(log.unrepeated.measured["speed"])
 
 
 def signal(samples=1200, seed=0):

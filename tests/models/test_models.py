@@ -10,13 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from reference import inputs
+from trajectories import Grid, hold_of, inputs_of, trajectory
 
 import diffthrust as dft
 from diffthrust import InputError, Log, simulate
 from diffthrust.effects import ActuatorLag, CommandDeadband, ReverseThrustAsymmetry
 from diffthrust.models import MODELS
-from diffthrust.simulation._inputs import hold_of, inputs_of  # private: as for Grid
-from diffthrust.simulation._trajectory import Grid, trajectory  # private: another grid
 
 SIGNED = {
     "dc_motor_thruster.thrust_linear",

@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from lines_to_copy import effect_of, effects_line, python_line
 
 import diffthrust as dft
 from diffthrust import InputError
 from diffthrust.checks import check
 from diffthrust.effects import Formula
-from diffthrust.estimation._origin import effects_line, python_line  # private: lines to copy
 from diffthrust.specs import load_spec
-from diffthrust.specs._effects import effect_of  # private: one entry, without a file
 
 DRAG = (
     '{ formula = "-a * speed * abs(speed)**p", port = "shaft", a = "rad/s^2", '

@@ -2,24 +2,38 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
+import pandas as pd
 import pytest
+from robot_files import number, write_bag, write_dataflash
 
-from diffthrust.logs._contents import Contents, Field  # private: what files hold, made up here
-from diffthrust.survey import Look
-from diffthrust.survey._guess import meanings  # private: the guesses themselves
-from diffthrust.survey._rows import rows_of  # private: the rows that a table shows
-from diffthrust.survey._suited import choice_of  # private: which model suits them
+import diffthrust as dft
 
 WAVE = np.sin(np.linspace(0, 20, 400))
 PULSES = np.round(1500 + 300 * WAVE)
 
 
-def meant(name, values=WAVE, unit="", **more):
-    (one,) = meanings([Field(name, np.asarray(values, float), unit=unit, **more)])
-    return one.quantity, one.unit
+@pytest.fixture
+def looked(tmp_path):
+    """What is seen of columns, beside one whose name says nothing."""
+
+    def look(columns):
+        path = tmp_path / "run.csv"
+        pd.DataFrame(
+            {"beside": 1 + 0.37 * WAVE[: len(next(iter(columns.values())))], **columns}
+        ).to_csv(path, index=False)
+        return dft.look(path)
+
+    return look
+
+
+@pytest.fixture
+def meant(looked):
+    def quantity_and_unit(name, values):
+        row = looked({name: np.resize(values, 400)}).columns[1]
+        return row.quantity, row.unit
+
+    return quantity_and_unit
 
 
 NAMES = [
@@ -70,7 +84,7 @@ NAMES = [
 
 
 @pytest.mark.parametrize(("name", "values", "expected"), NAMES, ids=[n[0] for n in NAMES])
-def test_names_of_the_field_are_known(name, values, expected):
+def test_names_of_the_field_are_known(meant, name, values, expected):
     quantity, unit = meant(name, values)
     assert quantity == expected[0]
     if quantity not in ("set_point", "derived"):
@@ -90,26 +104,36 @@ def test_names_of_the_field_are_known(name, values, expected):
         (np.repeat(1.7e9 + np.arange(40), 10), "s"),
     ],
 )
-def test_stamps_tell_their_unit(values, unit):
+def test_stamps_tell_their_unit(meant, values, unit):
     assert meant("timestamp", values) == ("time", unit)
     assert meant("time_exp", -values)[0] != "time"
 
 
-def test_the_unit_that_the_file_gives_is_believed_before_the_numbers():
-    assert meant("rpm", WAVE, "rad/s") == ("speed", "rad/s")
-    assert meant("yaw", 170 * WAVE, "rad") == ("heading", "rad")
-    assert meant("speed", WAVE, "m/s") == ("velocity", "m/s")
-    assert meant("speed", WAVE, "rpm") == ("speed", "rpm")
-    assert meant("channel 7", WAVE, "kgf") == ("thrust", "kgf")
+@pytest.mark.parametrize(
+    ("name", "values", "unit", "quantity"),
+    [
+        ("rpm", WAVE, "rad/s", "speed"),
+        ("yaw", 170 * WAVE, "rad", "heading"),
+        ("speed", WAVE, "m/s", "velocity"),
+        ("speed", WAVE, "rpm", "speed"),
+        ("channel 7", WAVE, "kgf", "thrust"),
+    ],
+)
+def test_the_unit_that_the_file_gives_is_believed_before_the_numbers(
+    tmp_path, name, values, unit, quantity
+):
+    rows = [f"{number},{beside}" for number, beside in zip(values, 1 + WAVE, strict=True)]
+    path = tmp_path / "run.csv"
+    path.write_text("\n".join([f"{name},beside", f"{unit},-", *rows, ""]))
+    row = dft.look(path).columns[0]
+    assert (row.quantity, row.unit) == (quantity, unit)
 
 
-def test_the_stop_of_pulses_is_where_they_begin():
+def test_the_stop_of_pulses_is_where_they_begin(looked):
     for stop, expected in ((1500, 1500.0), (1511, 1511.0), (1300, 1500.0)):
-        rest = np.full(200, float(stop))
-        field = Field("pwm", np.concatenate([rest, PULSES]))
-        (one,) = meanings([field])
-        assert one.pwm is not None
-        assert (one.pwm.stop, one.pwm.full, one.pwm.astern) == (expected, 1900, 1100)
+        pulses = np.concatenate([np.full(200, float(stop)), PULSES[:200]])
+        pwm = looked({"pwm": pulses, "rpm": 900 * WAVE}).choice.channels["command"].meaning.pwm
+        assert (pwm.stop, pwm.full, pwm.astern) == (expected, 1900, 1100)
 
 
 VESSELS = [
@@ -122,49 +146,69 @@ VESSELS = [
 
 
 @pytest.mark.parametrize(("u", "v", "r", "units"), VESSELS, ids=[v[2] + v[0] for v in VESSELS])
-def test_letters_with_their_units_are_the_motion_of_a_vessel(u, v, r, units):
-    found = meanings([Field(name, WAVE) for name in (u, v, r)])
+def test_letters_with_their_units_are_the_motion_of_a_vessel(looked, u, v, r, units):
+    found = looked(dict.fromkeys((u, v, r), WAVE)).columns[1:]
     assert [one.quantity for one in found] == ["surge", "sway", "yaw_rate"]
     assert tuple(one.unit for one in found) == units
 
 
-def test_letters_alone_keep_what_their_unit_says():
+def test_letters_alone_keep_what_their_unit_says(looked):
     names = ("v [m/s]", "u_V", "r_rpm", "x_m", "y_m", "l_rpm")
-    found = meanings([Field(name, 9 * WAVE) for name in names])
+    found = looked(dict.fromkeys(names, 9 * WAVE)).columns[1:]
     quantities = ["velocity", "command", "speed", "north", "east", "speed"]
     assert [one.quantity for one in found] == quantities
 
 
-def clocked(name, values, rate=10.0):
-    return Field(name, np.asarray(values, float), np.arange(len(values)) / rate)
+def in_dataflash(path, messages):
+    """A log of messages, each with its fields, all at 10 Hz."""
+    formats = {name: ("Q" + "f" * len(f), ["TimeUS", *f]) for name, f in messages.items()}
+    rows = [
+        (name, [1_000_000 + 100_000 * k, *(float(series[k]) for series in fields.values())])
+        for k in range(400)
+        for name, fields in messages.items()
+    ]
+    return write_dataflash(path, formats, rows)
 
 
-def test_of_many_outputs_the_one_that_the_shaft_follows_is_the_command():
+def test_of_many_outputs_the_one_that_the_shaft_follows_is_the_command(tmp_path):
     rng = np.random.default_rng(5)
-    outputs = [
-        clocked(f"RCOU.C{k}", 1500 + 300 * np.repeat(rng.uniform(-1, 1, 40), 10))
-        for k in range(1, 9)
-    ]
-    driven = np.abs(np.roll(outputs[5].values - 1500, 2)) * 3 + rng.normal(0, 10, 400)
-    fields = (*outputs, clocked("ESC.RPM", driven), clocked("ATT.Yaw", 90 + WAVE))
-    found = choice_of(Contents(Path("x.bin"), "ArduPilot DataFlash log", True, fields))
-    assert found.model == "speed_loop_thruster"
-    assert found.channels["command"].field.name == "RCOU.C6"
-    assert found.channels["speed"].unsigned
-    assert found.channels["command"].alternatives[:2] == ("RCOU.C1", "RCOU.C2")
+    outputs = {f"C{k}": 1500 + 300 * np.repeat(rng.uniform(-1, 1, 40), 10) for k in range(1, 9)}
+    driven = np.abs(np.roll(outputs["C6"] - 1500, 2)) * 3 + rng.normal(0, 10, 400)
+    messages = {"RCOU": outputs, "ESC": {"RPM": driven}, "ATT": {"Yaw": 90 + WAVE}}
+    seen = dft.look(in_dataflash(tmp_path / "x.bin", messages))
+    assert seen.model == "speed_loop_thruster"
+    command = seen.choice.channels["command"]
+    assert command.field.name == "RCOU.C6"
+    assert seen.choice.channels["speed"].unsigned
+    assert command.alternatives[:2] == ("RCOU.C1", "RCOU.C2")
 
 
-def test_in_ros_sway_and_yaw_rate_are_turned_round():
-    fields = [
-        clocked("/left_thruster/cmd.data", WAVE),
-        clocked("/right_thruster/cmd.data", WAVE[::-1]),
-        clocked("/odom.twist.twist.linear.x", WAVE),
-        clocked("/odom.twist.twist.linear.y", WAVE**2),
-        clocked("/odom.twist.twist.angular.z", WAVE[::-1] - WAVE),
-    ]
-    found = choice_of(Contents(Path("bag"), "ROS 2 bag", True, tuple(fields)))
-    scales = {name: pick.meaning.scale for name, pick in found.channels.items()}
-    assert scales == {
+def test_in_ros_sway_and_yaw_rate_are_turned_round(tmp_path):
+    def twist(surge, sway, yaw_rate):
+        def make(types):
+            vector = types["geometry_msgs/msg/Vector3"]
+            return types["geometry_msgs/msg/Twist"](
+                linear=vector(x=float(surge), y=float(sway), z=0.0),
+                angular=vector(x=0.0, y=0.0, z=float(yaw_rate)),
+            )
+
+        return make
+
+    stamps, back = 0.1 * np.arange(400), WAVE[::-1]
+    motion = zip(stamps, WAVE, WAVE**2, back - WAVE, strict=True)
+    topics = {
+        "/left_thruster/cmd": (
+            "std_msgs/msg/Float64",
+            [(t, number(v)) for t, v in zip(stamps, WAVE, strict=True)],
+        ),
+        "/right_thruster/cmd": (
+            "std_msgs/msg/Float64",
+            [(t, number(v)) for t, v in zip(stamps, back, strict=True)],
+        ),
+        "/odom": ("geometry_msgs/msg/Twist", [(t, twist(*values)) for t, *values in motion]),
+    }
+    channels = dft.look(write_bag(tmp_path, topics)).choice.channels
+    assert {name: pick.meaning.scale for name, pick in channels.items()} == {
         "left_force": 1, "right_force": 1, "surge": 1, "sway": -1, "yaw_rate": -1,
     }  # fmt: skip
 
@@ -172,18 +216,15 @@ def test_in_ros_sway_and_yaw_rate_are_turned_round():
 def test_a_log_of_hundreds_of_fields_shows_first_what_a_model_may_use(tmp_path, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     rng = np.random.default_rng(0)
-    many = [clocked(f"MSG{k // 20}.F{k}", rng.normal(size=400)) for k in range(300)]
+    messages = {f"MS{k:02}": {f"F{j}": rng.normal(size=400) for j in range(10)} for k in range(30)}
     effort = np.repeat(rng.uniform(-1, 1, 40), 10)
-    used = [clocked("RCOU.C1", 1500 + 400 * effort), clocked("ESC.RPM", 2000 * effort)]
-    contents = Contents(tmp_path / "x.bin", "ArduPilot DataFlash log", True, (*many, *used))
-    choice = choice_of(contents)
-
-    look = Look(contents.path, choice, rows_of(choice), (contents.path,))
-    short = look.report()
+    messages |= {"RCOU": {"C1": 1500 + 400 * effort}, "ESC": {"RPM": 2000 * effort}}
+    seen = dft.look(in_dataflash(tmp_path / "x.bin", messages))
+    short = seen.report()
     assert "RCOU.C1" in short
     assert "300 more fields" in short
-    assert "MSG3 (20)" in short
-    assert "MSG3.F61" not in short
+    assert "MS03 (10)" in short
+    assert "MS03.F1" not in short
     assert len(short.splitlines()) < 30
-    long = look.report(all=True)
-    assert all(field.name in long for field in contents.fields)
+    long = seen.report(all=True)
+    assert all(f"{name}.{field}" in long for name, fields in messages.items() for field in fields)

@@ -16,8 +16,7 @@ from diffthrust._support.words import (
     with_error,
 )
 from diffthrust.diagnosis._explained_share import Worth
-from diffthrust.diagnosis._findings import Findings
-from diffthrust.diagnosis._given import OddLog
+from diffthrust.diagnosis._findings import Findings, OddLog
 from diffthrust.diagnosis._ports import place_words
 from diffthrust.diagnosis._report.learned import learned_words, share_words
 from diffthrust.estimation._estimate import Estimate

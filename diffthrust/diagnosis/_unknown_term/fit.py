@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from diffthrust.diagnosis._admit import errors_between
+from diffthrust.diagnosis._admission import errors_between
 from diffthrust.diagnosis._explained_share import Worth, explained_share
 from diffthrust.diagnosis._findings import Stage
 from diffthrust.diagnosis._innovations_fit import TrialFit

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from diffthrust._support.errors import InputError
-from diffthrust.diagnosis._admit import drop, refitted_stage, remaining_share
+from diffthrust.diagnosis._admission import drop, refitted_stage, remaining_share
 from diffthrust.diagnosis._equivalence import SearchResult
 from diffthrust.diagnosis._explained_share import Worth, matters
 from diffthrust.diagnosis._findings import Remaining, Stage

@@ -8,10 +8,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from diffthrust.estimation._arrange import build
-from diffthrust.estimation._solver import solve
-from diffthrust.simulation import _fixed_step, _trajectory
-from diffthrust.simulation._inputs import hold_of  # private: the compiled core alone
+from diffthrust.estimation._arrange import build  # private: the core, without its checks
+from diffthrust.estimation._solver import solve  # private: likewise
+from diffthrust.simulation import _fixed_step, _trajectory  # private: likewise
+from diffthrust.simulation._inputs import hold_of  # private: likewise
 
 from . import _problem
 from ._diffthrust import NAMES, log_of, thruster

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 from diffthrust.diagnosis._criteria import (
+    CLEAR,
+    MARGIN,
     criterion,
     missed,
     no_better,
@@ -15,32 +16,21 @@ from diffthrust.diagnosis._criteria import (
     unseen_gain,
 )
 from diffthrust.diagnosis._explained_share import BeforeAfter, explained_share, matters
-from diffthrust.diagnosis._findings import Refusal, Stage, TriedEffect
+from diffthrust.diagnosis._findings import Refusal, Stage
 from diffthrust.diagnosis._held import with_candidates
-from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, with_values
+from diffthrust.diagnosis._innovations_fit import CandidateFitter, with_values
 from diffthrust.diagnosis._ports import KNOTS
+from diffthrust.diagnosis._rating import Tried
 from diffthrust.diagnosis._residual_structure import gain_of
 from diffthrust.diagnosis._search_state import CurrentModel, SearchContext, SearchState
 from diffthrust.diagnosis._simulation_fit import change_between, fitted_beside, fitted_to_runs
 from diffthrust.logs._log import Log
 from diffthrust.simulation._runs import runs_over
 
-MARGIN = 4.0
-"""An effect is added where it lowers the information criterion by more than this, so that one of
-some thirty candidates passes by chance in about one diagnosis of a hundred."""
-CLEAR = 20.0
-"""Where the criterion falls by more than this, no noise that it makes superfluous matters."""
 _PART = 0.3
 """An effect that explains less than this part of what an unknown signal does is not it."""
 _OWN = 0.5
 """It is something else, and missing as well, if it keeps so much of its gain beside that signal."""
-
-
-class Tried(NamedTuple):
-    """An effect that was tried beside the present model, and what is told of it."""
-
-    candidate: TriedEffect
-    trial: TrialFit
 
 
 def admit(

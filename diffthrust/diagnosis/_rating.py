@@ -1,25 +1,27 @@
-"""The stages of a diagnosis, step by step: screen, rate, admit, drop, refit.
-
-`next_stage` adds an effect, or ends the search. Its `SearchContext` stays as it is; each
-step takes the `SearchState` so far, and returns the next.
-"""
+"""The candidates of a stage, each tried beside the present model and rated."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import NamedTuple
 
-from diffthrust.diagnosis._admit import CLEAR, MARGIN, Tried, admit
 from diffthrust.diagnosis._criteria import (
+    CLEAR,
+    MARGIN,
     criterion,
     price_of,
     simulation_errors,
     unseen_cost,
     unseen_gain,
 )
-from diffthrust.diagnosis._findings import Refusal, TriedEffect
-from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, side_by_side
+from diffthrust.diagnosis._findings import TriedEffect
+from diffthrust.diagnosis._innovations_fit import (
+    CandidateFitter,
+    TrialFit,
+    side_by_side,
+)
 from diffthrust.diagnosis._score_test import redundant
 from diffthrust.diagnosis._screen import is_at_null, levels_of, screened
 from diffthrust.diagnosis._search_state import PLAIN, CurrentModel, SearchContext, SearchState
@@ -27,11 +29,9 @@ from diffthrust.estimation._estimate import Estimate, shown_unit
 from diffthrust.logs._written import ShownUnits
 from diffthrust.models._base.parameter import Parameter
 
-SCREENS = 3
-"""Most screens for one stage: a better noise may come to light again and again on flat ridges."""
 _CARRIED = 6
 """So many of the effects tried at a stage are fitted to the end."""
-_ALONE = 0.05
+ALONE = 0.05
 """An effect is worth a closer look where its likelihood ratio alone would come so rarely."""
 _WORSE = 3.0
 """A noise that costs the unseen logs more log-likelihood than this (odds of 20 to 1) is no better
@@ -45,80 +45,11 @@ _POOR = 0.5
 """With a larger error of whole training runs (NRMSE) the fit may have gone astray."""
 
 
-def next_stage(tools: SearchContext, known: SearchState) -> SearchState:
-    """Add the best effect, if any is worth it; drop what it made superfluous.
+class Tried(NamedTuple):
+    """An effect that was tried beside the present model, and what is told of it."""
 
-    On its way a better noise may be found; then the candidates are screened anew beside it.
-    """
-    for again in reversed(range(SCREENS)):
-        before, known = known, one_round(tools, known, again > 0)
-        if known.accepted != before.accepted or known.current is before.current:
-            break
-    return known
-
-
-def one_round(tools: SearchContext, known: SearchState, again: bool) -> SearchState:
-    """Screen the candidates, and add the best that passes.
-
-    With ``again`` a better noise ends the round, if one has come to light.
-    """
-    with tools.clock("screen"):
-        known, tried = screen(tools, known)
-    if again and (quieter := better_noise(tools.fitter, known.current, tried)):
-        return replace(known, current=quieter)
-    known = replace(known, refused={}, ranking=ranked(known, [one for one, _ in tried]))
-    for place, (candidate, trial) in enumerate(tried):
-        if place and candidate.p_value < _ALONE:  # beside the first its noise was not priced
-            candidate = rate(tools.fitter, known, trial, math.inf)
-        if candidate.delta_bic > -MARGIN:
-            continue
-        outcome = still_refused(tools, known, candidate.effect)
-        outcome = outcome or admit(tools, known, Tried(candidate, trial))
-        if isinstance(outcome, SearchState):
-            return outcome
-        known = refusing(known, candidate.effect, outcome)
-    return known
-
-
-def ranked(known: SearchState, tried: Sequence[TriedEffect]) -> tuple[TriedEffect, ...]:
-    """The effects that were tried, by stage, the best first.
-
-    Beside an effect that is only detectable its rivals explain nothing more: of what was tried in
-    the same stage before it, the better result is kept.
-    """
-    earlier = [one for one in known.ranking if one.stage < known.number]
-    before = [one for one in known.ranking if one.stage == known.number and known.detectable]
-    best: dict[str, TriedEffect] = {}
-    for one in sorted([*before, *tried], key=lambda one: one.delta_bic):
-        best.setdefault(one.effect, one)
-    return (*earlier, *best.values())
-
-
-def refusing(known: SearchState, name: str, why: Refusal) -> SearchState:
-    """The search with an effect that was refused beside the present ones."""
-    told = why, known.current.trial.effects
-    return replace(
-        known,
-        refused={**known.refused, name: why},
-        turned_down={**known.turned_down, name: told},
-    )
-
-
-def still_refused(tools: SearchContext, known: SearchState, name: str) -> Refusal | None:
-    """Why whole runs have refused an effect, where nothing that came since could change that.
-
-    That is so where no effect was added or dropped since that shares a port or a signal with it.
-    """
-    why, beside = known.turned_down.get(name, (None, ()))
-    if why is None or not why.by_whole_runs:
-        return None
-    candidates = tools.fitter.candidates
-    moved = {*known.current.trial.effects} ^ {*beside}
-    if not {name, *moved} <= {*candidates}:  # a constant may act anywhere
-        return None if moved else why
-    own = {*candidates[name].ports, *candidates[name].needs}
-    touched = any(own & {*candidates[n].ports, *candidates[n].needs} for n in moved)
-    return None if touched else why
+    candidate: TriedEffect
+    trial: TrialFit
 
 
 def screen(tools: SearchContext, known: SearchState) -> tuple[SearchState, list[Tried]]:
@@ -181,7 +112,7 @@ def rate(
     p_value = float(chdtrc(len(own), ratio))
     delta = price_of(trials, trial) - ratio
     behind = price_of(trials, trial) + 2 * trial.cost - leading
-    if delta > -CLEAR and p_value < _ALONE and behind < CLEAR:
+    if delta > -CLEAR and p_value < ALONE and behind < CLEAR:
         delta = criterion(trials, trial) - present.criterion
     errors = simulation_errors(trials, trial)
     named, shown = trial.problem.named, ShownUnits(log.written for log in trials.logs)
