@@ -46,7 +46,7 @@ def _of_verdict(diag: dft.Diagnosis) -> Iterator[str]:
 
 def _of_words(diag: dft.Diagnosis) -> Iterator[str]:
     text = " ".join(diag.report().split())
-    nothing = "Nothing that can be told from noise remains" in text
+    nothing = "What remains cannot be told from noise" in text
     if nothing and (diag.remaining is not None or diag.far):
         yield "nothing remains, and something does"
     if "no signal of these logs surely explains" in text and diag.repeating:

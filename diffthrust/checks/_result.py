@@ -20,7 +20,7 @@ class FitRun(Brief):
         fit: its name, the path of its folder as seen from the folder of all fits.
         file: its spec file.
         rows: one for each quantity.
-        updated: its [expected] block was written anew.
+        updated: its [expected] block was written again.
         seconds: how long it took.
         warnings: what the fit warned of.
         since: where it failed, which of data, spec and library differ from when it was stored.
@@ -96,7 +96,7 @@ class Checked(Result):
 
     @property
     def updated(self) -> tuple[str, ...]:
-        """Names of the fits whose [expected] block was written anew."""
+        """Names of the fits whose [expected] block was written again."""
         return tuple(run.fit for run in self.runs if run.updated)
 
     def to_json(self) -> dict[str, Any]:

@@ -118,11 +118,13 @@ def test_the_summary_names_what_carries_much_of_the_error_and_the_cautions_all()
     found = made.found()
     odd = OddLog("14V", "thrust", "its thrust error is 3.4 times that of the median log", 0.6)
     much = replace(found, odd_logs=(odd, replace(odd, log="20V", share=0.1)))
-    words = "Log 14V is unlike the others: its thrust error is 3.4 times that of the median log."
+    words = (
+        "Log 14V deviates from the others: its thrust error is 3.4 times that of the median log."
+    )
     assert words in much.summary
     assert "60 % of the squared thrust error" in much.summary
     assert "20V" not in much.summary
-    assert sum("is unlike the others" in words for words in caution_words(much)) == 2
+    assert sum("deviates from the others" in words for words in caution_words(much)) == 2
 
 
 def diagnosed(ct, unseen, seed):

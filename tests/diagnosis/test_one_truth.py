@@ -57,8 +57,8 @@ def test_errors_that_repeat_are_not_left_to_chance():
     assert diag.repeating
     diag = replace(diag, verdict=verdict_of(diag.evidence))
     assert diag.verdict == "unexplained"
-    assert "so that it repeats" in diag.summary
-    assert "random forces and lasting errors" not in diag.summary
+    assert "so it is repeatable" in diag.summary
+    assert "random forces and lasting sensor errors" not in diag.summary
     assert contradictions(diag) == []
 
 
@@ -82,11 +82,11 @@ def test_what_matters_leads_and_what_does_not_is_told_as_such():
 def test_undecided_says_what_is_possible_and_which_record_would_decide():
     text = made.undecided().summary
     assert text.startswith("Undecided: over whole runs of unseen logs the thrust error is ")
-    assert "let random forces explain it as well as physics" in text
-    assert "would remove a command dead band 40 % (20 % to 60 %)" in text
-    assert "inputs of one of these logs are repeated" in text
+    assert "random forces explain it as well as missing physics" in text
+    assert "each would remove: a command dead band 40 % (20 % to 60 %)" in text
+    assert "repeats the inputs of one of these logs" in text
     proposed = replace(made.undecided(), experiment=made.diagnosis().experiment)
-    assert f"A record would decide: {proposed.experiment.sentence}" in proposed.summary
+    assert f"A further record would decide: {proposed.experiment.sentence}" in proposed.summary
     assert "lacks" not in text
 
 
@@ -116,10 +116,10 @@ def at_bound(diag, index, **values):
 
 def test_a_bound_that_stopped_the_model_itself_is_told_in_the_summary():
     stopped = at_bound(made.unexplained(), 0, beta=0.2)
-    words = "beta stopped at its bound of 0.2: these logs want it higher."
+    words = "beta stopped at its bound of 0.2: these logs favour a higher value."
     unit = stopped.fit.parameters["beta"].unit
     assert stopped.summary.startswith(words.replace("0.2", f"0.2 {unit}".rstrip()))
-    assert "widen it, if nature allows, and diagnose again." in stopped.summary
+    assert "widen it, if physically possible, and diagnose again." in stopped.summary
     assert "stopped at its bound" not in made.unexplained().summary
     # nothing is stopped at the zero of a logarithm: it is gone, as a note of the fit says
     gone = at_bound(made.unexplained(), 0, alpha=0.0)
@@ -129,7 +129,7 @@ def test_a_bound_that_stopped_the_model_itself_is_told_in_the_summary():
     assert "Width of a command dead band stopped at its bound of 0.5 V: the effect may" in added
     # what was added may stand for what a bound kept out
     before = at_bound(made.found(), 0, beta=0.2).summary
-    assert "before a command dead band came in, which may stand for a higher beta:" in before
+    assert "without a command dead band, which may stand in for a higher beta:" in before
     assert "stopped at its bound" not in before
 
 
@@ -139,6 +139,6 @@ def test_what_has_no_size_does_not_show():
     ((time, signal, error),) = missing.runs
     silent = replace(missing, signal=None, runs=((time, 0 * signal, np.nan * error),))
     words = missing_words(silent, made.found().model)
-    assert words.endswith("nothing is missing that shows.")
+    assert words.endswith("no missing signal is significant.")
     tiny = replace(missing, runs=((time, 1e-9 * signal, error),))
     assert "a signal of 1.5e-08 rad/s^2 (RMS)" in missing_words(tiny, made.found().model)
