@@ -18,6 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._support._running.programs import program
+from diffthrust.diagnosis._score_test import gauss_newton_step
 from diffthrust.diagnosis._step_slopes import StepSlopes, step_slopes
 from diffthrust.estimation._likelihood import Quadratic
 from diffthrust.estimation._one_step import batch_passes
@@ -133,13 +134,13 @@ class LinearResponse:
         """
         n, extra = self.problem.shared, more[0].shape[1] if more else 0
         extra_slice = slice(n, n + extra)
-        step = _gauss_newton_step(q.information, q.gradient, movable)
+        step = gauss_newton_step(q.information, q.gradient, movable)
         room = np.clip(step[extra_slice], *limits)
         if np.any(room != step[extra_slice]):  # those that would go beyond their bounds go to them
             movable = movable.copy()
             movable[extra_slice] = False
             slope = q.gradient + q.information[:, extra_slice] @ room
-            step = _gauss_newton_step(q.information, slope, movable)
+            step = gauss_newton_step(q.information, slope, movable)
             step[extra_slice] = room
         logs = sum(map(len, self.errors))
         starts = step[n + extra :].reshape(logs, len(self.problem.layout.starts))
@@ -205,19 +206,6 @@ class LinearResponse:
                 rows[row, :, : series[index].shape[1]] = series[index]
             out.append(rows)
         return out
-
-
-def _gauss_newton_step(
-    information: np.ndarray, gradient: np.ndarray, movable: np.ndarray
-) -> np.ndarray:
-    """Of Gauss and Newton, in the coordinates that may move."""
-    length = np.sqrt(np.diagonal(information))
-    live = (length > 0) & movable
-    scaled = information[np.ix_(live, live)] / np.outer(length[live], length[live])
-    step = np.zeros(gradient.size)
-    slope = gradient[live] / length[live]
-    step[live] = -(np.linalg.pinv(scaled, rcond=1e-9, hermitian=True) @ slope) / length[live]
-    return step
 
 
 def _by_blocks(products: np.ndarray) -> np.ndarray:

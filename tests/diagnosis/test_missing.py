@@ -5,7 +5,10 @@ import pytest
 from reference import noise
 
 from diffthrust.diagnosis._missing_signal import NONE, dependence_of  # private: against a known law
-from diffthrust.diagnosis._ports import hats, knots_of  # private: the basis of that law
+from diffthrust.diagnosis._residual_structure import (  # private: the basis of that law
+    hats,
+    knots_of,
+)
 
 
 def made(seed, logs=2, size=1500):
