@@ -19,6 +19,7 @@ import numpy as np
 
 from diffthrust._support._running.programs import program
 from diffthrust.diagnosis._score_test import gauss_newton_step
+from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._step_slopes import StepSlopes, step_slopes
 from diffthrust.estimation._likelihood import Quadratic
 from diffthrust.estimation._one_step import batch_passes
@@ -27,8 +28,6 @@ from diffthrust.estimation._problem import Problem
 _NARROW, _WIDE = 32, 128
 """So many series are carried through a log together, or so many where there are more than half of
 that: a step of the loop takes hardly longer with them."""
-_SCATTER_BLOCKS = 48
-"""Blocks of time into which each log is divided for the scatter of the gradient."""
 
 
 class LinearResponse:
@@ -210,10 +209,10 @@ class LinearResponse:
 
 def _by_blocks(products: np.ndarray) -> np.ndarray:
     """Sums of ``(B, k, C, T)`` over channels and blocks of time, ``(k, B * blocks)``."""
-    size = -(-products.shape[-1] // _SCATTER_BLOCKS)
-    padding = _SCATTER_BLOCKS * size - products.shape[-1]
+    size = -(-products.shape[-1] // SETTINGS.structure.blocks)
+    padding = SETTINGS.structure.blocks * size - products.shape[-1]
     padded = np.pad(products.sum(axis=2), ((0, 0), (0, 0), (0, padding)))
-    sums = padded.reshape(*padded.shape[:2], _SCATTER_BLOCKS, size).sum(axis=-1)
+    sums = padded.reshape(*padded.shape[:2], SETTINGS.structure.blocks, size).sum(axis=-1)
     return sums.transpose(1, 0, 2).reshape(sums.shape[1], -1)
 
 

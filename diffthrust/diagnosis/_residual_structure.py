@@ -106,7 +106,7 @@ def score_at_port(
         fitter: the fits in the innovations form.
         port: the port.
         trial: the current model.
-        series: for each log ``(KNOTS, T)``.
+        series: for each log ``(knots, T)``.
 
     Returns:
         The p-value of the score test, robust to correlation within blocks of time; the
@@ -170,7 +170,7 @@ def knots_of(values: np.ndarray) -> np.ndarray:
 
 
 def hats(values: np.ndarray, knots: np.ndarray) -> np.ndarray:
-    """Piecewise-linear basis over a signal, ``(KNOTS, T)``; its rows sum to one."""
+    """Piecewise-linear basis over a signal, ``(knots, T)``; its rows sum to one."""
     return np.stack([np.interp(values, knots, row) for row in np.eye(len(knots))])
 
 
