@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from problems import LOSSES, NOISE_MODELS
 from scipy.stats import norm
 from scipy.stats import t as student
 
 from diffthrust.comparison._noise_advice import noise_advice  # private: made residuals alone
-from diffthrust.estimation._registry import LOSSES, NOISE_MODELS  # private: what is weighed
 
 
 def advice(rests, step=0.1):

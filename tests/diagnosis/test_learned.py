@@ -31,7 +31,7 @@ from diffthrust.diagnosis._unknown_term.closed_forms import (  # private: forms 
     form_values,
     ranked_matches,
 )
-from diffthrust.diagnosis._unknown_term.terms import (  # private: as above  # private: as above
+from diffthrust.diagnosis._unknown_term.terms import (  # private: as above
     PortSeries,
     channel_of,
     regressors_of,

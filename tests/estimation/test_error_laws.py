@@ -5,14 +5,12 @@ from types import SimpleNamespace
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from error_laws import TAIL, Censored, Gaussian, StudentT
+from problems import LOSSES
 from scipy.integrate import quad
 from scipy.optimize import minimize_scalar
 from scipy.stats import kstest, norm
 from scipy.stats import t as student
-
-from diffthrust.estimation._censored import Censored  # private: laws of errors alone
-from diffthrust.estimation._laws import TAIL, Gaussian, StudentT  # private: laws of errors alone
-from diffthrust.estimation._registry import LOSSES  # private: all laws
 
 RNG = np.random.default_rng(12)
 SIGMA = np.array([0.8, 2.3])
