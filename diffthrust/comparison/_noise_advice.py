@@ -1,25 +1,16 @@
-"""Which law of noise suits the residuals of a comparison: white or lasting, with spikes or not."""
+"""Which noise and law of errors of `fit` suit the residuals of a comparison."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
 
-from diffthrust.estimation._ar1 import RANGE, linked
-from diffthrust.estimation._laws import TAIL
-
-NOISE_CHOICES = (
-    ("white", "gaussian"),
-    ("white", "student_t"),
-    ("ar1", "gaussian"),
-    ("ar1", "student_t"),
-)
-_ROUNDS = 60
-"""Rounds of reweighting for the level of a Student-t law."""
+from diffthrust.estimation._registry import LOSSES, NOISE_MODELS
 
 
 @dataclass(frozen=True)
@@ -30,10 +21,10 @@ class NoiseAdvice:
     standard errors honest in the first case; in the second a diagnosis is wanted.
 
     Args:
-        noise_model: "white" or "ar1".
-        loss: "gaussian" or "student_t".
-        bic: information criterion of each law, "white gaussian" and so on, less that of the best.
-        correlation: correlation time [s] of each channel under "ar1".
+        noise_model: a word of `fit`, such as "white" or "ar1".
+        loss: a word of `fit`, such as "gaussian" or "student_t".
+        bic: information criterion of each pair, "white gaussian" and so on, less that of the best.
+        correlation: correlation time [s] of each channel under noise that lasts ("ar1").
         widening: by how much the error of a slowly varying quantity is larger than under white
             noise, by channel: the root of (1 + phi) / (1 - phi).
 
@@ -54,23 +45,24 @@ class NoiseAdvice:
     @property
     def sentence(self) -> str:
         """The advice in words."""
-        if (self.noise_model, self.loss) == NOISE_CHOICES[0]:
+        noise, law = NOISE_MODELS[self.noise_model], LOSSES[self.loss]
+        if not noise.lasts and law.closed:
             return "The residuals look like white Gaussian noise, as a plain fit assumes."
         words, options = [], []
-        if self.noise_model == "ar1":
+        if noise.lasts:
             times = ", ".join(f"{name} {s:.2g} s" for name, s in self.correlation.items())
             words.append(f"last from sample to sample (correlation time: {times})")
-            options.append("noise_model='ar1'")
-        if self.loss == "student_t":
-            words.append("have more large values than Gaussian noise")
-            options.append("loss='student_t'")
-        seen = f"The residuals {' and '.join(words)}: fit with {', '.join(options)}"
-        if self.noise_model == "white":
-            return f"{seen}."
+            options.append(f"noise_model='{self.noise_model}'")
+        if not law.closed:
+            words.append(law.shows)
+            options.append(f"loss='{self.loss}'")
+        advice = f"The residuals {' and '.join(words)}: fit with {', '.join(options)}"
+        if not noise.lasts:
+            return f"{advice}."
         worst = max(self.widening.values())
         return (
-            f"{seen}. Standard errors that assume white noise may be {worst:.2g} times too small. "
-            "If the model lacks something, a diagnosis will say so."
+            f"{advice}. Standard errors that assume white noise may be {worst:.2g} times too "
+            "small. If the model lacks something, a diagnosis will say so."
         )
 
     def to_json(self) -> dict[str, Any]:
@@ -81,66 +73,38 @@ class NoiseAdvice:
 def noise_advice(
     residuals: Mapping[str, Sequence[np.ndarray]], times: Mapping[str, Sequence[np.ndarray]]
 ) -> NoiseAdvice:
-    """Weigh four laws of noise by the Bayesian information criterion.
+    """Weigh all pairs of a noise and a law of errors by the Bayesian information criterion.
 
     Args:
         residuals: by channel those of each run, ``(n,)``; NaN where nothing was measured.
         times: by channel the times of each run [s].
 
-    Source: the laws are those of `fit`; the criterion is Schwarz 1978.
+    Source: noises and laws are those of `fit`; the criterion is Schwarz 1978.
     """
-    bic = {" ".join(law): 0.0 for law in NOISE_CHOICES}
-    correlation, widening = {}, {}
-    for name, runs in residuals.items():
-        pairs = list(zip(runs, times[name], strict=True))
-        samples = sum(int(np.isfinite(run).sum()) for run in runs)
-        step = float(np.median(np.concatenate([np.diff(time) for time in times[name]])))
-        for noise, loss in NOISE_CHOICES:
-            cost, kept = _cost(pairs, noise, loss, step)
-            bic[f"{noise} {loss}"] += 2 * cost + (noise == "ar1") * math.log(samples)
-            if noise == "ar1":
-                correlation[name] = -step / math.log(kept)
-                widening[name] = math.sqrt((1 + kept) / (1 - kept))
-    noise, loss = min(NOISE_CHOICES, key=lambda law: bic[" ".join(law)])
-    least = bic[f"{noise} {loss}"]
+    bic: dict[tuple[str, str], float] = {}
+    lag_ones: dict[str, dict[str, float]] = {}
+    steps = {n: float(np.median(np.concatenate(list(map(np.diff, t))))) for n, t in times.items()}
+    for (noise_word, noise), (loss, law) in product(NOISE_MODELS.items(), LOSSES.items()):
+        total = 0.0
+        for name, runs in residuals.items():
+            likeliest = noise.likeliest(runs, times[name], law, steps[name])
+            if likeliest is None:
+                break
+            samples = sum(int(np.isfinite(run).sum()) for run in runs)
+            free = sum(not p.fixed for p in noise.parameters([name]).values())
+            total += 2 * likeliest.cost + free * math.log(samples)
+            if noise.lasts:
+                lag_ones.setdefault(noise_word, {})[name] = likeliest.lag_one
+        else:
+            bic[noise_word, loss] = total
+    noise_model, loss = min(bic, key=lambda pair: bic[pair])
+    least = bic[noise_model, loss]
+    # where white noise suits better, the first that lasts says how much correlation there is
+    lag_one = lag_ones.get(noise_model) or next(iter(lag_ones.values()), {})
     return NoiseAdvice(
-        noise, loss, {law: value - least for law, value in bic.items()}, correlation, widening
+        noise_model,
+        loss,
+        {" ".join(pair): value - least for pair, value in bic.items()},
+        {name: -steps[name] / math.log(kept) for name, kept in lag_one.items()},
+        {name: math.sqrt((1 + kept) / (1 - kept)) for name, kept in lag_one.items()},
     )
-
-
-def _cost(pairs: Sequence[Any], noise: str, loss: str, step: float) -> tuple[float, float]:
-    """Negative log-likelihood of one channel, and its correlation from one step to the next."""
-    if noise == "white":
-        rests = np.concatenate([run[np.isfinite(run)] for run, _ in pairs])
-        return level_cost(rests, loss), 0.0
-    from scipy.optimize import minimize_scalar  # slow to import
-
-    links = [linked(time[None], run[None, None], np.zeros((1, run.size), bool), step)
-             for run, time in pairs]  # fmt: skip
-
-    def at(lag_one: float) -> float:
-        news, jacobian = [], 0.0
-        for (run, _), link in zip(pairs, links, strict=True):
-            seen, kept = np.isfinite(run), lag_one ** link.gap[0, 0]
-            scale = np.sqrt(1 - kept**2)
-            new = (run - kept * np.nan_to_num(run)[link.past[0, 0]]) / scale
-            news.append(new[seen])
-            jacobian += float(np.sum(np.log(scale[seen])))
-        return level_cost(np.concatenate(news), loss) + jacobian
-
-    best = minimize_scalar(at, bounds=RANGE, method="bounded")
-    return float(best.fun), float(best.x)
-
-
-def level_cost(rests: np.ndarray, loss: str) -> float:
-    """Negative log-likelihood at the best level of the noise, all constants included."""
-    level = float(np.sqrt(np.mean(rests**2))) or 1e-300
-    if loss == "gaussian":
-        return rests.size * (math.log(level) + 0.5 * math.log(2 * math.pi) + 0.5)
-    for _ in range(_ROUNDS):
-        weights = (TAIL + 1) / (TAIL + (rests / level) ** 2)
-        level = float(np.sqrt(np.mean(weights * rests**2))) or 1e-300
-    constant = math.lgamma((TAIL + 1) / 2) - math.lgamma(TAIL / 2)
-    constant -= 0.5 * math.log(TAIL * math.pi)
-    tail = 0.5 * (TAIL + 1) * np.log1p(rests**2 / (TAIL * level**2)).sum()
-    return float(tail) + rests.size * (math.log(level) - constant)

@@ -19,10 +19,10 @@ from diffthrust.diagnosis._explained_share import BeforeAfter, explained_share, 
 from diffthrust.diagnosis._findings import Refusal, Stage
 from diffthrust.diagnosis._held import with_candidates
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, with_values
-from diffthrust.diagnosis._ports import KNOTS
 from diffthrust.diagnosis._rating import Tried
 from diffthrust.diagnosis._residual_structure import gain_of
 from diffthrust.diagnosis._search_state import CurrentModel, SearchContext, SearchState
+from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._simulation_fit import change_between, fitted_beside, fitted_to_runs
 from diffthrust.logs._log import Log
 from diffthrust.simulation._runs import runs_over
@@ -160,7 +160,7 @@ def comparable(tools: SearchContext, present: CurrentModel, tried: Tried) -> boo
         left = present.remaining
     if left is None:
         return True
-    unknown = left.gain - KNOTS * math.log(trials.samples)
+    unknown = left.gain - SETTINGS.structure.knots * math.log(trials.samples)
     if -candidate.delta_bic > _PART * unknown:
         return True
     with tools.clock("remaining"):

@@ -6,26 +6,16 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from diffthrust._support.errors import InputError
-from diffthrust.diagnosis._criteria import MARGIN, price_of, unseen_gain
+from diffthrust.diagnosis._criteria import price_of, unseen_gain
 from diffthrust.diagnosis._held import with_candidates
 from diffthrust.diagnosis._innovations_fit import TrialFit
 from diffthrust.diagnosis._screen import levels_of, screened
 from diffthrust.diagnosis._search_state import SearchContext, SearchState
+from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._simulation_fit import fitted_to_runs, share_between, simulation_fitter
 from diffthrust.diagnosis._stepwise import simulation_is_poor
 from diffthrust.experiments._result import Experiment
 from diffthrust.experiments._suggest import suggest_experiment
-
-_ALIKE = 8.0
-"""Effects whose criteria differ by less than this cannot be told apart (odds of some 50 to 1)."""
-_HOPELESS = 100.0
-"""Where a few steps promise no less a difference than this, more would not make up for it."""
-_MOST_OF_IT = 0.9
-"""Where whole runs stay poor, neither can those be that remove so much of what the effect does,"""
-_LEFT = 1.1
-"""and leave an error over whole runs no larger than so many times its own;"""
-_NAMED = 2
-"""so many of them are named, the best."""
 
 
 class SearchResult(NamedTuple):
@@ -58,7 +48,8 @@ def _groups_of(
     """
     trials, present = tools.fitter, known.current.trial
     barred = {name for name, why in known.refused.items() if why.by_whole_runs}
-    rivals = {c.effect for c in known.ranking if c.delta_bic < -MARGIN} - barred
+    least = SETTINGS.admission.least_bic_gain
+    rivals = {c.effect for c in known.ranking if c.delta_bic < -least} - barred
     levels = levels_of(trials, first)
     groups = []
     for name in (n for n in names if n in trials.candidates):
@@ -66,13 +57,13 @@ def _groups_of(
         alike, price = [name], price_of(trials, present, name)
         others = sorted(rivals - {*present.effects})
         for rival, trial in screened(trials, others, without, levels).items():
-            if 2 * (trial.expected - present.cost) > _HOPELESS:
+            if 2 * (trial.expected - present.cost) > SETTINGS.equivalence.hopeless_bic:
                 continue
             trial = trials.further(trial)
             worse = trial.cost - present.cost
             if rival in known.refused:
                 worse -= unseen_gain(trials, present, trial)
-            if 2 * worse + price_of(trials, trial) - price < _ALIKE:
+            if 2 * worse + price_of(trials, trial) - price < SETTINGS.equivalence.most_bic_apart:
                 alike.append(rival)
         groups.append((*alike, *_alike_over_whole_runs(tools, known, name, {*alike} | barred)))
     return tuple(groups)
@@ -92,7 +83,8 @@ def _alike_over_whole_runs(
     if name in known.detectable:
         return []
     at, stage = next((k, s) for k, s in enumerate(known.stages) if name in s.effects)
-    tried = [c.effect for c in known.ranking if c.stage == at - 1 and c.delta_bic < -MARGIN]
+    least = SETTINGS.admission.least_bic_gain
+    tried = [c.effect for c in known.ranking if c.stage == at - 1 and c.delta_bic < -least]
     rivals = [rival for rival in tried if rival not in {*others, *stage.effects}]
     if not rivals or not simulation_is_poor(tools, known, known.stages[-1]):
         return []
@@ -105,9 +97,12 @@ def _alike_over_whole_runs(
         rival: share_between(trials, without, whole.further(trial)).share
         for rival, trial in begun.items()
     }
-    near = _MOST_OF_IT * own, 1.0 - _LEFT**2 * (1.0 - own)
+    near = (
+        SETTINGS.equivalence.least_share_of_effect * own,
+        1.0 - SETTINGS.whole_runs.equivalent_error**2 * (1.0 - own),
+    )
     alike = sorted((r for r in shares if shares[r] > max(near)), key=lambda r: -shares[r])
-    return alike[:_NAMED]
+    return alike[: SETTINGS.equivalence.most_named]
 
 
 def proposal(

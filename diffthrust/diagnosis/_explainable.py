@@ -29,6 +29,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diffthrust._support.correlation import autocorrelation, integral
+from diffthrust.diagnosis._settings import SETTINGS
 
 _RANDOM_CURVES = 100
 _FILTERS = 5
@@ -207,7 +208,7 @@ def chosen(learners: Sequence[Learner]) -> Learner | None:
     """
     best, taken = 1.0, None
     for learner in learners:
-        if learner.loss < best - 0.01:
+        if learner.loss < best - SETTINGS.headroom.least_rung_gain:
             best, taken = learner.loss, learner
     return taken
 
@@ -286,11 +287,6 @@ def _left_out(blocks: Sequence[_Sums]) -> np.ndarray:
 
 _SPLITS = 4
 """So often the records to learn from are split in halves."""
-_NEAR_LOSS = 0.02
-"""Forms whose squared errors on left-out records are this near to the best may be the right one."""
-_T_QUANTILE = 1.895
-"""Standard deviations on either side of an interval of 90 %: Student's t of seven degrees, for the
-scatter is known from a few stretches of errors that last."""
 
 
 class Explainable(NamedTuple):
@@ -340,7 +336,7 @@ def explainable(
     near = [
         candidate
         for candidate in learners
-        if candidate.loss <= least + _NEAR_LOSS or candidate is best
+        if candidate.loss <= least + SETTINGS.headroom.tie_loss or candidate is best
     ]
     estimates = {candidate.rung: _estimate(candidate, train, test, seed) for candidate in near}
     high = max(candidate.high for candidate in estimates.values())
@@ -379,8 +375,8 @@ def _estimate(
     lags = max(1, min(score.size for score in scores) // 2)
     lasting = integral(autocorrelation(scores, lags))
     scatter = float(np.std(np.concatenate(scores))) * np.sqrt(lasting / samples)
-    wide = _T_QUANTILE * float(np.hypot(scatter, 0.5 * short))
-    low = min(share + short - wide, share - _T_QUANTILE * scatter)
+    wide = SETTINGS.headroom.interval_width * float(np.hypot(scatter, 0.5 * short))
+    low = min(share + short - wide, share - SETTINGS.headroom.interval_width * scatter)
     return _Estimate(share, float(low), min(max(share, share + short, 0.0) + wide, 1.0))
 
 

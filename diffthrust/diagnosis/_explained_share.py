@@ -15,17 +15,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from diffthrust._support.correlation import autocorrelation, integral
+from diffthrust.diagnosis._settings import SETTINGS
 
-_LEVEL = 0.9
 _DRAWS = 1000
-_BLOCKS = (4, 24)
-"""Fewest and most blocks of a log; few where errors last for long."""
-_LONGER = 2.0
-"""A block is so many times as long as the errors last."""
-_SMALL = 0.03
-"""An effect that removes no more than this of the squared whole-run errors does not matter,"""
-_OF_ONE = 0.2
-"""unless it removes more than this of those of one channel."""
 
 
 class BeforeAfter(NamedTuple):
@@ -64,7 +56,7 @@ class Worth:
     @property
     def sure(self) -> bool:
         """Whether it is surely worth something, and more than a few per cent."""
-        return self.low > 0 and self.share > _SMALL
+        return self.low > 0 and self.share > SETTINGS.whole_runs.negligible_share
 
     def of(self, part: float) -> Worth:
         """The same as a share of a larger error, of which ``part`` was left before."""
@@ -115,8 +107,9 @@ def matters(worth: Worth, everywhere: Worth) -> bool:
         return one.share > least and max(one.low, every.low) > 0
 
     pairs = ((one, everywhere.channels.get(name, one)) for name, one in worth.channels.items())
-    alone = any(surely(one, every, _OF_ONE) for one, every in pairs)
-    return surely(worth, everywhere, _SMALL) or (worth.share > 0 and alone)
+    alone = any(surely(one, every, SETTINGS.whole_runs.one_channel_share) for one, every in pairs)
+    overall = surely(worth, everywhere, SETTINGS.whole_runs.negligible_share)
+    return overall or (worth.share > 0 and alone)
 
 
 def _table(logs: Sequence[Mapping[str, BeforeAfter]], names: Sequence[str]) -> list[np.ndarray]:
@@ -128,6 +121,7 @@ def _table(logs: Sequence[Mapping[str, BeforeAfter]], names: Sequence[str]) -> l
     for name in names:
         measured = np.concatenate([log[name].measured for log in logs if name in log])
         unit[name] = float(np.nanvar(measured)) * np.isfinite(measured).sum()
+    limits, fewest = SETTINGS.whole_runs, SETTINGS.whole_runs.fewest_blocks
     table = []
     for log in logs:
         size = len(next(iter(log.values())).measured)
@@ -142,7 +136,7 @@ def _table(logs: Sequence[Mapping[str, BeforeAfter]], names: Sequence[str]) -> l
                     squares[seen, c, k] = np.where(np.isfinite(rest), rest, np.inf)[seen] ** 2
                 lasts = max(lasts, _lasting(np.where(seen, rest, np.nan)))
             squares[:, c] /= unit[name]
-        pieces = int(np.clip(size / (_LONGER * lasts), *_BLOCKS))
+        pieces = int(np.clip(size / (limits.block_length * lasts), fewest, limits.most_blocks))
         table.append(np.array([b.sum(axis=0) for b in np.array_split(squares, min(pieces, size))]))
     return table
 
@@ -150,10 +144,11 @@ def _table(logs: Sequence[Mapping[str, BeforeAfter]], names: Sequence[str]) -> l
 def _lasting(rest: np.ndarray) -> float:
     """For how many samples errors last."""
     seen = rest[~np.isnan(rest)]
-    if seen.size < _BLOCKS[0] or not np.all(np.isfinite(seen)) or not np.ptp(seen) > 0:
+    fewest = SETTINGS.whole_runs.fewest_blocks
+    if seen.size < fewest or not np.all(np.isfinite(seen)) or not np.ptp(seen) > 0:
         return 1.0
     unit = np.abs(seen).max()  # of a run that went astray the squares would overflow
-    read = integral(autocorrelation([seen / unit], seen.size // _BLOCKS[0]))
+    read = integral(autocorrelation([seen / unit], seen.size // fewest))
     return read * rest.size / seen.size  # of a held sensor readings are apart
 
 
@@ -172,7 +167,8 @@ def _drawn(table: Sequence[np.ndarray], seed: int) -> np.ndarray:
 
 def _interval(drawn: np.ndarray, total: np.ndarray) -> Worth:
     """The share and its interval, from squared errors before and after; ``(n, 2)``, ``(1, 2)``."""
-    ends = np.quantile(_removed(drawn), [0.5 * (1 - _LEVEL), 0.5 * (1 + _LEVEL)], method="nearest")
+    level = SETTINGS.whole_runs.interval_level
+    ends = np.quantile(_removed(drawn), [0.5 * (1 - level), 0.5 * (1 + level)], method="nearest")
     return Worth(float(_removed(total)[0]), float(ends[0]), float(ends[1]))
 
 

@@ -17,6 +17,7 @@ from diffthrust.comparison._compare import Comparison
 from diffthrust.diagnosis._explained_share import Worth
 from diffthrust.diagnosis._headroom import Headroom, headroom_of
 from diffthrust.diagnosis._learned import LearnedLaw
+from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._verdict import Verdict, VerdictEvidence
 from diffthrust.effects._curve import Curve
 from diffthrust.estimation._estimate import Estimate
@@ -29,9 +30,6 @@ from diffthrust.simulation._errors import Errors
 
 if TYPE_CHECKING:
     from diffthrust.experiments._result import Experiment
-
-_MUCH = 1 / 3
-"""An odd log that carries more than this of a channel's squared error may decide all."""
 
 
 @dataclass(frozen=True)
@@ -126,10 +124,6 @@ class Stage(Brief):
         return self.fit.holdout
 
 
-_TOLD = 1.5
-"""A signal without a known dependence is told where it is so many times its standard error."""
-
-
 @dataclass(frozen=True, repr=False)
 class Missing(Brief):
     """The signal that is missing at one port, estimated without assuming its form.
@@ -179,7 +173,9 @@ class Missing(Brief):
 
         A signal of no size is none: what acts there reaches no measurement.
         """
-        return self.signal is not None or (self.size > 0 and not self.size < _TOLD * self.error)
+        return self.signal is not None or (
+            self.size > 0 and not self.size < SETTINGS.structure.signal_over_error * self.error
+        )
 
     def shown(self, model: Model, told: ShownUnits) -> Missing:
         """The same in the units for people: of the output that the port's unit is that of."""
@@ -207,7 +203,7 @@ class Remaining:
         signal: the signal on which it depends.
         share: share of the squared one-step errors at that place that it explains.
         manner: whether something is added there, or what is there is scaled.
-        gain: likelihood ratio that a function of the signal, `KNOTS` numbers, promises.
+        gain: likelihood ratio that a function of the signal promises.
     """
 
     port: str
@@ -241,7 +237,7 @@ class OddLog:
     @property
     def much(self) -> bool:
         """Whether it carries over a third of the squared error, and belongs to the summary."""
-        return self.share > _MUCH
+        return self.share > SETTINGS.outlier_logs.decisive_share
 
 
 @dataclass(frozen=True)

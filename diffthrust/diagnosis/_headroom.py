@@ -16,6 +16,7 @@ from diffthrust._support.results import Result
 from diffthrust._support.words import percent
 from diffthrust.comparison._compare import Comparison, compare
 from diffthrust.diagnosis._explainable import ErrorRecord, Explainable, Rung, explainable
+from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._runs import Run
@@ -29,10 +30,6 @@ _FEWEST_RECORDS = 3
 """so many records are left whole."""
 _MOST_SAMPLES = 20_000
 """Samples that are used; more are thinned."""
-_LEAST_SAMPLES = 100
-"""Fewer samples teach no correction."""
-_WORTH_SHARE = 0.1
-"""A share that is surely below this is not worth a search."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +84,10 @@ class Headroom(Result):
     @property
     def worth(self) -> bool:
         """Whether a channel has a tenth of its squared error, or may have, for a model to find."""
-        return any(c.high >= _WORTH_SHARE and c.low > 0 for c in self.channels.values())
+        return any(
+            c.high >= SETTINGS.headroom.worthwhile_share and c.low > 0
+            for c in self.channels.values()
+        )
 
     @property
     def summary(self) -> str:
@@ -210,7 +210,9 @@ def _channel(
         train = [stretch for record in train for stretch in _cut(record, _STRETCHES // len(train))]
     samples = sum(int(np.isfinite(r.error).sum()) for r in train)
     nothing = Explainable(0.0, 0.0, 1.0, Rung.NOTHING, ())
-    explained = explainable(train, test, seed) if samples >= _LEAST_SAMPLES else nothing
+    explained = (
+        explainable(train, test, seed) if samples >= SETTINGS.headroom.least_samples else nothing
+    )
     errors = np.concatenate([record.error for record in test or train])
     physics = float(np.sqrt(np.nanmean(errors**2))) / float(np.nanstd(measured))
     corrected = physics * float(np.sqrt(1.0 - explained.share))
@@ -234,12 +236,12 @@ def _share(value: float) -> str:
 
 def _words(name: str, c: ChannelHeadroom, judged_on: str) -> str:
     where, interval = f"on {judged_on} logs", f"{_share(c.low)} to {_share(c.high)}"
-    if c.samples < _LEAST_SAMPLES:
+    if c.samples < SETTINGS.headroom.least_samples:
         return (
             f"What a flexible model could explain of the error of {name} {where}, {c.samples} "
-            f"samples to learn from do not tell: {_LEAST_SAMPLES} are needed."
+            f"samples to learn from do not tell: {SETTINGS.headroom.least_samples} are needed."
         )
-    if c.high < _WORTH_SHARE:
+    if c.high < SETTINGS.headroom.worthwhile_share:
         return (
             f"Of the squared error of {name} {where}, a flexible model explains {_share(c.share)} "
             f"({interval}): what is left does not repeat, or these signals do not tell it."

@@ -9,6 +9,7 @@ import numpy as np
 
 from diffthrust._support.results import Brief
 from diffthrust.diagnosis._explained_share import Worth
+from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.effects._curve import Curve
 from diffthrust.effects._formula import Formula
 from diffthrust.estimation._result import Fit
@@ -16,9 +17,7 @@ from diffthrust.logs._written import ShownUnits, Size
 from diffthrust.models._base.made_effect import ARRIVING
 
 _POINTS = 121
-FORMS_APART = 10.0
-"""Forms whose criteria differ by no more than this cannot be told apart (Kass and Raftery 1995,
-section 3.2: more is very strong evidence)."""
+"""Values of the signal over which a curve is drawn."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -90,8 +89,16 @@ class LearnedLaw(Brief):
         if self.form is None:
             return ()
         first, size = self.form, len(self.form.formula.declared)
-        near = (form for form in self.forms[1:] if form.bic <= first.bic + FORMS_APART)
-        near = (form for form in near if form.one_step <= first.one_step + FORMS_APART)
+        near = (
+            form
+            for form in self.forms[1:]
+            if form.bic <= first.bic + SETTINGS.closed_form.most_bic_apart
+        )
+        near = (
+            form
+            for form in near
+            if form.one_step <= first.one_step + SETTINGS.closed_form.most_bic_apart
+        )
         return tuple(form for form in near if len(form.formula.declared) <= size)
 
     @property

@@ -18,6 +18,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._support._running.programs import program
+from diffthrust.diagnosis._score_test import gauss_newton_step
+from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._step_slopes import StepSlopes, step_slopes
 from diffthrust.estimation._likelihood import Quadratic
 from diffthrust.estimation._one_step import batch_passes
@@ -26,8 +28,6 @@ from diffthrust.estimation._problem import Problem
 _NARROW, _WIDE = 32, 128
 """So many series are carried through a log together, or so many where there are more than half of
 that: a step of the loop takes hardly longer with them."""
-_SCATTER_BLOCKS = 48
-"""Blocks of time into which each log is divided for the scatter of the gradient."""
 
 
 class LinearResponse:
@@ -133,13 +133,13 @@ class LinearResponse:
         """
         n, extra = self.problem.shared, more[0].shape[1] if more else 0
         extra_slice = slice(n, n + extra)
-        step = _gauss_newton_step(q.information, q.gradient, movable)
+        step = gauss_newton_step(q.information, q.gradient, movable)
         room = np.clip(step[extra_slice], *limits)
         if np.any(room != step[extra_slice]):  # those that would go beyond their bounds go to them
             movable = movable.copy()
             movable[extra_slice] = False
             slope = q.gradient + q.information[:, extra_slice] @ room
-            step = _gauss_newton_step(q.information, slope, movable)
+            step = gauss_newton_step(q.information, slope, movable)
             step[extra_slice] = room
         logs = sum(map(len, self.errors))
         starts = step[n + extra :].reshape(logs, len(self.problem.layout.starts))
@@ -207,25 +207,12 @@ class LinearResponse:
         return out
 
 
-def _gauss_newton_step(
-    information: np.ndarray, gradient: np.ndarray, movable: np.ndarray
-) -> np.ndarray:
-    """Of Gauss and Newton, in the coordinates that may move."""
-    length = np.sqrt(np.diagonal(information))
-    live = (length > 0) & movable
-    scaled = information[np.ix_(live, live)] / np.outer(length[live], length[live])
-    step = np.zeros(gradient.size)
-    slope = gradient[live] / length[live]
-    step[live] = -(np.linalg.pinv(scaled, rcond=1e-9, hermitian=True) @ slope) / length[live]
-    return step
-
-
 def _by_blocks(products: np.ndarray) -> np.ndarray:
     """Sums of ``(B, k, C, T)`` over channels and blocks of time, ``(k, B * blocks)``."""
-    size = -(-products.shape[-1] // _SCATTER_BLOCKS)
-    padding = _SCATTER_BLOCKS * size - products.shape[-1]
+    size = -(-products.shape[-1] // SETTINGS.structure.blocks)
+    padding = SETTINGS.structure.blocks * size - products.shape[-1]
     padded = np.pad(products.sum(axis=2), ((0, 0), (0, 0), (0, padding)))
-    sums = padded.reshape(*padded.shape[:2], _SCATTER_BLOCKS, size).sum(axis=-1)
+    sums = padded.reshape(*padded.shape[:2], SETTINGS.structure.blocks, size).sum(axis=-1)
     return sums.transpose(1, 0, 2).reshape(sums.shape[1], -1)
 
 

@@ -14,15 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
+from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._laws import Law
 from diffthrust.estimation._one_step import Pass, passes, settled_start
 from diffthrust.estimation._problem import Problem
 
-_LEVEL = 0.01
-"""The share of sets of sound logs in which a parameter of one is said to differ: all logs and
-parameters of a set share it."""
-_BLOCKS = 24
-"""Blocks of time into which each log is divided."""
 _STEP = 1e-4
 """Derivatives are differences over so much of a coordinate."""
 _BLIND = 1e-6
@@ -86,7 +82,7 @@ def deviations(logs: Sequence[Slopes]) -> list[Deviation]:
     """
     found: list[Deviation] = []
     left = list(range(len(logs)))
-    level = _LEVEL / (len(logs) * max(1, len(logs[0].scores)))
+    level = SETTINGS.outlier_logs.false_alarms / (len(logs) * max(1, len(logs[0].scores)))
     while 2 * (len(found) + 1) < len(logs):
         near = [one for one in tested(logs, left) if one.p_value < level]
         sure = [one for one in (widened(logs, left, one) for one in near) if one.p_value < level]
@@ -191,7 +187,9 @@ def _of_log(one: Pass, jacobian: np.ndarray, count: int, sigma: np.ndarray, law:
     cross = flat @ own.reshape(count, rest.size).T
     own = own - np.tensordot(np.linalg.pinv(inner, hermitian=True) @ cross, starts, (0, 0))
     product = own * weight * rest
-    blocks = np.array_split(product.sum(axis=1), min(_BLOCKS, rest.shape[1]), axis=1)
+    blocks = np.array_split(
+        product.sum(axis=1), min(SETTINGS.outlier_logs.blocks, rest.shape[1]), axis=1
+    )
     return Slopes(
         information=np.tensordot(own * weight, own, ((1, 2), (1, 2))) / law.excess,
         scores=np.stack([block.sum(axis=1) for block in blocks], axis=1),

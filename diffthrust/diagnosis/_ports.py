@@ -19,9 +19,6 @@ from diffthrust.simulation._linearise import Reading, slopes_at
 from diffthrust.simulation._runge_kutta import plain_rate
 from diffthrust.simulation._trajectory import equations_of
 
-KNOTS = 7
-"""A signal of unknown form is a sum of so many given series."""
-
 
 @dataclass(frozen=True)
 class DrivingPort:
@@ -107,19 +104,6 @@ def slopes_along(
     _, by_state = jax.jvp(driven, (state, still), (unit, jnp.zeros_like(still)))
     _, by_port = jax.jvp(driven, (state, still), (zeros, jnp.ones_like(still)))
     return np.asarray(by_state if place.state else still), np.asarray(by_port)
-
-
-def knots_of(values: np.ndarray) -> np.ndarray:
-    """Knots over a signal, between even spacing and even shares of the samples, ``(KNOTS,)``."""
-    low, high = np.quantile(values, [0.01, 0.99])
-    even = np.linspace(low, high, KNOTS)
-    knots = 0.5 * (even + np.quantile(values, np.linspace(0.01, 0.99, KNOTS)))
-    return knots + 1e-9 * (high - low) * np.arange(KNOTS)
-
-
-def hats(values: np.ndarray, knots: np.ndarray) -> np.ndarray:
-    """Piecewise-linear basis over a signal, ``(KNOTS, T)``; its rows sum to one."""
-    return np.stack([np.interp(values, knots, row) for row in np.eye(KNOTS)])
 
 
 def place_words(model: Model, port: str) -> str:

@@ -1,4 +1,4 @@
-"""What the quadratic of one forward-mode pass says: the score test, and what a step promises."""
+"""What the quadratic of one forward-mode pass says: the score test, and the gain of a step."""
 
 from __future__ import annotations
 
@@ -7,12 +7,34 @@ from collections.abc import Sequence
 import numpy as np
 
 from diffthrust.diagnosis._held import of_effect
+from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._likelihood import Quadratic
 
 _MOST_REMOVED = 0.9
-"""No step is taken to remove more of the squared errors than this, whatever it promises."""
+"""Share of the squared errors that a step is credited with removing at most: the logarithm of what
+remains has no bound, and a linear response far from the null is not to be trusted so far."""
 _REDUNDANT = 1e-6
-"""An effect is redundant that keeps less than this of its information beside the others."""
+"""An effect is redundant if it keeps less than this of its information beside the others: rounding
+errors of the projection are some 1e-9."""
+
+
+def project_out(
+    information: np.ndarray, scores: np.ndarray, base: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Information and scores of coordinates, without what the first ``base`` ones do (Neyman 1959).
+
+    Args:
+        information: of all coordinates, ``(n, n)``.
+        scores: the gradient by blocks of time, ``(n, blocks)``.
+        base: the number of coordinates that are projected out.
+
+    Returns:
+        The information ``(n - base, n - base)`` and the scores ``(n - base, blocks)``.
+    """
+    nuisance, cross = information[:base, :base], information[base:, :base]
+    # a pseudo-inverse: parameters that the logs do not determine make the information singular
+    through = cross @ np.linalg.pinv(nuisance, rcond=1e-11, hermitian=True)
+    return information[base:, base:] - through @ cross.T, scores[base:] - through @ scores[:base]
 
 
 def score_test(
@@ -20,52 +42,65 @@ def score_test(
 ) -> tuple[float, np.ndarray, np.ndarray]:
     """Robust score test of coordinates at zero, after ``base`` estimated ones.
 
-    The gradient is made orthogonal to that of the estimated coordinates (Neyman 1959). Its square
-    in units of the information is divided by the scatter of the gradient over blocks of time in the
-    same units, so that errors that last for less than a block raise no alarm. Also the one-step
-    estimate of the coordinates and its covariance.
+    The square of the projected gradient, in units of the information, is divided by the scatter of
+    the gradient over blocks of time in the same units: errors that last for less than a block raise
+    no alarm.
 
     Args:
-        information: of all of them, ``(n, n)``.
+        information: of all coordinates, ``(n, n)``.
         scores: the gradient by blocks of time, ``(n, blocks)``.
-        base: how many are estimated; the first ones.
+        base: the number of estimated coordinates, the first ones.
+
+    Returns:
+        The p-value, the one-step estimate of the coordinates, and its covariance.
     """
     from scipy.special import fdtrc  # slow to import
 
-    more = len(scores) - base
-    nuisance, cross = information[:base, :base], information[base:, :base]
-    through = cross @ np.linalg.pinv(nuisance, rcond=1e-11, hermitian=True)
-    remaining = information[base:, base:] - through @ cross.T
-    gradient = scores[base:] - through @ scores[:base]
-    values, vectors = np.linalg.eigh(remaining)
-    diagonal = np.diagonal(information)[base:]
-    kept = values > 1e-8 * max(diagonal.max(initial=0.0), 1e-300)
+    count = len(scores) - base
+    projected, gradient = project_out(information, scores, base)
+    values, vectors = np.linalg.eigh(projected)
+    # directions that the estimated coordinates can do all of have eigenvalues of rounding errors
+    unprojected = np.diagonal(information)[base:].max(initial=0.0)
+    kept = values > 1e-8 * max(unprojected, 1e-300)
     rank = int(kept.sum())
     blocks = int(np.sum(np.any(scores != 0, axis=0)))
-    if rank == 0 or blocks < 3:
-        return 1.0, np.zeros(more), np.full((more, more), np.nan)
+    if rank == 0 or blocks < SETTINGS.structure.fewest_blocks:
+        return 1.0, np.zeros(count), np.full((count, count), np.nan)
     basis = vectors[:, kept] / np.sqrt(values[kept])
-    projected = basis.T @ gradient
-    scatter = max(1.0, float(np.sum(projected**2)) / rank)
-    ratio = float(np.sum(projected.sum(axis=1) ** 2)) / rank / scatter
-    inverse = basis @ basis.T
-    estimated = -inverse @ gradient.sum(axis=1)
-    return float(fdtrc(rank, rank * (blocks - 1), ratio)), estimated, inverse
+    standardised = basis.T @ gradient
+    scatter = max(1.0, float(np.sum(standardised**2)) / rank)
+    ratio = float(np.sum(standardised.sum(axis=1) ** 2)) / rank / scatter
+    covariance = basis @ basis.T
+    estimated = -covariance @ gradient.sum(axis=1)
+    return float(fdtrc(rank, rank * (blocks - 1), ratio)), estimated, covariance
+
+
+def gauss_newton_step(
+    information: np.ndarray, gradient: np.ndarray, movable: np.ndarray
+) -> np.ndarray:
+    """The full Gauss-Newton step in the coordinates that may move; zero in the others.
+
+    The information is scaled to a unit diagonal first: parameters differ in unit by 1e3 and more.
+    """
+    length = np.sqrt(np.diagonal(information))
+    live = (length > 0) & movable
+    scaled = information[np.ix_(live, live)] / np.outer(length[live], length[live])
+    slope = gradient[live] / length[live]
+    step = np.zeros(gradient.size)
+    step[live] = -(np.linalg.pinv(scaled, rcond=1e-9, hermitian=True) @ slope) / length[live]
+    return step
 
 
 def promised_gain(q: Quadratic, movable: np.ndarray) -> float:
-    """What a full Gauss-Newton step promises to gain in log-likelihood.
+    """The gain in log-likelihood that a full Gauss-Newton step promises.
 
-    The likelihood goes with the logarithm of the squared errors: a step that is to remove most of
-    them promises more than its quadratic says.
+    The likelihood goes with the logarithm of the squared errors: a step that removes most of them
+    gains more than its quadratic says.
     """
-    length = np.sqrt(np.diagonal(q.information))
-    live = (length > 0) & movable
-    scaled = q.information[np.ix_(live, live)] / np.outer(length[live], length[live])
-    slope = q.gradient[live] / length[live]
-    if not live.any() or not q.energy > 0:
+    if not q.energy > 0:
         return 0.0
-    removed = float(slope @ np.linalg.pinv(scaled, rcond=1e-9, hermitian=True) @ slope)
+    step = gauss_newton_step(q.information, q.gradient, movable)
+    removed = -float(np.sum(np.where(step != 0.0, q.gradient * step, 0.0)))
     energy = float(q.energy) / len(q.sigma)
     return -0.5 * energy * float(np.log1p(-min(removed / energy, _MOST_REMOVED)))
 
@@ -81,7 +116,6 @@ def redundant(q: Quadratic, names: Sequence[str], effect: str) -> bool:
     if not of_this.any():
         return True
     cross, nuisance = scaled[np.ix_(of_this, ~of_this)], scaled[np.ix_(~of_this, ~of_this)]
-    remaining = (
-        scaled[np.ix_(of_this, of_this)] - cross @ np.linalg.pinv(nuisance, 1e-12, True) @ cross.T
-    )
-    return bool(np.diagonal(remaining).max() < _REDUNDANT)
+    through = cross @ np.linalg.pinv(nuisance, 1e-12, True)
+    projected = scaled[np.ix_(of_this, of_this)] - through @ cross.T
+    return bool(np.diagonal(projected).max() < _REDUNDANT)

@@ -1,8 +1,8 @@
 """The numbers by which a diagnosis decides: what each decides, its origin, what breaks beside it.
 
-They are grouped by step. "Chosen" says that nobody has derived the number: how far it can move
-before a decision changes on sets of the bench is measured in docs/numbers/thresholds.md. Numbers
-that only steer an algorithm (steps of a search, grids, tolerances) stand beside it.
+They are grouped by step. "Chosen" says that nobody has derived the number; how far it can move
+before a decision on sets of the bench changes, docs/numbers/thresholds.md shows. Numbers that only
+steer an algorithm (steps of a search, grids, tolerances) stand beside it.
 
 References: Schwarz 1978, Annals of Statistics 6, 461; Künsch 1989, Annals of Statistics 17, 1217;
 Kass and Raftery 1995, JASA 90, 773, section 3.2; Schuster 1898, Terrestrial Magnetism 3, 13.
@@ -125,9 +125,9 @@ class WholeRuns:
     give no interval that excludes zero."""
     block_length: float = 2.0
     """Length of a block of the bootstrap, over the time for which errors last (integral time).
-    Origin: Künsch; of exponentially correlated errors blocks of n integral times miss 1/(2 n) of
-    the variance: a quarter at 2, intervals are 13 % too narrow. Lower: at 1 by 29 %. Higher: at 4
-    by 6 %, from half as many blocks."""
+    Origin: Künsch; of exponentially correlated errors blocks of n integral times miss about 1/(2 n)
+    of the variance: a quarter at 2, intervals are 13 % too narrow. Lower: at 1 by 25 %. Higher: at
+    4 by 6 %, from half as many blocks."""
     fewest_blocks: int = 4
     """Smallest number of blocks of a log, however long its errors last.
     Origin: chosen; four blocks have 35 distinct draws. Lower: three have 10. Higher: blocks shorter
@@ -344,7 +344,7 @@ class UnknownTerm:
     """Whole runs err as one-step predictions do up to this factor: no law can do better.
     Origin: the one-step size is a t-distribution's, 0.87 of a Gaussian's standard deviation, so
     equality is 1.15; a tenth more is chosen. Lower: rivals of a perfect law are fitted. Higher: a
-    law that leaves a third of the error has no rival."""
+    law that leaves more than noise has no rival."""
 
 
 @dataclass(frozen=True)

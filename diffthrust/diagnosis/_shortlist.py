@@ -13,17 +13,9 @@ from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
 from diffthrust.diagnosis._predicted_gain import Promise, acts, promises
 from diffthrust.diagnosis._probes import is_limit
 from diffthrust.diagnosis._score_test import promised_gain
+from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._one_step import batch_passes
 from diffthrust.models._base.effect import Effect
-
-_SHORT = 8
-"""So many of the effects that promise most are fitted."""
-_WORTH = 0.5
-"""Not those that promise less than this part of what the criterion charges for a parameter,"""
-_MARGIN = 4.0
-"""and for being one of many;"""
-_SHARE = 0.005
-"""nor those that promise less than this part of what the best does."""
 
 _APART = 1e-4
 """Derivatives by a constant are differences over this share of its scale."""
@@ -56,15 +48,17 @@ def shortlist(
         found = promises(response, effect, near, far)
         nearby[name] = found[: len(near)]
         gains[name] = max((2 * one.gain for one in found), default=0.0)
-    least = max(worth, _SHARE * max(gains.values(), default=0.0))
+    least = max(worth, SETTINGS.screening.least_share_of_best * max(gains.values(), default=0.0))
     ranked = sorted(gains, key=lambda n: -gains[n])
-    short = [n for n in ranked if gains[n] >= least][:_SHORT]
+    short = [n for n in ranked if gains[n] >= least][: SETTINGS.screening.most_fitted]
     return {name: nearby[name] for name in short}, ranked[len(short) :]
 
 
 def _worth(trials: CandidateFitter) -> float:
     """The likelihood ratio from which on a fit is worth it."""
-    return _WORTH * (math.log(trials.samples) + _MARGIN)
+    return SETTINGS.screening.least_share_of_price * (
+        math.log(trials.samples) + SETTINGS.admission.least_bic_gain
+    )
 
 
 def constants(trials: CandidateFitter, present: TrialFit, names: Sequence[str]) -> list[str]:

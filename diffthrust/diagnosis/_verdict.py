@@ -6,16 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.simulation._errors import Errors
 
 Verdict = Literal["adequate", "effects_found", "unexplained", "undecided"]
-
-_FAR = 4.0
-"""Errors over whole runs lie far above the noise from so many times its size on,"""
-_RELEVANT = 0.05
-"""unless they are less than this share (NRMSE) of what the channel does."""
-_REPEATS = 0.25
-"""Errors repeat if a flexible model surely explains more than this share of their squares."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +44,8 @@ class VerdictEvidence:
     @property
     def repeating(self) -> tuple[str, ...]:
         """Those of them whose errors surely repeat."""
-        return tuple(name for name in self.far if self.repeated.get(name, 0.0) > _REPEATS)
+        least = SETTINGS.verdict.repeating_share
+        return tuple(name for name in self.far if self.repeated.get(name, 0.0) > least)
 
 
 def verdict_of(evidence: VerdictEvidence) -> Verdict:
@@ -80,7 +75,9 @@ def far_above_noise(errors: Errors, noise: Mapping[str, float]) -> tuple[str, ..
     ratios = {
         name: error.rmse / max(noise[name], 1e-300)
         for name, error in errors.channels.items()
-        if name in noise and not error.nrmse < _RELEVANT
+        if name in noise and not error.nrmse < SETTINGS.verdict.least_nrmse
     }
-    far = [name for name, ratio in ratios.items() if not ratio < _FAR]
+    far = [
+        name for name, ratio in ratios.items() if not ratio < SETTINGS.verdict.far_above_one_step
+    ]
     return tuple(sorted(far, key=lambda name: -errors.channels[name].nrmse))

@@ -25,7 +25,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
-from diffthrust.estimation._noise import WHITE, NoiseModel, Whiteness
+from diffthrust.estimation._laws import Law
+from diffthrust.estimation._noise import WHITE, Likeliest, NoiseModel, Whiteness
 from diffthrust.estimation._numbers import AnyArray, Batch, ProblemNumbers
 from diffthrust.models._base.parameter import Parameter
 
@@ -133,6 +134,33 @@ class AR1(NoiseModel):
                 )
             ]
         )
+
+    def likeliest(
+        self, runs: Sequence[np.ndarray], times: Sequence[np.ndarray], law: Law, step: float
+    ) -> Likeliest:
+        """At the correlation under which what is new is likeliest."""
+        from scipy.optimize import minimize_scalar  # slow to import
+
+        links = [
+            linked(time[None], run[None, None], np.zeros((1, run.size), bool), step)
+            for run, time in zip(runs, times, strict=True)
+        ]
+
+        def cost(lag_one: float) -> float:
+            series, jacobian = [], 0.0
+            for run, link in zip(runs, links, strict=True):
+                measured, kept = np.isfinite(run), lag_one ** link.gap[0, 0]
+                scale = np.sqrt(1 - kept**2)
+                new = (run - kept * np.nan_to_num(run)[link.past[0, 0]]) / scale
+                series.append(new[measured])
+                jacobian += float(np.sum(np.log(scale[measured])))
+            return law.level_cost(np.concatenate(series)) + jacobian
+
+        (lag,) = self.parameters([""]).values()
+        if lag.fixed:
+            return Likeliest(cost(lag.value), lag.value)
+        best = minimize_scalar(cost, bounds=RANGE, method="bounded")
+        return Likeliest(float(best.fun), float(best.x))
 
     def independent(
         self, channels: Sequence[str], numbers: ProblemNumbers, values: Mapping[str, float]

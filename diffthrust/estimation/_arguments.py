@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.names import listing, shortly
+from diffthrust._support.names import listing, nearest, shortly
 from diffthrust.estimation._limits import SEED_LIMIT, STARTS_LIMIT, SUBSTEPS_LIMIT
 from diffthrust.estimation._registry import LIKELIHOODS, LOSSES, NOISE_MODELS
 from diffthrust.logs._log import Log
@@ -72,8 +72,11 @@ def check_arguments(
         ("noise_model", noise_model, NOISE_MODELS),
     ):
         if value not in known:
+            near = nearest(value, known) if isinstance(value, str) else ""
             raise InputError(
-                f"{what}: expected one of {', '.join(known)}, found {value!r}.", "Correct it."
+                f"{what}: expected one of {', '.join(known)}, found {value!r}"
+                f"{f' ({near})' if near else ''}.",
+                "Correct it.",
             )
     corrects = LIKELIHOODS[likelihood].corrects
     if corrects and noise_model != "white":

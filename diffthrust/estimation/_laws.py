@@ -1,7 +1,13 @@
-"""Laws of errors: how likely a residual is beside the level of the noise."""
+"""Laws of errors: how likely a residual is beside the level of the noise.
+
+A law is one class here and its place in `LOSSES` of `_registry`: fits, spec files, predictions,
+posteriors and the advice on noise ask it for the rest. Its numbers must agree with each other;
+`tests/estimation/test_error_laws.py` holds those of every law in the registry against its density.
+"""
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,43 +21,43 @@ from diffthrust.estimation._numbers import Batch, ProblemNumbers
 
 TAIL = 4.0
 """Degrees of freedom of the Student-t law behind ``loss="student_t"``."""
+_ROUNDS = 60
+"""Rounds of reweighting for a noise level. Under Student's law each leaves 3/7 of the error."""
 
 
 class Law(ABC):
-    """A law of errors; fixes the compiled code of a problem."""
+    """A law of errors; fixes the compiled code of a problem.
+
+    With the level s of the noise and u = error / s, the negative log-likelihood of a sample is
+    penalty(u) + constant + log(s), and the slope of the penalty is weight(u) u.
+    """
 
     word: ClassVar[str]
     """Its name among the losses of `fit`."""
-    forgiving: ClassVar[bool]
+    suits: ClassVar[str]
+    """Which errors it is for, in a few words of a comment: "where there are outliers"."""
+    shows: ClassVar[str] = "have more large values than Gaussian noise"
+    """What residuals of this law do that those of the normal law do not."""
+    forgiving: ClassVar[bool] = True
     """A large error counts for less than its square."""
-    closed: ClassVar[bool]
+    closed: ClassVar[bool] = False
     """The best level of the noise follows in closed form, and may be integrated out."""
+    constant: ClassVar[float]
+    """Minus the logarithm of the density of no error, at a level of one."""
     excess: ClassVar[float]
-    """The weighted information of a fit over the Fisher information."""
+    """The weighted information of a fit over the Fisher information: E(weight) / E(score^2)."""
+    level_information: ClassVar[float]
+    """Fisher information of one sample on the logarithm of the level."""
     censors: ClassVar[bool] = False
     """It takes samples at a rail as "at least" or "at most"."""
 
     @abstractmethod
-    def cost(self, rests: Sequence[Any], numbers: ProblemNumbers, known: Sequence[bool]) -> Any:
-        """Negative log-likelihood, and the noise level of each channel, known or estimated.
-
-        Args:
-            rests: residuals of each batch, ``(B, C, T)``.
-            numbers: of the problem.
-            known: whether the level of a channel is.
-        """
+    def penalty(self, error: Any) -> Any:
+        """What an error at a level of one adds to the cost, zero for none; NumPy's or traced."""
 
     @abstractmethod
-    def weights(self, rest: Any, sigma: Any) -> Any:
-        """How much the square of each residual counts, ``(B, C, T)``."""
-
-    def straight(self, rest: Any, sigma: Any, batch: Batch) -> tuple[Any, Any]:
-        """Residuals and weights, ``(B, C, T)``, whose squares slope and bend as the law does."""
-        return rest, self.weights(rest, sigma)
-
-    @abstractmethod
-    def bend(self, rests: Sequence[Any], numbers: ProblemNumbers, sigma: Any) -> list[Any]:
-        """Slope of the law's score, by batch; to be broadcast to ``(B, C, T)``."""
+    def weight(self, error: Any) -> Any:
+        """The slope of the penalty over the error, also where there is none; NumPy's or traced."""
 
     @abstractmethod
     def below(self, error: Any) -> Any:
@@ -61,10 +67,73 @@ class Law(ABC):
     def draws(self, rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
         """Errors at a level of one."""
 
+    def cost(self, rests: Sequence[Any], numbers: ProblemNumbers, known: Sequence[bool]) -> Any:
+        """Negative log-likelihood without constants, and the noise level of each channel.
+
+        A level that is not known is the fixed point of the law's reweighting.
+
+        Args:
+            rests: residuals of each batch, ``(B, C, T)``.
+            numbers: of the problem.
+            known: whether the level of a channel is.
+        """
+        counts, fixed = numbers.counts, jnp.asarray(known)
+        sigma = jnp.where(fixed, numbers.noise, _pooled(rests, numbers)[1])
+
+        def reweight(_: int, s: Any) -> Any:
+            weighted = sum(jnp.sum(r**2 * self.weights(r, s), axis=(0, 2)) for r in rests)
+            return jnp.where(fixed, s, jnp.sqrt(weighted / counts + numbers.floor))
+
+        sigma = jax.lax.fori_loop(0, _ROUNDS, reweight, sigma)
+        level = sigma[None, :, None]
+        penalties = sum(jnp.sum(self.penalty(r / level), axis=(0, 2)) for r in rests)
+        return jnp.sum(penalties + counts * jnp.log(sigma)), sigma
+
+    def weights(self, rest: Any, sigma: Any) -> Any:
+        """How much the square of each residual counts, ``(B, C, T)``."""
+        return self.weight(rest / sigma[None, :, None])
+
+    def straight(self, rest: Any, sigma: Any, batch: Batch) -> tuple[Any, Any]:
+        """Residuals and weights, ``(B, C, T)``, whose squares slope and bend as the law does."""
+        return rest, self.weights(rest, sigma)
+
+    def bend(self, rests: Sequence[Any], numbers: ProblemNumbers, sigma: Any) -> list[Any]:
+        """Slope of the law's score, by batch; to be broadcast to ``(B, C, T)``.
+
+        It is the mean over the samples of each channel, measured on the residuals.
+        """
+
+        def score(error: Any) -> Any:
+            return error * self.weight(error)
+
+        total = jnp.zeros_like(sigma)
+        for rest, batch in zip(rests, numbers.batches, strict=True):
+            error = rest / sigma[None, :, None]
+            slope = jax.jvp(score, (error,), (jnp.ones_like(error),))[1]
+            total += jnp.where(jnp.isnan(batch.measured), 0.0, slope).sum(axis=(0, 2))
+        # of Student's law itself it is 5 / 7; residuals with heavier shoulders may lower it, even
+        # below zero, where an information matrix would no longer be one
+        return [jnp.maximum(total / numbers.counts, 0.1)[None, :, None] for _ in rests]
+
+    def level_cost(self, residuals: np.ndarray) -> float:
+        """Negative log-likelihood of a series at the best level of the noise, with constants."""
+        level = float(np.sqrt(np.mean(residuals**2))) or 1e-300
+        for _ in range(0 if self.closed else _ROUNDS):
+            weights = self.weight(residuals / level)
+            level = float(np.sqrt(np.mean(weights * residuals**2))) or 1e-300
+        penalties = self.penalty(residuals / level)
+        return float(penalties.sum()) + residuals.size * (math.log(level) + self.constant)
+
 
 def _pooled(rests: Sequence[Any], numbers: ProblemNumbers) -> tuple[Any, Any]:
+    """Sums of squares of each channel, and root mean squares."""
     squares = sum(jnp.sum(r**2, axis=(0, 2)) for r in rests)
     return squares, jnp.sqrt(squares / numbers.counts + numbers.floor)
+
+
+def _namespace(error: Any) -> Any:
+    """NumPy for its own arrays: JAX would compile each operation for each length of a log."""
+    return np if isinstance(error, np.ndarray) else jnp
 
 
 @dataclass(frozen=True)
@@ -72,21 +141,29 @@ class Gaussian(Law):
     """The normal law: an error counts by its square."""
 
     word: ClassVar[str] = "gaussian"
+    suits: ClassVar[str] = "where errors have no outliers"
+    shows: ClassVar[str] = "are Gaussian"
     forgiving: ClassVar[bool] = False
     closed: ClassVar[bool] = True
+    constant: ClassVar[float] = 0.5 * math.log(2.0 * math.pi)
     excess: ClassVar[float] = 1.0
+    level_information: ClassVar[float] = 2.0
+
+    def penalty(self, error: Any) -> Any:
+        """Half the square."""
+        return 0.5 * error**2
+
+    def weight(self, error: Any) -> Any:
+        """All are one."""
+        return _namespace(error).ones_like(error)
 
     def cost(self, rests: Sequence[Any], numbers: ProblemNumbers, known: Sequence[bool]) -> Any:
         """A level that is not known is the root mean square of the residuals."""
         squares, pooled = _pooled(rests, numbers)
-        given = jnp.asarray(known)
-        sigma = jnp.where(given, numbers.noise, pooled)
-        cost = jnp.where(given, 0.5 * squares / sigma**2, numbers.counts * jnp.log(pooled))
+        fixed = jnp.asarray(known)
+        sigma = jnp.where(fixed, numbers.noise, pooled)
+        cost = jnp.where(fixed, 0.5 * squares / sigma**2, numbers.counts * jnp.log(pooled))
         return jnp.sum(cost), sigma
-
-    def weights(self, rest: Any, sigma: Any) -> Any:
-        """All are one."""
-        return jnp.ones_like(rest)
 
     def bend(self, rests: Sequence[Any], numbers: ProblemNumbers, sigma: Any) -> list[Any]:
         """One, for the score is the error itself."""
@@ -110,37 +187,20 @@ class StudentT(Law):
     """
 
     word: ClassVar[str] = "student_t"
-    forgiving: ClassVar[bool] = True
-    closed: ClassVar[bool] = False
+    suits: ClassVar[str] = "where there are outliers"
+    constant: ClassVar[float] = (
+        0.5 * math.log(TAIL * math.pi) + math.lgamma(TAIL / 2) - math.lgamma((TAIL + 1) / 2)
+    )
     excess: ClassVar[float] = (TAIL + 3) / (TAIL + 1)
+    level_information: ClassVar[float] = 2.0 * TAIL / (TAIL + 3)
 
-    def cost(self, rests: Sequence[Any], numbers: ProblemNumbers, known: Sequence[bool]) -> Any:
-        """A level that is not known is the fixed point of the law's reweighting."""
-        counts, given = numbers.counts, jnp.asarray(known)
-        sigma = jnp.where(given, numbers.noise, _pooled(rests, numbers)[1])
+    def penalty(self, error: Any) -> Any:
+        """The logarithm of the square, far out."""
+        return 0.5 * (TAIL + 1) * _namespace(error).log1p(error**2 / TAIL)
 
-        def again(_: int, s: Any) -> Any:
-            weighted = sum(jnp.sum(r**2 * self.weights(r, s), axis=(0, 2)) for r in rests)
-            return jnp.where(given, s, jnp.sqrt(weighted / counts + numbers.floor))
-
-        sigma = jax.lax.fori_loop(0, 60, again, sigma)
-        level = sigma[None, :, None]
-        scaled = sum(jnp.sum(jnp.log1p(r**2 / (TAIL * level**2)), axis=(0, 2)) for r in rests)
-        return jnp.sum(0.5 * (TAIL + 1) * scaled + counts * jnp.log(sigma)), sigma
-
-    def weights(self, rest: Any, sigma: Any) -> Any:
+    def weight(self, error: Any) -> Any:
         """The less, the further an error is out."""
-        return (TAIL + 1) / (TAIL + rest**2 / sigma[None, :, None] ** 2)
-
-    def bend(self, rests: Sequence[Any], numbers: ProblemNumbers, sigma: Any) -> list[Any]:
-        """The mean over the samples of each channel, measured on the residuals."""
-        total = jnp.zeros_like(sigma)
-        for rest, batch in zip(rests, numbers.batches, strict=True):
-            square = (rest / sigma[None, :, None]) ** 2
-            slope = (TAIL + 1) * (TAIL - square) / (TAIL + square) ** 2
-            total += jnp.where(jnp.isnan(batch.measured), 0.0, slope).sum(axis=(0, 2))
-        # of the law itself it is 5 / 7; a law with heavier shoulders may lower it, not to nothing
-        return [jnp.maximum(total / numbers.counts, 0.1)[None, :, None] for _ in rests]
+        return (TAIL + 1) / (TAIL + error**2)
 
     def below(self, error: Any) -> Any:
         """The closed form for four degrees of freedom."""

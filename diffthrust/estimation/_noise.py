@@ -14,6 +14,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from diffthrust.estimation._laws import Law
 from diffthrust.estimation._numbers import Batch, ProblemNumbers
 from diffthrust.models._base.parameter import Parameter
 
@@ -36,6 +37,18 @@ class Whiteness(NamedTuple):
     limit: float
     sentence: str
     whole_runs: bool = False
+
+
+class Likeliest(NamedTuple):
+    """How likely a noise makes residuals, at its best parameters.
+
+    Args:
+        cost: negative log-likelihood, with all constants.
+        lag_one: correlation from one step to the next.
+    """
+
+    cost: float
+    lag_one: float = 0.0
 
 
 class NoiseModel(ABC):
@@ -81,6 +94,22 @@ class NoiseModel(ABC):
         """The level of what is new over that of the noise, ``(C,)``."""
         return np.ones(len(channels))
 
+    def likeliest(
+        self, runs: Sequence[np.ndarray], times: Sequence[np.ndarray], law: Law, step: float
+    ) -> Likeliest | None:
+        """How likely it makes the residuals of one channel, without a fit.
+
+        Args:
+            runs: residuals of each run, ``(n,)``; NaN where nothing was measured.
+            times: of the samples [s].
+            law: of what is new in each residual.
+            step: in which correlations are counted [s].
+
+        Returns:
+            ``None`` where it does not say: the advice on noise leaves it out.
+        """
+        return None
+
     def independent(
         self, channels: Sequence[str], numbers: ProblemNumbers, values: Mapping[str, float]
     ) -> float:
@@ -102,6 +131,12 @@ class White(NoiseModel):
 
     word: ClassVar[str] = "white"
     lasts: ClassVar[bool] = False
+
+    def likeliest(
+        self, runs: Sequence[np.ndarray], times: Sequence[np.ndarray], law: Law, step: float
+    ) -> Likeliest:
+        """By the law alone."""
+        return Likeliest(law.level_cost(np.concatenate([run[np.isfinite(run)] for run in runs])))
 
     def whiteness(self, tables: bool) -> Whiteness:
         """Residuals of a simulation are seldom white: a little correlation is no news."""

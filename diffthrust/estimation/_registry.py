@@ -1,6 +1,8 @@
 """The words of `fit` for likelihoods, noises and laws of errors.
 
-A new noise is a class in a file of its own and its place in `NOISE_MODELS`.
+A new noise is a class in a file of its own and its place in `NOISE_MODELS`; a new law of errors a
+class in `_laws` and its place in `LOSSES`. Spec files, checks of arguments, the advice on noise and
+the reference read the words here.
 """
 
 from __future__ import annotations

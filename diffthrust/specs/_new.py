@@ -131,6 +131,9 @@ def _checked(name: str) -> str:
 def _spec(model: Model, folder: Path, directory: Path) -> str:
     import jinja2
 
+    from diffthrust.estimation._registry import LOSSES
+
+    losses = [f'"{word}" {law.suits}' for word, law in LOSSES.items() if not law.closed]
     environment = jinja2.Environment(
         undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
@@ -141,6 +144,7 @@ def _spec(model: Model, folder: Path, directory: Path) -> str:
             directory=directory.as_posix(),
             train=_TRAIN,
             holdout=_HOLDOUT,
+            losses=", ".join(losses),
             held=_HELD.get(model.name, ()),
             hint=lambda unit: f' # or "{_UNITS[unit]}"' if unit in _UNITS else "",
         )

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AllowInfNan, BaseModel, BeforeValidator, ConfigDict, Field, field_validator
 
+from diffthrust._support.names import nearest
 from diffthrust.estimation._limits import STARTS_LIMIT, SUBSTEPS_LIMIT
 from diffthrust.logs._columns import Column
 from diffthrust.logs._written import PWM
@@ -26,12 +28,29 @@ def _as_column(value: Any) -> Any:
     return {"column": value} if isinstance(value, str) else value
 
 
-def _as_noise_model(value: Any) -> Any:
-    from diffthrust.estimation._registry import NOISE_MODELS  # late: it loads JAX
+@dataclass(frozen=True)
+class RegisteredWord:
+    """A key whose words are those of a registry of `fit`: a check of pydantic.
 
-    if value not in tuple(NOISE_MODELS):
-        raise ValueError(f"Input should be {' or '.join(map(repr, NOISE_MODELS))}")
-    return value
+    Args:
+        registry: its name in `diffthrust.estimation._registry`.
+    """
+
+    registry: str
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """The words, in the order of the registry."""
+        from diffthrust.estimation import _registry  # late: it loads JAX
+
+        return tuple(getattr(_registry, self.registry))
+
+    def __call__(self, value: Any) -> Any:
+        if value not in self.words:
+            near = nearest(value, self.words) if isinstance(value, str) else ""
+            words = " or ".join(map(repr, self.words))
+            raise ValueError(f"Input should be {words}{f' ({near})' if near else ''}")
+        return value
 
 
 def _as_time(value: Any) -> Any:
@@ -186,12 +205,12 @@ class FitPart(_Part):
     """Of the draws of the starts."""
     horizon: Any = "auto"
     """Length of segments [s], ``"auto"``, ``"whole"``, or a list of stages."""
-    likelihood: Literal["simulation", "innovations"] = "simulation"
+    likelihood: Annotated[str, BeforeValidator(RegisteredWord("LIKELIHOODS"))] = "simulation"
     """Of whole runs, or of the next sample under random forces."""
-    loss: Literal["gaussian", "student_t"] = "gaussian"
+    loss: Annotated[str, BeforeValidator(RegisteredWord("LOSSES"))] = "gaussian"
     """The law of the errors."""
-    noise_model: Annotated[str, BeforeValidator(_as_noise_model)] = "white"
-    """``"white"``, or ``"ar1"`` where errors last."""
+    noise_model: Annotated[str, BeforeValidator(RegisteredWord("NOISE_MODELS"))] = "white"
+    """Whether errors last from sample to sample, as under ``"ar1"``."""
     initial: Literal["auto", "estimate", "measured"] = "auto"
     """Where states begin: estimated, or as measured."""
     substeps: Annotated[int, Field(ge=1, le=SUBSTEPS_LIMIT)] | None = None

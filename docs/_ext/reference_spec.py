@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import inspect
 import re
+from collections.abc import Sequence
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
@@ -58,10 +59,21 @@ def _rows(model: type[BaseModel]) -> list[tuple[str, str, str, str]]:
     rows = []
     for name, field in model.model_fields.items():
         limits = " ".join(_limit(m) for m in field.metadata)
-        kind = f"{_kind(field.annotation)} {limits}".strip()
+        words = _words(field.metadata)
+        kind = f"{_quoted(words) if words else _kind(field.annotation)} {limits}".strip()
         meaning = re.sub(r"``(.+?)``", r"`\1`", told.get(name, ""))
         rows.append((f"`{name}`", kind, _default(field), meaning))
     return rows
+
+
+def _words(metadata: Sequence[Any]) -> tuple[str, ...]:
+    """The words of a key that takes those of a registry."""
+    checks = [getattr(item, "func", None) for item in metadata]
+    return next((c.words for c in checks if isinstance(c, _parts.RegisteredWord)), ())
+
+
+def _quoted(words: Sequence[str]) -> str:
+    return " or ".join(f'`"{word}"`' for word in words)
 
 
 def _limit(given: Any) -> str:
@@ -94,7 +106,7 @@ def _kind(kind: Any) -> str:
     if origin in (Union, UnionType):
         return " or ".join(_kind(one) for one in inner if one is not type(None))
     if origin is Literal:
-        return " or ".join(f'`"{one}"`' for one in inner)
+        return _quoted(inner)
     if origin is list:
         return f"list of {_kind(inner[0])}"
     if origin is dict:

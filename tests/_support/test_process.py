@@ -10,13 +10,7 @@ import time
 from concurrent.futures import CancelledError
 
 import pytest
-
-from diffthrust._support._running.process import (  # private: used by many and checks
-    LineProcess,
-    ProcessDied,
-    ProcessLate,
-    ProcessNotStarted,
-)
+from processes import LineProcess, ProcessDied, ProcessLate, ProcessNotStarted
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="there is no SIGKILL")
 OWNER = """

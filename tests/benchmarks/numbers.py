@@ -89,7 +89,7 @@ def spreads() -> list[float]:
 
 def bend() -> list[float]:
     """What the limit of an observer's errors takes away, in per cent."""
-    from diffthrust.estimation._observer import limited  # private: a number of its docstring
+    from observers import limited
 
     return [100.0 * (1.0 - float(limited(np.float64(x), 1.0)) / x) for x in (0.7, 1.0)]
 

@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from places import ROOT
+from problems import build, evaluate, solve
 from rich.console import Console
 from rich.table import Table
 
@@ -24,9 +25,6 @@ import diffthrust as dft
 from benchmarks.peers._numba import best_fit, numba_rk4, peer_fit
 from benchmarks.peers._problem import GUESS, TRUTH, guesses, record
 from diffthrust.effects import ActuatorLag, CommandDeadband, ReverseThrustAsymmetry
-from diffthrust.estimation._arrange import build  # private: the solver by itself
-from diffthrust.estimation._likelihood import evaluate  # private: one pass of it
-from diffthrust.estimation._solver import solve  # private: the solver by itself
 from diffthrust.simulation import _fixed_step, _trajectory
 from diffthrust.simulation._inputs import hold_of  # private: the compiled core alone
 

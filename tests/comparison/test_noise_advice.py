@@ -2,14 +2,11 @@
 
 import numpy as np
 import pytest
+from problems import LOSSES, NOISE_MODELS
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from diffthrust.comparison._noise_advice import (  # private: the laws on made residuals alone
-    NOISE_CHOICES,
-    level_cost,
-    noise_advice,
-)
+from diffthrust.comparison._noise_advice import noise_advice  # private: made residuals alone
 
 
 def advice(rests, step=0.1):
@@ -24,7 +21,8 @@ def lasting(new, kept):
     return out
 
 
-@pytest.mark.parametrize(("noise_model", "loss"), NOISE_CHOICES)
+@pytest.mark.parametrize("noise_model", NOISE_MODELS)
+@pytest.mark.parametrize("loss", LOSSES)
 def test_the_law_of_the_noise_is_recommended(noise_model, loss):
     rng = np.random.default_rng(1)
     for _ in range(10):
@@ -60,7 +58,8 @@ def test_gaps_of_missing_samples_do_not_matter():
 def test_costs_are_those_of_scipy():
     rests = np.random.default_rng(5).standard_t(4, 300)
     level = np.sqrt(np.mean(rests**2))
-    assert level_cost(rests, "gaussian") == pytest.approx(-norm(scale=level).logpdf(rests).sum())
+    cost = LOSSES["gaussian"].level_cost(rests)
+    assert cost == pytest.approx(-norm(scale=level).logpdf(rests).sum())
     scale = student.fit(rests, f0=4, floc=0)[2]
     least = -student(4, scale=scale).logpdf(rests).sum()
-    assert level_cost(rests, "student_t") == pytest.approx(least, rel=1e-6)
+    assert LOSSES["student_t"].level_cost(rests) == pytest.approx(least, rel=1e-6)

@@ -5,6 +5,7 @@ import math
 import jax
 import numpy as np
 import pytest
+from compilations import compilations
 from scipy.integrate import solve_ivp
 from scipy.optimize import lsq_linear, minimize
 
@@ -12,7 +13,6 @@ import diffthrust as dft
 from diffthrust import InputError, control, effects
 from diffthrust.control import MPC, HarmonicPath, StraightPath, VesselLoop
 from diffthrust.control._bounded_lsq import least_squares_within  # private: the solver alone
-from diffthrust.control._mpc_step import compiled_replan  # private: compilations counted
 
 RUDDER = math.radians(24.0)
 LIMITS = {"propeller_speed": (0.0, 150.0), "rudder_angle": (-RUDDER, RUDDER)}
@@ -34,10 +34,6 @@ def tracked(vessel=CALM, path: control.Path = EAST, duration=60.0, initial=PAPER
             **more):  # fmt: skip
     loop = VesselLoop(vessel=vessel, controller=mpc(**more), noise=noise or {})
     return loop.simulate(path, duration, initial=initial, seed=3)
-
-
-def compilations() -> int:
-    return compiled_replan.traces
 
 
 # -- least squares within limits -------------------------------------------------------------------

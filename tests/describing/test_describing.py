@@ -15,12 +15,12 @@ import numpy as np
 import pytest
 import written_fits
 import xarray as xr
+from compilations import compilations
 from places import EXAMPLES
 
 import diffthrust as dft
 from diffthrust import effects
 from diffthrust.describing import DescribingMap, Reason, describing_function, uncertainty
-from diffthrust.describing._periodic.shooting import periods  # private: the compiled program
 from diffthrust.simulation._dependence import states_behind  # private: no model shows it
 
 AMPLITUDES = np.geomspace(0.05, 10.0, 8)
@@ -361,10 +361,10 @@ def test_bad_input_is_answered_in_words(change, match):
 def test_maps_of_every_size_share_one_compilation():
     model = dft.Thruster() + effects.LinearDamping(rate=0.1)
     describing_function(model, AMPLITUDES, FREQUENCIES, samples=128)
-    before = periods.traces
+    before = compilations()
     for a in (AMPLITUDES[::2], np.geomspace(0.06, 9.0, 13)):
         describing_function(model.replace(alpha=0.03), a, FREQUENCIES, samples=128)
-    assert periods.traces == before
+    assert compilations() == before
 
 
 def test_given_samples_are_taken():

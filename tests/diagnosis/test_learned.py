@@ -14,6 +14,7 @@ from scipy.stats import multivariate_normal
 import diffthrust as dft
 from diffthrust.diagnosis._learned import LearnedLaw  # private: a law without a diagnosis
 from diffthrust.diagnosis._ports import places_of  # private: places without trials
+from diffthrust.diagnosis._score_test import project_out  # private: the projection alone
 from diffthrust.diagnosis._search_state import (
     compiled_fitter,  # private: trials without a diagnosis
 )
@@ -30,7 +31,7 @@ from diffthrust.diagnosis._unknown_term.closed_forms import (  # private: forms 
     form_values,
     ranked_matches,
 )
-from diffthrust.diagnosis._unknown_term.terms import (  # private: as above  # private: as above
+from diffthrust.diagnosis._unknown_term.terms import (  # private: as above
     PortSeries,
     channel_of,
     regressors_of,
@@ -40,6 +41,12 @@ from diffthrust.effects import Curve
 from diffthrust.logs import PWM, Written
 
 
+def projected(information, scores, base):
+    """Information and gradient beside what is estimated, and the information of each by itself."""
+    left, clear = project_out(information, scores, base)
+    return left, clear.sum(axis=1), np.diagonal(information)[base:]
+
+
 def test_evidence_is_the_likelihood_ratio_with_the_coefficients_integrated_out():
     # a linear model with known unit noise: the marginal likelihood is a normal one, by SciPy
     rng = np.random.default_rng(2)
@@ -47,9 +54,7 @@ def test_evidence_is_the_likelihood_ratio_with_the_coefficients_integrated_out()
     errors = own @ np.array([0.4, 0.0, 0.3, -0.2, 0.1]) + rng.standard_normal(60)
     rows = np.concatenate([known, own], axis=1)
     scores = rows.T[:, :, None] * errors[None, :, None]
-    best = evidence._marginal_likelihood(
-        *evidence.project_out(rows.T @ rows, scores[:, :, 0], 2), 1.0
-    )
+    best = evidence._marginal_likelihood(*projected(rows.T @ rows, scores[:, :, 0], 2), 1.0)
     widths = best.size * np.array([1.0, 2.0, *[best.bend] * 3])
     flat = 1e6 * known @ known.T  # of the known coordinates nothing is known before
     with_it = flat + own @ np.diag(widths**2) @ own.T + np.eye(60)
@@ -64,9 +69,7 @@ def test_what_the_estimated_parameters_do_is_no_evidence():
     own = np.concatenate([known, rng.standard_normal((80, 4))], axis=1)
     rows = np.concatenate([known, own], axis=1)
     errors = 5.0 * known[:, 0] + rng.standard_normal(80)
-    best = evidence._marginal_likelihood(
-        *evidence.project_out(rows.T @ rows, rows.T * errors, 1), 1.0
-    )
+    best = evidence._marginal_likelihood(*projected(rows.T @ rows, rows.T * errors, 1), 1.0)
     assert best.shared.tolist() == [True, False, False, False, False]
     assert best.evidence < 1.0
 
@@ -110,9 +113,10 @@ def judged(law, times=""):
     noise = 0.01 * np.std(values) + 1e-6
     rows = fine.basis(samples) / noise
     errors = -(values / noise + rng.standard_normal(samples.size))
-    left, clear, _ = evidence.project_out(rows @ rows.T, rows * errors, 0)
+    gradient = (rows * errors).sum(axis=1)
     x = np.linspace(-40.0, 40.0, 241)
-    return evidence.LinearizedEvidence(x, np.linalg.pinv(fine.basis(x).T), left, clear, 23.0)
+    projection = np.linalg.pinv(fine.basis(x).T)
+    return evidence.LinearizedEvidence(x, projection, rows @ rows.T, gradient, 23.0)
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -129,8 +133,8 @@ def test_the_gain_of_a_shape_is_the_likelihood_ratio_at_its_best_amplitude():
     gain, amplitude = seen.gain(shape)
     assert amplitude == pytest.approx(1.0, abs=5e-3)
     # the squares of the standardised law are what it takes off the misfit
-    weights = seen.onto @ shape
-    assert gain == pytest.approx(weights @ seen.left @ weights, rel=0.02)
+    weights = seen.projection @ shape
+    assert gain == pytest.approx(weights @ seen.information @ weights, rel=0.02)
     assert seen.gain(np.zeros(241)) == (0.0, 0.0)
 
 
@@ -285,7 +289,7 @@ def test_laws_that_go_through_the_logs_together_are_judged_as_alone():
     together = evidence.likely_curves(trials, trial, laws)
     alone = [one for law in laws for one in evidence.likely_curves(trials, trial, [law])]
     alone.sort(key=lambda one: -one.evidence)
-    assert [one.law for one in together] == [one.law for one in alone]
+    assert [one.term for one in together] == [one.term for one in alone]
     for ours, theirs in zip(together, alone, strict=True):
         assert ours.evidence == pytest.approx(theirs.evidence, rel=1e-8)
         np.testing.assert_allclose(ours.curve.shape, theirs.curve.shape, rtol=1e-6, atol=1e-9)
@@ -297,7 +301,7 @@ def test_what_a_parameter_does_already_leaves_nothing_at_a_held_input():
     fit = dft.fit(hidden.model, hidden.train, starts=1)
     trials, trial = compiled_fitter(fit, [], [], hidden.train, [])
     law = term_along(regressors_of(trials, trial), "drive", "speed", "value", {})
-    level = law.added(Curve("drive", "speed", -1e4, 1e4))
+    level = law.basis(Curve("drive", "speed", -1e4, 1e4))
     level = PortSeries(*([rows[:1] for rows in part] for part in level))
     ((left, _, alone),) = evidence.projected_information(trials, trial, "drive", [level])
     assert left[0, 0] < 1e-9 * alone[0]
@@ -307,7 +311,7 @@ def test_laws_add_where_forces_do_and_take_a_share_of_what_is_only_measured():
     hidden = sets.draw("outside/load_hump", 5001)
     model, log = hidden.model, hidden.train[0]
     places = places_of(model, log, ["speed", "thrust"])
-    tools = SimpleNamespace(trials=SimpleNamespace(model=model, logs=[log], places=places))
+    tools = SimpleNamespace(fitter=SimpleNamespace(model=model, logs=[log], places=places))
     ports = ("drive", "load", "shaft", "propeller")
     assert [fitting._usually_adds(tools, port) for port in ports] == [True, True, True, False]
 

@@ -1,5 +1,6 @@
 """Logs that disagree with the others: false alarms, power, and what is told."""
 
+import math
 import re
 from dataclasses import replace
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 from one_truth import contradictions
 from reference import thruster
+from short_logs import made_log
 
 import diffthrust as dft
 from diffthrust.diagnosis._findings import OddLog  # private: made by hand
@@ -182,3 +184,17 @@ def test_a_log_is_odd_no_longer_where_another_model_errs_there_as_elsewhere():
     assert not no_longer_odd([odd], runs(1.0, 1.1, 1.9), runs(1.0, 1.1, 2.0))
     # what is odd by a parameter alone is so with any law
     assert not no_longer_odd([odd], runs(1.0, 1.1, 1.3), runs(1.0, 1.1, 1.2))
+
+
+@pytest.mark.parametrize("spike", [1e3, 1e6])
+def test_corrections_that_run_away_do_not_stop_a_diagnosis(spike):
+    log = made_log(seed=0, count=800)
+    speed = log.measured["speed"].copy()
+    speed[300], speed[301:380] = spike, np.nan
+    log = dft.Log(log.time, log.inputs, {**log.measured, "speed": speed})
+    fit = dft.fit(dft.Thruster(), log, loss="student_t", doubts=False)
+    assert fit.status.ok
+    begun = CandidateFitter(fit.model, [], [log], []).base()
+    assert math.isfinite(begun.cost)
+    for name in ("alpha", "beta", "ct"):  # and the spike did not take it anywhere
+        assert begun.values[name] == pytest.approx(fit.parameters[name].value, rel=0.02)

@@ -3,6 +3,7 @@
 import jax
 import numpy as np
 import pytest
+from problems import jacobians
 from reference import inputs, noise, thruster
 
 import diffthrust as dft
@@ -12,7 +13,6 @@ from diffthrust.diagnosis._predicted_gain import (  # private: worked out, not f
     promises,
     shift_of,
 )
-from diffthrust.estimation._likelihood import jacobians  # private: by another way
 
 TIME = np.arange(400) * 0.05
 NAMES = ("linear_damping", "speed_sensor_scale", "command_offset", "actuator_lag", "axial_flow")

@@ -4,6 +4,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
+from compilations import compilations
+from observers import WIDE
 from reference import inputs, noise, thruster
 
 import diffthrust as dft
@@ -17,10 +19,6 @@ from diffthrust.diagnosis._screen import (  # private: the screen alone
     screened,
 )
 from diffthrust.diagnosis._shortlist import edge_of  # private: the search alone
-from diffthrust.estimation._observer import WIDE  # private: its constant
-from diffthrust.estimation._solver import (
-    solved_by_passes,  # private: how often it was compiled
-)
 
 TIME = np.arange(500) * 0.05
 
@@ -135,15 +133,15 @@ def test_a_limit_that_cuts_only_the_highest_commands_is_found():
 def test_trials_of_a_few_effects_share_one_compilation(trials):
     made, base = trials
     screened(made, list(made.candidates), base, levels_of(made, base))
-    before = solved_by_passes.traces
+    before = compilations("solved")
     screened(made, list(made.candidates), base, levels_of(made, base))
     made.settled(("coulomb_friction",), base.values, base.begin, base.limit)
-    assert solved_by_passes.traces == before
+    assert compilations("solved") == before
     fresh = CandidateFitter(
         made.model, list(made.candidates.values()), made.logs[:1], [], substeps=3
     )
     fresh.base()
-    assert solved_by_passes.traces == before + 1  # from the first guess to the last limit of errors
+    assert compilations("solved") == before + 1  # from the first guess to the last limit of errors
 
 
 def test_what_promises_nothing_is_neither_compiled_nor_fitted():
@@ -156,9 +154,9 @@ def test_what_promises_nothing_is_neither_compiled_nor_fitted():
     names = ("coulomb_friction", "linear_damping", "actuator_lag", "command_offset")
     made = CandidateFitter(dft.Thruster(), [known[n]() for n in names], [log], [])
     base = made.base()
-    before = solved_by_passes.traces
+    before = compilations("solved")
     assert not screened(made, names, base, levels_of(made, base))
-    assert solved_by_passes.traces == before
+    assert compilations("solved") == before
 
 
 @pytest.mark.slow

@@ -2,15 +2,11 @@
 
 import numpy as np
 import pytest
+from problems import NOISE_MODELS, SimulationError, build, problem_of, restarts, solve
 from scipy.stats import multivariate_normal
 
 import diffthrust as dft
 from diffthrust.estimation._ar1 import linked  # private: told by no result
-from diffthrust.estimation._arrange import build, restarts  # private: a problem without its fit
-from diffthrust.estimation._rebuild import problem_of  # private: the problem of a fit
-from diffthrust.estimation._registry import NOISE_MODELS  # private: words become objects
-from diffthrust.estimation._residuals import SimulationError  # private: a likelihood of one's own
-from diffthrust.estimation._solver import solve  # private: the solver alone
 
 STEP = 0.05
 LASTING = SimulationError(NOISE_MODELS["ar1"])

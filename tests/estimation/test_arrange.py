@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
+from compilations import compilations
+from problems import build, jacobians
 from reference import inputs, noise, thruster
 
 import diffthrust as dft
-from diffthrust.estimation._arrange import build  # private: the shapes alone
-from diffthrust.estimation._likelihood import jacobians  # private: its cache
-from diffthrust.estimation._solver import solved_by_passes  # private: its cache
 
 
 def made(samples, seed=0):
@@ -21,9 +20,9 @@ def made(samples, seed=0):
 
 def test_logs_of_like_length_share_compiled_code():
     dft.fit(dft.Thruster(), made(190), starts=2)
-    before = solved_by_passes.traces
+    before = compilations("solved")
     fits = [dft.fit(dft.Thruster(), made(n), starts=2) for n in (200, 231, 250)]
-    assert solved_by_passes.traces == before
+    assert compilations("solved") == before
     assert all(fit.status.ok for fit in fits)
 
 

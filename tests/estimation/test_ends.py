@@ -5,19 +5,13 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from problems import GRADIENT_LIMIT, build, examine, judge, solve
 from reference import inputs
 from test_fit import TRUE, log_of, record
 
 import diffthrust as dft
-from diffthrust.estimation._arrange import build  # private: a problem without its fit
 from diffthrust.estimation._multistart import Search  # private: a search that stopped early
 from diffthrust.estimation._polish import polished, rounding_of  # private: the end alone
-from diffthrust.estimation._solver import solve  # private: stops early
-from diffthrust.estimation._status import (  # private: the checks alone
-    GRADIENT_LIMIT,
-    examine,
-    judge,
-)
 
 
 def stopped(problem, budget):

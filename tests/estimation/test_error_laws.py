@@ -2,15 +2,15 @@
 
 from types import SimpleNamespace
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
+from error_laws import TAIL, Censored, Gaussian, StudentT
+from problems import LOSSES
 from scipy.integrate import quad
 from scipy.optimize import minimize_scalar
-from scipy.stats import norm
+from scipy.stats import kstest, norm
 from scipy.stats import t as student
-
-from diffthrust.estimation._censored import Censored  # private: laws of errors alone
-from diffthrust.estimation._laws import TAIL, Gaussian, StudentT  # private: laws of errors alone
 
 RNG = np.random.default_rng(12)
 SIGMA = np.array([0.8, 2.3])
@@ -103,6 +103,32 @@ def test_students_weights_and_bend_are_of_its_score():
     # errors that are all large would bend it the other way: it keeps a tenth
     far = law.bend([20.0 * np.ones(shape) for shape in SHAPES], NUMBERS, SIGMA)
     np.testing.assert_array_equal(far[0], np.full((1, 2, 1), 0.1))
+
+
+@pytest.mark.parametrize("law", LOSSES.values(), ids=LOSSES)
+def test_the_numbers_of_a_law_agree_with_its_density(law):
+    """Whatever a law says of itself follows from its density; a new one is held to that, too."""
+    errors = np.linspace(-9.0, 9.0, 61)
+
+    def density(u):
+        return np.exp(-float(law.penalty(np.asarray(u))) - law.constant)
+
+    def mean(of):
+        return quad(lambda u: of(np.asarray(u)) * density(u), -np.inf, np.inf, limit=200)[0]
+
+    assert float(law.penalty(np.zeros(()))) == pytest.approx(0.0, abs=1e-15)
+    assert mean(lambda u: 1.0) == pytest.approx(1.0, rel=1e-8)
+    slopes = np.gradient(law.penalty(errors + 1e-6 * np.array([[-1.0], [1.0]])), 2e-6, axis=0)[0]
+    np.testing.assert_allclose(errors * law.weight(errors), slopes, atol=1e-7)
+    for u in (-2.0, 0.3, 4.0):
+        assert float(law.below(u)) == pytest.approx(quad(density, -np.inf, u)[0], abs=1e-8)
+    squared = mean(lambda u: (u * law.weight(u)) ** 2)
+    assert law.excess == pytest.approx(mean(law.weight) / squared, rel=1e-4)
+    level = mean(lambda u: (u**2 * law.weight(u) - 1.0) ** 2)
+    assert law.level_information == pytest.approx(level, rel=1e-6)
+    drawn = law.draws(np.random.default_rng(4), (20_000,))
+    assert kstest(np.asarray(law.below(drawn)), "uniform").pvalue > 1e-3
+    np.testing.assert_allclose(law.weight(jnp.asarray(errors)), law.weight(errors), rtol=1e-12)
 
 
 def test_probabilities_and_draws():

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
+from problems import build, examine, restarts
 from reference import inputs, noise, thruster, vessel
 
 import diffthrust as dft
-from diffthrust.estimation._arrange import build, restarts  # private: a problem without its fit
-from diffthrust.estimation._status import examine  # private: the checks alone
 
 TRUE = {"alpha": 0.037, "beta": 42.0, "ct": 0.02}
 ERROR_KEYS = {"rmse", "nrmse", "fit_percent", "samples", "unit", "written"}
@@ -245,7 +244,7 @@ def test_a_failed_simulation_says_so():
 
 def test_too_few_steps_are_not_called_converged():
     problem = build(dft.Thruster(alpha=0.1, beta=10.0), [log_of(record())])
-    from diffthrust.estimation._solver import solve  # private: the solver alone
+    from problems import solve
 
     stopped = solve(problem, problem.start(), budget=3)
     assert not stopped.done

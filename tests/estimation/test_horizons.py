@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from compilations import compilations
 from gusty_runs import MISSING, gusty_runs, model_of
+from problems import build, solve
 
 import diffthrust as dft
-from diffthrust.estimation._arrange import build  # private: a problem without its fit
 from diffthrust.estimation._held_out import parts_of, without  # private: what is hidden
-from diffthrust.estimation._solver import solve, solved_by_passes  # private: compilations
 
 
 def error(logs, horizon, length):
@@ -41,10 +41,10 @@ def test_what_is_hidden_does_not_move_the_fit_and_compiles_nothing():
     for several in (logs, [logs[0], spoiled, logs[2]]):
         problem = build(model_of(1.0), several, initial="measured")
         solve(problem, problem.start(), budget=2)
-        before = solved_by_passes.traces
+        before = compilations("solved")
         rest = without(problem, {1: (-np.inf, np.inf)})
         ends.append(solve(rest, problem.start(), budget=20))
-        assert solved_by_passes.traces == before
+        assert compilations("solved") == before
         assert np.all(rest.numbers.counts == 2 * 401)
     k = len(problem.own)
     assert np.allclose(ends[0].z[:k], ends[1].z[:k], rtol=1e-12)
@@ -53,10 +53,10 @@ def test_what_is_hidden_does_not_move_the_fit_and_compiles_nothing():
 def test_the_choice_costs_no_program():
     """One program solves at all horizons and for all that is left out."""
     logs = gusty_runs(23, "nothing", 6.0, 30.0, 0.15, count=3)
-    before = solved_by_passes.traces
+    before = compilations("solved")
     fit = dft.fit(model_of(6.0), logs, starts=2, substeps=1)
     assert any("left out" in note for note in fit.notes)
-    assert solved_by_passes.traces <= before + 1
+    assert compilations("solved") <= before + 1
 
 
 @pytest.mark.slow

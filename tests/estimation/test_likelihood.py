@@ -7,6 +7,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from error_laws import TAIL
+from problems import LOSSES, SimulationError, build, evaluate, restarts
 from reference import inputs, noise, thruster, vessel
 from scipy.optimize import minimize_scalar
 
@@ -14,11 +16,7 @@ import diffthrust as dft
 from diffthrust import Log, simulate
 from diffthrust.effects import ActuatorLag, ReverseThrustAsymmetry
 from diffthrust.estimation import _likelihood  # private: its sums over blocks
-from diffthrust.estimation._arrange import build, restarts  # private: a problem without its fit
-from diffthrust.estimation._laws import TAIL  # private: laws of errors alone
-from diffthrust.estimation._likelihood import evaluate, gram  # private: the likelihood alone
-from diffthrust.estimation._registry import LOSSES  # private: words become objects
-from diffthrust.estimation._residuals import SimulationError  # private: a likelihood of one's own
+from diffthrust.estimation._likelihood import gram  # private: the likelihood alone
 
 compiled = jax.jit(evaluate, static_argnums=0)
 

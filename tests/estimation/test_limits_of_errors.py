@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from error_laws import Gaussian, StudentT
+from problems import SimulationError
 
 import diffthrust as dft
 from diffthrust import Log
 from diffthrust.estimation import _innovations  # private: the search carried on
-from diffthrust.estimation._laws import Gaussian, StudentT  # private: laws of errors alone
 from diffthrust.estimation._noise import White  # private: as a fit calls it
-from diffthrust.estimation._residuals import Innovations, SimulationError  # private: as above
+from diffthrust.estimation._residuals import Innovations  # private: as above
 
 
 @dataclass(frozen=True)

@@ -9,26 +9,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from observers import Limits, direction, guesses, innovations, limited, one_step, with_clip
+from problems import build, errors_at, evaluate, examine, likelihood_of, solve
 from reference import axis, inputs, noise, thruster
 from scipy.stats import chi2
 
 import diffthrust as dft
 from diffthrust import InputError, Log, Status
 from diffthrust.effects import ActuatorLag, LinearDamping
-from diffthrust.estimation._arrange import build  # private: a problem without its fit
-from diffthrust.estimation._innovations import one_step  # private: as a comparison calls it
-from diffthrust.estimation._likelihood import errors_at, evaluate  # private: the likelihood alone
-from diffthrust.estimation._observer import (  # private: its parts
-    Limits,
-    direction,
-    guesses,
-    innovations,
-    limited,
-)
-from diffthrust.estimation._one_step import with_clip  # private: its limits of errors
-from diffthrust.estimation._registry import likelihood_of  # private: words become objects
-from diffthrust.estimation._solver import solve  # private: the solver alone
-from diffthrust.estimation._status import examine  # private: the checks alone
 from diffthrust.specs._parts import FitPart  # private: the words that a spec takes
 
 compiled = jax.jit(evaluate, static_argnums=0)

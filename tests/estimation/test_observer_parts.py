@@ -5,10 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-
-import diffthrust as dft
-from diffthrust import Log
-from diffthrust.estimation._observer import (  # private: its parts
+from observers import (
     CLIP,
     REAL,
     WIDE,
@@ -21,6 +18,9 @@ from diffthrust.estimation._observer import (  # private: its parts
     observer_of,
     uncorrected,
 )
+
+import diffthrust as dft
+from diffthrust import Log
 from diffthrust.models import Relaxing
 
 STEP, DURATION = 0.05, 40.0

@@ -4,18 +4,11 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from observers import cost, passes, settled_start, with_clip
+from problems import build, errors_at, likelihood_of
 
 import diffthrust as dft
 from diffthrust import Log
-from diffthrust.estimation._arrange import build  # private: a problem without its fit
-from diffthrust.estimation._likelihood import errors_at  # private: the likelihood alone
-from diffthrust.estimation._one_step import (  # private: as a diagnosis calls them
-    cost,
-    passes,
-    settled_start,
-    with_clip,
-)
-from diffthrust.estimation._registry import likelihood_of  # private: words become objects
 
 
 class Both(dft.Model):

@@ -2,17 +2,12 @@
 
 import numpy as np
 import pytest
+from error_laws import Censored, Gaussian
+from problems import SimulationError, build
 
 import diffthrust as dft
 from diffthrust.estimation import _registry  # private: the laws by their words
-from diffthrust.estimation._arrange import build  # private: a problem without its fit
-from diffthrust.estimation._censored import (  # private: each alone
-    Censored,
-    are_censored,
-    rail_notes,
-)
-from diffthrust.estimation._laws import Gaussian  # private: a law alone
-from diffthrust.estimation._residuals import SimulationError  # private: a likelihood of one's own
+from diffthrust.estimation._censored import are_censored, rail_notes  # private: each alone
 
 
 def log(count, *, censored=("thrust",), scale=1.0, **more):

@@ -7,11 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 import pytest
+from problems import Quadratic
 from scipy.optimize import least_squares, lsq_linear
 
 import diffthrust  # noqa: F401
 from diffthrust._support.box import least_in_box  # private: the solver alone
-from diffthrust.estimation._likelihood import Quadratic  # private: the likelihood alone
 from diffthrust.estimation._solver import BoundedLevenbergMarquardt  # private: the solver alone
 
 

@@ -26,11 +26,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from processes import LineProcess, ProcessDied, ProcessLate
 from rich.console import Console
 from rich.table import Table
 
 from diffthrust._support._running.pool import on_processes
-from diffthrust._support._running.process import LineProcess, ProcessDied, ProcessLate
 
 from . import logs, specs
 from .commands import TOLD

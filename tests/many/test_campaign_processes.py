@@ -7,12 +7,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from campaign_specs import SENSOR, sensor_spec
+from processes import LineProcess, ProcessDied
 
 import diffthrust as dft
-from diffthrust._support._running.process import (  # private: one that is dead
-    LineProcess,
-    ProcessDied,
-)
 from diffthrust.many._campaign.job import Job  # private: one task by itself
 from diffthrust.many._campaign.task import helped, own_process  # private: its process
 

@@ -9,12 +9,12 @@ import jax
 import numpy as np
 import pytest
 from places import ROOT
+from problems import Quadratic
 
 import diffthrust as dft
 from diffthrust._support._running.batching import SharedRuns, run_stacked  # private: runs alone
 from diffthrust._support._running.programs import program  # private: what is asked for
 from diffthrust.effects import ActuatorLag
-from diffthrust.estimation._likelihood import Quadratic  # private: an optimum by hand
 from diffthrust.estimation._multistart import distinct  # private: optima by hand
 from diffthrust.estimation._solver import Solved  # private: an optimum by hand
 from diffthrust.many._batch import calls, maps  # private: patched, to fail

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import diffthrust as dft
-from diffthrust.models import MODELS, Signals
-from diffthrust.models._base.signals import Relaxing  # private: what rates may be
+from diffthrust.models import MODELS, Relaxing, Signals
 
 COUNT = 40
 

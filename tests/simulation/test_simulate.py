@@ -8,13 +8,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from compilations import compilations
 from reference import axis, dc_motor, inputs, thruster, vessel
 
 import diffthrust as dft
 from diffthrust import InputError, Log, Model, simulate
 from diffthrust.effects import ActuatorLag, CommandDeadband, ReverseThrustAsymmetry
 from diffthrust.models import MODELS, Ports, Relaxing, Signals
-from diffthrust.simulation._fixed_step import compiled_simulation  # private: compilations
 
 JASON = thruster.JASON
 
@@ -565,9 +565,9 @@ def test_logs_of_many_lengths_share_few_programs():
     time = 0.05 * np.arange(400)
     log = dft.Log(time, {"command": rng.uniform(-4.0, 4.0, time.size)}, {})
     whole = dft.simulate(dft.Thruster(), log, substeps=3)
-    before = compiled_simulation.traces
+    before = compilations("simulation")
     for count in range(257, 300):
         part = dft.Log(time[:count], {"command": log.inputs["command"][:count]}, {})
         speed = dft.simulate(dft.Thruster(), part, substeps=3)["speed"]
         assert speed == pytest.approx(whole["speed"][:count], rel=1e-12)
-    assert compiled_simulation.traces <= before + 1
+    assert compilations("simulation") <= before + 1

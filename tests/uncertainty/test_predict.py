@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from error_laws import Gaussian, StudentT
 from made_posterior import made_posterior
 from scipy import stats
 from test_quantities import log
 
 import diffthrust as dft
 from diffthrust import InputError
-from diffthrust.estimation._laws import Gaussian, StudentT  # private: the laws
 from diffthrust.uncertainty import predict
 from diffthrust.uncertainty._prediction.band import mixed_quantile  # private: the mixture alone
 

@@ -10,13 +10,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import written_fits
+from compilations import compilations
 from made_posterior import made_posterior
 
 import diffthrust as dft
 from diffthrust import InputError
 from diffthrust.uncertainty import quantities
 from diffthrust.uncertainty._prediction.draws import draws_of  # private: the draws themselves
-from diffthrust.uncertainty._prediction.responses import step_responses  # private: its cache
 
 SIZES = [-3.0, 0.5, 1.0, 2.0, 4.0]
 STEP = 1 - math.exp(-1)
@@ -175,9 +175,9 @@ def found_draws(post, model, count):
 
 def test_one_compilation_serves_all_draws_and_sizes(fit):
     quantities(fit, commands=[1.0, 2.0], steps=[3.0], draws=5)
-    before = step_responses.traces
+    before = compilations()
     quantities(fit, commands=[0.2, 2.5], steps=[9.0], draws=40, seed=3)
-    assert step_responses.traces == before
+    assert compilations() == before
 
 
 def test_draws_of_a_fit_are_those_of_its_covariance_within_bounds(fit):

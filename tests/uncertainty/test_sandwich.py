@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from problems import problem_of, solve
 from reference import noise
 from short_logs import MODEL, TRUE, fitted, made_log
 
 import diffthrust as dft
-from diffthrust.estimation._rebuild import problem_of  # private: the problem of a fit
-from diffthrust.estimation._solver import solve  # private: the gradient
 from diffthrust.uncertainty import (
     _scores,  # private: the parts alone
     sandwich,

@@ -1,1 +1,1 @@
-"""What no known effect explains, learned as a curve: laws that are possible, their evidence."""
+"""The term that no known effect expresses: its port and signals, its curve, its closed form."""

@@ -1,14 +1,13 @@
-"""Closed forms that a law may have.
+"""Closed forms that a law may have, how likely one-step errors make each, and each as an effect.
 
-Each is an expression of one signal ``x`` with an amplitude ``a``, and as far as it has them a place
-``b`` and a width ``c`` in the signal's unit, an exponent ``p``, and a wave number ``k``.
-
-Closed forms of a learned law: how likely each is, and as an effect.
+A form is an expression of one signal ``x`` with an amplitude ``a``, and as far as it has them a
+place ``b`` and a width ``c`` in the signal's unit, an exponent ``p``, and a wave number ``k``.
 """
 
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Mapping, Sequence
 from itertools import product
 from typing import NamedTuple
@@ -30,11 +29,11 @@ class Form(NamedTuple):
     Args:
         name: in words.
         text: the expression, of ``x``, ``a`` and further parameters; ``r`` is a typical size of x.
-        per: by which power of the signal's unit that of the amplitude is divided.
-        words: how it goes, for people; ``{a}``, ``{b}``, ``{c}``, ``{p}`` are told with units.
-        plain: the form of fewer parameters that it comes near to.
+        per: power of the signal's unit in the denominator of the amplitude's unit.
+        words: description for a report; ``{a}``, ``{b}``, ``{c}``, ``{p}`` are given with units.
+        plain: the form of fewer parameters that is a limit of this one.
         even: whether its place ``b`` stands for both signs of the signal.
-        far: whether that may lie beyond the range of the signal.
+        far: whether its place may lie far beyond the range of the signal.
     """
 
     name: str
@@ -51,11 +50,11 @@ class Form(NamedTuple):
         return tuple(n for n in expression_of(self.text).places if n in ("b", "c", "p", "k"))
 
     def over(self, x: np.ndarray, values: Mapping[str, float]) -> np.ndarray:
-        """The form over a signal, at values of its parameters and of ``r``; its shape is that."""
+        """The form over a signal, ``(N,)``, at values of its parameters and of ``r``."""
         law = expression_of(self.text)
         with np.errstate(all="ignore"):
-            result = law({"x": x, **values}.__getitem__, np)
-        return np.broadcast_to(np.asarray(result, float), x.shape)
+            shape = law({"x": x, **values}.__getitem__, np)
+        return np.broadcast_to(np.asarray(shape, float), x.shape)
 
 
 FORMS = (
@@ -116,12 +115,15 @@ FORMS = (
 )  # fmt: skip
 
 
+# Grids on which a form is first placed, and limits of its parameters, over the signal's range.
 _PLACES, _WIDTHS, _EXPONENTS = 17, (0.05, 0.1, 0.2, 0.4), (0.5, 1.5, 2.5, 3.5)
-_LEAST_WIDTH, _LARGEST_WIDTH, _PLACE_MARGIN, _FAR_PLACE_MARGIN = 0.01, 2.0, 0.1, 4.0
-"""Shares of the range of the signal: within which widths are, and how far beyond it places may lie:
-as estimated, and of forms whose place may be far."""
+_LEAST_WIDTH, _LARGEST_WIDTH = 0.01, 2.0
+_PLACE_MARGIN, _FAR_PLACE_MARGIN = 0.1, 4.0
+"""How far beyond the range of the signal a place may lie: that of a line may be its far zero. A
+closer limit makes the starts of a later fit agree."""
 _MOST_WAVES = 9
-"""A ripple is looked for with fewer waves than this over the range of the signal."""
+"""A ripple of more waves over the range is not looked for: as many pieces has a curve. More are
+found by the periodogram (`wave_along`)."""
 
 
 class Match(NamedTuple):
@@ -132,7 +134,7 @@ class Match(NamedTuple):
         values: its parameters, ``a`` among them.
         gain: the likelihood ratio that it promises.
         reference: the typical size of the signal, ``r``.
-        times: what it is multiplied by, as a curve; "" for nothing.
+        times: its factor, as a curve's; "" for none.
     """
 
     form: Form
@@ -142,142 +144,137 @@ class Match(NamedTuple):
     times: str = ""
 
 
-def ranked_matches(grounds: Mapping[str, LinearizedEvidence]) -> list[Match]:
-    """The forms by how likely each makes one-step errors, where it is best; the likeliest first.
+def ranked_matches(evidence: Mapping[str, LinearizedEvidence]) -> list[Match]:
+    """Each form where it makes one-step errors likeliest, the likeliest first.
 
     Args:
-        grounds: what one-step errors say of the law's shapes, by what these are multiplied by.
+        evidence: what one-step errors say of the shapes of a law, by its factor.
     """
-    return sorted(
-        (
-            best_match(form, ground)._replace(times=times)
-            for times, ground in grounds.items()
-            for form in FORMS
-        ),
-        key=lambda match: -match.gain,
-    )
+    matches = [
+        best_match(form, of_shapes)._replace(times=times)
+        for times, of_shapes in evidence.items()
+        for form in FORMS
+    ]
+    return sorted(matches, key=lambda match: -match.gain)
 
 
-def as_formula(match: Match, curve: Curve, unit: str, signal_unit: str, channel: str) -> Formula:
-    """A form as an effect at the place of a curve, beginning where it is likeliest.
-
-    Args:
-        match: the form.
-        curve: the curve.
-        unit: of what the form adds, or scales by.
-        signal_unit: that of the curve's signal,
-        channel: which is that of a channel of the model; "" for none.
-    """
-    form = match.form
-    text = _substituted(form, curve.signal, match)
-    law = f"{match.times} * ({text})" if match.times else text
-    if match.times == ARRIVING:
-        law = f"value * (1 + {text})"
-    elif ARRIVING in expression_of(law).places:  # else it would stand in the place of what arrives
-        law = f"value + {law}"
-    amplitude = product_unit((unit, 1), (signal_unit, -form.per))
-    span = curve.high - curve.low
-    reach = 2.0 * _FAR_PLACE_MARGIN * span if form.far else _PLACE_MARGIN * span
-    lowest = 0.0 if form.even else curve.low - reach
-    of_signal = unit_following(channel, signal_unit)
-    fields = {
-        "a": {"unit": amplitude, "value": match.values["a"], "null": 0.0,
-              "size": abs(match.values["a"]) or 1.0},
-        "b": {"unit": of_signal, "bounds": _short(lowest, curve.high + reach)},
-        "c": {"unit": of_signal, "bounds": _short(_LEAST_WIDTH * span, _LARGEST_WIDTH * span)},
-        "p": {"unit": "", "bounds": (0.1, 6.0)},
-        "k": {"unit": product_unit(("rad", 1), (signal_unit, -1)),
-              "bounds": _short(1.0 / span, 10.0 * _MOST_WAVES / span)},
-    }  # fmt: skip
-    names = _names(form, curve.signal, match.times)
-    parameters = {}
-    for n in names:  # bounds are rounded
-        low, high = fields[n].get("bounds", (-np.inf, np.inf))
-        parameters[names[n]] = {**fields[n], "value": float(np.clip(match.values[n], low, high))}
-    kept = [n for n in curve.given if n in expression_of(law).places]
-    parameters |= {n: {**curve.given[n], "value": getattr(curve, n)} for n in kept}
-    return Formula(curve.port, law, name=f"{curve.name}_form", **parameters)
-
-
-def as_estimated(formula: Formula) -> Formula:
-    """The same formula, which begins where its parameters are now; in numbers that are read."""
-    parameters = {}
-    for name, fields in formula.given.items():
-        low, high = formula.declared[name].limits
-        (value,) = _short(getattr(formula, name))
-        parameters[name] = {**fields, "value": min(max(value, low), high)}
-        if "size" in fields:
-            parameters[name]["size"] = abs(value) or fields["size"]
-    return Formula(formula.port, formula.expression, name=formula.name, **parameters)
-
-
-def _short(*numbers: float) -> tuple[float, ...]:
-    return tuple(float(f"{number:.5g}") for number in numbers)
-
-
-def form_values(form: Form, formula: Formula) -> dict[str, float]:
-    """The parameters of a form, by its own names, in the formula that was made of it."""
-    names = ("a", *form.parameters)
-    return {
-        n: getattr(formula, parameter) for n, parameter in zip(names, formula.given, strict=False)
-    }
-
-
-def _names(form: Form, *expressions: str) -> dict[str, str]:
-    """What a form's parameters are called beside the names of some expressions."""
-    taken = {name for text in expressions if text for name in expression_of(text).places}
-    return {n: n if n not in taken else f"{n}_form" for n in ("a", *form.parameters)}
-
-
-def _substituted(form: Form, signal: str, match: Match) -> str:
-    """A form's expression of a signal, in place of ``x`` and ``r``."""
-    import re
-
-    words = {
-        "x": signal if signal.isidentifier() else f"({signal})",
-        "r": f"{match.reference:.4g}",
-        **_names(form, signal, match.times),
-    }
-    spelt = re.sub(r"\b[xrabcpk]\b", lambda word: words[word[0]], form.text)
-    return ast.unparse(ast.parse(spelt, mode="eval").body)
-
-
-def best_match(form: Form, ground: LinearizedEvidence) -> Match:
+def best_match(form: Form, evidence: LinearizedEvidence) -> Match:
     """A form at the place, width, exponent that make one-step errors likeliest."""
     from scipy.optimize import minimize  # slow to import
 
-    x, names = ground.x, form.parameters
+    x, names = evidence.x, form.parameters
     span = x[-1] - x[0]
-    waves, low, high = 2.0 * np.pi / span, x[0], x[-1]
+    low, high, wave_number = x[0], x[-1], 2.0 * np.pi / span
     if form.even:
         low, high = 0.0, max(abs(low), abs(high))
     elif form.far:
         low, high = low - _FAR_PLACE_MARGIN * span, high + _FAR_PLACE_MARGIN * span
     grids = {
         "b": np.linspace(low, high, _PLACES + 2)[1:-1], "c": span * np.array(_WIDTHS),
-        "p": np.array(_EXPONENTS), "k": waves * np.arange(2.0, _MOST_WAVES),
+        "p": np.array(_EXPONENTS), "k": wave_number * np.arange(2.0, _MOST_WAVES),
     }  # fmt: skip
-    ends = {
+    limits = {
         "b": (low, high), "c": (_LEAST_WIDTH * span, _LARGEST_WIDTH * span), "p": (0.2, 5.0),
-        "k": (1.5 * waves, _MOST_WAVES * waves),
+        # at least one and a half waves: less of one is a flank, which other forms have
+        "k": (1.5 * wave_number, _MOST_WAVES * wave_number),
     }  # fmt: skip
     unit = {"b": span, "c": span, "p": 1.0, "k": 1.0 / span}
 
-    def gained(values: Sequence[float]) -> tuple[float, float]:
+    def gain_at(values: Sequence[float]) -> tuple[float, float]:
         parameters = dict(zip(names, values, strict=True))
-        shape = form.over(x, {"a": 1.0, **parameters, "r": ground.reference})
-        return ground.gain(shape) if np.all(np.isfinite(shape)) else (0.0, 0.0)
+        shape = form.over(x, {"a": 1.0, **parameters, "r": evidence.reference})
+        return evidence.gain(shape) if np.all(np.isfinite(shape)) else (0.0, 0.0)
 
-    def of_units(values: np.ndarray) -> float:
-        return -gained([v * unit[n] for n, v in zip(names, values, strict=True)])[0]
+    def loss(scaled: np.ndarray) -> float:
+        return -gain_at([v * unit[n] for n, v in zip(names, scaled, strict=True)])[0]
 
-    best = max(product(*(grids[n] for n in names)), key=lambda values: gained(values)[0])
+    best = max(product(*(grids[n] for n in names)), key=lambda values: gain_at(values)[0])
     if names:
-        begin = [v / unit[n] for n, v in zip(names, best, strict=True)]
-        bounds = [(ends[n][0] / unit[n], ends[n][1] / unit[n]) for n in names]
-        ended = minimize(of_units, begin, method="Nelder-Mead", bounds=bounds,
-                         options={"maxiter": 200})  # fmt: skip
-        best = tuple(float(v) * unit[n] for n, v in zip(names, ended.x, strict=True))
-    gain, amplitude = gained(best)
+        start = [v / unit[n] for n, v in zip(names, best, strict=True)]
+        bounds = [(limits[n][0] / unit[n], limits[n][1] / unit[n]) for n in names]
+        # Nelder-Mead: the gain has kinks where a place passes a point of the grid
+        optimum = minimize(loss, start, method="Nelder-Mead", bounds=bounds,
+                           options={"maxiter": 200})  # fmt: skip
+        best = tuple(float(v) * unit[n] for n, v in zip(names, optimum.x, strict=True))
+    gain, amplitude = gain_at(best)
     values = {"a": amplitude, **dict(zip(names, best, strict=True))}
-    return Match(form, values, gain, ground.reference)
+    return Match(form, values, gain, evidence.reference)
+
+
+def as_formula(match: Match, curve: Curve, unit: str, signal_unit: str, channel: str) -> Formula:
+    """A form as an effect in the place of a curve, at its likeliest parameters.
+
+    Args:
+        match: the form.
+        curve: the curve.
+        unit: of what the form adds, or scales by.
+        signal_unit: that of the curve's signal.
+        channel: the channel of the model whose unit that is; "" for none.
+    """
+    form = match.form
+    text = _substituted(form, curve.signal, match)
+    law = f"{match.times} * ({text})" if match.times else text
+    if match.times == ARRIVING:
+        law = f"value * (1 + {text})"
+    elif ARRIVING in expression_of(law).places:  # a formula that reads it replaces what arrives
+        law = f"value + {law}"
+    span = curve.high - curve.low
+    reach = 2.0 * _FAR_PLACE_MARGIN * span if form.far else _PLACE_MARGIN * span
+    lowest = 0.0 if form.even else curve.low - reach
+    of_signal = unit_following(channel, signal_unit)
+    fields = {
+        "a": {"unit": product_unit((unit, 1), (signal_unit, -form.per)), "value": match.values["a"],
+              "null": 0.0, "size": abs(match.values["a"]) or 1.0},
+        "b": {"unit": of_signal, "bounds": _rounded(lowest, curve.high + reach)},
+        "c": {"unit": of_signal, "bounds": _rounded(_LEAST_WIDTH * span, _LARGEST_WIDTH * span)},
+        "p": {"unit": "", "bounds": (0.1, 6.0)},
+        "k": {"unit": product_unit(("rad", 1), (signal_unit, -1)),
+              "bounds": _rounded(1.0 / span, 10.0 * _MOST_WAVES / span)},
+    }  # fmt: skip
+    parameters = {}
+    for n, name in _names(form, curve.signal, match.times).items():
+        # bounds are rounded: a value at an end of its range fell outside, and ended a diagnosis
+        low, high = fields[n].get("bounds", (-np.inf, np.inf))
+        parameters[name] = {**fields[n], "value": float(np.clip(match.values[n], low, high))}
+    kept = [n for n in curve.given if n in expression_of(law).places]
+    parameters |= {n: {**curve.given[n], "value": getattr(curve, n)} for n in kept}
+    return Formula(curve.port, law, name=f"{curve.name}_form", **parameters)
+
+
+def as_estimated(formula: Formula) -> Formula:
+    """The same formula, starting at its present parameters, in numbers short enough to read."""
+    parameters = {}
+    for name, fields in formula.given.items():
+        low, high = formula.declared[name].limits
+        (value,) = _rounded(getattr(formula, name))
+        parameters[name] = {**fields, "value": min(max(value, low), high)}
+        if "size" in fields:
+            parameters[name]["size"] = abs(value) or fields["size"]
+    return Formula(formula.port, formula.expression, name=formula.name, **parameters)
+
+
+def form_values(form: Form, formula: Formula) -> dict[str, float]:
+    """The parameters of a form, by its own names, in the formula that was made of it."""
+    names = ("a", *form.parameters)
+    return {n: getattr(formula, name) for n, name in zip(names, formula.given, strict=False)}
+
+
+def _rounded(*numbers: float) -> tuple[float, ...]:
+    return tuple(float(f"{number:.5g}") for number in numbers)
+
+
+def _names(form: Form, *expressions: str) -> dict[str, str]:
+    """Names of a form's parameters that do not clash with the names in some expressions."""
+    taken = {name for text in expressions if text for name in expression_of(text).places}
+    return {n: n if n not in taken else f"{n}_form" for n in ("a", *form.parameters)}
+
+
+def _substituted(form: Form, signal: str, match: Match) -> str:
+    """A form's expression with a signal in the place of ``x``, and a number in that of ``r``."""
+    words = {
+        "x": signal if signal.isidentifier() else f"({signal})",
+        "r": f"{match.reference:.4g}",
+        **_names(form, signal, match.times),
+    }
+    text = re.sub(r"\b[xrabcpk]\b", lambda word: words[word[0]], form.text)
+    return ast.unparse(ast.parse(text, mode="eval").body)

@@ -1,15 +1,14 @@
-"""What one-step errors, or whole runs, say of any shape of a law over its signal.
+"""How likely one-step errors make a term of unknown form: linearised, coefficients integrated out.
 
-The errors answer linearly to a law at a port, so those to a fine spline basis tell how much
-likelier any shape makes them, with nothing to be carried through the logs again.
+Along the path of a trial the errors respond linearly to the coefficients of a curve at a port. The
+coefficients have normal priors, whose widths are the size and the stiffness of the curve: the
+widths are chosen that make the errors likeliest with the coefficients integrated out (for
+smoothing splines: Wahba 1985; Wood 2011). The logarithm of that likelihood over the likelihood
+without a curve is the evidence. What the estimated parameters of the model can do themselves counts
+for nothing: it is projected out.
 
-Curves of unknown form, held against one-step errors: how stiff, and how likely each is.
-
-Along the path of a trial the errors answer linearly to the coefficients of a curve at a port. These
-have normal priors, whose widths say how large and how stiff the curve is: those are taken that make
-the errors likeliest with the coefficients integrated out (of smoothing splines: Wahba 1985; Wood
-2011). The logarithm of that likelihood over the one without a curve is its evidence; of a curve
-that the estimated parameters could be themselves there is none.
+The response to a fine spline basis tells the gain of any shape, without another pass through the
+logs. Closed forms are matched with it.
 """
 
 from __future__ import annotations
@@ -23,268 +22,140 @@ from jaxtyping import Float
 
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, side_by_side
 from diffthrust.diagnosis._learned import LearnedLaw
+from diffthrust.diagnosis._score_test import project_out
 from diffthrust.diagnosis._unknown_term.terms import PortSeries, Regressors, Term, term_along
 from diffthrust.effects._curve import Curve
 from diffthrust.models._base.made_effect import ARRIVING
 from diffthrust.models._base.model import Model
 
-_FINE_PIECES = 29
-_GRID_POINTS = 241
-_WAY_TO_BOUND = 0.9
-"""Beside another shape a parameter goes no further than this share of the way to its bound."""
-
-
-class LinearizedEvidence(NamedTuple):
-    """What errors say of the shapes of a law.
-
-    Args:
-        x: values of its signal, all over the range of the logs.
-        onto: gives the coefficients of the fine basis by which a shape over ``x`` is met.
-        left: information on these, less what the model's own parameters do.
-        clear: gradient of the negative logarithm of the likelihood by them, likewise.
-        reference: root mean square of the signal.
-    """
-
-    x: Float[np.ndarray, " N"]
-    onto: Float[np.ndarray, "K N"]
-    left: Float[np.ndarray, "K K"]
-    clear: Float[np.ndarray, " K"]
-    reference: float
-
-    def gain(self, shape: Float[np.ndarray, " N"]) -> tuple[float, float]:
-        """The likelihood ratio for a shape at its best amplitude, and that amplitude."""
-        weights = self.onto @ shape
-        curvature = float(weights @ self.left @ weights)
-        scale = float(np.sum((weights @ self.left) ** 2)) ** 0.5
-        slope = float(weights @ self.clear)
-        if not curvature > 1e-12 * scale > 0.0:
-            return 0.0, 0.0
-        return slope**2 / curvature, -slope / curvature
-
-
-def linearized_evidence(trials: CandidateFitter, trial: TrialFit, law: Term) -> LinearizedEvidence:
-    """What the one-step errors of a trial say of the shapes of a law."""
-    pooled = np.concatenate(law.over)
-    low, high = float(pooled.min()), float(pooled.max())
-    fine = Curve(law.port, "speed", low, high, pieces=_FINE_PIECES)
-    ((information, gradient, _),) = projected_information(
-        trials, trial, law.port, [law.added(fine)]
-    )
-    x = np.linspace(low, high, _GRID_POINTS)
-    onto = np.linalg.pinv(fine.basis(x).T)
-    return LinearizedEvidence(x, onto, information, gradient, float(np.sqrt(np.mean(pooled**2))))
-
-
-def evidence_of_fit(law: LearnedLaw) -> LinearizedEvidence:
-    """What whole runs say of the shapes of a law, to which a curve has been fitted."""
-    curve, (which, covariance) = law.curve, law.coefficients()
-    x = np.linspace(curve.low, curve.high, _GRID_POINTS)
-    information = np.linalg.pinv(covariance, hermitian=True)
-    estimated = np.array([getattr(curve, curve.coefficients[i]) for i in which])
-    onto = np.linalg.pinv(curve.basis(x).T)[which]
-    return LinearizedEvidence(
-        x, onto, information, -information @ estimated, float(np.sqrt(np.mean(law.samples**2)))
-    )
-
-
-def model_beside(law: LearnedLaw, shape: Float[np.ndarray, " K"]) -> Model:
-    """A law's model without its curve, as whole runs would have it with another.
-
-    The other parameters go with its coefficients to first order: a curve may do a part of their
-    work. They stay for what coefficients do that are held, because parameters can do it all.
-
-    Args:
-        law: the law; the covariance of the curve's coefficients must be finite.
-        shape: the coefficients that are estimated, as `evidence_of_fit` meets a shape.
-    """
-    fit, curve, (which, _) = law.fit, law.curve, law.coefficients()
-    named = fit.model.parameters
-    aim = {f"{curve.name}.{curve.coefficients[i]}": to for i, to in zip(which, shape, strict=True)}
-    finite = np.isfinite(np.diagonal(fit.covariance))
-    # what its signal remembers stays as it is
-    curve_indices = [
-        i for i, n in enumerate(fit.free) if n.startswith(f"{curve.name}.") and finite[i]
-    ]
-    apart = [
-        aim.get(n, named[n].value) - named[n].value for n in (fit.free[i] for i in curve_indices)
-    ]
-    weights = (
-        np.linalg.pinv(fit.covariance[np.ix_(curve_indices, curve_indices)], hermitian=True) @ apart
-    )
-    values = {}
-    for i, name in enumerate(fit.free):
-        if name in named and finite[i] and i not in curve_indices:
-            p = named[name]
-            low, high = (p.value + _WAY_TO_BOUND * (end - p.value) for end in p.limits)
-            moved = p.value + float(fit.covariance[i, curve_indices] @ weights)
-            values[name] = float(np.clip(moved, low, high))
-    return fit.model.replace(values) - curve.name
-
-
-def projected_information(
-    trials: CandidateFitter, trial: TrialFit, port: str, several: Sequence[PortSeries]
-) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Information and gradient of series at a port, less what the model's own parameters do.
-
-    Args:
-        trials: the fits.
-        trial: the present model.
-        port: where the series are added.
-        several: sets of series.
-
-    Returns:
-        Of each the information left ``(K, K)``; the gradient ``(K,)``; the information of each
-        series by itself.
-    """
-    response = trial.response
-    now, end = (
-        response.batched([np.concatenate(rows) for rows in zip(*when, strict=True)])
-        for when in zip(*several, strict=True)
-    )
-    answers = response.to(port, now, end)
-    estimated = [i for i, name in enumerate(trial.names) if name not in trials.nuisance]
-    edges = np.cumsum([len(added.now[0]) for added in several])[:-1]
-    apart = zip(*(np.split(batch, edges, axis=1) for batch in answers), strict=True)
-    return [
-        project_out(*response.scores(estimated, of_added), len(estimated)) for of_added in apart
-    ]
-
-
-def project_out(
-    information: np.ndarray, scores: np.ndarray, base: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Information and gradient of what comes after the first ``base`` coordinates, less these."""
-    nuisance, cross = information[:base, :base], information[base:, :base]
-    through = cross @ np.linalg.pinv(nuisance, rcond=1e-11, hermitian=True)
-    remaining = information[base:, base:] - through @ cross.T
-    gradient = (scores[base:] - through @ scores[:base]).sum(axis=1)
-    return remaining, gradient, np.diagonal(information)[base:]
-
-
 _BENDS = np.geomspace(0.01, 30.0, 15)
 """Stiffnesses that are tried: standard deviations of the bends, over the curve's size."""
 _SIZES = np.geomspace(0.003, 1.0, 6)
-"""Sizes of the curve that are tried, over what passes the port (one, where it scales that)."""
+"""Sizes of the curve that are tried, over the signal at the port (over 1 if it scales that)."""
 _REDUNDANT = 0.01
-"""A coefficient of which the estimated parameters leave less than this does what they do already,
-and is held at nothing."""
-
-_TUNING_RANGE = 5.0
-"""A time or a width is sought within so many times its first guess,"""
-_TUNING_OPTIONS = {"maxiter": 10, "xatol": 0.03}
-"""to such a share of itself."""
-_BATCH_TERMS, _BATCH_SAMPLES = 11, 1e5
-"""So many laws are carried through the logs at a time (of each the series are as many), or as have
-no more samples together."""
+"""A coefficient that keeps less of its information beside the model's parameters is held at zero:
+these do its work already, and a fit of both would be ill-conditioned."""
 _SLOPE_INDEX = 1
-"""Which of the coefficients of a curve is its slope."""
+"""Index of the slope among the coefficients of a curve."""
+_TUNING_RANGE = 5.0
+"""A time constant or width is tuned within this factor of its first guess: to the next guess."""
+_TUNING_OPTIONS = {"maxiter": 10, "xatol": 0.03}
+"""Tuned to 3 %: the fit to whole runs estimates it further."""
+_BATCH_TERMS, _BATCH_SAMPLES = 11, 1e5
+"""Terms, and samples, that go through the logs together: eleven terms of eleven coefficients fill
+the 128 columns of a wide pass (`LinearResponse`); more samples leave the cache."""
+_FINE_PIECES = 29
+"""Pieces of the spline basis on which any shape is represented."""
+_GRID_POINTS = 241
+"""Values of the signal at which shapes are compared: eight for each fine piece."""
+_WAY_TO_BOUND = 0.9
+"""Beside another shape a parameter moves at most this share of the way to its bound: a fit that
+begins on a bound has no gradient there."""
 
 
 class LikelyCurve(NamedTuple):
     """A curve that one-step errors ask for.
 
     Args:
-        law: where it acts and on what.
+        term: where it acts and on what.
         curve: with its coefficients at their linear estimates.
         evidence: logarithm of the likelihood ratio, with the coefficients integrated out.
     """
 
-    law: Term
+    term: Term
     curve: Curve
     evidence: float
 
 
 def likely_curves(
-    trials: CandidateFitter, trial: TrialFit, laws: Iterable[Term]
+    fitter: CandidateFitter, trial: TrialFit, terms: Iterable[Term]
 ) -> list[LikelyCurve]:
-    """The laws for which there is evidence, with their curves, the likeliest first."""
-    passing = trials.readings(trial)
-    chunks = side_by_side(
-        lambda chunk: _evidence_of(trials, trial, chunk, [log[chunk[0].port] for log in passing]),
-        list(_batched(laws)),
+    """The terms for which there is evidence, with their curves, the likeliest first."""
+    readings = fitter.readings(trial)
+    batches = side_by_side(
+        lambda batch: _evidence_of(fitter, trial, batch, [log[batch[0].port] for log in readings]),
+        list(_batched(terms)),
     )
-    likely = (curve for chunk in chunks for curve in chunk if curve.evidence > 0)
+    likely = (curve for batch in batches for curve in batch if curve.evidence > 0)
     return sorted(likely, key=lambda curve: -curve.evidence)
 
 
 def tune_memory(
-    trials: CandidateFitter, trial: TrialFit, regressors: Regressors, likely: LikelyCurve
+    fitter: CandidateFitter, trial: TrialFit, regressors: Regressors, likely: LikelyCurve
 ) -> LikelyCurve:
-    """A law that remembers over the time, or the width, that makes one-step errors likeliest."""
+    """A term at the time constant, or the width, that makes one-step errors likeliest."""
     from scipy.optimize import minimize_scalar  # slow to import
 
-    law, parameters = likely.law, likely.law.parameters
-    if law.straight or len(parameters) != 1:
+    term, parameters = likely.term, likely.term.parameters
+    if term.is_linear or len(parameters) != 1:
         return likely
-    (name,), passing = parameters, [port_log[law.port] for port_log in regressors.now.ports]
-    initial, (low, high) = parameters[name]["value"], parameters[name]["bounds"]
-    tried = {initial: likely}
+    (name,), passing = parameters, [log[term.port] for log in regressors.current.ports]
+    guess, (low, high) = parameters[name]["value"], parameters[name]["bounds"]
+    tried = {guess: likely}
 
     def loss(exponent: float) -> float:
         value = float(np.exp(exponent))
-        values = {name: {**parameters[name], "value": value}}
-        at = term_along(regressors, law.port, law.signal, law.times, values)
-        judged = _evidence_of(trials, trial, [at], passing)
-        tried.update((value, port_log) for port_log in judged)
-        return -judged[0].evidence if judged else 0.0
+        fields = {name: {**parameters[name], "value": value}}
+        moved = term_along(regressors, term.port, term.signal, term.times, fields)
+        curves = _evidence_of(fitter, trial, [moved], passing)
+        tried.update((value, curve) for curve in curves)
+        return -curves[0].evidence if curves else 0.0
 
-    ends = max(low, initial / _TUNING_RANGE), min(high, initial * _TUNING_RANGE)
+    ends = max(low, guess / _TUNING_RANGE), min(high, guess * _TUNING_RANGE)
     minimize_scalar(loss, bounds=np.log(ends), method="bounded", options=_TUNING_OPTIONS)
-    return max(tried.values(), key=lambda port_log: port_log.evidence)
+    return max(tried.values(), key=lambda curve: curve.evidence)
 
 
 class _CurveBasis(NamedTuple):
-    """A law with the curve that it begins with, and what its coefficients add, log by log."""
+    """A term with a curve of zeros, and what a unit of each of its coefficients adds."""
 
-    law: Term
-    plain: Curve
+    term: Term
+    curve: Curve
     level: float
-    added: PortSeries
+    series: PortSeries
 
 
-def _with_basis(law: Term, passing: Sequence[np.ndarray]) -> _CurveBasis | None:
-    pooled = np.concatenate(law.over)
+def _with_basis(term: Term, passing: Sequence[np.ndarray]) -> _CurveBasis | None:
+    pooled = np.concatenate(term.signal_values)
     ends = float(pooled.min()), float(pooled.max())
-    level = _rms(passing) if law.times != ARRIVING else 1.0
-    if law.factor is not None and law.times != ARRIVING:
-        level /= max(_rms(law.factor), 1e-300)
+    level = _rms(passing) if term.times != ARRIVING else 1.0
+    if term.factor_values is not None and term.times != ARRIVING:
+        level /= max(_rms(term.factor_values), 1e-300)
     if not 0 < level < np.inf:
         return None
-    parameters: dict[str, Any] = dict(law.parameters)
-    plain = Curve(law.port, law.signal, *ends, times=law.times, **parameters)
-    return _CurveBasis(law, plain, level, law.added(plain))
+    parameters: dict[str, Any] = dict(term.parameters)
+    curve = Curve(term.port, term.signal, *ends, times=term.times, **parameters)
+    return _CurveBasis(term, curve, level, term.basis(curve))
 
 
-def _batched(laws: Iterable[Term]) -> Iterator[list[Term]]:
-    """Laws of one port, as many as are carried through the logs at a time."""
-    by_port = sorted(laws, key=lambda law: law.port)
-    for _, one_port in groupby(by_port, key=lambda law: law.port):
-        same = list(one_port)
-        samples = sum(over.size for over in same[0].over)
-        most = int(np.clip(_BATCH_SAMPLES / samples, 1, _BATCH_TERMS))
-        yield from (same[at : at + most] for at in range(0, len(same), most))
+def _batched(terms: Iterable[Term]) -> Iterator[list[Term]]:
+    """Terms at one port, as many as are carried through the logs together."""
+    by_port = sorted(terms, key=lambda term: term.port)
+    for _, group in groupby(by_port, key=lambda term: term.port):
+        at_port = list(group)
+        samples = sum(series.size for series in at_port[0].signal_values)
+        size = int(np.clip(_BATCH_SAMPLES / samples, 1, _BATCH_TERMS))
+        yield from (at_port[at : at + size] for at in range(0, len(at_port), size))
 
 
 def _evidence_of(
-    trials: CandidateFitter,
-    trial: TrialFit,
-    laws: Sequence[Term],
-    passing: Sequence[np.ndarray],
+    fitter: CandidateFitter, trial: TrialFit, terms: Sequence[Term], passing: Sequence[np.ndarray]
 ) -> list[LikelyCurve]:
-    drawn = [drawing for law in laws if (drawing := _with_basis(law, passing))]
-    if not drawn:
+    bases = [basis for term in terms if (basis := _with_basis(term, passing))]
+    if not bases:
         return []
-    evidence = projected_information(
-        trials, trial, laws[0].port, [drawing.added for drawing in drawn]
-    )
+    port, series = terms[0].port, [basis.series for basis in bases]
     curves = []
-    for (law, plain, level, _), information in zip(drawn, evidence, strict=True):
-        held = law.straight & (np.arange(len(plain.coefficients)) != _SLOPE_INDEX)
-        best = _marginal_likelihood(*information, level, held)
-        fixed = zip(plain.coefficients, best.shared, strict=True)
+    for (term, curve, level, _), projected in zip(
+        bases, projected_information(fitter, trial, port, series), strict=True
+    ):
+        bends = term.is_linear & (np.arange(len(curve.coefficients)) != _SLOPE_INDEX)
+        best = _marginal_likelihood(*projected, level, bends)
+        fixed = zip(curve.coefficients, best.shared, strict=True)
         arguments = {"size": best.size, "bend": best.bend, "shape": tuple(map(float, best.shape))}
-        arguments["held"] = [n for n, out in fixed if out]
-        curves.append(LikelyCurve(law, Curve(**{**plain.arguments, **arguments}), best.evidence))
+        arguments["held"] = [name for name, is_fixed in fixed if is_fixed]
+        estimated = Curve(**{**curve.arguments, **arguments})
+        curves.append(LikelyCurve(term, estimated, best.evidence))
     return curves
 
 
@@ -293,7 +164,7 @@ def _rms(series: Sequence[np.ndarray]) -> float:
 
 
 class _MarginalLikelihood(NamedTuple):
-    """The likeliest widths of the priors, the coefficients, and which others do their work."""
+    """The likeliest widths of the priors, the coefficients, and which the parameters replace."""
 
     evidence: float
     size: float
@@ -305,27 +176,154 @@ class _MarginalLikelihood(NamedTuple):
 def _marginal_likelihood(
     information: np.ndarray,
     gradient: np.ndarray,
-    prior_information: np.ndarray,
+    unprojected: np.ndarray,
     level: float,
-    held: np.ndarray | bool = False,
+    fixed: np.ndarray | bool = False,
 ) -> _MarginalLikelihood:
-    shared = held | (np.diagonal(information) < _REDUNDANT * prior_information)
-    information, gradient = (
-        np.where(shared | shared[:, None], 0.0, information),
-        np.where(shared, 0.0, gradient),
-    )
-    if not np.all(
-        np.isfinite(information) & np.isfinite(gradient)
-    ):  # answers that overflow are no evidence
+    """The likelihood with the coefficients integrated out, largest over the widths of the priors.
+
+    Args:
+        information: of the coefficients, without what the model's parameters do.
+        gradient: likewise.
+        unprojected: information of each coefficient by itself.
+        level: typical size of the signal that the curve adds to.
+        fixed: coefficients that stay at zero.
+    """
+    shared = fixed | (np.diagonal(information) < _REDUNDANT * unprojected)
+    information = np.where(shared | shared[:, None], 0.0, information)
+    gradient = np.where(shared, 0.0, gradient)
+    # integrals of a signal can overflow: no evidence, where NumPy would have raised in `slogdet`
+    if not np.all(np.isfinite(information) & np.isfinite(gradient)):
         return _MarginalLikelihood(-np.inf, 1.0, 1.0, np.zeros(len(information)), shared)
     sizes, bends = (grid.ravel() for grid in np.meshgrid(_SIZES * level, _BENDS, indexing="ij"))
     widths = np.repeat(bends[:, None], len(information), axis=1)
-    widths[:, :2] = 1.0, 2.0
+    widths[:, :2] = 1.0, 2.0  # level and slope are not stiff
     widths *= sizes[:, None]
-    inner = np.eye(len(information)) + widths[:, :, None] * information * widths[:, None, :]
+    # with coefficients w = widths * v, v ~ N(0, 1), the posterior precision of v is 1 + W' I W
+    precision = np.eye(len(information)) + widths[:, :, None] * information * widths[:, None, :]
     slopes = widths * gradient
-    steps = -np.linalg.solve(inner, slopes[..., None])[..., 0]
-    evidence = -0.5 * np.sum(slopes * steps, axis=1) - 0.5 * np.linalg.slogdet(inner)[1]
+    steps = -np.linalg.solve(precision, slopes[..., None])[..., 0]
+    evidence = -0.5 * np.sum(slopes * steps, axis=1) - 0.5 * np.linalg.slogdet(precision)[1]
     k = int(np.argmax(evidence))
     shape = widths[k] * steps[k]
     return _MarginalLikelihood(float(evidence[k]), float(sizes[k]), float(bends[k]), shape, shared)
+
+
+def projected_information(
+    fitter: CandidateFitter, trial: TrialFit, port: str, sets: Sequence[PortSeries]
+) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Information and gradient of series at a port, without what the model's parameters do.
+
+    Args:
+        fitter: the fits in the innovations form.
+        trial: the current model.
+        port: where the series are added.
+        sets: sets of series, which go through the logs together.
+
+    Returns:
+        Of each set the projected information ``(K, K)``; the gradient ``(K,)``; the information of
+        each series by itself.
+    """
+    response = trial.response
+    current, upcoming = (
+        response.batched([np.concatenate(rows) for rows in zip(*series, strict=True)])
+        for series in zip(*sets, strict=True)
+    )
+    responses = response.to(port, current, upcoming)
+    # the observer's gains are left out: white errors say nothing of them that they say of a mean
+    estimated = [i for i, name in enumerate(trial.names) if name not in fitter.nuisance]
+    edges = np.cumsum([len(series.current[0]) for series in sets])[:-1]
+    by_set = zip(*(np.split(batch, edges, axis=1) for batch in responses), strict=True)
+    out = []
+    for of_set in by_set:
+        information, scores = response.scores(estimated, of_set)
+        projected, scores = project_out(information, scores, len(estimated))
+        unprojected = np.diagonal(information)[len(estimated) :]
+        out.append((projected, scores.sum(axis=1), unprojected))
+    return out
+
+
+class LinearizedEvidence(NamedTuple):
+    """What errors say of any shape of a term, to second order.
+
+    Args:
+        x: values of its signal, over its range in the logs.
+        projection: gives the coefficients of the basis that best represent a shape over ``x``.
+        information: on these coefficients, without what the model's parameters do.
+        gradient: of the negative log-likelihood by them, likewise.
+        reference: root mean square of the signal.
+    """
+
+    x: Float[np.ndarray, " N"]
+    projection: Float[np.ndarray, "K N"]
+    information: Float[np.ndarray, "K K"]
+    gradient: Float[np.ndarray, " K"]
+    reference: float
+
+    def gain(self, shape: Float[np.ndarray, " N"]) -> tuple[float, float]:
+        """The likelihood ratio for a shape at its best amplitude, and that amplitude."""
+        weights = self.projection @ shape
+        curvature = float(weights @ self.information @ weights)
+        scale = float(np.sum((weights @ self.information) ** 2)) ** 0.5
+        slope = float(weights @ self.gradient)
+        # a shape that the parameters can do all of has no curvature but rounding errors
+        if not curvature > 1e-12 * scale > 0.0:
+            return 0.0, 0.0
+        return slope**2 / curvature, -slope / curvature
+
+
+def linearized_evidence(fitter: CandidateFitter, trial: TrialFit, term: Term) -> LinearizedEvidence:
+    """What the one-step errors of a trial say of the shapes of a term."""
+    pooled = np.concatenate(term.signal_values)
+    low, high = float(pooled.min()), float(pooled.max())
+    fine = Curve(term.port, "speed", low, high, pieces=_FINE_PIECES)
+    ((information, gradient, _),) = projected_information(
+        fitter, trial, term.port, [term.basis(fine)]
+    )
+    x = np.linspace(low, high, _GRID_POINTS)
+    projection = np.linalg.pinv(fine.basis(x).T)
+    reference = float(np.sqrt(np.mean(pooled**2)))
+    return LinearizedEvidence(x, projection, information, gradient, reference)
+
+
+def evidence_of_fit(law: LearnedLaw) -> LinearizedEvidence:
+    """What whole runs say of the shapes of a law, to which a curve has been fitted."""
+    curve, (which, covariance) = law.curve, law.coefficients()
+    x = np.linspace(curve.low, curve.high, _GRID_POINTS)
+    information = np.linalg.pinv(covariance, hermitian=True)
+    estimated = np.array([getattr(curve, curve.coefficients[i]) for i in which])
+    projection = np.linalg.pinv(curve.basis(x).T)[which]
+    reference = float(np.sqrt(np.mean(law.samples**2)))
+    return LinearizedEvidence(x, projection, information, -information @ estimated, reference)
+
+
+def model_beside(law: LearnedLaw, shape: Float[np.ndarray, " K"]) -> Model:
+    """A law's model without its curve, as whole runs would have it with another shape.
+
+    A curve may do a part of the work of other parameters. These follow its coefficients to first
+    order. They do not follow coefficients that are held because parameters can do all their work.
+
+    Args:
+        law: the law; the covariance of the curve's coefficients must be finite.
+        shape: the coefficients that are estimated, as `evidence_of_fit` represents a shape.
+    """
+    fit, curve, (which, _) = law.fit, law.curve, law.coefficients()
+    parameters, prefix = fit.model.parameters, f"{law.curve.name}."
+    targets = {prefix + curve.coefficients[i]: value for i, value in zip(which, shape, strict=True)}
+    finite = np.isfinite(np.diagonal(fit.covariance))
+    # parameters of the signal's memory are among the curve's: they stay where they are
+    of_curve = [i for i, n in enumerate(fit.free) if n.startswith(prefix) and finite[i]]
+    moved = [
+        targets.get(n, parameters[n].value) - parameters[n].value
+        for n in (fit.free[i] for i in of_curve)
+    ]
+    # regression of the other estimates on the curve's: E[b | a] = b + C_ba C_aa^-1 (a - a0)
+    weights = np.linalg.pinv(fit.covariance[np.ix_(of_curve, of_curve)], hermitian=True) @ moved
+    values = {}
+    for i, name in enumerate(fit.free):
+        if name in parameters and finite[i] and i not in of_curve:
+            p = parameters[name]
+            low, high = (p.value + _WAY_TO_BOUND * (end - p.value) for end in p.limits)
+            conditional = p.value + float(fit.covariance[i, of_curve] @ weights)
+            values[name] = float(np.clip(conditional, low, high))
+    return fit.model.replace(values) - curve.name

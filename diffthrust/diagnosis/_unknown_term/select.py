@@ -1,8 +1,7 @@
-"""Laws that may be missing, by how likely one-step errors make them.
+"""Learn what no known effect explains: the likeliest term, fitted to whole runs and named.
 
-Learn what no known effect explains: the likeliest law as a curve, and its closed form.
-
-Which effects are missing beside a learned law: those found without it may only imitate it.
+One-step evidence is linearised; simulation decides close calls. Effects that were found without the
+term may only have imitated it: they are put beside it, and eliminated if it does their work.
 """
 
 from __future__ import annotations
@@ -31,6 +30,7 @@ from diffthrust.diagnosis._search_state import (
     compiled_fitter,
     few_substeps,
 )
+from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._simulation_fit import change_between, fitted_without
 from diffthrust.diagnosis._unknown_term.evidence import LikelyCurve, likely_curves, tune_memory
 from diffthrust.diagnosis._unknown_term.fit import (
@@ -52,278 +52,265 @@ from diffthrust.effects._grammar import expression_of
 from diffthrust.estimation._result import Fit
 from diffthrust.models._base.made_effect import ARRIVING
 
-_MOST_FACTORED = 8
-"""The signals of so many of the likeliest laws are tried times another."""
-_RIVAL_OF_SURE, _RIVAL_OF_UNSURE = 0.8, 0.6
-"""Another law is fitted to whole runs as well, where its evidence is no less than so much of the
-likeliest's, or so much where that is not surely worth anything there: to what errors from one
-sample to the next say, laws answer straight, and whole runs decide."""
-_TUNED = 0.6
-"""What a law remembers is looked at closely, where its evidence is no less than so much of it."""
-_TIED_EVIDENCE = 1.0
-"""Of laws whose evidence is no further apart than this the plainer one is taken."""
+_RULES = SETTINGS.unknown_term
 _SAME_EVIDENCE = 0.1
-"""One law in two ways of writing it is as likely but for so much."""
-_LEAST_EVIDENCE = 10.0
-"""Less evidence than this is not worth a fit."""
-
-
-def rank_terms(tools: SearchContext, trial: TrialFit, place: DrivingPort) -> list[LikelyCurve]:
-    """The laws that are worth a fit, the likeliest first; of equals the plainest."""
-    trials, at = tools.fitter, term_space(tools.fitter, trial, place)
-    curves = likely_curves(trials, trial, single_signal_terms(at))
-    if not curves:
-        return []
-    curves += likely_curves(
-        trials, trial, product_terms(at, [curve.law for curve in curves[:_MOST_FACTORED]])
-    )
-    curves.sort(key=lambda curve: -curve.evidence)
-    distinct = {
-        curve.law[:3]: curve for curve in reversed(curves)
-    }  # of several guesses the likeliest
-    least = _TUNED * curves[0].evidence
-    near = [curve for curve in distinct.values() if curve.evidence > least]
-    curves = [curve for curve in distinct.values() if curve.evidence <= least]
-    curves += side_by_side(lambda curve: tune_memory(trials, trial, at.seen, curve), near)
-    best = max(curve.evidence for curve in curves)
-    curves.sort(
-        key=lambda curve: (
-            curve.evidence < best - _TIED_EVIDENCE,
-            _plainness(curve.law),
-            -curve.evidence,
-        )
-    )
-    first = [curve for curve in curves if curve.evidence >= best - _TIED_EVIDENCE]
-    remaining = sorted(curves[len(first) :], key=lambda curve: -curve.evidence)
-    return [curve for curve in (*first, *remaining) if curve.evidence > _LEAST_EVIDENCE]
-
-
-def rival_of(likely: list[LikelyCurve], sure: bool) -> LikelyCurve | None:
-    """The likeliest law of another signal, where whole runs may choose that.
-
-    Args:
-        likely: the laws, the likeliest first.
-        sure: whether that is surely worth something over whole runs.
-    """
-    first = likely[0]
-    rivals = (curve for curve in likely[1:] if curve.law.signal != first.law.signal)
-    # the same law in other words is as likely
-    apart = [curve for curve in rivals if abs(curve.evidence - first.evidence) >= _SAME_EVIDENCE]
-    rival = max(apart, key=lambda curve: curve.evidence, default=None)
-    least = (_RIVAL_OF_SURE if sure else _RIVAL_OF_UNSURE) * first.evidence
-    return rival if rival and rival.evidence > least else None
-
-
-def memoryless_variant(likely: list[LikelyCurve], curve: Curve) -> LikelyCurve | None:
-    """The law of the same signal as it is, where a law remembers: over whole runs it may do."""
-    plain = expression_of(curve.signal).memories and {*expression_of(curve.signal).places}
-    same = (
-        candidate
-        for candidate in likely
-        if (candidate.law.port, candidate.law.times) == (curve.port, curve.times)
-    )
-    return next((candidate for candidate in same if candidate.law.signal in (plain or ())), None)
-
-
-def _plainness(law: Term) -> tuple[int, bool, int]:
-    times = ("", ARRIVING, law.times).index(law.times)
-    return times, ARRIVING in expression_of(law.signal).places, len(law.signal)
-
-
-_IMITATED = 0.5
-"""A law may be what effects only imitated where one-step errors ask for it with at least so much of
-what these effects gained,"""
-_REPLACING_ERROR = 0.95
-"""and it is, where whole runs err by no more than so many times as much with the law in their
-place."""
+"""Terms whose evidence is this close are one term in two notations, and no rivals."""
 
 
 def learned_law(
-    tools: SearchContext, search: SearchResult, first: TrialFit
+    context: SearchContext, search: SearchResult, first: TrialFit
 ) -> tuple[SearchResult, LearnedLaw] | None:
-    """The law that no known effect expresses, where structure is proven; ``None`` if none is sure.
+    """The law that no known effect expresses, if structure is proven; ``None`` if none is sure.
 
-    It must make whole unseen runs surely better (training runs, where no log is unseen). Effects
-    that were found without it may only have imitated it: they are sought again beside it.
+    It must make whole unseen runs surely better (training runs, if no log is unseen). Effects that
+    were found without it are sought again beside it.
 
     Args:
-        tools: what the search worked with.
+        context: what the search worked with.
         search: what it found without a law.
         first: the trial of the model as given.
 
     Returns:
-        The law, and what else is missing.
+        What is missing beside the law, and the law.
     """
     state = search.state
     if state.current.remaining is None:
         return None
-    place, trial = _place(tools, state.current.remaining), state.current.trial
-    first_stage, last = state.stages[0], state.stages[-1]
-    base, law = first_stage, None
-    if trial.effects:
-        law = _learned_beside(
-            tools, first_stage.fit, first, place, _IMITATED * (first.cost - trial.cost)
-        )
-        law = law if law and error_within(law.told, last.fit, _REPLACING_ERROR) else None
+    place, trial = _place(context, state.current.remaining), state.current.trial
+    given, last = state.stages[0], state.stages[-1]
+    base, law = given, None
+    if trial.effects:  # do they only imitate a law? then it gains as much beside the given model
+        imitated = _RULES.imitated_share * (first.cost - trial.cost)
+        law = _learned_beside(context, given.fit, first, place, imitated)
+        if law and not error_within(law.told, last.fit, _RULES.replacing_error):
+            law = None
     if law is None:
-        base, law = last, _learned_beside(tools, last.fit, trial, place)
+        base, law = last, _learned_beside(context, last.fit, trial, place)
     if law is None:
         return None
     if trial.effects:
-        beside, learned = backward_elimination(tools, search, first, law)
-        updated = beside.state
-        if {*updated.stages[-1].effects} != {*base.effects}:
-            learned = _relearned_beside(
-                tools, updated.stages[-1].fit, updated.current.trial, learned
+        reduced, relearned = backward_elimination(context, search, first, law)
+        stage = reduced.state.stages[-1]
+        if {*stage.effects} != {*base.effects}:
+            relearned = _relearned_beside(
+                context, stage.fit, reduced.state.current.trial, relearned
             )
-        if learned and learned.worth.sure and error_within(learned.told, last.fit, 1.0):
-            search, law = beside, learned
+        if relearned and relearned.worth.sure and error_within(relearned.told, last.fit, 1.0):
+            search, law = reduced, relearned
         elif base is not last:
-            return None  # else it goes with all of them alone
-    return search, replace(
-        law, worth=law.worth.of(remaining_share(search.state, search.state.stages[-1]))
-    )
-
-
-def _relearned_beside(
-    tools: SearchContext, baseline: Fit, trial: TrialFit, law: LearnedLaw
-) -> LearnedLaw | None:
-    """A law learned anew beside other effects; ``None`` where errors do not ask for it there."""
-    likely = likely_curves(tools.fitter, trial, [term_of(tools, trial, law.curve)])
-    relearned = fit_curve(tools, baseline, trial, likely[0]) if likely else None
-    if relearned is None:
-        return None
-    relearned = replace(relearned, superfluous=law.superfluous)
-    return refine_steps(tools, baseline, try_closed_forms(tools, baseline, trial, relearned))
+            return None  # it was learned in the place of the effects, and loses against them
+    share = remaining_share(search.state, search.state.stages[-1])
+    return search, replace(law, worth=law.worth.of(share))
 
 
 def _learned_beside(
-    tools: SearchContext, baseline: Fit, trial: TrialFit, place: DrivingPort, least: float = 0.0
+    context: SearchContext,
+    baseline: Fit,
+    trial: TrialFit,
+    place: DrivingPort,
+    least_evidence: float = 0.0,
 ) -> LearnedLaw | None:
-    """The likeliest law beside a model, or its rival, with its name; if whole runs surely improve.
+    """The law of the likeliest term beside a model, or of its rival; if whole runs surely improve.
 
-    Unseen logs may go where the training logs tell nothing of a curve, and its form all the same.
+    A closed form is judged in the place of its curve: unseen logs may go where the training logs
+    say nothing of the curve.
     """
-    likely = rank_terms(tools, trial, place)
-    if not likely or likely[0].evidence < least:
+    likely = rank_terms(context, trial, place)
+    if not likely or likely[0].evidence < least_evidence:
         return None
-    fitted = [fit_curve(tools, baseline, trial, likely[0])]
-    explained = fitted[0] is not None and reaches_noise_floor(tools, trial, fitted[0].fit)
-    sure = fitted[0] is not None and fitted[0].worth.sure
+    likeliest = fit_curve(context, baseline, trial, likely[0])
+    explained = likeliest is not None and reaches_noise_floor(context, trial, likeliest.fit)
+    sure = likeliest is not None and likeliest.worth.sure
     rival = None if explained else rival_of(likely, sure)
-    if rival:
-        fitted.append(fit_curve(tools, baseline, trial, rival, fitted[0]))
-    better = [law for law in fitted if law is not None]
-    if not better:
+    challenger = fit_curve(context, baseline, trial, rival, likeliest) if rival else None
+    fitted = [law for law in (likeliest, challenger) if law is not None]
+    if not fitted:
         return None
-    law = try_closed_forms(tools, baseline, trial, min(better, key=_doubt))
+    law = try_closed_forms(context, baseline, trial, min(fitted, key=_doubt))
     plain = None if explained else memoryless_variant(likely, law.curve)
-    if plain and plain is not rival and (memoryless := fit_curve(tools, baseline, trial, plain)):
-        law = min(law, try_closed_forms(tools, baseline, trial, memoryless), key=_doubt)
-    law = refine_steps(tools, baseline, law)
+    if plain and plain is not rival and (memoryless := fit_curve(context, baseline, trial, plain)):
+        law = min(law, try_closed_forms(context, baseline, trial, memoryless), key=_doubt)
+    law = refine_steps(context, baseline, law)
     return law if law.worth.sure else None
 
 
+def _relearned_beside(
+    context: SearchContext, baseline: Fit, trial: TrialFit, law: LearnedLaw
+) -> LearnedLaw | None:
+    """A law fitted again beside other effects; ``None`` if one-step errors do not ask for it there.
+
+    Coefficients of its curve were held where the effects that are now dropped could do their work.
+    """
+    likely = likely_curves(context.fitter, trial, [term_of(context, trial, law.curve)])
+    relearned = fit_curve(context, baseline, trial, likely[0]) if likely else None
+    if relearned is None:
+        return None
+    relearned = replace(relearned, superfluous=law.superfluous)
+    return refine_steps(context, baseline, try_closed_forms(context, baseline, trial, relearned))
+
+
 def _doubt(law: LearnedLaw) -> tuple[bool, float]:
-    """Whether a law is worth something surely, and then its error over whole runs."""
+    """Sorts laws that are surely worth something first, then by their error over whole runs."""
     return not law.worth.sure, law.told.train.nrmse
 
 
-def _place(tools: SearchContext, remaining: Remaining) -> DrivingPort:
+def _place(context: SearchContext, remaining: Remaining) -> DrivingPort:
     """The place whose errors the structure explains."""
-    places = tools.fitter.places
-    return next(p for p in places if remaining.port in (p.port, *downstream_ports(tools.fitter, p)))
+    fitter = context.fitter
+    return next(
+        p for p in fitter.places if remaining.port in (p.port, *downstream_ports(fitter, p))
+    )
+
+
+def rank_terms(context: SearchContext, trial: TrialFit, place: DrivingPort) -> list[LikelyCurve]:
+    """The terms that are worth a fit, the likeliest first; of equals the plainest first."""
+    fitter, space = context.fitter, term_space(context.fitter, trial, place)
+    curves = likely_curves(fitter, trial, single_signal_terms(space))
+    if not curves:
+        return []
+    likeliest = [curve.term for curve in curves[: _RULES.most_multiplied]]
+    curves += likely_curves(fitter, trial, product_terms(space, likeliest))
+    curves.sort(key=lambda curve: -curve.evidence)
+    # one signal has several first guesses of its memory: the likeliest comes last, and stays
+    distinct = {curve.term[:3]: curve for curve in reversed(curves)}.values()
+    least = _RULES.sharpened_evidence * curves[0].evidence
+    near = [curve for curve in distinct if curve.evidence > least]
+    curves = [curve for curve in distinct if curve.evidence <= least]
+    curves += side_by_side(lambda curve: tune_memory(fitter, trial, space.regressors, curve), near)
+    tied = max(curve.evidence for curve in curves) - _RULES.indifferent_evidence
+    curves.sort(key=lambda curve: (_plainness(curve.term), -curve.evidence))
+    first = [curve for curve in curves if curve.evidence >= tied]
+    remaining = [curve for curve in curves if curve.evidence < tied]
+    remaining.sort(key=lambda curve: -curve.evidence)
+    return [curve for curve in (*first, *remaining) if curve.evidence > _RULES.least_evidence]
+
+
+def rival_of(likely: list[LikelyCurve], sure: bool) -> LikelyCurve | None:
+    """The likeliest term of another signal, if it is so close that whole runs may prefer it.
+
+    Args:
+        likely: the terms, the likeliest first.
+        sure: whether the likeliest is surely worth something over whole runs.
+    """
+    first = likely[0]
+    rivals = (curve for curve in likely[1:] if curve.term.signal != first.term.signal)
+    apart = [curve for curve in rivals if abs(curve.evidence - first.evidence) >= _SAME_EVIDENCE]
+    rival = max(apart, key=lambda curve: curve.evidence, default=None)
+    least = (_RULES.close_evidence if sure else _RULES.rival_evidence) * first.evidence
+    return rival if rival and rival.evidence > least else None
+
+
+def memoryless_variant(likely: list[LikelyCurve], curve: Curve) -> LikelyCurve | None:
+    """The term of the plain signal where a curve's signal has a memory.
+
+    A memory wins one-step errors easily, by a little; over whole runs the plain signal may do.
+    """
+    law = expression_of(curve.signal)
+    signals = {*law.places} if law.memories else set()
+    for candidate in likely:
+        term = candidate.term
+        if (term.port, term.times) == (curve.port, curve.times) and term.signal in signals:
+            return candidate
+    return None
+
+
+def _plainness(term: Term) -> tuple[int, bool, int]:
+    """Sorts sums before factors of what arrives, and these before other products."""
+    factor = ("", ARRIVING, term.times).index(term.times)
+    return factor, ARRIVING in expression_of(term.signal).places, len(term.signal)
 
 
 def backward_elimination(
-    tools: SearchContext, search: SearchResult, first: TrialFit, law: LearnedLaw
+    context: SearchContext, search: SearchResult, first: TrialFit, law: LearnedLaw
 ) -> tuple[SearchResult, LearnedLaw]:
-    """The effects that are missing beside a law, and the law, told which are not.
+    """The effects that are missing beside a law, and the law with its superfluous effects recorded.
 
-    All that were found without it are put beside it, and those taken out that the information
-    criterion does not ask for, or that change nothing over whole runs: the law is only learned, and
-    small errors of it look like small effects.
+    All effects that were found without the law are put beside it. Those are taken out that the
+    information criterion does not ask for, or that change nothing over whole runs: the law is only
+    learned, and its small errors look like small effects.
 
     Args:
-        tools: what the search worked with.
+        context: what the search worked with.
         search: what it found without the law.
         first: the trial of the model as given.
         law: as it was learned, beside the model as given or beside all that was found.
     """
-    tools.say("what is missing beside what was learned", LEARNING)
+    context.say("what is missing beside what was learned", LEARNING)
     state = search.state
     names = state.current.trial.effects
-    started = _start_search(tools, law, state.current.trial)
+    started = _start_elimination(context, law, state.current.trial)
     if started is None:
         return search, law
-    trials, present = started
-    present = drop(trials, SearchState(present, state.stages[:1], {})).current
-    worth, trial = {}, present.trial
+    fitter, current = started
+    current = drop(fitter, SearchState(current, state.stages[:1], {})).current
+    worth, trial = {}, current.trial
     if trial.effects:
-        trial = fitted_without(trials, trial, trial.effects)
+        trial = fitted_without(fitter, trial, trial.effects)
     for name in trial.effects:
-        share, relevant = _share_of(trials, trial, name, state.stages[0])
-        if relevant or name in trials.constants:
+        share, relevant = _share_of(fitter, trial, name, state.stages[0])
+        if relevant or name in fitter.constants:
             worth[name] = share
     kept = tuple(n for n in names if n in worth)
     superfluous = tuple(n for n in names if n not in worth)
-    without_law = _restrict_to(tools, replace(state, worth=worth), first, kept)
-    rivals = {g[0]: g for g in (*search.groups, *search.detectable_groups)}
-    groups = tuple(rivals[n] for n in without_law.stages[-1].effects if n in rivals)
-    return SearchResult(without_law, groups, ()), replace(law, superfluous=superfluous)
+    reduced = _restrict_to(context, replace(state, worth=worth), first, kept)
+    by_effect = {group[0]: group for group in (*search.groups, *search.detectable_groups)}
+    groups = tuple(by_effect[n] for n in reduced.stages[-1].effects if n in by_effect)
+    return SearchResult(reduced, groups, ()), replace(law, superfluous=superfluous)
 
 
-def _start_search(
-    tools: SearchContext, law: LearnedLaw, present: TrialFit
+def _start_elimination(
+    context: SearchContext, law: LearnedLaw, trial: TrialFit
 ) -> tuple[CandidateFitter, CurrentModel] | None:
-    """The effects of a trial put beside a law, fitted together; ``None`` where that cannot be."""
-    trials, fit, names = tools.fitter, law.told, present.effects
+    """The effects of a trial beside a law, fitted together; ``None`` if that cannot be fitted."""
+    fitter, fit, names = context.fitter, law.told, trial.effects
     values = {n: p.value for n, p in fit.model.parameters.items()}
-    model = tools.given + fit.model.effects[-1]
-    # a constant that effects freed keeps its given value, to which taking it out goes back
+    model = context.given + fit.model.effects[-1]
+    # a constant that effects freed keeps its given value, to which eliminating it goes back
     free = {n for n, p in model.parameters.items() if not p.fixed}
     model = with_values(model, {n: value for n, value in values.items() if n in free})
-    start = replace(fit, model=model, substeps=few_substeps(fit, trials.logs))
-    effects = [trials.candidates[n] for n in names if n in trials.candidates]
-    held = [n for n in names if n in trials.constants]
-    present = replace(present, values={**present.values, **values})
+    start = replace(fit, model=model, substeps=few_substeps(fit, fitter.logs))
+    effects = [fitter.candidates[n] for n in names if n in fitter.candidates]
+    constants = [n for n in names if n in fitter.constants]
+    trial = replace(trial, values={**trial.values, **values})
     try:
-        beside, together = compiled_fitter(start, effects, held, trials.logs, tools.unseen, present)
-    except InputError:  # the law goes with effects alone
+        beside, fitted = compiled_fitter(
+            start, effects, constants, fitter.logs, context.unseen, trial
+        )
+    except InputError:  # the law simulates only without the effects
         return None
-    return beside, CurrentModel(beside, together)
+    return beside, CurrentModel(beside, fitted)
 
 
 def _share_of(
-    trials: CandidateFitter, trial: TrialFit, name: str, baseline: Stage
+    fitter: CandidateFitter, trial: TrialFit, name: str, given: Stage
 ) -> tuple[Worth, bool]:
-    """What an effect of a fit to whole runs removes of the first errors, and if it matters."""
-    without = tuple(n for n in trial.effects if n != name)
-    change = change_between(trials, fitted_without(trials, trial, without), trial)
-    initial = baseline.holdout or baseline.train
-    reduced = change.before.holdout or change.before.train
-    remaining = (reduced.nrmse / initial.nrmse) ** 2 if initial.nrmse > 0 else 1.0
-    return change.worth.of(remaining), matters(change.worth, change.everywhere)
+    """The share of the given model's error that an effect removes, and whether it matters."""
+    remaining = tuple(n for n in trial.effects if n != name)
+    change = change_between(fitter, fitted_without(fitter, trial, remaining), trial)
+    initial = given.holdout or given.train
+    without = change.before.holdout or change.before.train
+    share = (without.nrmse / initial.nrmse) ** 2 if initial.nrmse > 0 else 1.0
+    return change.worth.of(share), matters(change.worth, change.everywhere)
 
 
 def _restrict_to(
-    tools: SearchContext, state: SearchState, first: TrialFit, kept: tuple[str, ...]
+    context: SearchContext, state: SearchState, first: TrialFit, kept: tuple[str, ...]
 ) -> SearchState:
-    """What is known, with some of the effects alone."""
-    trials, present = tools.fitter, state.current.trial
-    dropped = tuple(n for n in present.effects if n not in kept)
-    trial, values = first, dict(present.values)
+    """The state of the search without the law, with some of its effects only."""
+    fitter, current = context.fitter, state.current.trial
+    dropped = tuple(n for n in current.effects if n not in kept)
+    trial, values = first, dict(current.values)
     if kept:
         for name in dropped:
-            values = trials.absent(name, values)
-        trial = trials.settled(kept, values, present.begin, present.limit)
+            values = fitter.absent(name, values)
+        trial = fitter.settled(kept, values, current.begin, current.limit)
     state = replace(
         state,
-        current=CurrentModel(trials, trial),
-        stages=tuple(s for s in state.stages if {*s.effects} <= {*kept}),
+        current=CurrentModel(fitter, trial),
+        stages=tuple(stage for stage in state.stages if {*stage.effects} <= {*kept}),
         detectable=(),
         dropped=(*state.dropped, *dropped),
     )
     if {*state.stages[-1].effects} == {*kept}:
         return state
-    return replace(state, stages=(*state.stages, refitted_stage(tools, state)))
+    return replace(state, stages=(*state.stages, refitted_stage(context, state)))

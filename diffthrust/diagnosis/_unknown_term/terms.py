@@ -1,8 +1,7 @@
 """Terms that may be missing at a port: a function of a signal or of its past, times another signal.
 
-Each is evaluated along a trial's path, at every sample and just before the next one: an input may
-be held between samples, so what it drives does not run straight to its value at the next sample.
-
+Each is evaluated along a trial's path, at every sample and as the next one comes: an input may be
+held between samples, so what it drives does not run straight to its value at the next sample.
 """
 
 from __future__ import annotations
@@ -20,6 +19,7 @@ from diffthrust.diagnosis._residual_structure import (
     Wave,
     downstream_ports,
     observed_signals,
+    varies,
     wave_along,
 )
 from diffthrust.effects._curve import Curve
@@ -30,189 +30,272 @@ from diffthrust.models._base.made_effect import ARRIVING
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._levels import port_readings
 
+CLOCK = "integral(1)"
+"""The time since the log began."""
+TIME, WIDTH = "time_constant", "half_width"
+"""Parameters of signals with a memory."""
+NUMBER, PHASE = "wave_number", "phase"
+"""Parameters of waves."""
+
+# First guesses of memories. A factor of some five between them is close enough for the linear
+# evidence to see a memory; the likeliest are then tuned (`tune_memory`).
+_LAG_SAMPLES = (20, 100, 500)
+"""Time constants of a lag, in samples."""
+_HEAT_SAMPLES = (100, 250, 600)
+"""Time constants of a squared signal, which heats what is cold at the start of a log."""
+_PLAY_SHARES = (0.02, 0.06, 0.18)
+"""Half-widths of a play, over the range of its signal."""
+_WIDEST_PLAY = 0.25
+"""Largest half-width: a wider play is hardly pushed at all, and its curve is not identifiable."""
+_PARAMETER_RANGE = 100.0
+"""A time constant or half-width is estimated within this factor of its first guess."""
+
+Parameters = Mapping[str, Mapping[str, Any]]
+"""The parameters of a signal, each with its fields: "value", "unit", "bounds"."""
+
 
 class PortSeries(NamedTuple):
-    """What is added at a port log by log, ``(K, T)``: at the samples, and as the next ones come."""
+    """Series added at a port, log by log ``(K, T)``: at the samples, and as the next ones come."""
 
-    now: Sequence[np.ndarray]
-    end: Sequence[np.ndarray]
+    current: Sequence[np.ndarray]
+    upcoming: Sequence[np.ndarray]
 
 
 class Regressors(NamedTuple):
-    """What a trial sees at the samples of the training logs, and as the next ones come."""
+    """Signals of the training logs along a trial: at the samples, and as the next ones come."""
 
-    now: ObservedSignals
-    end: ObservedSignals
+    current: ObservedSignals
+    upcoming: ObservedSignals
 
 
-def regressors_of(trials: CandidateFitter, trial: TrialFit) -> Regressors:
-    """What a trial sees of the training logs."""
-    now = observed_signals(trials, trial)
+def regressors_of(fitter: CandidateFitter, trial: TrialFit) -> Regressors:
+    """The signals of the training logs along a trial."""
+    current = observed_signals(fitter, trial)
+    # An input under zero-order hold is still the old one as the next sample comes. Taken as
+    # straight between samples, a share of a held drive looked like what no parameter can do.
     paths = [
         {
             name: series if log.hold.get(name) == "zero" else np.append(series[1:], series[-1:])
             for name, series in path.items()
         }
-        for log, path in zip(trials.logs, now.paths, strict=True)
+        for log, path in zip(fitter.logs, current.paths, strict=True)
     ]
-    return Regressors(
-        now, ObservedSignals(paths, [port_readings(trials.model, path) for path in paths])
-    )
+    ports = [port_readings(fitter.model, path) for path in paths]
+    return Regressors(current, ObservedSignals(paths, ports))
 
 
 def expression_along(
-    expression: str, parameters: Mapping[str, Mapping[str, Any]], regressors: Regressors, port: str
+    expression: str, parameters: Parameters, regressors: Regressors, port: str
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """An expression of signals as an effect at a port reads it, log by log; ``(T,)`` each.
 
-    At the samples, and as the next ones come.
+    Returns:
+        Its values at the samples, and as the next ones come.
     """
     law = expression_of(expression)
     values = {name: fields["value"] for name, fields in parameters.items()}
 
-    def named(when: ObservedSignals, log: int) -> Callable[[str], Any]:
-        return {**when.paths[log], ARRIVING: when.ports[log][port], **values}.__getitem__
+    def reader(signals: ObservedSignals, log: int) -> Callable[[str], Any]:
+        return {**signals.paths[log], ARRIVING: signals.ports[log][port], **values}.__getitem__
 
-    now, end = [], []
-    for log, path in enumerate(regressors.now.paths):
-        current, later = values_along(
-            law, named(regressors.now, log), named(regressors.end, log), path["time"]
+    current, upcoming = [], []
+    for log, path in enumerate(regressors.current.paths):
+        at_samples, at_next = values_along(
+            law, reader(regressors.current, log), reader(regressors.upcoming, log), path["time"]
         )
-        now.append(current)
-        end.append(later)
-    return now, end
-
-
-CLOCK = "integral(1)"
-"""The time since the log began."""
-TIME, WIDTH = "time_constant", "half_width"
-"""Parameters of what remembers,"""
-NUMBER, PHASE = "wave_number", "phase"
-"""and of waves."""
-_LAG_SAMPLES = (20, 100, 500)
-"""Samples over which the past of a signal is remembered."""
-_HEAT_SAMPLES = (100, 250, 600)
-"""The same of its square, which heats what is cold at first."""
-_PLAY_SHARES = (0.02, 0.06, 0.18)
-"""Half the width of a play, over the range of its signal;"""
-_WIDEST_PLAY = 0.25
-"""a wider one would hardly be pushed at all."""
-_PARAMETER_RANGE = 100.0
-"""A time constant or a width is estimated within so many times its first guess."""
+        current.append(at_samples)
+        upcoming.append(at_next)
+    return current, upcoming
 
 
 class Term(NamedTuple):
-    """A law that may be missing: ``value + times * curve(signal)`` at a port.
+    """A term that may be missing: ``value + times * curve(signal)`` at a port.
 
     Args:
         port: where it acts.
         signal: an expression of signals, as a `Curve` reads it.
-        times: the same of what the curve is multiplied by; empty for nothing.
+        times: expression of the factor of the curve; empty for none.
         parameters: those of the signal, as a `Curve` takes them.
-        over: the signal log by log, ``(T,)``.
-        factor: what the curve is multiplied by, log by log; ``None`` for nothing.
-        over_end: the signal as the next sample comes, until which an input may be held.
-        factor_end: the same of the factor.
+        signal_values: the signal log by log, ``(T,)``.
+        factor_values: the factor log by log; ``None`` for none.
+        signal_upcoming: the signal as the next sample comes.
+        factor_upcoming: the factor as the next sample comes.
     """
 
     port: str
     signal: str
     times: str
-    parameters: Mapping[str, Mapping[str, Any]]
-    over: Sequence[np.ndarray]
-    factor: Sequence[np.ndarray] | None
-    over_end: Sequence[np.ndarray]
-    factor_end: Sequence[np.ndarray] | None
+    parameters: Parameters
+    signal_values: Sequence[np.ndarray]
+    factor_values: Sequence[np.ndarray] | None
+    signal_upcoming: Sequence[np.ndarray]
+    factor_upcoming: Sequence[np.ndarray] | None
 
-    def added(self, curve: Curve) -> PortSeries:
-        """What each coefficient of a curve adds."""
-        now = [curve.basis(series) for series in self.over]
-        end = [curve.basis(series) for series in self.over_end]
-        if self.factor is not None and self.factor_end is not None:
-            now = [row * by for row, by in zip(now, self.factor, strict=True)]
-            end = [row * by for row, by in zip(end, self.factor_end, strict=True)]
-        return PortSeries(now, end)
+    def basis(self, curve: Curve) -> PortSeries:
+        """What a unit of each coefficient of a curve adds at the port."""
+        current = [curve.basis(series) for series in self.signal_values]
+        upcoming = [curve.basis(series) for series in self.signal_upcoming]
+        if self.factor_values is not None and self.factor_upcoming is not None:
+            current = [r * f for r, f in zip(current, self.factor_values, strict=True)]
+            upcoming = [r * f for r, f in zip(upcoming, self.factor_upcoming, strict=True)]
+        return PortSeries(current, upcoming)
 
     @property
-    def straight(self) -> bool:
+    def is_linear(self) -> bool:
         """Whether its curve is a straight line: a wave has its shape already."""
         return NUMBER in self.parameters
 
 
+def term_along(
+    regressors: Regressors, port: str, signal: str, times: str, parameters: Parameters
+) -> Term:
+    """A term with its signal and factor along the logs, at the values of its parameters."""
+    current, upcoming = expression_along(signal, parameters, regressors, port)
+    factor, factor_upcoming = (
+        expression_along(times, {}, regressors, port) if times else (None, None)
+    )
+    return Term(port, signal, times, parameters, current, factor, upcoming, factor_upcoming)
+
+
 class TermSpace(NamedTuple):
-    """Of what laws may be made.
+    """What terms are made of.
 
     Args:
-        trials: the fits.
+        fitter: the fits in the innovations form.
         place: where something is missing.
-        seen: what the present trial sees of the logs.
-        waves: those that stand out along states, by name.
+        regressors: the signals of the logs along the current trial.
+        waves: those that stand out along states, by name of the state.
     """
 
-    trials: CandidateFitter
+    fitter: CandidateFitter
     place: DrivingPort
-    seen: Regressors
+    regressors: Regressors
     waves: Mapping[str, Wave]
 
 
-def term_space(trials: CandidateFitter, trial: TrialFit, place: DrivingPort) -> TermSpace:
-    """Of what a law may be made that is missing at a place beside a trial."""
-    regressors = regressors_of(trials, trial)
-    moving = [n for n in _readable(trials, regressors.now) if n in trials.model.states]
+def term_space(fitter: CandidateFitter, trial: TrialFit, place: DrivingPort) -> TermSpace:
+    """What a term is made of that is missing at a place beside a trial."""
+    regressors = regressors_of(fitter, trial)
+    moving = [n for n in _readable(fitter, regressors.current) if n in fitter.model.states]
     waves = {name: wave for name in moving if (wave := wave_along(trial, name))}
-    return TermSpace(trials, place, regressors, waves)
+    return TermSpace(fitter, place, regressors, waves)
 
 
-def single_signal_terms(at: TermSpace) -> Iterator[Term]:
-    """Functions of one signal at a place: added there, or scaling what passes a port behind it."""
-    for port in dict.fromkeys((at.place.port, *downstream_ports(at.trials, at.place))):
-        for times in ("", ARRIVING) if port == at.place.port else (ARRIVING,):
-            yield from _terms_of_signals(at, port, times)
+def single_signal_terms(space: TermSpace) -> Iterator[Term]:
+    """Functions of one signal: added at the place, or scaling what passes a port downstream."""
+    place = space.place
+    for port in dict.fromkeys((place.port, *downstream_ports(space.fitter, place))):
+        for times in ("", ARRIVING) if port == place.port else (ARRIVING,):
+            yield from _terms_of_signals(space, port, times)
 
 
-def product_terms(at: TermSpace, best: Sequence[Term]) -> Iterator[Term]:
-    """Functions of a signal as it is, and of those of the likeliest laws, times another signal.
+def product_terms(space: TermSpace, likeliest: Sequence[Term]) -> Iterator[Term]:
+    """Products of a function of one signal and another signal, at the port of the likeliest term.
 
-    They act where the likeliest does.
+    The function is of a plain signal, or of the signal of one of the likeliest terms.
     """
-    names, port = _readable(at.trials, at.seen.now), best[0].port
-    likely = {law.signal for law in best}
+    names, port = _readable(space.fitter, space.regressors.current), likeliest[0].port
+    signals = {*names, *(term.signal for term in likeliest)}
     for times in (expression for name in names for expression in (name, f"abs({name})")):
-        for law in _terms_of_signals(at, port, times, {*names, *likely}):
-            if (
-                law.parameters or law.signal not in expression_of(times).places
-            ):  # one of one signal is had already
-                yield law
+        for term in _terms_of_signals(space, port, times, signals):
+            # x * curve(x) is a function of one signal, and among those already
+            if term.parameters or term.signal not in expression_of(times).places:
+                yield term
 
 
-def units_at(trials: CandidateFitter, port: str) -> dict[str, str]:
-    """The units of what an effect may read at a port, as far as they are known."""
-    model = trials.model
+def _terms_of_signals(
+    space: TermSpace, port: str, times: str, only: Collection[str] = ()
+) -> Iterator[Term]:
+    for signal, parameters in _signals(space, port, times):
+        if only and signal not in only:
+            continue
+        term = term_along(space.regressors, port, signal, times, parameters)
+        if varies(np.concatenate(term.signal_values)):
+            yield term
+
+
+def _signals(space: TermSpace, port: str, times: str) -> Iterator[tuple[str, Parameters]]:
+    """Signals, plain and with a memory, with first guesses of the parameters of the memory."""
+    fitter, place, regressors, waves = space
+    step = float(np.median(np.diff(regressors.current.paths[0]["time"])))
+    names, units = _readable(fitter, regressors.current), units_at(fitter, port)
+    for name in names:
+        yield name, {}
+        for text, time_constants in (
+            (f"lag({name}, {TIME})", _LAG_SAMPLES),
+            (f"lag({name}**2, {TIME}, 0)", _HEAT_SAMPLES),
+        ):
+            for samples in time_constants:
+                yield text, {TIME: _guess(samples * step, "s")}
+    for name, wave in waves.items():
+        yield f"sin({NUMBER} * {name} + {PHASE})", _wave_parameters(wave, units.get(name, ""))
+    arriving = [ARRIVING] if place.state and not times else []
+    for name in (*names, *arriving):
+        span = float(np.ptp(np.concatenate(expression_along(name, {}, regressors, port)[0])))
+        for width in (share * span for share in _PLAY_SHARES):
+            if width > 0:
+                unit = unit_following(channel_of(name, fitter.model), units.get(name, ""))
+                guess = _guess(width, unit, _WIDEST_PLAY * span)
+                yield f"{name} - play({name}, {WIDTH})", {WIDTH: guess}
+        if name in names:
+            yield f"integral({name})", {}
+    if port == place.port and arriving:
+        yield ARRIVING, {}
+    yield CLOCK, {}
+
+
+def _guess(value: float, unit: str, largest: float = np.inf) -> dict[str, Any]:
+    bounds = (value / _PARAMETER_RANGE, min(value * _PARAMETER_RANGE, largest))
+    return {"unit": unit, "value": value, "bounds": bounds, "transform": "log"}
+
+
+def _wave_parameters(wave: Wave, unit: str) -> dict[str, dict[str, Any]]:
+    # bounds within which it stays this wave: the error of whole runs has a minimum at every other
+    number, phase, uncertainty = wave
+    bounds = (number - uncertainty, number + uncertainty)
+    turn = (phase - 2.0 * np.pi, phase + 2.0 * np.pi)
+    return {
+        NUMBER: {"unit": product_unit(("rad", 1), (unit, -1)), "value": number, "bounds": bounds},
+        PHASE: {"unit": "rad", "value": phase, "bounds": turn},
+    }
+
+
+def _readable(fitter: CandidateFitter, signals: ObservedSignals) -> list[str]:
+    """The inputs, and the states that are measured, if all logs have them."""
+    common = set.intersection(*(set(path) for path in signals.paths))
+    model = fitter.model
+    names = [*model.inputs, *model.optional_inputs]
+    names += [n for n in model.states if n in fitter.channels or n in fitter.logs[0].inputs]
+    return [name for name in dict.fromkeys(names) if name in common]
+
+
+def units_at(fitter: CandidateFitter, port: str) -> dict[str, str]:
+    """The units of the signals that an effect may read at a port, where they are known."""
+    model = fitter.model
     units = {**model.inputs, **model.optional_inputs, **model.all_states, **model.channel_units}
     return {**units, ARRIVING: words_and_unit(model, port)[1]}
 
 
-def unit_at(trials: CandidateFitter, port: str, times: str) -> str:
-    """The unit of what is added at a port when it is multiplied by something."""
+def unit_at(fitter: CandidateFitter, port: str, times: str) -> str:
+    """The unit of a curve at a port with a factor."""
     if times == ARRIVING:
         return ""
-    units = units_at(trials, port)
+    units = units_at(fitter, port)
     return product_unit((units[ARRIVING], 1), (unit_of(times, units) if times else "", -1))
 
 
 def unit_of(signal: str, units: Mapping[str, str]) -> str:
-    """The unit of a signal of these hypotheses; "" where it is not known."""
+    """The unit of a signal of these terms; "" where it is not known."""
     law, units_of_states = expression_of(signal), dict(units)
     for memory in law.memories:
         inner = _unit(memory.of, units_of_states)
-        units_of_states[memory.state] = (
-            product_unit((inner, 1), ("s", 1)) if memory.kind == "integral" else inner
-        )
+        integrated = product_unit((inner, 1), ("s", 1))
+        units_of_states[memory.state] = integrated if memory.kind == "integral" else inner
     return _unit(law.tree, units_of_states)
 
 
 def channel_of(signal: str, model: Model) -> str:
-    """The channel of a model in whose unit a signal of these hypotheses is; "" for none."""
+    """The channel of a model in whose unit a signal of these terms is; "" for none."""
     law = expression_of(signal)
     followed = {memory.state: memory.of for memory in law.memories if memory.kind != "integral"}
     node = law.tree
@@ -227,7 +310,7 @@ def channel_of(signal: str, model: Model) -> str:
 
 
 def unit_following(channel: str, unit: str) -> str:
-    """The unit of a parameter that is in that of a channel, if there is one, and a unit if not."""
+    """A unit that follows that of a channel in the logs, or a fixed one where there is none."""
     return f"{{{channel}}}" if channel else unit
 
 
@@ -240,86 +323,3 @@ def _unit(node: ast.AST, units: Mapping[str, str]) -> str:
         wave = isinstance(node.func, ast.Name) and node.func.id == "sin"
         return "" if wave else _unit(node.args[0], units)
     return _unit(node.left, units) if isinstance(node, ast.BinOp) else ""
-
-
-def _terms_of_signals(
-    at: TermSpace, port: str, times: str, only: Collection[str] = ()
-) -> Iterator[Term]:
-    for signal, parameters in _expressions(at, port, times):
-        if only and signal not in only:
-            continue
-        law = term_along(at.seen, port, signal, times, parameters)
-        pooled = np.concatenate(law.over)
-        if np.ptp(pooled) > 1e-9 * (1.0 + np.abs(pooled).max()):  # no constant
-            yield law
-
-
-def term_along(
-    regressors: Regressors,
-    port: str,
-    signal: str,
-    times: str,
-    parameters: Mapping[str, Mapping[str, Any]],
-) -> Term:
-    """A law with its signal and factor along the logs, at the values of its parameters."""
-    over, over_end = expression_along(signal, parameters, regressors, port)
-    factor, factor_end = expression_along(times, {}, regressors, port) if times else (None, None)
-    return Term(port, signal, times, parameters, over, factor, over_end, factor_end)
-
-
-def _expressions(
-    at: TermSpace, port: str, times: str
-) -> Iterator[tuple[str, Mapping[str, Mapping[str, Any]]]]:
-    """Signals, and what they were, with first guesses of the time or the width that it takes."""
-    trials, place, regressors, waves = at
-    step = float(np.median(np.diff(regressors.now.paths[0]["time"])))
-    names, units = _readable(trials, regressors.now), units_at(trials, port)
-    for name in names:
-        yield name, {}
-        for text, pasts in (
-            (f"lag({name}, {TIME})", _LAG_SAMPLES),
-            (f"lag({name}**2, {TIME}, 0)", _HEAT_SAMPLES),
-        ):
-            for samples in pasts:
-                yield text, {TIME: _guess(samples * step, "s")}
-    for name, wave in waves.items():
-        yield f"sin({NUMBER} * {name} + {PHASE})", _wave_parameters(wave, units.get(name, ""))
-    arriving = [ARRIVING] if place.state and not times else []
-    for name in (*names, *arriving):
-        pooled = np.concatenate(expression_along(name, {}, regressors, port)[0])
-        for share in _PLAY_SHARES:
-            width = share * float(np.ptp(pooled))
-            if width > 0:
-                unit = unit_following(channel_of(name, trials.model), units.get(name, ""))
-                parameter = _guess(width, unit, _WIDEST_PLAY * float(np.ptp(pooled)))
-                yield f"{name} - play({name}, {WIDTH})", {WIDTH: parameter}
-        if name in names:
-            yield f"integral({name})", {}
-    if port == place.port and arriving:
-        yield ARRIVING, {}
-    yield CLOCK, {}
-
-
-def _guess(value: float, unit: str, most: float = np.inf) -> dict[str, Any]:
-    bounds = (value / _PARAMETER_RANGE, min(value * _PARAMETER_RANGE, most))
-    return {"unit": unit, "value": value, "bounds": bounds, "transform": "log"}
-
-
-def _wave_parameters(wave: Wave, unit: str) -> dict[str, dict[str, Any]]:
-    """Whole runs must not take it for another wave: their errors have many false minima."""
-    (number, phase, off), turn = wave, 2.0 * np.pi
-    unit = product_unit(("rad", 1), (unit, -1))
-    of_phase = {"unit": "rad", "value": phase, "bounds": (phase - turn, phase + turn)}
-    return {
-        NUMBER: {"unit": unit, "value": number, "bounds": (number - off, number + off)},
-        PHASE: of_phase,
-    }
-
-
-def _readable(trials: CandidateFitter, observed_logs: ObservedSignals) -> list[str]:
-    """The inputs, and the states that are measured, as far as all logs have them."""
-    everywhere = set.intersection(*(set(path) for path in observed_logs.paths))
-    model = trials.model
-    names = [*model.inputs, *model.optional_inputs]
-    names += [n for n in model.states if n in trials.channels or n in trials.logs[0].inputs]
-    return [name for name in dict.fromkeys(names) if name in everywhere]

@@ -15,7 +15,6 @@ import numpy as np
 
 from diffthrust._support._running.batching import run_program, shared_runs
 from diffthrust._support.errors import InputError
-from diffthrust.estimation._laws import TAIL
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._rebuild import problem_of
 from diffthrust.estimation._result import Fit
@@ -40,9 +39,9 @@ class Posterior:
     fit held, and initial states that nothing measured depends on, are left out.
 
     Noise of unknown level: for the Gaussian law the fit's cost, N log(rms) in each channel, is
-    exactly the likelihood with the level integrated out under the prior 1 / level. For the
-    Student-t law no such form exists; the logarithms of the levels are further coordinates, with a
-    flat prior, which is the same one.
+    exactly the likelihood with the level integrated out under the prior 1 / level. For other laws
+    no such form exists; the logarithms of the levels are further coordinates, with a flat prior,
+    which is the same one.
 
     A `Normal` prior is a density in the parameter's value. Without one the prior is flat in the
     coordinate, so for a "log" parameter in its logarithm, between the bounds.
@@ -139,9 +138,9 @@ class Posterior:
         information = solve(self.problem, self.base, budget=1).quadratic.information
         informed = np.zeros((self.dim, self.dim))
         informed[: self.moved.size, : self.moved.size] = information[np.ix_(self.moved, self.moved)]
-        counts = np.asarray(self.problem.numbers.counts)
+        counts, law = np.asarray(self.problem.numbers.counts), self.problem.layout.likelihood.law
         for row, channel in enumerate(self.sampled, start=self.moved.size):
-            informed[row, row] = 2.0 * counts[channel] * TAIL / (TAIL + 3.0)
+            informed[row, row] = counts[channel] * law.level_information
         width = 0.25 * (self.high - self.low)
         width = np.where(np.isfinite(width), np.minimum(width, 10.0), 10.0)
         informed += np.diag(1.0 / width**2)  # a faint prior: nothing is wider than its bounds

@@ -7,9 +7,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from problems import build, solve
 
-from diffthrust.estimation._arrange import build  # private: the core, without its checks
-from diffthrust.estimation._solver import solve  # private: likewise
 from diffthrust.simulation import _fixed_step, _trajectory  # private: likewise
 from diffthrust.simulation._inputs import hold_of  # private: likewise
 
